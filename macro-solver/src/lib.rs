@@ -1,0 +1,3 @@
+//! The finite-element side: mesh, elements, implicit solver, worker pool, outputs. It never sees a grain.
+
+pub mod material;

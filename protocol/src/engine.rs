@@ -1,0 +1,314 @@
+//! The contract of an RVE engine: what any grain solver, ours or foreign, must be able to do.
+//!
+//! A **trial is a pure function** of (committed state, target, ask): it returns the same bits in any worker, and it
+//! leaves the committed state alone. Everything else in the project rests on that sentence.
+
+use crate::identity::ContentId;
+use crate::tensor::{Tensor2, Tensor4};
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Which tangent operator a trial returns with its stress. Always `C_ijkl = d sigma_ij / d F_kl` with `F` relative to
+/// the trial's own end state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u32)]
+pub enum TangentKind {
+    /// Nothing: the stress alone.
+    #[default]
+    None = 0,
+    /// PSTLO, the prestressed truss-like operator of [Argilaga2018] appendix B: all contacts stick.
+    TrussLike = 1,
+    /// As `TrussLike`, but a contact that was at the Coulomb limit during this trial's own ramp slips
+    /// non-associatively and has no tangential stiffness. Not symmetric.
+    TrussLikeSlip = 2,
+    /// UKO made symmetric: uniform strain in all grains, [Argilaga2018] eq. 13 with erratum A18-5. Far too stiff;
+    /// the fallback when a network operator is singular.
+    Kruyt = 3,
+}
+
+impl TangentKind {
+    /// All kinds, in wire order.
+    pub const ALL: [Self; 4] = [Self::None, Self::TrussLike, Self::TrussLikeSlip, Self::Kruyt];
+
+    /// The kind with this wire number.
+    pub fn from_wire(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| *kind as u32 == number)
+    }
+
+    /// The keyword used in scene files and on the command line.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::TrussLike => "truss_like",
+            Self::TrussLikeSlip => "truss_like_slip",
+            Self::Kruyt => "kruyt",
+        }
+    }
+}
+
+/// Optional results, asked for bit by bit; the cheap scalars of [`Scalars`] always come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Observables(pub u32);
+
+impl Observables {
+    /// Nothing beyond the cheap scalars.
+    pub const NONE: Self = Self(0);
+    /// First Piola stress relative to the committed state.
+    pub const FIRST_PIOLA: Self = Self(1);
+    /// Coordination number without rattlers.
+    pub const COORDINATION_NO_RATTLERS: Self = Self(2);
+    /// Contact fabric tensor and its anisotropy.
+    pub const FABRIC: Self = Self(4);
+    /// Share of contacts at the Coulomb limit.
+    pub const SLIDING_FRACTION: Self = Self(8);
+    /// Elastic energy per volume and frictional dissipation per volume since the initial state.
+    pub const ENERGY: Self = Self(16);
+    /// Mean grain rotation since the initial state.
+    pub const ROTATION: Self = Self(32);
+    /// Everything above.
+    pub const ALL: Self = Self(63);
+
+    /// Whether all bits of `other` are set.
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Both sets together.
+    pub fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// What a trial should deliver beside the stress, and the one knob that must not vary within a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ask {
+    /// The tangent operator wanted.
+    pub tangent: TangentKind,
+    /// Number of increments in which the deformation is applied. 0 lets the engine choose from its strain per step.
+    /// A macro step fixes it for all its iterations: the stress would jump with the strain otherwise.
+    pub ramp_steps: u32,
+    /// Optional results wanted.
+    pub observables: Observables,
+}
+
+/// Cheap results that every trial returns. Dimensionless unless stated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
+pub struct Scalars {
+    /// Void volume over grain volume.
+    pub void_ratio: f64,
+    /// 2 x contacts over grains.
+    pub coordination_number: f64,
+    /// Value of the engine's equilibrium criterion at the end.
+    pub unbalanced_force_ratio: f64,
+    /// Largest overlap over the smaller grain diameter of its contact.
+    pub max_overlap_ratio: f64,
+    /// Cell volume over initial cell volume.
+    pub volume_ratio: f64,
+}
+
+/// Results that are computed only when asked for; NaN never travels, so "not asked" is the zero value and the
+/// macro reads only what it asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Observed {
+    /// First Piola stress relative to the committed state, Pa.
+    pub first_piola: Tensor2,
+    /// Contact fabric `1/C sum n x n`.
+    pub fabric: Tensor2,
+    /// Anisotropy of the fabric: major over minor principal value, minus 1.
+    pub fabric_anisotropy: f64,
+    /// 2 x contacts over non-rattlers, contacts of rattlers left out.
+    pub coordination_number_no_rattlers: f64,
+    /// Share of contacts at the Coulomb limit.
+    pub sliding_fraction: f64,
+    /// Stored contact energy per volume, J/m3.
+    pub elastic_energy: f64,
+    /// Frictional dissipation per volume since the initial state, J/m3.
+    pub frictional_dissipation: f64,
+    /// Mean grain rotation since the initial state, rad, counter-clockwise.
+    pub mean_rotation: f64,
+}
+
+impl Default for Observed {
+    fn default() -> Self {
+        Self::zeroed()
+    }
+}
+
+/// What a trial cost. Counts are deterministic; times are not and never reach a result file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Cost {
+    /// Contact-force evaluations, also called DEM steps.
+    pub force_evaluations: u64,
+    /// Ramp increments used.
+    pub ramp_steps: u64,
+    /// Time in the grain solver, ns.
+    pub solve_nanoseconds: u64,
+    /// Time in the tangent operator, ns.
+    pub tangent_nanoseconds: u64,
+}
+
+/// Shortcuts that a trial took or had to take; each is counted and shown, none is silent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TrialFlags(pub u32);
+
+impl TrialFlags {
+    /// The step cap ended the relaxation before the criterion was met; the stress is the best available.
+    pub const NOT_EQUILIBRATED: Self = Self(1);
+    /// The asked tangent was singular or not finite and the uniform-strain operator was returned instead.
+    pub const TANGENT_FALLBACK: Self = Self(2);
+    /// A network tangent needed a diagonal shift to be solvable.
+    pub const TANGENT_REGULARISED: Self = Self(4);
+    /// An overlap exceeded 10 % of a grain diameter: units or stiffness are probably wrong.
+    pub const LARGE_OVERLAP: Self = Self(8);
+    /// No contact carries force: stress and stiffness are zero.
+    pub const FLUID: Self = Self(16);
+    /// The answer equals the committed state because the target was exactly zero; nothing was solved.
+    pub const SKIPPED_NULL_TARGET: Self = Self(32);
+
+    /// Whether all bits of `other` are set.
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Sets the bits of `other`.
+    pub fn insert(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+/// The answer to one trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialAnswer {
+    /// Cauchy stress at the end, Pa, tension positive.
+    pub stress: Tensor2,
+    /// The tangent asked for, Pa; `None` when none was asked.
+    pub tangent: Option<Box<Tensor4>>,
+    /// Cheap scalars.
+    pub scalars: Scalars,
+    /// Optional results; only what was asked for is meaningful.
+    pub observed: Observed,
+    /// What it cost.
+    pub cost: Cost,
+    /// Shortcuts taken.
+    pub flags: TrialFlags,
+}
+
+/// Why a trial or a definition was refused. The committed state is unchanged in every case.
+#[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
+pub enum RveError {
+    /// NaN or infinity in the target.
+    #[error("the target deformation is not finite")]
+    TargetNotFinite,
+    /// `det F <= 0`.
+    #[error("the target deformation turns the cell inside out: det F = {determinant:.6e}")]
+    TargetInverted {
+        /// Determinant of `F`.
+        determinant: f64,
+    },
+    /// The target is farther than the engine accepts in one trial.
+    #[error("the target deformation |H| = {norm:.3e} exceeds the limit {limit:.3e} of one trial; use smaller steps")]
+    TargetTooLarge {
+        /// Frobenius norm of `H`.
+        norm: f64,
+        /// Limit of the engine.
+        limit: f64,
+    },
+    /// The solver produced NaN or infinity.
+    #[error("the grain solver produced a non-finite value after {force_evaluations} force evaluations")]
+    NotFinite {
+        /// Force evaluations until then.
+        force_evaluations: u64,
+    },
+    /// The engine cannot deliver what was asked.
+    #[error("{0} is not supported by this engine")]
+    Unsupported(String),
+    /// The definition does not describe a usable RVE.
+    #[error("{0}")]
+    Definition(String),
+    /// A snapshot was refused.
+    #[error("{0}")]
+    Snapshot(String),
+    /// No trial to commit.
+    #[error("commit without a trial")]
+    NothingToCommit,
+}
+
+/// What a worker needs to build an RVE: opaque to everyone but the engine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Definition {
+    /// Engine-specific description (packing, contact law, options).
+    #[serde(with = "serde_bytes")]
+    pub bytes: Vec<u8>,
+}
+
+impl Definition {
+    /// Its content identity.
+    pub fn id(&self) -> ContentId {
+        ContentId::of(&self.bytes)
+    }
+}
+
+/// What an engine can do; declared in its hello and checked before a run starts.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Capabilities {
+    /// Engine name as in snapshots.
+    pub engine: String,
+    /// Engine version, for people.
+    pub version: String,
+    /// Space dimensions served, 2 and/or 3.
+    pub dimensions: Vec<u32>,
+    /// Tangent kinds served.
+    pub tangents: Vec<TangentKind>,
+}
+
+/// One RVE with a committed and at most one trial state.
+pub trait RveSolver: Send {
+    /// Deforms from the committed state by `target` (`H = F - I`, relative to the committed cell).
+    ///
+    /// Replaces an earlier trial state; the committed state stays as it is.
+    ///
+    /// # Errors
+    /// See [`RveError`]; there is no trial state afterwards.
+    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError>;
+
+    /// Makes the trial state the committed state.
+    ///
+    /// # Errors
+    /// [`RveError::NothingToCommit`] without a trial.
+    fn commit(&mut self) -> Result<(), RveError>;
+
+    /// Drops the trial state.
+    fn rollback(&mut self);
+
+    /// Writes the committed state as a sealed snapshot; `out` is overwritten.
+    fn snapshot(&self, out: &mut Vec<u8>);
+
+    /// Writes the trial state as a sealed snapshot; `out` is overwritten.
+    ///
+    /// # Errors
+    /// [`RveError::NothingToCommit`] without a trial.
+    fn snapshot_trial(&self, out: &mut Vec<u8>) -> Result<(), RveError>;
+
+    /// Replaces the committed state; drops the trial state.
+    ///
+    /// # Errors
+    /// [`RveError::Snapshot`] with the reason; the committed state is unchanged.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError>;
+}
+
+/// Builds RVEs from definitions.
+pub trait RveEngine: Send {
+    /// What this engine can do.
+    fn capabilities(&self) -> Capabilities;
+
+    /// Builds an RVE in its initial committed state.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`] with the reason.
+    fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError>;
+}

@@ -1,0 +1,33 @@
+//! What a macro process and its RVE workers say to each other.
+//!
+//! This crate knows neither grains nor finite elements. It fixes
+//!
+//! * the **contract** of an RVE engine ([`engine`]): trial, commit, rollback, snapshot, restore;
+//! * the **wire types** ([`wire`]): fixed-layout jobs and replies that are loaned in shared memory;
+//! * the **control messages** ([`control`]): hello, welcome, define, drain, bye, encoded as MessagePack;
+//! * the **snapshot envelope** ([`snapshot`]) and the content identity of states and definitions ([`identity`]);
+//! * the **transports** ([`transport`]): iceoryx2 shared memory between processes, channels inside one process.
+//!
+//! # Conventions
+//!
+//! SI units and `f64` throughout. Stress is **tension positive**. Tensors are 3x3, row-major; a plane problem uses
+//! the upper left 2x2 block and leaves the rest zero. `F` maps reference to current positions and a deformation is
+//! always sent as the displacement gradient `H = F - I` because forming `F` first loses digits at small strain.
+
+pub mod control;
+pub mod engine;
+pub mod identity;
+pub mod snapshot;
+pub mod tensor;
+pub mod transport;
+pub mod wire;
+
+pub use engine::{
+    Ask, Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars, TangentKind,
+    TrialAnswer, TrialFlags,
+};
+pub use identity::{ContentId, DefinitionId, StateId};
+pub use tensor::{Tensor2, Tensor4};
+
+/// Version of the conversation. A worker and a macro that differ refuse each other with a clear message.
+pub const PROTOCOL_VERSION: u32 = 1;

@@ -1,0 +1,3 @@
+//! The grain side: a periodic cell of discs, its quasi-static solver, homogenization, tangent operators, packings.
+
+pub mod network;
