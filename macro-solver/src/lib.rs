@@ -1,3 +1,4 @@
 //! The finite-element side: mesh, elements, implicit solver, worker pool, outputs. It never sees a grain.
 
 pub mod material;
+pub mod output;

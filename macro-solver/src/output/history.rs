@@ -1,0 +1,136 @@
+//! `history.csv`: one row per accepted step, then one column per probe.
+//!
+//! Invariants: no timings (equal runs give equal bytes); after every [`HistoryWriter::append`] the file on disk ends
+//! with a complete row, also when the disk is full.
+
+use super::OutputError;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Columns that every history has, in order; probes follow.
+const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
+
+/// One accepted step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HistoryRow {
+    /// Number of the step, from 1; 0 is the state before loading.
+    pub step: u64,
+    /// Time of the scene, s; a parameter of the path in a quasi-static run.
+    pub time: f64,
+    /// Load factor, 0 at the start and 1 at the end.
+    pub load: f64,
+    /// Newton iterations of the step, those of cut-back attempts included.
+    pub iterations: u64,
+    /// RVE evaluations of the step, those of cut-back attempts included.
+    pub evaluations: u64,
+    /// Values of the probes, in the order of the header; each in its own SI unit.
+    pub probes: Vec<f64>,
+}
+
+/// Appends rows to a history file.
+#[derive(Debug)]
+pub struct HistoryWriter {
+    path: PathBuf,
+    file: File,
+    length: u64,
+    probes: usize,
+}
+
+impl HistoryWriter {
+    /// Creates the file, replacing an older one, and writes the header.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn create(path: &Path, probes: &[String]) -> Result<Self, OutputError> {
+        let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
+        let mut writer = Self { path: path.to_owned(), file, length: 0, probes: probes.len() };
+        let header = FIXED_COLUMNS.iter().copied().chain(probes.iter().map(String::as_str));
+        writer.append_record(header.map(str::to_owned))?;
+        Ok(writer)
+    }
+
+    /// Appends one row and flushes it.
+    ///
+    /// # Errors
+    /// [`OutputError::Encode`] when the number of probes is not that of the header; [`OutputError::Write`] when the
+    /// system refuses, in which case the file is cut back to its last complete row.
+    pub fn append(&mut self, row: &HistoryRow) -> Result<(), OutputError> {
+        if row.probes.len() != self.probes {
+            let reason = format!("{} probe values for {} probe columns", row.probes.len(), self.probes);
+            return Err(OutputError::encode(&self.path, reason));
+        }
+        let fixed = [
+            row.step.to_string(),
+            number(row.time),
+            number(row.load),
+            row.iterations.to_string(),
+            row.evaluations.to_string(),
+        ];
+        self.append_record(fixed.into_iter().chain(row.probes.iter().copied().map(number)))
+    }
+
+    fn append_record(&mut self, record: impl Iterator<Item = String>) -> Result<(), OutputError> {
+        let mut encoder = csv::Writer::from_writer(Vec::new());
+        encoder.write_record(record).map_err(|reason| OutputError::encode(&self.path, reason))?;
+        let line = encoder.into_inner().map_err(|reason| OutputError::encode(&self.path, reason))?;
+        if let Err(source) = self.file.write_all(&line).and_then(|()| self.file.flush()) {
+            // Cutting back can only fail where the write failed for a graver reason, which is reported.
+            let _ = self.file.set_len(self.length);
+            return Err(OutputError::write(&self.path, source));
+        }
+        self.length += line.len() as u64;
+        Ok(())
+    }
+}
+
+/// Shortest text that reads back to the same bits.
+fn number(value: f64) -> String {
+    format!("{value:e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_back_to_the_same_bits_and_names_are_quoted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("history.csv");
+        let mut history = HistoryWriter::create(&path, &["plain".to_owned(), "with, comma".to_owned()]).unwrap();
+        let values = vec![0.1 + 0.2, -1.234_567_890_123_456_7e-300];
+        history
+            .append(&HistoryRow {
+                step: 1,
+                time: 0.05,
+                load: 0.05,
+                iterations: 3,
+                evaluations: 384,
+                probes: values.clone(),
+            })
+            .unwrap();
+        let mut reader = csv::Reader::from_path(&path).unwrap();
+        assert_eq!(reader.headers().unwrap().get(6), Some("with, comma"));
+        let row = reader.records().next().unwrap().unwrap();
+        let read: Vec<f64> = (5..7).map(|column| row[column].parse().unwrap()).collect();
+        assert_eq!(read, values);
+        assert_eq!(&row[4], "384");
+    }
+
+    #[test]
+    fn a_row_of_the_wrong_width_is_refused_and_leaves_the_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("history.csv");
+        let mut history = HistoryWriter::create(&path, &[]).unwrap();
+        let before = std::fs::read(&path).unwrap();
+        let row = HistoryRow { step: 1, time: 0.0, load: 0.0, iterations: 1, evaluations: 1, probes: vec![1.0] };
+        assert!(history.append(&row).is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+
+    #[test]
+    fn a_full_disk_is_an_error() {
+        let error = HistoryWriter::create(Path::new("/dev/full"), &[]).unwrap_err();
+        assert!(error.to_string().contains("hint: free some space"), "{error}");
+    }
+}

@@ -1,0 +1,129 @@
+//! `summary.json`: what a run did, what it cost, and everything that fell short.
+
+use super::{OutputError, write_atomically};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunStatus {
+    /// The whole path was followed.
+    Done,
+    /// A step did not converge at the smallest increment; everything up to the last accepted step is written.
+    NotConverged,
+    /// Workers were lost and could not be replaced.
+    WorkersLost,
+    /// A person or the system asked to stop.
+    Interrupted,
+    /// An output file could not be written.
+    OutputFailed,
+}
+
+/// Where the time went, s. The worker times are sums over all workers, so that `rve_s + tangent_s + transport_s +
+/// idle_s` is about `workers * wall_s`; the macro's own times are wall times of its one thread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TimeShares {
+    /// From the first worker's start to the end of the last step.
+    pub wall_s: f64,
+    /// Workers, relaxation of grains.
+    pub rve_s: f64,
+    /// Workers, tangent operators.
+    pub tangent_s: f64,
+    /// Workers, everything between a job's arrival and its reply that is neither of the above: snapshots, hashing,
+    /// messages.
+    pub transport_s: f64,
+    /// Macro, element integrals and boundary conditions.
+    pub assembly_s: f64,
+    /// Macro, factorizations and solves.
+    pub linear_solver_s: f64,
+    /// Workers, waiting for a job.
+    pub idle_s: f64,
+}
+
+/// Content of `summary.json`; the keys are a contract with scripts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// How it ended.
+    pub status: RunStatus,
+    /// Accepted steps.
+    pub steps: u64,
+    /// Gauss points of the mesh.
+    pub gauss_points: u64,
+    /// Newton iterations, those of rejected attempts included.
+    pub newton_iterations: u64,
+    /// RVE evaluations, those of rejected attempts included.
+    pub rve_evaluations: u64,
+    /// `rve_evaluations / gauss_points`.
+    pub evaluations_per_gauss_point: f64,
+    /// Workers asked for.
+    pub workers: u64,
+    /// Workers started again after one was lost.
+    pub worker_restarts: u64,
+    /// Jobs given out a second time.
+    pub reissued_jobs: u64,
+    /// Steps tried again with a smaller increment.
+    pub cutbacks: u64,
+    /// Evaluations that had to take a worse way, by name.
+    pub fallbacks: BTreeMap<String, u64>,
+    /// Evaluations that were not needed, by name.
+    pub skipped: BTreeMap<String, u64>,
+    /// Where the time went.
+    pub time: TimeShares,
+    /// Energies at the end, J, by name.
+    pub energy: BTreeMap<String, f64>,
+    /// Versions of everything that can change a bit.
+    pub versions: BTreeMap<String, String>,
+}
+
+impl Summary {
+    /// Writes the summary as JSON.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+        let mut text = serde_json::to_string_pretty(self).map_err(|reason| OutputError::encode(path, reason))?;
+        text.push('\n');
+        write_atomically(path, text.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The keys that scripts read; a missing one is a broken contract.
+    #[test]
+    fn the_summary_has_every_promised_key() {
+        let summary = Summary {
+            status: RunStatus::NotConverged,
+            steps: 3,
+            gauss_points: 8,
+            newton_iterations: 9,
+            rve_evaluations: 72,
+            evaluations_per_gauss_point: 9.0,
+            workers: 2,
+            worker_restarts: 0,
+            reissued_jobs: 0,
+            cutbacks: 1,
+            fallbacks: BTreeMap::new(),
+            skipped: BTreeMap::new(),
+            time: TimeShares::default(),
+            energy: BTreeMap::new(),
+            versions: BTreeMap::new(),
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        summary.write(&path).unwrap();
+        let value: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(value["status"], "not_converged");
+        for key in ["wall_s", "rve_s", "tangent_s", "transport_s", "assembly_s", "linear_solver_s", "idle_s"] {
+            assert!(value["time"][key].is_number(), "{key}");
+        }
+        for key in ["fallbacks", "skipped", "energy", "versions"] {
+            assert!(value[key].is_object(), "{key}");
+        }
+        assert_eq!(serde_json::from_value::<Summary>(value).unwrap(), summary);
+    }
+}
