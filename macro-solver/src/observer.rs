@@ -1,0 +1,269 @@
+//! What a run tells the outside while it goes: events, the state after every accepted step, and final statistics.
+//!
+//! Outputs, progress bars and logs are [`Observer`]s; they need nothing but what is handed to them here. Counts are
+//! deterministic. Times are not, are named `*_nanoseconds`, and must not reach a file that is compared bit by bit.
+
+use crate::mesh::Mesh;
+use crate::problem::{Problem, ProblemError};
+use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
+use thiserror::Error;
+
+/// An observer can no longer do its work, for example because the disk is full; the run ends.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{reason}")]
+pub struct StopRequest {
+    /// For people, with the remedy.
+    pub reason: String,
+}
+
+/// Listens to a run. Every method has an empty default.
+pub trait Observer {
+    /// The problem is valid and the first evaluation is about to start.
+    ///
+    /// # Errors
+    /// Ends the run before it starts.
+    fn started(&mut self, _problem: &Problem) -> Result<(), StopRequest> {
+        Ok(())
+    }
+
+    /// One iteration of a step is done: all points have answered, the residual is known.
+    fn iterated(&mut self, _report: &IterationReport) {}
+
+    /// A step was accepted and committed. Step 0 is the initial equilibrium at load 0.
+    ///
+    /// # Errors
+    /// Ends the run after this step.
+    fn accepted(&mut self, _report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        Ok(())
+    }
+
+    /// A step failed and is tried again with a smaller size.
+    fn cut_back(&mut self, _event: &CutBack) {}
+
+    /// The run is over; nothing follows.
+    fn finished(&mut self, _run: &Run) {}
+}
+
+/// An observer that does nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// One iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IterationReport {
+    /// Step being solved, counted over accepted steps; 0 is the initial equilibrium.
+    pub step: usize,
+    /// Load factor aimed at, 0 to 1.
+    pub load: f64,
+    /// From 1.
+    pub iteration: usize,
+    /// Points evaluated in this iteration.
+    pub evaluations: u64,
+    /// Out-of-balance over reactions and loads, see [`crate::problem::Tolerances::force`].
+    pub force_ratio: f64,
+    /// Last correction over the step's displacements; `None` before the first correction.
+    pub displacement_ratio: Option<f64>,
+    /// Whether this iterate was turned down by the safeguard and the next one goes back towards the best one.
+    pub turned_down: bool,
+}
+
+/// One accepted step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Counted over accepted steps; 0 is the initial equilibrium.
+    pub step: usize,
+    /// Load factor reached, 0 to 1.
+    pub load: f64,
+    /// Load factor covered by this step.
+    pub size: f64,
+    /// Iterations of the successful attempt.
+    pub iterations: usize,
+    /// Point evaluations of this step, failed attempts included.
+    pub evaluations: u64,
+    /// Evaluations saved because a target had not changed in any bit.
+    pub skipped: u64,
+    /// Failed attempts before this step.
+    pub cut_backs: usize,
+    /// Out-of-balance ratio of the accepted state.
+    pub force_ratio: f64,
+    /// Displacement ratio of the accepted state; 0 when no correction was needed.
+    pub displacement_ratio: f64,
+    /// Shortcuts in the accepted answers, counted by point.
+    pub flags: FlagCounts,
+}
+
+/// A failed attempt that is repeated with a smaller step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CutBack {
+    /// Step being solved.
+    pub step: usize,
+    /// Load factor that was aimed at.
+    pub load: f64,
+    /// Size that failed.
+    pub from: f64,
+    /// Size tried next.
+    pub to: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// How often each shortcut of [`TrialFlags`] was taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FlagCounts {
+    /// The relaxation ended at its step cap.
+    pub not_equilibrated: u64,
+    /// The uniform-strain tangent replaced the asked one.
+    pub tangent_fallback: u64,
+    /// The network tangent needed a diagonal shift.
+    pub tangent_regularised: u64,
+    /// Overlap above 10 % of a grain.
+    pub large_overlap: u64,
+    /// No contact carried force.
+    pub fluid: u64,
+    /// The target was exactly zero.
+    pub null_targets: u64,
+}
+
+impl FlagCounts {
+    /// Counts one answer.
+    pub fn add(&mut self, flags: TrialFlags) {
+        let counters = [
+            (TrialFlags::NOT_EQUILIBRATED, &mut self.not_equilibrated),
+            (TrialFlags::TANGENT_FALLBACK, &mut self.tangent_fallback),
+            (TrialFlags::TANGENT_REGULARISED, &mut self.tangent_regularised),
+            (TrialFlags::LARGE_OVERLAP, &mut self.large_overlap),
+            (TrialFlags::FLUID, &mut self.fluid),
+            (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_targets),
+        ];
+        for (flag, counter) in counters {
+            *counter += u64::from(flags.contains(flag));
+        }
+    }
+}
+
+/// State of one Gauss point after an accepted step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointFields {
+    /// Element, from 0.
+    pub element: usize,
+    /// Gauss point of the element, 0 to 3.
+    pub local: usize,
+    /// Initial position, m.
+    pub initial_position: [f64; 2],
+    /// Current position, m.
+    pub position: [f64; 2],
+    /// Current area of the point (weight times Jacobian), m2; the volume per metre of thickness.
+    pub area: f64,
+    /// Total deformation gradient since the start of the run.
+    pub deformation: Tensor2,
+    /// Displacement gradient of this step, relative to the configuration at its start.
+    pub step_gradient: Tensor2,
+    /// Cauchy stress, Pa, tension positive.
+    pub stress: Tensor2,
+    /// Cheap scalars of the accepted answer.
+    pub scalars: Scalars,
+    /// Optional results of the accepted answer; only what [`Problem::observables`] asked for is meaningful.
+    pub observed: Observed,
+    /// Shortcuts of the accepted answer.
+    pub flags: TrialFlags,
+    /// Evaluations of this point in this step, failed attempts included.
+    pub step_evaluations: u64,
+    /// Evaluations of this point since the start.
+    pub evaluations: u64,
+    /// Cost of this point's evaluations since the start.
+    pub cost: Cost,
+    /// Cost of this point's evaluations in this step, failed attempts included.
+    pub step_cost: Cost,
+}
+
+/// The whole body after an accepted step.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldsView<'a> {
+    /// The mesh as given, with initial positions.
+    pub mesh: &'a Mesh,
+    /// Displacements since the start, m.
+    pub displacements: &'a [[f64; 2]],
+    /// Force that supports exert on each node, N per metre of thickness; zero at free components.
+    pub reactions: &'a [[f64; 2]],
+    /// Force of the pressures on each node, N per metre of thickness.
+    pub loads: &'a [[f64; 2]],
+    /// Gauss points, by [`crate::material::PointId`].
+    pub points: &'a [PointFields],
+    /// Counts and times so far.
+    pub statistics: &'a Statistics,
+}
+
+/// Counts and times of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Accepted steps; the initial equilibrium counts only if it needed iterations.
+    pub steps: u64,
+    /// Iterations of accepted and failed attempts.
+    pub iterations: u64,
+    /// Iterates turned down by the safeguard.
+    pub turned_down: u64,
+    /// Point evaluations.
+    pub evaluations: u64,
+    /// Point evaluations by point.
+    pub evaluations_per_point: Vec<u64>,
+    /// Evaluations saved because a target had not changed in any bit.
+    pub skipped: u64,
+    /// Failed attempts.
+    pub cut_backs: u64,
+    /// Secant corrections applied to point tangents.
+    pub secant_corrections: u64,
+    /// Secant corrections that a gate or the floor turned down.
+    pub secant_refusals: u64,
+    /// Shortcuts, counted over all evaluations.
+    pub flags: FlagCounts,
+    /// Cost of all evaluations, as the engine counted it.
+    pub cost: Cost,
+    /// Symbolic factorizations of the global matrix.
+    pub symbolic_factorizations: u64,
+    /// Numeric factorizations of the global matrix.
+    pub numeric_factorizations: u64,
+    /// Degrees of freedom solved for.
+    pub unknowns: usize,
+    /// Wall time spent waiting for points, ns.
+    pub material_nanoseconds: u64,
+    /// Wall time of assembling, ns.
+    pub assembly_nanoseconds: u64,
+    /// Wall time of factorizing and solving, ns.
+    pub linear_solver_nanoseconds: u64,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// Load 1 was reached.
+    Completed,
+    /// The smallest step did not converge; everything up to the last accepted step is valid.
+    DidNotConverge {
+        /// Why the last attempt failed.
+        reason: String,
+    },
+    /// A stop was requested.
+    Interrupted,
+    /// The workers are gone or the channel to them broke.
+    WorkersLost {
+        /// What happened.
+        reason: String,
+    },
+    /// An observer could not go on.
+    Stopped(StopRequest),
+    /// The problem is not solvable as posed; nothing was evaluated.
+    Refused(ProblemError),
+}
+
+/// A finished run.
+#[derive(Debug)]
+pub struct Run {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Load factor of the last accepted step, 0 to 1.
+    pub load: f64,
+    /// Counts and times.
+    pub statistics: Statistics,
+}
