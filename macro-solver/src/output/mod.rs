@@ -1,19 +1,25 @@
 //! Writers of a run's output folder: history, fields, particles, summary.
 //!
-//! Every writer takes plain numbers and names; none knows the solver or the scene. Whole files are written beside
+//! The writers take plain numbers and names; [`Recorder`] feeds them from what the solver reports. Whole files are written beside
 //! their final name and renamed, so that a reader never sees half a file; the history grows by whole rows, and a row
 //! that does not fit on the disk is taken back.
 
 mod atomic;
 mod fields;
+mod frames;
 mod history;
 mod particles;
+mod probe;
+mod recorder;
 mod summary;
 
 pub use atomic::write_atomically;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
+pub use frames::{write_frame, write_point_frame};
 pub use history::{HistoryRow, HistoryWriter};
 pub use particles::write_particles;
+pub use probe::{Probe, Quantity};
+pub use recorder::{RecordPlan, Recorder};
 pub use summary::{RunStatus, Summary, TimeShares};
 
 use std::io;

@@ -1,0 +1,98 @@
+//! The observer that fills a run's output folder while the solver goes.
+
+use super::frames::{write_frame, write_point_frame};
+use super::{FieldSeries, HistoryRow, HistoryWriter, OutputError, Probe};
+use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
+use protocol::Observables;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What is written, and when.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordPlan {
+    /// Columns of the history.
+    pub probes: Vec<Probe>,
+    /// Duration of the stage, s: `time = load x duration`.
+    pub duration: f64,
+    /// Fields after every so many steps, beside the first and the last; 0 = never.
+    pub fields_every: u64,
+    /// Whether the Gauss points are written beside the elements.
+    pub gauss_points: bool,
+    /// Optional results that the points are asked for.
+    pub observables: Observables,
+}
+
+/// Writes `history.csv`, `fields.pvd` and `fields/`.
+#[derive(Debug)]
+pub struct Recorder {
+    folder: PathBuf,
+    plan: RecordPlan,
+    history: HistoryWriter,
+    elements: FieldSeries,
+    points: FieldSeries,
+    curve: Vec<HistoryRow>,
+}
+
+impl Recorder {
+    /// Creates the history and the folder of fields.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn create(folder: &Path, plan: RecordPlan) -> Result<Self, OutputError> {
+        let names: Vec<String> = plan.probes.iter().map(|probe| probe.name.clone()).collect();
+        let history = HistoryWriter::create(&folder.join("history.csv"), &names)?;
+        if plan.fields_every > 0 {
+            let fields = folder.join("fields");
+            fs::create_dir_all(&fields).map_err(|source| OutputError::write(&fields, source))?;
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            plan,
+            history,
+            elements: FieldSeries::new(&folder.join("fields.pvd")),
+            points: FieldSeries::new(&folder.join("gauss_points.pvd")),
+            curve: Vec::new(),
+        })
+    }
+
+    /// All rows written so far.
+    pub fn rows(&self) -> &[HistoryRow] {
+        &self.curve
+    }
+
+    /// Whether the fields of this step are wanted.
+    pub fn wants_fields(&self, report: &StepReport) -> bool {
+        let every = self.plan.fields_every;
+        every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(every))
+    }
+
+    fn record(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
+        let row = HistoryRow {
+            step: report.step as u64,
+            time: report.load * self.plan.duration,
+            load: report.load,
+            iterations: report.iterations as u64,
+            evaluations: report.evaluations,
+            probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
+        };
+        if self.wants_fields(report) {
+            let frame = format!("fields/step-{:04}.vtu", report.step);
+            write_frame(&self.folder.join(&frame), view, self.plan.observables)?;
+            self.elements.add(row.time, frame)?;
+            if self.plan.gauss_points {
+                let frame = format!("fields/gauss-points-{:04}.vtp", report.step);
+                write_point_frame(&self.folder.join(&frame), view, self.plan.observables)?;
+                self.points.add(row.time, frame)?;
+            }
+        }
+        self.history.append(&row)?;
+        self.curve.push(row);
+        Ok(())
+    }
+}
+
+impl Observer for Recorder {
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        self.record(report, fields).map_err(|error| StopRequest { reason: error.to_string() })
+    }
+}
