@@ -1,0 +1,258 @@
+//! Checks D-1, D-2, D-6 (lattices with closed-form moduli), T-2, T-3, T-5 (identities and bound on random networks), and
+//! the ways in which a network can be unfit: rattlers, floating clusters, mechanisms, grains that only slide.
+
+use super::sample_networks::{Springs, random, square, stress, triangular};
+use super::*;
+use crate::network::NetworkContact;
+use nalgebra::Matrix3;
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
+
+fn truss_like(network: &ContactNetwork) -> PlaneOperator {
+    let outcome = evaluate(network, TangentKind::TrussLike);
+    assert!(!outcome.fallback && !outcome.regularised);
+    outcome.operator
+}
+
+/// Largest difference over the largest value of `expected`.
+fn distance(operator: &PlaneOperator, expected: &PlaneOperator) -> f64 {
+    let scale = expected.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    let pairs = operator.iter().flatten().zip(expected.iter().flatten());
+    pairs.map(|(value, wanted)| (value - wanted).abs()).fold(0.0, f64::max) / scale
+}
+
+/// An operator with the symmetry of a square: C1111 = C2222, C1122 = C2211, all shear components equal.
+fn cubic(uniaxial: f64, lateral: f64, shear: f64) -> PlaneOperator {
+    [[uniaxial, 0.0, 0.0, lateral], [0.0, shear, shear, 0.0], [0.0, shear, shear, 0.0], [lateral, 0.0, 0.0, uniaxial]]
+}
+
+fn triangular_operator(springs: Springs, spacing: f64) -> PlaneOperator {
+    let (normal, tangential) = (springs.normal, springs.tangential);
+    let pressure = -SQRT_3 * springs.normal_force / spacing;
+    cubic(
+        SQRT_3 / 4.0 * (3.0 * normal + tangential) - pressure / 4.0,
+        SQRT_3 / 4.0 * (normal - tangential) + 5.0 * pressure / 4.0,
+        SQRT_3 / 4.0 * (normal + tangential) - 3.0 * pressure / 4.0,
+    )
+}
+
+#[test]
+fn triangular_lattice_has_its_closed_form_moduli_with_and_without_pressure() {
+    let unloaded = Springs { normal: 1.0, tangential: 0.5, normal_force: 0.0 };
+    let loaded = Springs { normal_force: -0.02, ..unloaded };
+    assert!((triangular_operator(unloaded, 1.0)[0][0] - 1.515_544).abs() < 1e-6);
+    assert!((triangular_operator(loaded, 1.0)[1][2] - 0.623_538).abs() < 1e-6);
+    for springs in [unloaded, loaded, Springs { normal: 3e8, tangential: 1e8, normal_force: -40.0 }] {
+        for (counts, angle) in [([1, 1], 0.0), ([1, 1], 0.7), ([2, 1], 0.0), ([2, 2], 0.3), ([5, 4], 0.0)] {
+            for spacing in [1.0, 0.013] {
+                let force = Springs { normal_force: springs.normal_force * spacing, ..springs };
+                let network = triangular(spacing, angle, counts, force);
+                let error = distance(&truss_like(&network), &triangular_operator(force, spacing));
+                assert!(error < 1e-10, "counts {counts:?}, angle {angle}: {error:.2e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn square_lattice_has_its_closed_form_moduli() {
+    let springs = Springs { normal: 2.0, tangential: 0.6, normal_force: 0.0 };
+    for counts in [[1, 1], [3, 3], [4, 3]] {
+        let error = distance(&truss_like(&square(0.3, counts, springs)), &cubic(2.0, 0.0, 0.3));
+        assert!(error < 1e-10, "counts {counts:?}: {error:.2e}");
+    }
+}
+
+#[test]
+fn square_lattice_with_blocked_rotations_shears_on_one_contact_family() {
+    let springs = Springs { normal: 2.0, tangential: 0.6, normal_force: 0.0 };
+    for counts in [[1, 1], [3, 2]] {
+        let mut network = square(1.0, counts, springs);
+        network.rotations_free = false;
+        let mut expected = cubic(2.0, 0.0, 0.0);
+        expected[1][1] = 0.6;
+        expected[2][2] = 0.6;
+        assert!(distance(&truss_like(&network), &expected) < 1e-10);
+    }
+}
+
+#[test]
+fn uniform_strain_operator_is_exact_on_lattices_where_affine_motion_is() {
+    let springs = Springs { normal: 1.0, tangential: 0.5, normal_force: 0.0 };
+    let network = triangular(0.2, 0.4, [3, 2], springs);
+    let outcome = evaluate(&network, TangentKind::Kruyt);
+    assert!(distance(&outcome.operator, &triangular_operator(springs, 0.2)) < 1e-12);
+    assert!(!outcome.fallback);
+}
+
+#[test]
+fn superposed_rotation_turns_the_stress_and_stress_stays_symmetric() {
+    for seed in 0..20 {
+        let network = random(seed, 0.01);
+        let operator = truss_like(&network);
+        let [[s11, s12], [s21, s22]] = stress(&network);
+        let scale = operator[0][0].abs();
+        // W sigma - sigma W for the unit spin W = e2 e1 - e1 e2.
+        let turned = [-s21 - s12, s11 - s22, s11 - s22, s12 + s21];
+        for row in 0..4 {
+            let error = (operator[row][2] - operator[row][1] - turned[row]).abs() / scale;
+            assert!(error < 1e-12, "seed {seed}, row {row}: {error:.2e}");
+        }
+        for (column, (upper, lower)) in operator[1].iter().zip(&operator[2]).enumerate() {
+            let error = (upper - lower).abs() / scale;
+            assert!(error < 1e-12, "seed {seed}, column {column}: {error:.2e}");
+        }
+    }
+}
+
+#[test]
+fn uniform_strain_is_never_softer_than_the_relaxed_network() {
+    for seed in 0..20 {
+        let mut network = random(seed, 0.0);
+        for blocked in [false, true] {
+            network.rotations_free = !blocked;
+            let relaxed = strain_form(&truss_like(&network));
+            let uniform = strain_form(&kruyt::operator(&network));
+            let softest = (uniform - relaxed).symmetric_eigenvalues().min();
+            assert!(softest >= -1e-9, "seed {seed}: {softest:.2e}");
+            assert!((uniform - relaxed).norm() > 1e-3 * uniform.norm(), "the networks do relax");
+            assert!((relaxed - relaxed.transpose()).norm() < 1e-12 * uniform.norm());
+        }
+    }
+}
+
+/// The quadratic form on symmetric strain in the basis 11, 22, sqrt 2 x 12.
+fn strain_form(operator: &PlaneOperator) -> Matrix3<f64> {
+    let root = std::f64::consts::SQRT_2;
+    let basis = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 1.0 / root, 1.0 / root, 0.0]];
+    Matrix3::from_fn(|i, j| {
+        let mut sum = 0.0;
+        for (row, left) in basis[i].iter().enumerate() {
+            for (column, right) in basis[j].iter().enumerate() {
+                sum += left * operator[row][column] * right;
+            }
+        }
+        sum
+    })
+}
+
+#[test]
+fn units_and_thickness_only_scale_the_operator() {
+    let network = random(7, 0.01);
+    let reference = truss_like(&network);
+    let (length, stiffness, thickness) = (3e-3, 4e7, 0.25);
+    let mut scaled = network.clone();
+    scaled.cell = scaled.cell.map(|row| row.map(|value| value * length));
+    scaled.positions.iter_mut().flatten().for_each(|value| *value *= length);
+    scaled.radii.iter_mut().for_each(|value| *value *= length);
+    scaled.thickness = thickness;
+    for contact in &mut scaled.contacts {
+        contact.normal_stiffness *= stiffness;
+        contact.tangential_stiffness *= stiffness;
+        contact.normal_force *= stiffness * length;
+        contact.tangential_force *= stiffness * length;
+    }
+    let expected = reference.map(|row| row.map(|value| value * stiffness / thickness));
+    assert!(distance(&truss_like(&scaled), &expected) < 1e-11);
+}
+
+fn bond(origin: usize, end: usize) -> NetworkContact {
+    NetworkContact {
+        origin: origin as u32,
+        end: end as u32,
+        shift: [0, 0],
+        normal_stiffness: 1.0,
+        tangential_stiffness: 0.5,
+        normal_force: 0.0,
+        tangential_force: 0.0,
+        slid: false,
+    }
+}
+
+#[test]
+fn rattlers_and_floating_clusters_change_nothing() {
+    let network = random(3, 0.01);
+    let reference = truss_like(&network);
+    let grains = network.positions.len();
+    let mut crowded = network.clone();
+    // A chain of two grains hangs from grain 0, a triangle of three floats free, and one grain touches nothing.
+    crowded.positions.extend([[0.4, 0.3], [0.8, 0.6], [2.0, 2.0], [3.0, 2.0], [2.5, 2.9], [9.0, 9.0]]);
+    crowded.radii.extend([0.2; 6]);
+    crowded.contacts.extend([bond(0, grains), bond(grains, grains + 1)]);
+    crowded.contacts.extend([
+        bond(grains + 2, grains + 3),
+        bond(grains + 2, grains + 4),
+        bond(grains + 3, grains + 4),
+    ]);
+    assert!(distance(&truss_like(&crowded), &reference) < 1e-12);
+}
+
+#[test]
+fn empty_network_has_no_stiffness() {
+    let mut network = random(1, 0.01);
+    network.contacts.clear();
+    for kind in TangentKind::ALL {
+        let outcome = evaluate(&network, kind);
+        assert_eq!(outcome, TangentOutcome { operator: [[0.0; 4]; 4], fallback: false, regularised: false });
+    }
+}
+
+#[test]
+fn mechanisms_are_held_and_reported() {
+    let springs = Springs { normal: 2.0, tangential: 0.0, normal_force: 0.0 };
+    let outcome = evaluate(&square(1.0, [4, 3], springs), TangentKind::TrussLike);
+    assert!(outcome.regularised && !outcome.fallback);
+    assert!(distance(&outcome.operator, &cubic(2.0, 0.0, 0.0)) < 1e-6);
+}
+
+#[test]
+fn damaged_network_falls_back_and_says_so() {
+    let mut network = random(2, 0.01);
+    network.contacts[5].normal_force = f64::NAN;
+    let outcome = evaluate(&network, TangentKind::TrussLike);
+    assert!(outcome.fallback);
+    assert_eq!(outcome.operator, kruyt::operator(&network));
+}
+
+#[test]
+fn without_sliding_contacts_slip_equals_truss_like() {
+    let network = random(4, 0.01);
+    assert_eq!(evaluate(&network, TangentKind::TrussLikeSlip), evaluate(&network, TangentKind::TrussLike));
+}
+
+/// One grain per cell; its horizontal contact slides with `f_t = friction |f_n|`, its vertical contact sticks and takes
+/// up the moment. Stretching along 1 unloads the sliding contact, whose shear force must follow the cone on both faces.
+#[test]
+fn sliding_contact_follows_the_cone() {
+    let (friction, stiffness, force) = (0.3, 1000.0, 2.0);
+    let springs = Springs { normal: stiffness, tangential: 400.0, normal_force: -force };
+    for direction in [1.0, -1.0] {
+        let mut network = square(1.0, [1, 1], springs);
+        network.friction = friction;
+        network.contacts[0].tangential_force = direction * friction * force;
+        network.contacts[1].tangential_force = -direction * friction * force;
+        network.contacts[0].slid = true;
+        let outcome = evaluate(&network, TangentKind::TrussLikeSlip);
+        assert!(!outcome.fallback && !outcome.regularised);
+        let operator = outcome.operator;
+        assert!((operator[0][0] - stiffness).abs() < 1e-9);
+        for row in [1, 2] {
+            assert!((operator[row][0] + direction * friction * stiffness).abs() < 1e-9, "{:?}", operator);
+        }
+        // Shear finds no resistance but that of the prestress.
+        assert!(operator[1][1].abs() < 5.0 * force);
+    }
+}
+
+#[test]
+fn grain_that_only_slides_is_reported() {
+    let springs = Springs { normal: 1000.0, tangential: 400.0, normal_force: -2.0 };
+    let mut network = square(1.0, [1, 1], springs);
+    for (contact, sign) in network.contacts.iter_mut().zip([1.0, -1.0]) {
+        contact.slid = true;
+        contact.tangential_force = sign;
+    }
+    let outcome = evaluate(&network, TangentKind::TrussLikeSlip);
+    assert!(outcome.regularised && !outcome.fallback);
+    assert!((outcome.operator[0][0] - 1000.0).abs() < 1e-9);
+}
