@@ -1,4 +1,14 @@
 //! The grain side: a periodic cell of discs, its quasi-static solver, homogenization, tangent operators, packings.
 
+pub mod cell;
+pub mod definition;
+pub mod engine;
+pub mod homogenization;
+pub mod model;
 pub mod network;
+pub mod packing;
+pub mod pairs;
+pub mod plane;
+mod relaxation;
+pub mod state;
 pub mod tangent;
