@@ -35,10 +35,11 @@ pub(super) fn solve(matrix: &BlockMatrix, loads: &[Quadruple], typical: f64) -> 
         .then(|| answers.iter().map(|row| std::array::from_fn(|direction| row[direction])).collect())
 }
 
-/// Appends the probe of the softest mode: a fixed quasi-random load has a share of every mode.
+/// Appends the probe of the softest mode: a fixed load without regularity has a share of every mode. (Multiples of an
+/// irrational number will not do: they are orthogonal to the alternating modes of lattices; their squares are not.)
 fn with_probe(typical: f64) -> impl Fn((usize, &Quadruple)) -> [f64; COLUMNS] {
     move |(row, load)| {
-        let mut column = [((row as f64 * std::f64::consts::GOLDEN_RATIO).fract() - 0.5) * typical; COLUMNS];
+        let mut column = [(((row as f64).powi(2) * std::f64::consts::GOLDEN_RATIO).fract() - 0.5) * typical; COLUMNS];
         column[..DIRECTIONS].copy_from_slice(load);
         column
     }

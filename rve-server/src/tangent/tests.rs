@@ -203,6 +203,11 @@ fn mechanisms_are_held_and_reported() {
     let outcome = evaluate(&square(1.0, [4, 3], springs), TangentKind::TrussLike);
     assert!(outcome.regularised && !outcome.fallback);
     assert!(distance(&outcome.operator, &cubic(2.0, 0.0, 0.0)) < 1e-6);
+    // An even square lattice is a gear train: neighbours may spin against each other for nothing.
+    let gears = Springs { tangential: 0.6, ..springs };
+    let outcome = evaluate(&square(1.0, [4, 2], gears), TangentKind::TrussLike);
+    assert!(outcome.regularised && !outcome.fallback, "{outcome:?}");
+    assert!(distance(&outcome.operator, &cubic(2.0, 0.0, 0.3)) < 1e-6);
 }
 
 #[test]
