@@ -158,10 +158,10 @@ mod tests {
     #[test]
     fn layout_of_wire_types_is_fixed() {
         assert_eq!(size_of::<TrialJob>(), 144);
-        assert_eq!(size_of::<TrialReply>(), 1080);
+        assert_eq!(size_of::<TrialReply>(), 1056);
         assert_eq!(std::mem::offset_of!(TrialJob, target), 48);
-        assert_eq!(std::mem::offset_of!(TrialReply, stress), 360);
-        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 432);
+        assert_eq!(std::mem::offset_of!(TrialReply, stress), 336);
+        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 408);
     }
 
     #[test]

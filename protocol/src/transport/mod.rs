@@ -3,6 +3,10 @@
 //! [`MacroPort`] and [`WorkerPort`] have two implementations each: `shared_memory` (iceoryx2, between processes) and
 //! `in_process` (threads and channels, for tests and single-process runs). A port belongs to one thread.
 
+mod delivery;
+pub mod frame;
+pub mod in_process;
+
 use crate::control::{FromWorker, ToWorker};
 use crate::wire::{TrialJob, TrialReply};
 use std::time::Duration;
