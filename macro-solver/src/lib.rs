@@ -5,3 +5,4 @@ pub mod mesh;
 pub mod observer;
 pub mod output;
 pub mod problem;
+pub mod pool;

@@ -43,9 +43,11 @@ pub enum MaterialError {
 }
 
 impl MaterialError {
-    /// Whether a smaller load step could avoid it.
+    /// Whether a smaller load step could avoid it: the target was at fault, not the definition or the engine.
     pub fn is_curable_by_smaller_step(&self) -> bool {
-        matches!(self, Self::Point { .. })
+        use protocol::RveError::{NotFinite, TargetInverted, TargetNotFinite, TargetTooLarge};
+        let Self::Point { reason, .. } = self else { return false };
+        matches!(reason, TargetNotFinite | TargetInverted { .. } | TargetTooLarge { .. } | NotFinite { .. })
     }
 }
 

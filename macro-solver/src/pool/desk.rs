@@ -1,0 +1,373 @@
+//! The conversation with the workers, without any input or output: events go in, actions come out.
+//!
+//! Invariants: a job is with at most one worker; it goes to another only after its worker's end is known; a reply
+//! counts only when its sender holds the job and the reply is sound.
+
+use super::batch::{Batch, Outcome};
+use super::border::{Verdict, judge};
+use super::cache::CacheMirror;
+use super::forecast::Pace;
+use super::points::{PointState, PointTable};
+use super::roster::{Roster, Slice, Standing, Worker};
+use super::settings::PoolSettings;
+use super::statistics::{PoolStatistics, WorkerStatistics};
+use crate::material::MaterialError;
+use protocol::control::{FromWorker, ToWorker};
+use protocol::transport::{LoadedReply, MacroEvent, WorkerId};
+use protocol::wire::{TrialJob, TrialReply};
+use protocol::{DefinitionId, StateId};
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Times that one job may find its definition unknown before the worker counts as faulty.
+const DEFINITION_MISSES_ALLOWED: u32 = 3;
+
+/// What the pool must do after listening.
+#[derive(Debug)]
+pub(super) enum Action {
+    /// Send a control message.
+    Send(WorkerId, ToWorker),
+    /// End a worker.
+    Kill(WorkerId),
+    /// Tell the supply that this process was welcomed.
+    Joined(u32),
+    /// Tell the supply that this process was refused.
+    Refused(u32, String),
+    /// Tell the supply that this process is gone.
+    Gone(u32),
+}
+
+/// A slice ready to be sent.
+pub(super) struct Shipment {
+    pub(super) worker: WorkerId,
+    /// Definitions (by index) that must be sent first.
+    pub(super) define: Vec<usize>,
+    pub(super) jobs: Vec<(TrialJob, Arc<[u8]>)>,
+}
+
+/// State of the conversation.
+pub(super) struct Desk {
+    pub(super) settings: PoolSettings,
+    pub(super) points: PointTable,
+    pub(super) roster: Roster,
+    pub(super) batch: Batch,
+    pub(super) statistics: PoolStatistics,
+    pub(super) actions: Vec<Action>,
+    /// Set when the run cannot go on.
+    pub(super) fatal: Option<MaterialError>,
+    /// Why the last worker was refused or lost, for the message when none is left.
+    pub(super) last_trouble: Option<String>,
+    paces: Vec<Pace>,
+}
+
+impl Desk {
+    /// An empty desk: no workers, no questions.
+    pub(super) fn new(settings: PoolSettings, points: PointTable) -> Self {
+        let paces = vec![Pace::default(); points.definitions.len()];
+        Self {
+            settings,
+            points,
+            roster: Roster::default(),
+            batch: Batch::default(),
+            statistics: PoolStatistics::default(),
+            actions: Vec::new(),
+            fatal: None,
+            last_trouble: None,
+            paces,
+        }
+    }
+
+    /// Takes in one event.
+    pub(super) fn hear(&mut self, event: MacroEvent<'_>, now: Instant) {
+        match event {
+            MacroEvent::Control(worker, message) => self.hear_control(worker, message, now),
+            MacroEvent::Replies(worker, replies) => {
+                for reply in replies {
+                    self.hear_reply(worker, reply, now);
+                }
+            }
+            MacroEvent::Lost(worker, reason) => self.hear_loss(worker, &reason),
+            MacroEvent::Refused(reason) => {
+                tracing::warn!(reason, "a message was refused");
+                self.statistics.refused_messages += 1;
+            }
+            MacroEvent::Woken => {}
+        }
+    }
+
+    fn hear_control(&mut self, worker: WorkerId, message: FromWorker, now: Instant) {
+        match message {
+            FromWorker::Hello { .. } if self.roster.workers.contains_key(&worker) => {
+                self.statistics.refused_messages += 1;
+            }
+            FromWorker::Hello { protocol, run, pid, capabilities, state_cache } => {
+                let verdict = self.roster.admit(&self.settings, protocol, &run, &capabilities);
+                let standing = if verdict.is_ok() { Standing::Active } else { Standing::Refused };
+                let known = Worker {
+                    pid,
+                    standing,
+                    cache: CacheMirror::new(state_cache as usize),
+                    definitions: BTreeSet::new(),
+                    slices: VecDeque::new(),
+                    head_since: now,
+                    tally: self.statistics.workers.len(),
+                };
+                self.roster.workers.insert(worker, known);
+                match verdict {
+                    Ok(()) => {
+                        tracing::info!(worker = worker.0, pid, "worker joined");
+                        self.statistics.workers_joined += 1;
+                        let figures = WorkerStatistics { worker: worker.0, pid, ..WorkerStatistics::default() };
+                        self.statistics.workers.push(figures);
+                        self.actions.push(Action::Send(worker, ToWorker::Welcome { worker: worker.0 }));
+                        self.actions.push(Action::Joined(pid));
+                    }
+                    Err(reason) => {
+                        tracing::warn!(pid, reason, "worker refused");
+                        self.statistics.workers_refused += 1;
+                        self.last_trouble = Some(reason.clone());
+                        self.actions.push(Action::Send(worker, ToWorker::Refused { reason: reason.clone() }));
+                        self.actions.push(Action::Refused(pid, reason));
+                    }
+                }
+            }
+            FromWorker::DefinitionRefused { definition, reason } => self.hear_refusal(worker, definition, &reason),
+            FromWorker::Bye { reason } => {
+                let Some(known) = self.roster.workers.get_mut(&worker) else { return };
+                if known.standing == Standing::Active {
+                    tracing::info!(worker = worker.0, reason, "worker leaves");
+                    known.standing = Standing::Leaving;
+                    self.statistics.workers_left += 1;
+                    self.last_trouble = Some(reason);
+                    self.requeue_all(worker);
+                }
+            }
+        }
+    }
+
+    fn hear_refusal(&mut self, worker: WorkerId, definition: DefinitionId, reason: &str) {
+        match self.points.first_point_of(definition) {
+            Some(point) if self.roster.is_active(worker) => {
+                let text = format!("worker {} refuses the RVE of Gauss point {point}: {reason}", worker.0);
+                self.fatal.get_or_insert(MaterialError::Channel(text));
+            }
+            _ => self.statistics.refused_messages += 1,
+        }
+    }
+
+    fn hear_reply(&mut self, worker: WorkerId, loaded: &LoadedReply<'_>, now: Instant) {
+        self.statistics.bytes_received += (size_of::<TrialReply>() + loaded.state.len() + loaded.error.len()) as u64;
+        let number = loaded.reply.job;
+        let held = match self.roster.workers.get_mut(&worker) {
+            Some(known) if known.standing == Standing::Active => known.release(number, now),
+            _ => false,
+        };
+        let index = self.batch.index_of(number);
+        let (Some(index), true) = (index, held) else {
+            if index.is_some() || self.batch.is_past(number) {
+                self.statistics.late_replies += 1;
+            } else {
+                self.statistics.unknown_replies += 1;
+            }
+            return;
+        };
+        match judge(&self.batch.jobs[index].wire, loaded) {
+            Ok(verdict) => self.accept(worker, index, verdict),
+            Err(fault) => self.condemn_for(worker, index, &fault),
+        }
+    }
+
+    fn accept(&mut self, worker: WorkerId, index: usize, verdict: Verdict) {
+        match verdict {
+            Verdict::Done { answer, state, bytes, overhead_nanoseconds } => {
+                let job = &self.batch.jobs[index];
+                self.paces[job.definition].learn(&answer.cost);
+                self.tally(worker, &answer, overhead_nanoseconds);
+                let known = self.roster.workers.get_mut(&worker).expect("the sender was looked up before");
+                known.cache.touch(state);
+                let state = PointState { id: state, bytes, holder: Some(worker) };
+                self.batch.settle(index, Outcome::Done(answer, state));
+            }
+            Verdict::Failed(reason) => {
+                let abandoned = self.batch.settle(index, Outcome::Failed(reason));
+                self.statistics.abandoned += abandoned as u64;
+            }
+            Verdict::NeedState if self.batch.jobs[index].carried => {
+                self.condemn_for(worker, index, "asks for a snapshot that the job carried");
+            }
+            Verdict::NeedState => {
+                self.statistics.state_misses += 1;
+                let state = self.batch.jobs[index].wire.state;
+                self.forget(worker, state);
+                self.batch.jobs[index].must_carry = true;
+                self.batch.requeue(index);
+            }
+            Verdict::NeedDefinition => {
+                let job = &mut self.batch.jobs[index];
+                job.definition_misses += 1;
+                if job.definition_misses > DEFINITION_MISSES_ALLOWED {
+                    return self.condemn_for(worker, index, "keeps asking for a definition that it was sent");
+                }
+                self.statistics.definition_misses += 1;
+                let definition = job.definition;
+                if let Some(known) = self.roster.workers.get_mut(&worker) {
+                    known.definitions.remove(&definition);
+                }
+                self.batch.requeue(index);
+            }
+        }
+    }
+
+    fn forget(&mut self, worker: WorkerId, state: StateId) {
+        if let Some(known) = self.roster.workers.get_mut(&worker) {
+            known.cache.forget(state);
+        }
+    }
+
+    fn tally(&mut self, worker: WorkerId, answer: &protocol::TrialAnswer, overhead_nanoseconds: u64) {
+        let solve = answer.cost.solve_nanoseconds as f64 * 1e-9;
+        let tangent = answer.cost.tangent_nanoseconds as f64 * 1e-9;
+        let overhead = overhead_nanoseconds as f64 * 1e-9;
+        let totals = &mut self.statistics;
+        totals.solved += 1;
+        totals.force_evaluations += answer.cost.force_evaluations;
+        totals.flags.add(answer.flags);
+        totals.rve_s += solve;
+        totals.tangent_s += tangent;
+        totals.transport_s += overhead;
+        if let Some(known) = self.roster.workers.get(&worker) {
+            let figures = &mut totals.workers[known.tally];
+            figures.jobs += 1;
+            figures.busy_s += solve + tangent + overhead;
+        }
+    }
+
+    fn hear_loss(&mut self, worker: WorkerId, reason: &str) {
+        let Some(known) = self.roster.workers.get(&worker) else { return };
+        let (pid, standing) = (known.pid, known.standing);
+        if standing != Standing::Refused {
+            tracing::warn!(worker = worker.0, pid, reason, "worker lost");
+            self.statistics.workers_lost += u64::from(standing != Standing::Leaving);
+            self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
+            self.actions.push(Action::Gone(pid));
+        }
+        if standing == Standing::Active {
+            self.blame_head(worker, reason);
+        }
+        self.requeue_all(worker);
+        self.roster.workers.remove(&worker);
+        self.batch.queue.disown(worker);
+    }
+
+    /// Only the slice at the head was under way: the rest is innocent.
+    fn blame_head(&mut self, worker: WorkerId, reason: &str) {
+        let Some(known) = self.roster.workers.get(&worker) else { return };
+        for number in known.slices.front().map_or_else(Vec::new, |slice| slice.jobs.clone()) {
+            if let Some(index) = self.batch.index_of(number) {
+                self.blame(index, reason);
+            }
+        }
+    }
+
+    fn blame(&mut self, index: usize, reason: &str) {
+        let limit = self.settings.blames_until_quarantine;
+        let job = &mut self.batch.jobs[index];
+        job.blames += 1;
+        if job.blames >= limit {
+            let text = format!(
+                "Gauss point {} has ended {limit} workers with the same question (last: {reason}); displacement \
+                 gradient {:?} from state {}; the run stops before it ends more",
+                job.trial.point, job.trial.target.0, job.wire.state
+            );
+            self.fatal.get_or_insert(MaterialError::WorkersLost(text));
+        }
+    }
+
+    fn requeue_all(&mut self, worker: WorkerId) {
+        let Some(known) = self.roster.workers.get_mut(&worker) else { return };
+        let held = known.held();
+        known.slices.clear();
+        for number in held {
+            if let Some(index) = self.batch.index_of(number) {
+                self.statistics.reissued += 1;
+                self.batch.requeue(index);
+            }
+        }
+    }
+
+    /// An unsound reply: the worker is ended and its job asked elsewhere.
+    fn condemn_for(&mut self, worker: WorkerId, index: usize, fault: &str) {
+        tracing::error!(worker = worker.0, point = self.batch.jobs[index].trial.point, fault, "unsound reply");
+        self.statistics.workers_faulty += 1;
+        self.statistics.reissued += 1;
+        self.blame(index, fault);
+        self.batch.requeue(index);
+        self.condemn(worker);
+    }
+
+    fn condemn(&mut self, worker: WorkerId) {
+        if let Some(known) = self.roster.workers.get_mut(&worker) {
+            known.standing = Standing::Condemned;
+            self.actions.push(Action::Kill(worker));
+        }
+    }
+
+    /// Ends the workers that have been silent for too long.
+    pub(super) fn end_hung(&mut self, now: Instant) {
+        for worker in self.roster.hung(now) {
+            tracing::error!(worker = worker.0, "worker does not answer and is ended");
+            self.statistics.workers_hung += 1;
+            self.blame_head(worker, "no answer within the time allowed");
+            self.condemn(worker);
+        }
+    }
+
+    /// The channel to this worker did not take a message.
+    pub(super) fn undeliverable(&mut self, worker: WorkerId, reason: &str) {
+        tracing::warn!(worker = worker.0, reason, "message not delivered");
+        self.condemn(worker);
+    }
+
+    /// The next slice to send and to whom, already booked as sent; `None` when nothing waits or nobody is free.
+    pub(super) fn next_shipment(&mut self, now: Instant) -> Option<Shipment> {
+        let waiting = self.batch.queue.len();
+        let active = self.roster.active();
+        if waiting == 0 || active == 0 {
+            return None;
+        }
+        // With few jobs left a second slice would wait behind a busy worker while another runs idle.
+        let depth = if waiting > active { self.settings.window.get() } else { 1 };
+        let worker = self.roster.idlest(depth)?;
+        let most = self.settings.slice.get().min(waiting.div_ceil(active));
+        let indices = self.batch.queue.take(worker, most);
+        Some(self.load(worker, &indices, now))
+    }
+
+    fn load(&mut self, worker: WorkerId, indices: &[usize], now: Instant) -> Shipment {
+        let known = self.roster.workers.get_mut(&worker).expect("the idlest worker is on the roster");
+        let mut shipment = Shipment { worker, define: Vec::new(), jobs: Vec::new() };
+        let mut slice = Slice { jobs: Vec::new(), allowance: std::time::Duration::ZERO };
+        for &index in indices {
+            let job = &mut self.batch.jobs[index];
+            if known.definitions.insert(job.definition) {
+                shipment.define.push(job.definition);
+            }
+            let initial = job.state.id == StateId::NONE;
+            job.carried = !initial && (job.must_carry || !known.cache.holds(job.state.id));
+            known.cache.touch(job.state.id);
+            let bytes = if job.carried { job.state.bytes.clone() } else { Arc::from([]) };
+            self.statistics.states_sent += u64::from(job.carried);
+            self.statistics.bytes_sent += (size_of::<TrialJob>() + bytes.len()) as u64;
+            shipment.jobs.push((TrialJob { state_length: bytes.len() as u64, ..job.wire }, bytes));
+            slice.jobs.push(job.wire.job);
+            slice.allowance +=
+                self.settings.hang.allowance(self.paces[job.definition].duration(job.expected), job.blames);
+        }
+        if known.slices.is_empty() {
+            known.head_since = now;
+        }
+        known.slices.push_back(slice);
+        shipment
+    }
+}

@@ -1,0 +1,90 @@
+//! The truth about every Gauss point: what it is made of, its committed state, its trial.
+//!
+//! Workers are caches of what is held here. States are opaque bytes named by their content and shared, not copied:
+//! points that answered alike hold one snapshot together.
+
+use super::forecast::Forecast;
+use crate::material::PointId;
+use protocol::transport::WorkerId;
+use protocol::{Definition, DefinitionId, StateId};
+use std::sync::Arc;
+
+/// A snapshot and its name; [`StateId::NONE`] with no bytes is the initial state of the point's definition.
+#[derive(Clone, Debug)]
+pub struct PointState {
+    /// Content identity of `bytes`.
+    pub id: StateId,
+    /// Sealed snapshot, empty for the initial state.
+    pub bytes: Arc<[u8]>,
+    /// Worker that produced it and so probably still holds it; a hint only.
+    pub(super) holder: Option<WorkerId>,
+}
+
+impl PointState {
+    /// The initial state of whatever definition.
+    pub fn initial() -> Self {
+        Self { id: StateId::NONE, bytes: Arc::from([]), holder: None }
+    }
+
+    /// A state from its snapshot; no bytes make the initial state.
+    pub fn from_snapshot(bytes: Arc<[u8]>) -> Self {
+        let id = if bytes.is_empty() { StateId::NONE } else { StateId::of(&bytes) };
+        Self { id, bytes, holder: None }
+    }
+}
+
+/// One Gauss point.
+#[derive(Clone, Debug)]
+pub(super) struct PointRecord {
+    /// Index into the definitions.
+    pub(super) definition: usize,
+    /// Where every trial starts.
+    pub(super) committed: PointState,
+    /// End of the latest trial since the last commit or rollback.
+    pub(super) trial: Option<PointState>,
+    /// What its trials cost.
+    pub(super) forecast: Forecast,
+}
+
+/// All Gauss points and the definitions they are made of.
+#[derive(Debug)]
+pub(super) struct PointTable {
+    pub(super) definitions: Vec<(DefinitionId, Definition)>,
+    pub(super) records: Vec<PointRecord>,
+}
+
+impl PointTable {
+    /// `made_of[p]` is the index of point p's definition.
+    pub(super) fn new(definitions: Vec<Definition>, made_of: &[usize]) -> Self {
+        let initial = PointState::initial();
+        let records = made_of
+            .iter()
+            .map(|&definition| {
+                assert!(definition < definitions.len(), "every point names one of the definitions given");
+                PointRecord { definition, committed: initial.clone(), trial: None, forecast: Forecast::default() }
+            })
+            .collect();
+        Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), records }
+    }
+
+    /// Makes every trial the committed state.
+    pub(super) fn commit(&mut self) {
+        for record in &mut self.records {
+            if let Some(trial) = record.trial.take() {
+                record.committed = trial;
+            }
+        }
+    }
+
+    /// Forgets all trials.
+    pub(super) fn rollback(&mut self) {
+        for record in &mut self.records {
+            record.trial = None;
+        }
+    }
+
+    /// Lowest point made of this definition.
+    pub(super) fn first_point_of(&self, definition: DefinitionId) -> Option<PointId> {
+        self.records.iter().position(|record| self.definitions[record.definition].0 == definition)
+    }
+}

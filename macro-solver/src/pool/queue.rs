@@ -1,0 +1,177 @@
+//! Jobs that wait for a worker, longest expected first, sorted by the worker that probably holds their state.
+
+use protocol::transport::WorkerId;
+use std::collections::{BTreeMap, VecDeque};
+
+/// What the queue needs to know of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Ticket {
+    /// Index of the job in its batch.
+    pub(super) job: usize,
+    /// Expected force evaluations.
+    pub(super) expected: u64,
+    /// Definition of its point: one slice holds one definition.
+    pub(super) definition: usize,
+    /// Whether it has ended a worker: such a job travels alone, so the next victim names the culprit.
+    pub(super) suspect: bool,
+}
+
+impl Ticket {
+    /// Longest first; equal expectations in job order, which is the order of points.
+    fn rank(&self) -> (std::cmp::Reverse<u64>, usize) {
+        (std::cmp::Reverse(self.expected), self.job)
+    }
+}
+
+/// Line of jobs with one home.
+#[derive(Debug, Default)]
+struct Line {
+    tickets: VecDeque<Ticket>,
+    expected: u128,
+}
+
+/// The waiting jobs. `None` is the home of jobs whose state nobody holds.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    lines: BTreeMap<Option<WorkerId>, Line>,
+    length: usize,
+}
+
+impl Queue {
+    /// Number of waiting jobs.
+    pub(super) fn len(&self) -> usize {
+        self.length
+    }
+
+    /// Adds a job at its rank.
+    pub(super) fn add(&mut self, home: Option<WorkerId>, ticket: Ticket) {
+        let line = self.lines.entry(home).or_default();
+        let place = line.tickets.partition_point(|other| other.rank() < ticket.rank());
+        line.tickets.insert(place, ticket);
+        line.expected += u128::from(ticket.expected);
+        self.length += 1;
+    }
+
+    /// Takes up to `most` jobs of one definition for `worker`: its own first, then those at home nowhere, then from
+    /// the line with most work left (lowest worker number among equals).
+    pub(super) fn take(&mut self, worker: WorkerId, most: usize) -> Vec<usize> {
+        let Some(home) = self.line_for(worker) else { return Vec::new() };
+        let line = self.lines.get_mut(&home).expect("the line was just chosen");
+        let first = line.tickets.pop_front().expect("lines without tickets are removed");
+        let mut taken = vec![first];
+        let mut place = 0;
+        while taken.len() < most && !first.suspect && place < line.tickets.len() {
+            let next = line.tickets[place];
+            if next.definition == first.definition && !next.suspect {
+                taken.push(next);
+                line.tickets.remove(place);
+            } else {
+                place += 1;
+            }
+        }
+        line.expected -= taken.iter().map(|ticket| u128::from(ticket.expected)).sum::<u128>();
+        self.length -= taken.len();
+        if line.tickets.is_empty() {
+            self.lines.remove(&home);
+        }
+        taken.into_iter().map(|ticket| ticket.job).collect()
+    }
+
+    /// Makes the jobs of a lost worker homeless.
+    pub(super) fn disown(&mut self, worker: WorkerId) {
+        let Some(line) = self.lines.remove(&Some(worker)) else { return };
+        self.length -= line.tickets.len();
+        for ticket in line.tickets {
+            self.add(None, ticket);
+        }
+    }
+
+    /// Removes all jobs for which `keep` is false and returns how many they were.
+    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) -> usize {
+        let before = self.length;
+        for line in self.lines.values_mut() {
+            line.tickets.retain(|ticket| keep(ticket.job));
+            line.expected = line.tickets.iter().map(|ticket| u128::from(ticket.expected)).sum();
+        }
+        self.lines.retain(|_, line| !line.tickets.is_empty());
+        self.length = self.lines.values().map(|line| line.tickets.len()).sum();
+        before - self.length
+    }
+
+    fn line_for(&self, worker: WorkerId) -> Option<Option<WorkerId>> {
+        [Some(worker), None].into_iter().find(|home| self.lines.contains_key(home)).or_else(|| {
+            let mut most: Option<(Option<WorkerId>, u128)> = None;
+            for (home, line) in &self.lines {
+                if most.is_none_or(|(_, expected)| line.expected > expected) {
+                    most = Some((*home, line.expected));
+                }
+            }
+            most.map(|(home, _)| home)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ticket(job: usize, expected: u64) -> Ticket {
+        Ticket { job, expected, definition: 0, suspect: false }
+    }
+
+    const FIRST: WorkerId = WorkerId(1);
+    const SECOND: WorkerId = WorkerId(2);
+    const THIRD: WorkerId = WorkerId(3);
+
+    #[test]
+    fn longest_goes_first_and_equals_in_point_order() {
+        let mut queue = Queue::default();
+        for (job, expected) in [(2, 5), (0, 5), (1, 9)] {
+            queue.add(None, ticket(job, expected));
+        }
+        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1)).collect();
+        assert_eq!(order, [1, 0, 2]);
+        assert_eq!(queue.len(), 0);
+    }
+
+    #[test]
+    fn own_jobs_then_homeless_ones_then_those_of_the_busiest() {
+        let mut queue = Queue::default();
+        queue.add(Some(FIRST), ticket(0, 1));
+        queue.add(None, ticket(1, 1));
+        queue.add(Some(SECOND), ticket(2, 100));
+        queue.add(Some(SECOND), ticket(3, 10));
+        queue.add(Some(THIRD), ticket(4, 50));
+        let order: Vec<_> = (0..5).flat_map(|_| queue.take(FIRST, 1)).collect();
+        assert_eq!(order, [0, 1, 2, 4, 3]);
+    }
+
+    #[test]
+    fn a_slice_holds_one_definition_and_suspects_travel_alone() {
+        let mut queue = Queue::default();
+        queue.add(None, ticket(0, 9));
+        queue.add(None, Ticket { definition: 1, ..ticket(1, 8) });
+        queue.add(None, Ticket { suspect: true, ..ticket(2, 7) });
+        queue.add(None, ticket(3, 6));
+        assert_eq!(queue.take(FIRST, 8), [0, 3]);
+        assert_eq!(queue.take(FIRST, 8), [1]);
+        assert_eq!(queue.take(FIRST, 8), [2]);
+        assert!(queue.take(FIRST, 8).is_empty());
+    }
+
+    #[test]
+    fn jobs_of_a_lost_worker_become_homeless_in_order() {
+        let mut queue = Queue::default();
+        queue.add(Some(SECOND), ticket(3, 10));
+        queue.add(None, ticket(1, 5));
+        queue.add(Some(SECOND), ticket(0, 1));
+        queue.disown(SECOND);
+        assert_eq!(queue.len(), 3);
+        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1)).collect();
+        assert_eq!(order, [3, 1, 0]);
+        queue.add(None, ticket(7, 1));
+        queue.add(Some(THIRD), ticket(8, 1));
+        assert_eq!(queue.retain(|job| job == 8), 1);
+        assert_eq!(queue.take(FIRST, 1), [8]);
+    }
+}

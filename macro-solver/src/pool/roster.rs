@@ -1,0 +1,164 @@
+//! The workers of a run as the macro sees them.
+
+use super::cache::CacheMirror;
+use super::settings::PoolSettings;
+use protocol::transport::WorkerId;
+use protocol::{Capabilities, PROTOCOL_VERSION};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::{Duration, Instant};
+
+/// A message of jobs that a worker has not answered completely.
+#[derive(Clone, Debug)]
+pub(super) struct Slice {
+    /// Numbers of the unanswered jobs.
+    pub(super) jobs: Vec<u64>,
+    /// How long it may take once the worker has begun it.
+    pub(super) allowance: Duration,
+}
+
+/// Whether a worker gets jobs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// Gets jobs; its replies count.
+    Active,
+    /// Told us that it leaves: no new jobs.
+    Leaving,
+    /// Was ended or cannot be reached; nothing it says counts and its jobs wait for the news of its end, so that no
+    /// job runs twice at a time.
+    Condemned,
+    /// Its hello was refused.
+    Refused,
+}
+
+/// One worker.
+#[derive(Clone, Debug)]
+pub(super) struct Worker {
+    pub(super) pid: u32,
+    pub(super) standing: Standing,
+    pub(super) cache: CacheMirror,
+    /// Definitions it was sent.
+    pub(super) definitions: BTreeSet<usize>,
+    /// Unanswered slices in the order sent; it works on the first.
+    pub(super) slices: VecDeque<Slice>,
+    /// When it began the first slice.
+    pub(super) head_since: Instant,
+    /// Index of its figures in the statistics.
+    pub(super) tally: usize,
+}
+
+impl Worker {
+    /// Takes a job off the worker's hands; `false` when it did not hold it.
+    pub(super) fn release(&mut self, job: u64, now: Instant) -> bool {
+        for place in 0..self.slices.len() {
+            let slice = &mut self.slices[place];
+            let Some(position) = slice.jobs.iter().position(|held| *held == job) else { continue };
+            slice.jobs.remove(position);
+            if slice.jobs.is_empty() {
+                self.slices.remove(place);
+            }
+            // Any sign of work restarts the clock of the rest.
+            self.head_since = now;
+            return true;
+        }
+        false
+    }
+
+    /// Every job it holds, in the order sent.
+    pub(super) fn held(&self) -> Vec<u64> {
+        self.slices.iter().flat_map(|slice| slice.jobs.iter().copied()).collect()
+    }
+
+    /// When it counts as hung; `None` while it has nothing to do.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        let head = self.slices.front()?;
+        (self.standing == Standing::Active).then(|| self.head_since + head.allowance)
+    }
+}
+
+/// All workers ever heard of that have not ended.
+#[derive(Debug, Default)]
+pub(super) struct Roster {
+    pub(super) workers: BTreeMap<WorkerId, Worker>,
+    /// Engine and version of the first worker: bitwise equal answers need the same in all.
+    engine: Option<(String, String)>,
+}
+
+impl Roster {
+    /// Number of workers that get jobs.
+    pub(super) fn active(&self) -> usize {
+        self.workers.values().filter(|worker| worker.standing == Standing::Active).count()
+    }
+
+    /// Whether this worker gets jobs.
+    pub(super) fn is_active(&self, worker: WorkerId) -> bool {
+        self.workers.get(&worker).is_some_and(|known| known.standing == Standing::Active)
+    }
+
+    /// The worker with fewest unanswered slices below `depth`; the lowest number among equals.
+    pub(super) fn idlest(&self, depth: usize) -> Option<WorkerId> {
+        self.workers
+            .iter()
+            .filter(|(_, worker)| worker.standing == Standing::Active && worker.slices.len() < depth)
+            .min_by_key(|(id, worker)| (worker.slices.len(), **id))
+            .map(|(id, _)| *id)
+    }
+
+    /// Earliest time at which some worker counts as hung.
+    pub(super) fn next_deadline(&self) -> Option<Instant> {
+        self.workers.values().filter_map(Worker::deadline).min()
+    }
+
+    /// Workers that have been silent for too long.
+    pub(super) fn hung(&self, now: Instant) -> Vec<WorkerId> {
+        self.workers
+            .iter()
+            .filter(|(_, worker)| worker.deadline().is_some_and(|deadline| deadline <= now))
+            .map(|(id, _)| *id)
+            .collect()
+    }
+
+    /// Checks a hello.
+    ///
+    /// # Errors
+    /// Why the worker cannot take part, with the remedy.
+    pub(super) fn admit(
+        &mut self,
+        settings: &PoolSettings,
+        protocol: u32,
+        run: &str,
+        capabilities: &Capabilities,
+    ) -> Result<(), String> {
+        if protocol != PROTOCOL_VERSION {
+            return Err(format!(
+                "the worker speaks protocol version {protocol}, this run version {PROTOCOL_VERSION}; start both from \
+                 the same build of grainspan"
+            ));
+        }
+        if run != settings.run {
+            return Err(format!("the worker asks for run `{run}`, this is run `{}`; check --run", settings.run));
+        }
+        let engine = &capabilities.engine;
+        if !capabilities.dimensions.contains(&settings.dimension) {
+            return Err(format!(
+                "engine `{engine}` does not serve {} dimensions; choose another engine or scene",
+                settings.dimension
+            ));
+        }
+        if let Some(missing) = settings.tangents.iter().find(|kind| !capabilities.tangents.contains(kind)) {
+            return Err(format!(
+                "engine `{engine}` cannot deliver the tangent `{}`; choose another tangent in the scene",
+                missing.keyword()
+            ));
+        }
+        let offered = (engine.clone(), capabilities.version.clone());
+        let expected = self.engine.get_or_insert_with(|| offered.clone());
+        if *expected != offered {
+            return Err(format!(
+                "engine `{} {}` does not equal `{} {}` of this run's first worker; results would depend on who solves \
+                 what",
+                offered.0, offered.1, expected.0, expected.1
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,93 @@
+//! What a pool is told once, at the start of a run.
+
+use protocol::TangentKind;
+use std::num::NonZeroUsize;
+use std::time::Duration;
+
+/// When a silent worker counts as hung. Generous on purpose: a kill costs the work done so far, and a scheduler may
+/// hold a healthy process for many milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HangPolicy {
+    /// Time that every job may take whatever it is expected to cost.
+    pub floor: Duration,
+    /// Times the expected duration that a job may take on top of the floor; dimensionless.
+    pub factor: f64,
+    /// Allowance while nothing is known of the pace of an RVE definition.
+    pub unknown: Duration,
+}
+
+impl Default for HangPolicy {
+    fn default() -> Self {
+        Self { floor: Duration::from_secs(60), factor: 30.0, unknown: Duration::from_secs(600) }
+    }
+}
+
+impl HangPolicy {
+    /// How long a job may take that is expected to take `expected` (`None`: unknown) and that has already ended
+    /// `blames` workers. Doubles with each of them, so a job that is merely long gets through in the end.
+    pub fn allowance(&self, expected: Option<Duration>, blames: u32) -> Duration {
+        let first = match expected {
+            // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
+            Some(expected) => {
+                self.floor + Duration::from_secs_f64((expected.as_secs_f64() * self.factor).min(86_400.0))
+            }
+            None => self.unknown.max(self.floor),
+        };
+        first * 2u32.pow(blames.min(8))
+    }
+}
+
+/// Settings of a pool; none of them changes a result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoolSettings {
+    /// Name of the run; a worker that asks for another run is refused.
+    pub run: String,
+    /// Space dimensions that every worker must serve, 2 or 3.
+    pub dimension: u32,
+    /// Tangent kinds that every worker must serve.
+    pub tangents: Vec<TangentKind>,
+    /// Trials per message.
+    pub slice: NonZeroUsize,
+    /// Messages that a worker may hold unanswered; two hide the latency of the channel.
+    pub window: NonZeroUsize,
+    /// Whether bitwise equal questions within one evaluation are solved once.
+    pub deduplicate: bool,
+    /// When a silent worker is ended.
+    pub hang: HangPolicy,
+    /// How long the pool lives without any worker before it gives up.
+    pub patience: Duration,
+    /// Number of workers that one job may end before it is held to be the cause and the run stops.
+    pub blames_until_quarantine: u32,
+}
+
+impl PoolSettings {
+    /// The defaults for a plane problem of the run named `run`.
+    pub fn new(run: impl Into<String>) -> Self {
+        Self {
+            run: run.into(),
+            dimension: 2,
+            tangents: Vec::new(),
+            slice: NonZeroUsize::MIN,
+            window: NonZeroUsize::MIN.saturating_add(1),
+            deduplicate: true,
+            hang: HangPolicy::default(),
+            patience: Duration::from_secs(30),
+            blames_until_quarantine: 3,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn allowance_grows_with_expectation_and_with_blame_and_never_overflows() {
+        let policy = HangPolicy::default();
+        let short = policy.allowance(Some(Duration::from_millis(10)), 0);
+        assert_eq!(short, Duration::from_secs_f64(60.3));
+        assert_eq!(policy.allowance(Some(Duration::from_millis(10)), 1), short * 2);
+        assert_eq!(policy.allowance(None, 0), Duration::from_secs(600));
+        assert!(policy.allowance(Some(Duration::MAX), u32::MAX) < Duration::from_secs(86_460 * 256 + 1));
+    }
+}

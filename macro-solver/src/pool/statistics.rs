@@ -1,0 +1,113 @@
+//! What a pool did and what it cost; figures for people and summaries, never input to a result.
+
+use protocol::TrialFlags;
+use serde::Serialize;
+
+/// Work of one worker process.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WorkerStatistics {
+    /// Number in the run.
+    pub worker: u32,
+    /// Process id.
+    pub pid: u32,
+    /// Jobs answered.
+    pub jobs: u64,
+    /// Time it reported for these jobs, s.
+    pub busy_s: f64,
+}
+
+/// How often a trial's shortcut flag came back; see [`TrialFlags`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct FlagCounts {
+    /// The step cap ended a relaxation.
+    pub not_equilibrated: u64,
+    /// The uniform-strain operator replaced a singular tangent.
+    pub tangent_fallback: u64,
+    /// A tangent needed a diagonal shift.
+    pub tangent_regularised: u64,
+    /// An overlap above 10 % of a grain diameter.
+    pub large_overlap: u64,
+    /// No contact carried force.
+    pub fluid: u64,
+    /// The target was exactly zero and nothing was solved.
+    pub null_target: u64,
+}
+
+impl FlagCounts {
+    /// Adds one trial's flags.
+    pub(super) fn add(&mut self, flags: TrialFlags) {
+        let counts = [
+            (TrialFlags::NOT_EQUILIBRATED, &mut self.not_equilibrated),
+            (TrialFlags::TANGENT_FALLBACK, &mut self.tangent_fallback),
+            (TrialFlags::TANGENT_REGULARISED, &mut self.tangent_regularised),
+            (TrialFlags::LARGE_OVERLAP, &mut self.large_overlap),
+            (TrialFlags::FLUID, &mut self.fluid),
+            (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_target),
+        ];
+        for (flag, count) in counts {
+            *count += u64::from(flags.contains(flag));
+        }
+    }
+}
+
+/// Totals since the pool began. Counts of trouble depend on what happened, times on the machine; the rest is
+/// deterministic as long as nothing fails.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PoolStatistics {
+    /// Trials asked and answered.
+    pub evaluations: u64,
+    /// Jobs that workers solved; smaller than `evaluations` by the duplicates.
+    pub solved: u64,
+    /// Trials that shared the answer of a bitwise equal question.
+    pub duplicates_skipped: u64,
+    /// Waiting jobs dropped because a lower point had failed.
+    pub abandoned: u64,
+    /// Force evaluations of all solved jobs.
+    pub force_evaluations: u64,
+    /// Shortcuts taken by solved jobs.
+    pub flags: FlagCounts,
+    /// Jobs sent again because their worker was lost.
+    pub reissued: u64,
+    /// Workers that were welcomed.
+    pub workers_joined: u64,
+    /// Welcomed workers whose process ended before the run did.
+    pub workers_lost: u64,
+    /// Workers that left on their own will.
+    pub workers_left: u64,
+    /// Replacements started.
+    pub worker_restarts: u64,
+    /// Workers ended because they did not answer in time.
+    pub workers_hung: u64,
+    /// Workers ended because a reply of theirs was not sound.
+    pub workers_faulty: u64,
+    /// Workers whose hello was refused.
+    pub workers_refused: u64,
+    /// Messages that were none of the protocol, or out of turn.
+    pub refused_messages: u64,
+    /// Replies to jobs that were already settled, or no longer the sender's.
+    pub late_replies: u64,
+    /// Replies to jobs that were never given out.
+    pub unknown_replies: u64,
+    /// Jobs sent again because the worker no longer held the state.
+    pub state_misses: u64,
+    /// Jobs sent again because the worker did not know the definition.
+    pub definition_misses: u64,
+    /// Snapshots sent to workers.
+    pub states_sent: u64,
+    /// Bytes of jobs and snapshots sent.
+    pub bytes_sent: u64,
+    /// Bytes of replies and snapshots received.
+    pub bytes_received: u64,
+    /// Time spent inside evaluations, s.
+    pub wall_s: f64,
+    /// Time of the grain solver, summed over workers, s.
+    pub rve_s: f64,
+    /// Time of the tangent operators, summed over workers, s.
+    pub tangent_s: f64,
+    /// Time of restoring, writing, checking and moving messages, workers and macro together, s.
+    pub transport_s: f64,
+    /// Time that workers spent waiting while an evaluation was under way: workers x wall less what they reported, s.
+    pub idle_s: f64,
+    /// Every worker that was welcomed, in order of joining.
+    pub workers: Vec<WorkerStatistics>,
+}

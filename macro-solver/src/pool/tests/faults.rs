@@ -1,0 +1,148 @@
+//! Each fault is noticed, counted and survived, or ends the run with the point's name.
+
+use super::scripted::{Fault, Stage, questions};
+use crate::material::{MaterialError, PointMaterial};
+use crate::pool::PoolStatistics;
+use protocol::RveError;
+use std::time::Duration;
+
+const POINTS: usize = 10;
+
+/// One evaluation by two workers of which the first misbehaves at its second slice; replacements are sound.
+fn evaluate_with(fault: Fault) -> PoolStatistics {
+    let mut stage = Stage::new(11).hire(8, &[None, Some(fault)]).hire(8, &[]).replacing(5, None);
+    let mut pool = stage.open(POINTS);
+    pool.gather(2).unwrap();
+    let answers = pool.evaluate(&questions(POINTS, 0)).unwrap();
+    let expected = Stage::new(0).hire(8, &[]).open(POINTS).evaluate(&questions(POINTS, 0)).unwrap();
+    assert_eq!(answers, expected);
+    pool.commit().unwrap();
+    // Whatever arrives after the evaluation it belonged to must be harmless, too.
+    pool.evaluate(&questions(POINTS, 1)).unwrap();
+    pool.statistics()
+}
+
+#[test]
+fn jobs_of_a_dead_worker_are_done_by_others() {
+    let statistics = evaluate_with(Fault::Die);
+    assert_eq!((statistics.workers_lost, statistics.worker_restarts, statistics.workers_joined), (1, 1, 3));
+    assert!((1..=2).contains(&statistics.reissued), "{statistics:?}");
+    assert_eq!(statistics.solved, 2 * POINTS as u64);
+}
+
+#[test]
+fn a_silent_worker_is_ended_and_its_jobs_are_done_by_others() {
+    let statistics = evaluate_with(Fault::Hang);
+    assert_eq!((statistics.workers_hung, statistics.workers_lost), (1, 1));
+    assert!(statistics.reissued >= 1);
+}
+
+/// Check A-5.
+#[test]
+fn duplicate_late_and_unknown_replies_are_ignored_and_counted() {
+    let twice = evaluate_with(Fault::Twice);
+    assert_eq!((twice.late_replies, twice.unknown_replies, twice.workers_faulty), (1, 0, 0));
+    let invented = evaluate_with(Fault::Invent);
+    assert_eq!((invented.late_replies, invented.unknown_replies, invented.workers_faulty), (0, 1, 0));
+    let left = evaluate_with(Fault::LeaveThenAnswer);
+    assert_eq!((left.workers_left, left.workers_lost), (1, 0));
+    assert!(left.late_replies >= 1);
+    for statistics in [twice, invented, left] {
+        assert_eq!(statistics.solved, 2 * POINTS as u64, "no answer counts twice");
+    }
+}
+
+#[test]
+fn unsound_replies_end_their_worker() {
+    let faults = [
+        Fault::NotANumber,
+        Fault::DamagedState,
+        Fault::MissingState,
+        Fault::OtherPoint,
+        Fault::NoTangent,
+        Fault::BadStatus,
+    ];
+    for fault in faults {
+        let statistics = evaluate_with(fault);
+        assert_eq!((statistics.workers_faulty, statistics.workers_lost), (1, 1), "{fault:?}");
+        assert_eq!(statistics.solved, 2 * POINTS as u64, "{fault:?}");
+    }
+}
+
+#[test]
+fn a_worker_that_forgot_is_told_again() {
+    let mut stage = Stage::new(11).hire(50, &[None, None, None, None, Some(Fault::Amnesia)]);
+    let mut pool = stage.open(4);
+    pool.evaluate(&questions(4, 0)).unwrap();
+    pool.commit().unwrap();
+    pool.evaluate(&questions(4, 1)).unwrap();
+    let statistics = pool.statistics();
+    assert!(statistics.definition_misses >= 1 && statistics.state_misses >= 1, "{statistics:?}");
+    assert_eq!((statistics.workers_faulty, statistics.solved), (0, 8));
+}
+
+#[test]
+fn a_worker_that_never_has_the_state_is_ended() {
+    let script = [None, None, Some(Fault::AlwaysNeedsState), Some(Fault::AlwaysNeedsState)];
+    let mut stage = Stage::new(11).hire(0, &script).replacing(1, None);
+    let mut pool = stage.open(2);
+    pool.evaluate(&questions(2, 0)).unwrap();
+    pool.commit().unwrap();
+    pool.evaluate(&questions(2, 1)).unwrap();
+    assert_eq!(pool.statistics().workers_faulty, 1);
+}
+
+#[test]
+fn a_deadly_point_is_named_after_three_workers() {
+    let mut stage = Stage::new(5).replacing(20, Some(6));
+    stage.world.borrow_mut().hire(8, &[], Some(6));
+    stage.world.borrow_mut().hire(8, &[], Some(6));
+    let mut pool = stage.open(POINTS);
+    let error = pool.evaluate(&questions(POINTS, 0)).unwrap_err();
+    assert!(matches!(error, MaterialError::WorkersLost(_)) && !error.is_curable_by_smaller_step());
+    assert!(error.to_string().contains("Gauss point 6 has ended 3 workers"), "{error}");
+    assert_eq!(pool.statistics().workers_lost, 3);
+}
+
+#[test]
+fn when_replacements_run_out_the_reason_is_given() {
+    let script = [Some(Fault::Die)];
+    let mut stage = Stage::new(5).hire(8, &script).replacing(0, None);
+    let error = stage.open(2).evaluate(&questions(2, 0)).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains("no replacements are left") && text.contains("process ended"), "{text}");
+}
+
+#[test]
+fn with_several_failing_points_the_lowest_is_reported() {
+    for seed in 0..8 {
+        let mut stage = Stage::new(seed).hire(8, &[]).hire(8, &[]).hire(8, &[]);
+        let mut pool = stage.open(POINTS);
+        let mut trials = questions(POINTS, 0);
+        for point in [3, 4, 7] {
+            trials[point].target.0[0] = 2.0 + point as f64;
+        }
+        pool.evaluate(&questions(POINTS, 0)).unwrap();
+        let Err(MaterialError::Point { point: 3, reason }) = pool.evaluate(&trials) else { panic!("point 3 fails") };
+        assert_eq!(reason, RveError::TargetTooLarge { norm: 5.0, limit: 1.0 });
+        pool.commit().unwrap();
+        let initial = (0..POINTS).all(|point| pool.committed_snapshot(point).1.bytes.is_empty());
+        assert!(initial, "a failed evaluation leaves no trial to commit");
+        pool.evaluate(&questions(POINTS, 1)).unwrap();
+    }
+}
+
+#[test]
+fn an_interrupt_ends_the_wait() {
+    let mut stage = Stage::new(5).hire(8, &[Some(Fault::Hang)]);
+    stage.settings.hang.unknown = Duration::from_secs(60);
+    let mut pool = stage.open(2);
+    let waker = pool.waker();
+    let interrupt = stage.interrupt.clone();
+    let signal = std::thread::spawn(move || {
+        interrupt.raise();
+        waker.wake();
+    });
+    assert!(matches!(pool.evaluate(&questions(2, 0)), Err(MaterialError::Interrupted)));
+    signal.join().unwrap();
+}

@@ -1,0 +1,171 @@
+//! What comes out does not depend on who computed it, when, or how often.
+
+use super::scripted::{Fault, Stage, questions};
+use crate::material::{PointMaterial, PointTrial};
+use crate::pool::Pool;
+use protocol::transport::MacroPort;
+use protocol::{StateId, Tensor2, TrialAnswer};
+use std::num::NonZeroUsize;
+
+const POINTS: usize = 12;
+
+/// Four steps of two iterations each, as a Newton solver would ask; every third step is thrown away.
+fn journey<P: MacroPort>(pool: &mut Pool<P>) -> (Vec<TrialAnswer>, Vec<StateId>) {
+    let mut answers = Vec::new();
+    for step in 0..4 {
+        for iteration in 0..2 {
+            answers.extend(pool.evaluate(&questions(POINTS, 10 * step + iteration)).unwrap());
+        }
+        if step % 3 == 2 { pool.rollback() } else { pool.commit().unwrap() }
+    }
+    let states = (0..POINTS).map(|point| pool.committed_snapshot(point).1.id).collect();
+    (answers, states)
+}
+
+/// Check A-1.
+#[test]
+fn answers_and_states_do_not_depend_on_workers_arrival_slices_or_caches() {
+    let reference = journey(&mut Stage::new(0).hire(64, &[]).open(POINTS));
+    assert_eq!(reference.0.len(), 8 * POINTS);
+    for workers in 1..=8 {
+        for seed in 0..6 {
+            let mut stage = Stage::new(seed);
+            for worker in 0..workers {
+                stage = stage.hire((worker * 7 + seed as usize) % 40, &[]);
+            }
+            stage.settings.slice = NonZeroUsize::new(1 + seed as usize % 4).unwrap();
+            let mut pool = stage.open(POINTS);
+            pool.gather(workers).unwrap();
+            assert_eq!(journey(&mut pool), reference, "{workers} workers, seed {seed}");
+            assert_eq!(pool.statistics().evaluations, 8 * POINTS as u64);
+        }
+    }
+}
+
+/// Check A-1 under fire: any mixture of faults, as long as somebody is left to do the work.
+#[test]
+fn answers_and_states_do_not_depend_on_faults() {
+    let reference = journey(&mut Stage::new(0).hire(64, &[]).open(POINTS));
+    let faults = [
+        Fault::Die,
+        Fault::Twice,
+        Fault::Invent,
+        Fault::LeaveThenAnswer,
+        Fault::NotANumber,
+        Fault::DamagedState,
+        Fault::MissingState,
+        Fault::OtherPoint,
+        Fault::NoTangent,
+        Fault::BadStatus,
+        Fault::Amnesia,
+        Fault::AlwaysNeedsState,
+    ];
+    for (seed, fault) in faults.into_iter().enumerate() {
+        let script = [None, Some(fault), None, None, Some(fault), None, Some(fault)];
+        let mut stage = Stage::new(seed as u64).hire(9, &script).hire(9, &script[2..]).replacing(10, None);
+        let mut pool = stage.open(POINTS);
+        assert_eq!(journey(&mut pool), reference, "{fault:?}");
+    }
+}
+
+/// Check A-9: points with equal history and equal targets are solved once, and nobody can tell.
+#[test]
+fn equal_questions_are_solved_once_with_equal_results() {
+    let equal = |step: f64| -> Vec<PointTrial> {
+        let target = Tensor2::from_plane([[-1e-4 * step, 0.0], [0.0, 0.0]]);
+        questions(POINTS, 0).into_iter().map(|trial| PointTrial { target, ..trial }).collect()
+    };
+    let walk = |deduplicate: bool| {
+        let mut stage = Stage::new(3).hire(64, &[]).hire(64, &[]);
+        stage.settings.deduplicate = deduplicate;
+        let mut pool = stage.open(POINTS);
+        let mut answers = Vec::new();
+        for step in 1..4 {
+            answers.extend(pool.evaluate(&equal(f64::from(step))).unwrap());
+            pool.commit().unwrap();
+        }
+        let states: Vec<_> = (0..POINTS).map(|point| pool.committed_snapshot(point).1.id).collect();
+        ((answers, states), pool.statistics())
+    };
+    let (with, counted) = walk(true);
+    let (without, plain) = walk(false);
+    assert_eq!(with, without);
+    assert_eq!((counted.solved, counted.duplicates_skipped), (3 * 2, 3 * (POINTS as u64 - 2)));
+    assert_eq!((plain.solved, plain.duplicates_skipped), (3 * POINTS as u64, 0));
+    assert_eq!(counted.evaluations, plain.evaluations);
+}
+
+/// One bit of the target makes another question: rounding would force a symmetric bifurcation.
+#[test]
+fn questions_that_differ_in_one_bit_are_both_solved() {
+    let mut stage = Stage::new(1).hire(8, &[]);
+    let mut pool = stage.open(4);
+    let mut trials = questions(4, 0);
+    trials[2].target = trials[0].target;
+    trials[2].target.0[0] = f64::from_bits(trials[0].target.0[0].to_bits() + 1);
+    let answers = pool.evaluate(&trials).unwrap();
+    assert_ne!(answers[0].stress, answers[2].stress);
+    assert_eq!(pool.statistics().duplicates_skipped, 0);
+}
+
+#[test]
+fn latest_trial_wins_and_points_without_trial_stay() {
+    let mut pool = Stage::new(1).hire(8, &[]).open(3);
+    let first = questions(3, 0);
+    pool.evaluate(&first).unwrap();
+    let second = questions(3, 5);
+    pool.evaluate(&second[..2]).unwrap();
+    pool.commit().unwrap();
+    let mut other = Stage::new(2).hire(8, &[]).open(3);
+    other.evaluate(&[second[0], second[1], first[2]]).unwrap();
+    other.commit().unwrap();
+    let untouched = other.committed_snapshot(2).1.id;
+    for point in 0..3 {
+        assert_eq!(pool.committed_snapshot(point).1.id, other.committed_snapshot(point).1.id);
+    }
+    other.evaluate(&second[..1]).unwrap();
+    other.commit().unwrap();
+    assert_eq!(other.committed_snapshot(2).1.id, untouched);
+    let before = other.committed_snapshot(0).1.id;
+    other.evaluate(&first).unwrap();
+    other.rollback();
+    other.commit().unwrap();
+    assert_eq!(other.committed_snapshot(0).1.id, before);
+}
+
+/// A worker with room for all states is sent each definition once and, alone, never a snapshot.
+#[test]
+fn states_stay_where_they_were_made() {
+    let mut stage = Stage::new(4).hire(1000, &[]);
+    let mut pool = stage.open(POINTS);
+    journey(&mut pool);
+    let statistics = pool.statistics();
+    assert_eq!((statistics.states_sent, statistics.state_misses, statistics.definition_misses), (0, 0, 0));
+    let defined =
+        stage.world.borrow().told.iter().filter(|(_, message)| format!("{message:?}").contains("Define")).count();
+    assert_eq!(defined, 2);
+    assert!(stage.world.borrow().received.iter().all(|(_, carried)| *carried == 0));
+}
+
+#[test]
+fn slices_hold_several_jobs_and_the_longest_goes_first() {
+    let mut stage = Stage::new(4).hire(1000, &[]);
+    stage.settings.slice = NonZeroUsize::new(3).unwrap();
+    let mut pool = stage.open(6);
+    pool.evaluate(&questions(6, 0)).unwrap();
+    let order: Vec<_> = stage.world.borrow().received.iter().map(|(job, _)| job.point).collect();
+    assert_eq!(order, [5, 3, 1, 4, 2, 0]);
+}
+
+#[test]
+fn a_restored_point_starts_from_the_given_snapshot() {
+    let mut pool = Stage::new(4).hire(1000, &[]).open(2);
+    pool.evaluate(&questions(2, 0)).unwrap();
+    pool.commit().unwrap();
+    let saved = pool.committed_snapshot(0).1.clone();
+    let expected = pool.evaluate(&questions(1, 7)).unwrap();
+    let mut resumed = Stage::new(5).hire(10, &[]).open(2);
+    resumed.restore_point(0, crate::pool::PointState::from_snapshot(saved.bytes));
+    assert_eq!(resumed.evaluate(&questions(1, 7)).unwrap(), expected);
+    assert_eq!(resumed.statistics().states_sent, 1);
+}
