@@ -3,6 +3,9 @@
 /// Two displacements and one scaled spin of a grain.
 pub(super) const BLOCK: usize = 3;
 
+/// One block, `[row][column]`.
+pub(super) type Block = [[f64; BLOCK]; BLOCK];
+
 /// Blocks in compressed column order; the pattern is symmetric and holds every diagonal block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BlockMatrix {
@@ -11,7 +14,7 @@ pub(super) struct BlockMatrix {
     /// Block row of each block, ascending within a column.
     pub rows: Vec<usize>,
     /// Values of each block, `[row][column]`.
-    pub blocks: Vec<[[f64; BLOCK]; BLOCK]>,
+    pub blocks: Vec<Block>,
 }
 
 impl BlockMatrix {
@@ -40,7 +43,7 @@ impl BlockMatrix {
     }
 
     /// The block at (`row`, `column`), which must belong to the pattern.
-    pub(super) fn block_mut(&mut self, row: usize, column: usize) -> &mut [[f64; BLOCK]; BLOCK] {
+    pub(super) fn block_mut(&mut self, row: usize, column: usize) -> &mut Block {
         let range = self.columns[column]..self.columns[column + 1];
         let place = self.rows[range.clone()].binary_search(&row).expect("the pattern holds every contact");
         &mut self.blocks[range.start + place]

@@ -7,6 +7,7 @@
 
 mod assembly;
 mod backbone;
+mod block_factors;
 mod block_matrix;
 mod contact_stiffness;
 pub mod kruyt;

@@ -1,6 +1,7 @@
 //! Sparse solution of the balance equations, with a check that the answer deserves trust.
 
 use super::assembly::{DIRECTIONS, Quadruple};
+use super::block_factors::BlockFactors;
 use super::block_matrix::{BLOCK, BlockMatrix};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
@@ -20,19 +21,26 @@ const COLUMNS: usize = DIRECTIONS + 1;
 /// Solves for the four right-hand sides `loads` (one row per scalar unknown). `None` if the matrix is singular to
 /// working accuracy; `typical` is the stiffness of a contact, N/m.
 ///
-/// Prestress and sliding make the matrix nonsymmetric, hence an LU factorization with pivoting.
+/// Prestress and sliding make the matrix nonsymmetric, hence LU. The cheap factors without exchanges between grains
+/// come first; where they are not good enough, scalar rows are pivoted.
 pub(super) fn solve(matrix: &BlockMatrix, loads: &[Quadruple], typical: f64) -> Option<Vec<Quadruple>> {
-    let size = loads.len();
+    let columns: Vec<[f64; COLUMNS]> = loads.iter().enumerate().map(with_probe(typical)).collect();
+    let answers = BlockFactors::of(matrix)
+        .map(|factors| factors.solve(&columns))
+        .filter(|answers| is_trustworthy(matrix, &columns, answers, typical))
+        .or_else(|| {
+            solve_with_pivoting(matrix, &columns).filter(|answers| is_trustworthy(matrix, &columns, answers, typical))
+        })?;
+    Some(answers.iter().map(|row| std::array::from_fn(|direction| row[direction])).collect())
+}
+
+fn solve_with_pivoting(matrix: &BlockMatrix, columns: &[[f64; COLUMNS]]) -> Option<Vec<[f64; COLUMNS]>> {
     let sparse = to_scalar_columns(matrix);
     let symbolic = SymbolicLu::try_new(sparse.symbolic()).ok()?;
     let factors = Lu::try_new_with_symbolic(symbolic, sparse.as_ref()).ok()?;
-    let columns: Vec<[f64; COLUMNS]> = loads.iter().enumerate().map(with_probe(typical)).collect();
-    let mut answers = Mat::from_fn(size, COLUMNS, |row, column| columns[row][column]);
+    let mut answers = Mat::from_fn(columns.len(), COLUMNS, |row, column| columns[row][column]);
     factors.solve_in_place(&mut answers);
-    let answers: Vec<[f64; COLUMNS]> =
-        (0..size).map(|row| std::array::from_fn(|column| answers[(row, column)])).collect();
-    is_trustworthy(matrix, &columns, &answers, typical)
-        .then(|| answers.iter().map(|row| std::array::from_fn(|direction| row[direction])).collect())
+    Some((0..columns.len()).map(|row| std::array::from_fn(|column| answers[(row, column)])).collect())
 }
 
 /// Appends the probe of the softest mode: a fixed load without regularity has a share of every mode. (Multiples of an
