@@ -1,5 +1,10 @@
 //! One binary that plays every role: macro solver, worker, and the tools around them.
 
+mod cli;
 mod scene;
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

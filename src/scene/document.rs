@@ -87,6 +87,23 @@ impl Document {
         InputError::at(self.path.display(), problem.to_string())
     }
 
+    /// An error whose message begins with `table.key`, as those of the grain definition do: that key gives the place.
+    pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {
+        let problem = problem.to_string();
+        let key: String =
+            problem.chars().take_while(|&letter| letter.is_alphanumeric() || "._".contains(letter)).collect();
+        let path: Vec<String> = key.split('.').map(str::to_owned).collect();
+        let located = self
+            .table()
+            .ok()
+            .and_then(|root| (1..=path.len()).rev().find_map(|depth| find(root.get_ref(), &path[..depth])));
+        match located {
+            Some(span) => self.error_at(span, problem),
+            None => self.error(problem),
+        }
+        .hint("the keys, their units and defaults are in docs/scene.md")
+    }
+
     /// The document with overrides applied and `replacements` made (path to a key, its new value), as TOML text.
     /// Comments and layout of the file are kept as long as every change concerns a key that the file has.
     pub(crate) fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
@@ -159,22 +176,24 @@ impl Document {
 
     fn refuse_non_finite_value(&self, key: &str, value: &Spanned<DeValue<'_>>) -> Result<(), InputError> {
         match value.get_ref() {
-            DeValue::Float(number) if !number.as_str().replace('_', "").parse().is_ok_and(f64::is_finite) => Err(self
-                .error_at(value.span(), format!("`{key}` is {}, which is not a finite number", number.as_str()))
-                .hint("every quantity has to be a finite number in SI units")),
-            DeValue::Array(entries) => {
-                entries.iter().try_for_each(|entry| self.refuse_non_finite_value(key, entry))
+            DeValue::Float(number) if !number.as_str().replace('_', "").parse().is_ok_and(f64::is_finite) => {
+                Err(self
+                    .error_at(value.span(), format!("`{key}` is {}, which is not a finite number", number.as_str()))
+                    .hint("every quantity has to be a finite number in SI units"))
             }
+            DeValue::Array(entries) => entries.iter().try_for_each(|entry| self.refuse_non_finite_value(key, entry)),
             DeValue::Table(table) => self.refuse_non_finite(table),
             _ => Ok(()),
         }
     }
 
     fn toml_error(&self, error: &toml::de::Error) -> InputError {
-        let message = error.message().trim().replace('\n', ", ").replace("unknown field", "unknown key").replace(
-            "missing field",
-            "missing key",
-        );
+        let message = error
+            .message()
+            .trim()
+            .replace('\n', ", ")
+            .replace("unknown field", "unknown key")
+            .replace("missing field", "missing key");
         let located = match error.span() {
             Some(span) => self.error_at(span, &message),
             None => self.error(&message),

@@ -1,4 +1,12 @@
 //! The scene file: from TOML text to a problem, a definition of the grains, and what to write.
 
-pub(crate) mod document;
-pub(crate) mod input_error;
+mod build;
+mod document;
+mod input_error;
+mod probes;
+mod schema;
+mod sets;
+
+pub(crate) use build::{Scene, read_packing};
+pub(crate) use document::Document;
+pub(crate) use input_error::InputError;

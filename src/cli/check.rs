@@ -1,0 +1,100 @@
+//! `grainspan check SCENE.toml`: validates everything a run would need and runs nothing.
+
+use super::exit::{Exit, Failure};
+use super::stdout::print;
+use crate::scene::Scene;
+use macro_solver::problem::Problem;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `grainspan check`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example:\n  grainspan check scenes/biaxial.toml --set mesh.element=q4")]
+pub(crate) struct Arguments {
+    /// Scene file
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Override a key of the scene; entries of [[lists]] are numbered from 0
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+}
+
+/// Checks the scene and prints an overview.
+///
+/// # Errors
+/// The first thing that a run would refuse.
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
+    print(overview(&scene).as_bytes())?;
+    Ok(Exit::Done)
+}
+
+/// What a run of the scene would be, for people.
+fn overview(scene: &Scene) -> String {
+    let problem = &scene.problem;
+    let packing = &scene.definition.packing;
+    let options = &scene.definition.options;
+    let points = problem.point_count();
+    let steps = problem.control.increments;
+    // Between the first steps and those after the peak, measured on biaxial tests.
+    let evaluations = [2, 6].map(|per_step| per_step * steps * points);
+    let lines = [
+        ("scene", format!("{} ({})", scene.name, scene.document.path().display())),
+        (
+            "mesh",
+            format!(
+                "{} {:?} elements, {} nodes",
+                problem.mesh.elements.len(),
+                problem.mesh.kind,
+                problem.mesh.nodes.len()
+            ),
+        ),
+        (
+            "degrees of freedom",
+            format!("{} of which {} are prescribed", 2 * problem.mesh.nodes.len(), prescribed(problem)),
+        ),
+        ("Gauss points", points.to_string()),
+        ("packing", format!("{} grains in {}", packing.grains.len(), scene.packing_path.display())),
+        (
+            "grain solver",
+            format!(
+                "{:?}, strain per step {:e}, tolerance {:e} ({:?})",
+                options.damping,
+                options.strain_per_step(),
+                options.tolerance(),
+                options.criterion
+            ),
+        ),
+        ("tangent", problem.strategy.tangent.keyword().to_owned()),
+        ("steps", format!("{steps} if nothing is cut back")),
+        ("evaluations", format!("about {} to {}", evaluations[0], evaluations[1])),
+        (
+            "history columns",
+            scene.record.probes.iter().map(|probe| probe.name.as_str()).collect::<Vec<_>>().join(", "),
+        ),
+    ];
+    let mut text = String::new();
+    for (label, value) in lines {
+        writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
+    }
+    text.push_str("The scene is sound; nothing was run.\n");
+    text
+}
+
+/// Number of prescribed displacement components.
+fn prescribed(problem: &Problem) -> usize {
+    use macro_solver::problem::{Condition, Platen};
+    let mut fixed = std::collections::BTreeSet::new();
+    for condition in &problem.conditions {
+        let (nodes, axes): (&str, &[usize]) = match condition {
+            Condition::Displacement { nodes, axis, .. } => (nodes, if axis.index() == 0 { &[0] } else { &[1] }),
+            Condition::Platen { nodes, contact: Platen::Smooth, .. } => (nodes, &[1]),
+            Condition::Platen { nodes, contact: Platen::Rough, .. } => (nodes, &[0, 1]),
+            Condition::Pressure { .. } => continue,
+        };
+        for &node in &problem.mesh.node_sets[nodes] {
+            fixed.extend(axes.iter().map(|&axis| (node, axis)));
+        }
+    }
+    fixed.len()
+}

@@ -1,0 +1,52 @@
+//! The command line: what can be asked, and how each command ends.
+
+mod check;
+mod completions;
+mod exit;
+mod stdout;
+
+use clap::{Parser, Subcommand};
+use exit::{Exit, Failure};
+use std::process::ExitCode;
+
+const EXAMPLES: &str = "\
+Examples:
+  grainspan check scenes/biaxial.toml                validate a scene without running it
+  grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
+  grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=40
+  grainspan pack packings/discs-400.toml --out packing.json
+  grainspan element test.toml --out curve.csv        one packing along a strain/stress path
+
+Exit codes: 0 done; 1 did not converge; 2 bad input; 3 workers lost; 130 interrupted.";
+
+/// FEM x DEM multiscale simulation: finite elements whose material law is a packing of grains, solved by a pool of
+/// worker processes.
+#[derive(Debug, Parser)]
+#[command(name = "grainspan", version, after_help = EXAMPLES)]
+pub(crate) struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Validate everything a run would need; run nothing
+    Check(check::Arguments),
+    /// Print a completion script for a shell
+    Completions(completions::Arguments),
+}
+
+/// Reads the command line, does what it says and returns the exit code.
+pub(crate) fn main() -> ExitCode {
+    let ended = match CommandLine::parse().command {
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+    };
+    match ended {
+        Ok(exit) => exit.code(),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.exit.code()
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! The end of a run: `summary.json`, and the same for people.
+
+use macro_solver::observer::{FlagCounts, Outcome, Run};
+use macro_solver::output::{RunStatus, Summary, TimeShares};
+use macro_solver::pool::PoolStatistics;
+use protocol::PROTOCOL_VERSION;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// What the summary needs beside the solver's and the pool's own figures.
+pub(super) struct Circumstances {
+    /// Gauss points of the mesh.
+    pub(super) gauss_points: usize,
+    /// Workers asked for.
+    pub(super) workers: usize,
+    /// Wall time from the first worker's start to the end of the last step, s.
+    pub(super) wall_s: f64,
+    /// The energy ledger.
+    pub(super) energy: BTreeMap<String, f64>,
+    /// Content identity of the grains' definition.
+    pub(super) definition: String,
+}
+
+/// Puts the figures of solver and pool together.
+pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) -> Summary {
+    let statistics = &run.statistics;
+    let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
+    Summary {
+        status: status(&run.outcome),
+        steps: statistics.steps,
+        gauss_points: about.gauss_points as u64,
+        newton_iterations: statistics.iterations,
+        rve_evaluations: statistics.evaluations,
+        evaluations_per_gauss_point: statistics.evaluations as f64 / about.gauss_points as f64,
+        workers: about.workers as u64,
+        worker_restarts: pool.worker_restarts,
+        reissued_jobs: pool.reissued,
+        cutbacks: statistics.cut_backs,
+        fallbacks: fallbacks(&statistics.flags, pool, statistics.secant_refusals),
+        skipped: named([
+            ("unchanged_targets", statistics.skipped),
+            ("equal_questions", pool.duplicates_skipped),
+            ("null_targets", statistics.flags.null_targets),
+        ]),
+        time: TimeShares {
+            wall_s: about.wall_s,
+            rve_s: pool.rve_s,
+            tangent_s: pool.tangent_s,
+            transport_s: pool.transport_s,
+            assembly_s: seconds(statistics.assembly_nanoseconds),
+            linear_solver_s: seconds(statistics.linear_solver_nanoseconds),
+            // A worker waits while an evaluation is under way, and all of them while the macro does anything else.
+            idle_s: pool.idle_s + (about.wall_s - pool.wall_s).max(0.0) * about.workers as f64,
+        },
+        energy: about.energy,
+        versions: BTreeMap::from([
+            ("grainspan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
+            ("definition".to_owned(), about.definition),
+        ]),
+    }
+}
+
+fn status(outcome: &Outcome) -> RunStatus {
+    match outcome {
+        Outcome::Completed => RunStatus::Done,
+        Outcome::DidNotConverge { .. } => RunStatus::NotConverged,
+        Outcome::Interrupted => RunStatus::Interrupted,
+        Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
+        Outcome::Stopped(_) | Outcome::Refused(_) => RunStatus::OutputFailed,
+    }
+}
+
+fn fallbacks(flags: &FlagCounts, pool: &PoolStatistics, secant_refusals: u64) -> BTreeMap<String, u64> {
+    named([
+        ("not_equilibrated", flags.not_equilibrated),
+        ("tangent_fallback", flags.tangent_fallback),
+        ("tangent_regularised", flags.tangent_regularised),
+        ("large_overlap", flags.large_overlap),
+        ("no_contacts", flags.fluid),
+        ("secant_refused", secant_refusals),
+        ("workers_lost", pool.workers_lost),
+        ("workers_hung", pool.workers_hung),
+        ("workers_faulty", pool.workers_faulty),
+        ("messages_refused", pool.refused_messages),
+    ])
+}
+
+fn named<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
+    counts.into_iter().map(|(name, count)| (name.to_owned(), count)).collect()
+}
+
+/// The closing lines of a run.
+pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64, folder: &str) -> String {
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        writeln!(text, "  {label:<14} {value}").expect("writing to a String cannot fail");
+    };
+    let per_step = summary.evaluations_per_gauss_point / (summary.steps.max(1) as f64);
+    line("evaluations", format!(
+        "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step",
+        summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point
+    ));
+    line("grain solver", format!(
+        "{force_evaluations} force evaluations, {:.0} per evaluation",
+        force_evaluations as f64 / summary.rve_evaluations.max(1) as f64
+    ));
+    line("worker time", worker_time(summary));
+    line("macro time", format!(
+        "assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s
+    ));
+    line("fell short", shortfalls(summary));
+    let saved: Vec<String> = nonzero(&summary.skipped);
+    line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });
+    line("written to", folder.to_owned());
+    format!("{}\n{text}", headline(summary, outcome))
+}
+
+fn headline(summary: &Summary, outcome: &Outcome) -> String {
+    let figures = format!(
+        "{} steps, {} iterations in {:.1} s with {} workers",
+        summary.steps, summary.newton_iterations, summary.time.wall_s, summary.workers
+    );
+    match outcome {
+        Outcome::Completed => format!("done: {figures}"),
+        Outcome::DidNotConverge { reason } => format!("did not converge after {figures}: {reason}"),
+        Outcome::Interrupted => format!("interrupted after {figures}"),
+        Outcome::WorkersLost { reason } => format!("workers lost after {figures}: {reason}"),
+        Outcome::Stopped(request) => format!("stopped after {figures}: {request}"),
+        Outcome::Refused(error) => format!("refused: {error}"),
+    }
+}
+
+fn worker_time(summary: &Summary) -> String {
+    let time = &summary.time;
+    let parts = [
+        ("grains", time.rve_s),
+        ("tangent", time.tangent_s),
+        ("transport", time.transport_s),
+        ("idle", time.idle_s),
+    ];
+    let total: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
+    let share = |seconds: f64| if total > 0.0 { 100.0 * seconds / total } else { 0.0 };
+    parts.map(|(name, seconds)| format!("{name} {seconds:.1} s ({:.1} %)", share(seconds))).join(", ")
+}
+
+fn shortfalls(summary: &Summary) -> String {
+    let mut found = nonzero(&summary.fallbacks);
+    for (name, count) in [
+        ("cut-backs", summary.cutbacks),
+        ("restarted workers", summary.worker_restarts),
+        ("jobs given out again", summary.reissued_jobs),
+    ] {
+        if count > 0 {
+            found.push(format!("{name} {count}"));
+        }
+    }
+    if found.is_empty() { "nothing".to_owned() } else { found.join(", ") }
+}
+
+fn nonzero(counts: &BTreeMap<String, u64>) -> Vec<String> {
+    counts.iter().filter(|(_, count)| **count > 0).map(|(name, count)| format!("{} {count}", name.replace('_', " "))).collect()
+}

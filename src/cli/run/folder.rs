@@ -1,0 +1,122 @@
+//! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
+
+use crate::scene::InputError;
+use macro_solver::output::{OutputError, write_atomically};
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// Everything that a run writes; these names are replaced in a folder of an earlier run.
+const FILES: [&str; 8] = [
+    "history.csv",
+    "history.svg",
+    "fields.pvd",
+    "gauss_points.pvd",
+    "summary.json",
+    "run.jsonl",
+    "scene.toml",
+    "packing.json",
+];
+
+/// Folders that a run fills.
+const FOLDERS: [&str; 2] = ["fields", "grains"];
+
+/// Why the folder cannot be used.
+#[derive(Debug)]
+pub(super) enum FolderError {
+    /// It holds something else.
+    Input(InputError),
+    /// The system refuses.
+    Output(OutputError),
+}
+
+/// A folder that is ready to be written to.
+#[derive(Debug)]
+pub(super) struct OutputFolder {
+    path: PathBuf,
+}
+
+impl OutputFolder {
+    /// Makes the folder, or empties that of an earlier run, and writes the scene and the packing into it. A folder that
+    /// cannot take even these is removed again if it was new.
+    ///
+    /// # Errors
+    /// The path is a file, or a folder with files that are not a run's; the system refuses.
+    pub(super) fn prepare(path: &Path, scene: &str, packing: &str) -> Result<Self, FolderError> {
+        refuse_foreign(path).map_err(FolderError::Input)?;
+        let is_new = !path.exists();
+        let folder = Self { path: path.to_owned() };
+        let filled = folder.fill(scene, packing);
+        if filled.is_err() && is_new {
+            // The error that is reported is the one that matters; what cannot be removed was never made.
+            let _ = fs::remove_dir_all(path);
+        }
+        filled.map_err(FolderError::Output)?;
+        Ok(folder)
+    }
+
+    /// Where it lies.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn fill(&self, scene: &str, packing: &str) -> Result<(), OutputError> {
+        fs::create_dir_all(&self.path).map_err(|source| OutputError::write(&self.path, source))?;
+        for name in FILES {
+            let file = self.path.join(name);
+            absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
+        }
+        for name in FOLDERS {
+            let below = self.path.join(name);
+            absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
+        }
+        write_atomically(&self.path.join("packing.json"), packing.as_bytes())?;
+        write_atomically(&self.path.join("scene.toml"), scene.as_bytes())
+    }
+}
+
+/// What is not there need not be removed.
+fn absent(removed: std::io::Result<()>) -> std::io::Result<()> {
+    match removed {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+fn refuse_foreign(path: &Path) -> Result<(), InputError> {
+    let unusable = |problem: String| InputError::at(format!("--out {}", path.display()), problem);
+    if path.exists() && !path.is_dir() {
+        return Err(unusable("this is a file, not a folder".to_owned()).hint("name a folder that may be created"));
+    }
+    let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
+    for entry in entries.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if !FILES.contains(&name.as_str()) && !FOLDERS.contains(&name.as_str()) {
+            return Err(unusable(format!("the folder holds '{name}', which no run has written"))
+                .hint("name an empty or new folder; an earlier run's files would be replaced, others never are"));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_earlier_run_is_replaced_and_foreign_files_are_never_touched() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("out");
+        OutputFolder::prepare(&path, "a = 1", "{}").unwrap();
+        fs::write(path.join("history.csv"), "old").unwrap();
+        fs::create_dir(path.join("fields")).unwrap();
+        fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
+        OutputFolder::prepare(&path, "a = 2", "{}").unwrap();
+        assert!(!path.join("history.csv").exists() && !path.join("fields").exists());
+        assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
+
+        fs::write(path.join("thesis.txt"), "mine").unwrap();
+        assert!(matches!(OutputFolder::prepare(&path, "a = 3", "{}"), Err(FolderError::Input(_))));
+        assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
+    }
+}

@@ -1,0 +1,141 @@
+//! `grains/*.vtp`: the grains of chosen Gauss points, drawn from their committed snapshots.
+//!
+//! [`SnapshotTap`] sits between solver and pool and keeps the snapshots of the chosen points at every commit;
+//! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
+
+use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
+use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
+use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
+use macro_solver::pool::Pool;
+use protocol::transport::MacroPort;
+use protocol::{RveSolver, TrialAnswer};
+use rve_server::definition::GrainDefinition;
+use rve_server::engine::GrainRve;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Committed snapshots of the chosen points; no bytes mean the packing as given.
+pub(super) type Snapshots = Rc<RefCell<BTreeMap<PointId, Arc<[u8]>>>>;
+
+/// Passes everything on to the pool and keeps snapshots.
+pub(super) struct SnapshotTap<'a, P: MacroPort> {
+    pool: &'a mut Pool<P>,
+    points: Vec<PointId>,
+    snapshots: Snapshots,
+}
+
+impl<'a, P: MacroPort> SnapshotTap<'a, P> {
+    /// A tap for these points, and where their snapshots appear.
+    pub(super) fn new(pool: &'a mut Pool<P>, points: &[PointId]) -> (Self, Snapshots) {
+        let snapshots = Snapshots::default();
+        let tap = Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots) };
+        tap.keep();
+        (tap, snapshots)
+    }
+
+    fn keep(&self) {
+        let mut snapshots = self.snapshots.borrow_mut();
+        for &point in &self.points {
+            snapshots.insert(point, Arc::clone(&self.pool.committed_snapshot(point).1.bytes));
+        }
+    }
+}
+
+impl<P: MacroPort> PointMaterial for SnapshotTap<'_, P> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        self.pool.evaluate(trials)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.pool.commit()?;
+        self.keep();
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.pool.rollback();
+    }
+}
+
+/// Writes the grains of the chosen points.
+pub(super) struct GrainWriter {
+    folder: PathBuf,
+    every: u64,
+    duration: f64,
+    snapshots: Snapshots,
+    cell: GrainRve,
+    fresh: GrainRve,
+    series: BTreeMap<PointId, FieldSeries>,
+}
+
+impl GrainWriter {
+    /// A writer into `folder/grains`, after every so many steps (0 = never).
+    ///
+    /// # Errors
+    /// The folder cannot be made, or the definition is not a cell of grains.
+    pub(super) fn create(
+        folder: &Path,
+        definition: &GrainDefinition,
+        every: u64,
+        duration: f64,
+        snapshots: Snapshots,
+    ) -> Result<Self, StopRequest> {
+        let folder = folder.join("grains");
+        if every > 0 && !snapshots.borrow().is_empty() {
+            fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
+        }
+        let fresh = GrainRve::new(definition).map_err(stop)?;
+        Ok(Self { folder, every, duration, snapshots, cell: fresh.clone(), fresh, series: BTreeMap::new() })
+    }
+
+    fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
+        for (&point, snapshot) in self.snapshots.borrow().iter() {
+            self.cell = self.fresh.clone();
+            if !snapshot.is_empty() {
+                self.cell.restore(snapshot).map_err(stop)?;
+            }
+            let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
+            write_grains(&self.folder.join(&name), &mut self.cell).map_err(stop)?;
+            let folder = &self.folder;
+            let series = self
+                .series
+                .entry(point)
+                .or_insert_with(|| FieldSeries::new(&folder.join(format!("point-{point:04}.pvd"))));
+            series.add(report.load * self.duration, name).map_err(stop)?;
+        }
+        Ok(())
+    }
+}
+
+impl Observer for GrainWriter {
+    fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let wanted = self.every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(self.every));
+        if wanted { self.write(report) } else { Ok(()) }
+    }
+}
+
+fn stop(reason: impl ToString) -> StopRequest {
+    StopRequest { reason: reason.to_string() }
+}
+
+/// One cloud: centres as they are (not wrapped into the cell), radius, rotation, number of contacts, rattler or not.
+fn write_grains(path: &Path, cell: &mut GrainRve) -> Result<(), OutputError> {
+    let network = cell.committed_network();
+    let mut contacts = vec![0.0; network.positions.len()];
+    for contact in &network.contacts {
+        contacts[contact.origin as usize] += 1.0;
+        contacts[contact.end as usize] += 1.0;
+    }
+    let rattlers = network.rattlers().into_iter().map(|rattler| f64::from(u8::from(rattler))).collect();
+    let fields = [
+        Field::scalar("radius", network.radii.clone()),
+        Field::scalar("rotation", cell.committed().rotations.clone()),
+        Field::scalar("contacts", contacts),
+        Field::scalar("rattler", rattlers),
+    ];
+    write_particles(path, &network.positions, &fields)
+}

@@ -1,0 +1,102 @@
+//! `run.jsonl`: one JSON object per event, written by `tracing`.
+
+use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
+use macro_solver::output::OutputError;
+use macro_solver::problem::Problem;
+use std::fs::File;
+use std::path::Path;
+use std::sync::Mutex;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Starts the journal of this process: everything from DEBUG on (the transport's own library from WARN on) goes to the
+/// file.
+///
+/// # Errors
+/// The file cannot be made.
+pub(super) fn open(path: &Path) -> Result<(), OutputError> {
+    let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
+    let targets = Targets::new().with_default(LevelFilter::DEBUG).with_target("iceoryx2", LevelFilter::WARN);
+    let layer = tracing_subscriber::fmt::layer()
+        .json()
+        .flatten_event(true)
+        .with_current_span(false)
+        .with_span_list(false)
+        .with_writer(Mutex::new(file))
+        .with_filter(targets);
+    // A second run in one process would keep the first journal; the binary starts one run.
+    let _ = tracing_subscriber::registry().with(layer).try_init();
+    Ok(())
+}
+
+/// Writes what the solver does into the journal.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Journal;
+
+impl Observer for Journal {
+    fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
+        tracing::info!(
+            event = "started",
+            elements = problem.mesh.elements.len(),
+            gauss_points = problem.point_count(),
+            increments = problem.control.increments,
+            tangent = problem.strategy.tangent.keyword(),
+        );
+        Ok(())
+    }
+
+    fn iterated(&mut self, report: &IterationReport) {
+        tracing::debug!(
+            event = "iteration",
+            step = report.step,
+            load = report.load,
+            iteration = report.iteration,
+            evaluations = report.evaluations,
+            force_ratio = report.force_ratio,
+            displacement_ratio = report.displacement_ratio,
+            turned_down = report.turned_down,
+        );
+    }
+
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        tracing::info!(
+            event = "step",
+            step = report.step,
+            load = report.load,
+            iterations = report.iterations,
+            evaluations = report.evaluations,
+            skipped = report.skipped,
+            cut_backs = report.cut_backs,
+            force_ratio = report.force_ratio,
+            displacement_ratio = report.displacement_ratio,
+            not_equilibrated = report.flags.not_equilibrated,
+            tangent_fallback = report.flags.tangent_fallback,
+            force_evaluations = fields.statistics.cost.force_evaluations,
+        );
+        Ok(())
+    }
+
+    fn cut_back(&mut self, event: &CutBack) {
+        tracing::warn!(
+            event = "cut_back",
+            step = event.step,
+            load = event.load,
+            from = event.from,
+            to = event.to,
+            reason = event.reason,
+        );
+    }
+
+    fn finished(&mut self, run: &Run) {
+        tracing::info!(
+            event = "finished",
+            outcome = ?run.outcome,
+            load = run.load,
+            steps = run.statistics.steps,
+            iterations = run.statistics.iterations,
+            evaluations = run.statistics.evaluations,
+        );
+    }
+}

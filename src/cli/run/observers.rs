@@ -1,0 +1,30 @@
+//! Several observers in a row.
+
+use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
+use macro_solver::problem::Problem;
+
+/// Tells each observer everything, in order. The first that asks to stop ends the round: what follows has not seen the
+/// step, and the run ends.
+pub(super) struct Chain<'a>(pub(super) Vec<&'a mut dyn Observer>);
+
+impl Observer for Chain<'_> {
+    fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
+        self.0.iter_mut().try_for_each(|observer| observer.started(problem))
+    }
+
+    fn iterated(&mut self, report: &IterationReport) {
+        self.0.iter_mut().for_each(|observer| observer.iterated(report));
+    }
+
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        self.0.iter_mut().try_for_each(|observer| observer.accepted(report, fields))
+    }
+
+    fn cut_back(&mut self, event: &CutBack) {
+        self.0.iter_mut().for_each(|observer| observer.cut_back(event));
+    }
+
+    fn finished(&mut self, run: &Run) {
+        self.0.iter_mut().for_each(|observer| observer.finished(run));
+    }
+}

@@ -1,0 +1,113 @@
+//! `history.svg`: one curve of the history, readable without any tool.
+
+use macro_solver::output::HistoryRow;
+use plotters::prelude::*;
+
+/// Width and height of the picture, px.
+const SIZE: (u32, u32) = (720, 480);
+
+/// Draws one column of the history over another and returns the SVG text; `None` if there are not two points that
+/// differ along x, or a number is not finite.
+pub(super) fn curve(
+    rows: &[HistoryRow],
+    probes: &[String],
+    x: &str,
+    y: &str,
+) -> Result<Option<String>, DrawingAreaErrorKind<std::io::Error>> {
+    let column = |name: &str| -> Vec<f64> {
+        rows.iter()
+            .map(|row| match name {
+                "time" => row.time,
+                "load" => row.load,
+                name => probes.iter().position(|probe| probe == name).map_or(f64::NAN, |index| row.probes[index]),
+            })
+            .collect()
+    };
+    let (xs, ys) = (column(x), column(y));
+    let (Some(horizontal), Some(vertical)) = (range(&xs), range(&ys)) else { return Ok(None) };
+    let mut text = String::new();
+    draw(&mut text, [x, y], [horizontal, vertical], xs.into_iter().zip(ys).collect())?;
+    Ok(Some(text))
+}
+
+fn draw(
+    text: &mut String,
+    [x, y]: [&str; 2],
+    [horizontal, vertical]: [std::ops::Range<f64>; 2],
+    points: Vec<(f64, f64)>,
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    area.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin(16)
+        .x_label_area_size(44)
+        .y_label_area_size(84)
+        .build_cartesian_2d(horizontal, vertical)?;
+    chart
+        .configure_mesh()
+        .x_desc(x)
+        .y_desc(y)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .light_line_style(WHITE)
+        .draw()?;
+    let colour = RGBColor(20, 80, 160);
+    chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))?;
+    chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, colour.filled())))?;
+    area.present()
+}
+
+/// Smallest range that holds all values with a margin; `None` when a value is not finite or there are none.
+fn range(values: &[f64]) -> Option<std::ops::Range<f64>> {
+    if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
+        return None;
+    }
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // A constant column still needs a range that is not empty.
+    let margin = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+    Some(low - margin..high + margin)
+}
+
+/// Four significant digits, without trailing zeros.
+fn tick(value: &f64) -> String {
+    if *value == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-4..1e5).contains(&value.abs()) {
+        return format!("{value:.1e}");
+    }
+    let decimals = (3 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(step: u64, value: f64) -> HistoryRow {
+        let load = step as f64 / 10.0;
+        HistoryRow { step, time: load, load, iterations: 1, evaluations: 8, probes: vec![value] }
+    }
+
+    #[test]
+    fn a_curve_is_an_svg_with_its_axes_named() {
+        let rows: Vec<HistoryRow> = (0..5).map(|step| row(step, 2.0 * step as f64)).collect();
+        let text = curve(&rows, &["ratio".to_owned()], "load", "ratio").unwrap().unwrap();
+        assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
+        assert!(text.contains("ratio") && text.contains("load") && text.contains("<polyline"));
+    }
+
+    #[test]
+    fn a_column_that_is_not_finite_gives_no_picture() {
+        let rows = [row(0, f64::NAN), row(1, 1.0)];
+        assert_eq!(curve(&rows, &["ratio".to_owned()], "load", "ratio").unwrap(), None);
+        assert_eq!(curve(&[], &[], "load", "load").unwrap(), None);
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        assert_eq!([0.0, 0.02, 100_000.0, 1234.0, -2.5e-7].map(|value| tick(&value)), ["0", "0.02", "1.0e5", "1234", "-2.5e-7"]);
+    }
+}

@@ -1,0 +1,94 @@
+//! What a person sees while a run goes: a bar with the time left on a terminal, a line per step elsewhere.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, StepReport, StopRequest};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+/// Positions of the bar over the whole path.
+const RESOLUTION: f64 = 1000.0;
+
+/// Shows how far a run is.
+#[derive(Debug)]
+pub(super) struct Progress {
+    view: View,
+    begun: Instant,
+}
+
+#[derive(Debug)]
+enum View {
+    Bar(ProgressBar),
+    Lines,
+    Nothing,
+}
+
+impl Progress {
+    /// A bar if standard error is a terminal, lines if not, nothing if `quiet`.
+    pub(super) fn new(quiet: bool) -> Self {
+        let view = if quiet {
+            View::Nothing
+        } else if std::io::stderr().is_terminal() {
+            View::Bar(bar())
+        } else {
+            View::Lines
+        };
+        Self { view, begun: Instant::now() }
+    }
+
+    fn say(&self, line: &str) {
+        match &self.view {
+            View::Bar(bar) => bar.println(line),
+            View::Lines => eprintln!("{line}"),
+            View::Nothing => {}
+        }
+    }
+}
+
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {elapsed} / left {eta}  {msg}")
+        .expect("the template is a constant");
+    let bar = ProgressBar::new(RESOLUTION as u64).with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(500));
+    bar
+}
+
+impl Observer for Progress {
+    fn iterated(&mut self, report: &IterationReport) {
+        if let View::Bar(bar) = &self.view {
+            bar.set_message(format!(
+                "step {} iteration {}: out of balance {:.1e}",
+                report.step, report.iteration, report.force_ratio
+            ));
+        }
+    }
+
+    fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        match &self.view {
+            View::Bar(bar) => bar.set_position((report.load * RESOLUTION) as u64),
+            View::Lines => {
+                let elapsed = self.begun.elapsed().as_secs_f64();
+                let left = if report.load > 0.0 { elapsed / report.load * (1.0 - report.load) } else { f64::NAN };
+                let left = if left.is_nan() { String::new() } else { format!(", about {left:.0} s left") };
+                eprintln!(
+                    "step {:>3}  load {:.4}  {:>2} iterations  {:>5} evaluations  out of balance {:.1e}  {elapsed:.1} s{left}",
+                    report.step, report.load, report.iterations, report.evaluations, report.force_ratio
+                );
+            }
+            View::Nothing => {}
+        }
+        Ok(())
+    }
+
+    fn cut_back(&mut self, event: &CutBack) {
+        self.say(&format!(
+            "step {:>3}  cut back from {:.2e} to {:.2e} of the path: {}",
+            event.step, event.from, event.to, event.reason
+        ));
+    }
+
+    fn finished(&mut self, _run: &macro_solver::observer::Run) {
+        if let View::Bar(bar) = &self.view {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
+//! folder is made or any process started.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::probes::probes;
+use super::schema::{
+    BoundaryTable, Element, Generator, LoadingTable, MeshTable, ObservableKeyword, OutputTable, PlatenKind,
+    PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable,
+};
+use super::sets::Sets;
+use macro_solver::mesh::block::Block;
+use macro_solver::mesh::{ElementKind, Mesh};
+use macro_solver::output::{Probe, RecordPlan};
+use macro_solver::problem::{
+    Axis, Condition, Platen, Predictor, PressureKind, Problem, SecantGates, StepControl, Strategy, Tolerances,
+};
+use protocol::{Observables, TangentKind};
+use rve_server::definition::GrainDefinition;
+use rve_server::packing::PackingFile;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// A scene, checked and ready to run.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    /// Its name: names the output folder.
+    pub(crate) name: String,
+    /// The file it came from.
+    pub(crate) document: Document,
+    /// What the solver solves.
+    pub(crate) problem: Problem,
+    /// What every Gauss point is made of.
+    pub(crate) definition: GrainDefinition,
+    /// Where the packing was read.
+    pub(crate) packing_path: PathBuf,
+    /// What is recorded.
+    pub(crate) record: RecordPlan,
+    /// Gauss points whose grains are written.
+    pub(crate) grains: Vec<usize>,
+    /// Columns of the plot, x and y; `None` = no plot.
+    pub(crate) plot: Option<(String, String)>,
+}
+
+impl Scene {
+    /// Reads and checks a scene file with its overrides and its packing.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its place and remedy.
+    pub(crate) fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+        let document = Document::read(path, overrides)?;
+        let file: SceneFile = document.deserialize()?;
+        let name = name(&document, file.name.as_ref())?;
+        let mesh = mesh(&document, &file.mesh)?;
+        let sets = Sets { mesh: &mesh };
+        let mut conditions = Vec::new();
+        for boundary in &file.boundary {
+            conditions.extend(boundary_conditions(&document, &sets, boundary.get_ref())?);
+        }
+        for pressure in &file.pressure {
+            conditions.push(pressure_condition(&document, &sets, pressure.get_ref())?);
+        }
+        if conditions.is_empty() {
+            return Err(document
+                .error("the scene holds and loads nothing")
+                .hint("add at least one [[boundary]] with set and displacement"));
+        }
+        let probes = probes(&document, &sets, &file.probe)?;
+        let observables = observables(&document, &file.output, &probes)?;
+        let duration = duration(&document, &file.loading)?;
+        let plot = plot(&document, &file.output, &probes)?;
+        let (definition, packing_path) = definition(&document, &file)?;
+        let mut problem = Problem::new(mesh, conditions);
+        problem.control = step_control(&file.loading);
+        problem.tolerances = tolerances(&file.solver);
+        problem.strategy = strategy(&document, &file.solver)?;
+        problem.observables = observables;
+        problem.strain_per_step = definition.options.strain_per_step();
+        problem.validate().map_err(|error| document.error(error))?;
+        let grains = grains(&document, &file.output, problem.point_count())?;
+        let record = RecordPlan {
+            probes,
+            duration,
+            fields_every: file.output.fields_every,
+            gauss_points: file.output.gauss_points,
+            observables,
+        };
+        Ok(Self { name, document, problem, definition, packing_path, record, grains, plot })
+    }
+}
+
+fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, InputError> {
+    let Some(given) = given else {
+        let stem = document.path().file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        return Ok(stem.unwrap_or_else(|| "scene".to_owned()));
+    };
+    let sound = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if given.get_ref().is_empty() || !given.get_ref().chars().all(sound) {
+        return Err(document
+            .error_at(given.span(), format!("'{}' cannot name a folder", given.get_ref()))
+            .hint("use letters, digits, '-' and '_' only"));
+    }
+    Ok(given.get_ref().clone())
+}
+
+fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Mesh, InputError> {
+    let keys = table.get_ref();
+    let [width, height] = *keys.size.get_ref();
+    let [columns, rows] = *keys.elements.get_ref();
+    let kind = match keys.element {
+        Element::Q4 => ElementKind::Q4,
+        Element::Q8 => ElementKind::Q8,
+    };
+    if !(width > 0.0 && height > 0.0) {
+        return Err(document
+            .error_at(keys.size.span(), format!("a block of {width} m x {height} m turns its elements inside out"))
+            .hint("give size = [width, height] as two positive lengths in m"));
+    }
+    if columns == 0 || rows == 0 {
+        return Err(document
+            .error_at(keys.elements.span(), format!("a block of {columns} x {rows} elements is empty"))
+            .hint("give elements = [along x, along y], at least one each way"));
+    }
+    match keys.generator {
+        Generator::Block => Block { width, height, columns, rows, kind }
+            .mesh()
+            .map_err(|error| document.error_at(table.span(), error)),
+    }
+}
+
+fn boundary_conditions(
+    document: &Document,
+    sets: &Sets<'_>,
+    boundary: &BoundaryTable,
+) -> Result<Vec<Condition>, InputError> {
+    let nodes = sets.node_set(document, &boundary.set)?;
+    let components = *boundary.displacement.get_ref();
+    let Some(platen) = boundary.platen else {
+        let conditions: Vec<Condition> = [(Axis::X, components.x), (Axis::Y, components.y)]
+            .into_iter()
+            .filter_map(|(axis, value)| Some(Condition::Displacement { nodes: nodes.clone(), axis, value: value? }))
+            .collect();
+        if conditions.is_empty() {
+            return Err(document
+                .error_at(boundary.displacement.span(), "no component is prescribed")
+                .hint("write for example displacement = { y = 0.0 }"));
+        }
+        return Ok(conditions);
+    };
+    let (None, Some(displacement)) = (components.x, components.y) else {
+        return Err(document
+            .error_at(boundary.displacement.span(), "a platen moves vertically")
+            .hint("write displacement = { y = ... } only; platen = \"rough\" also holds x"));
+    };
+    let contact = match platen {
+        PlatenKind::Smooth => Platen::Smooth,
+        PlatenKind::Rough => Platen::Rough,
+    };
+    Ok(vec![Condition::Platen { nodes, contact, displacement }])
+}
+
+fn pressure_condition(
+    document: &Document,
+    sets: &Sets<'_>,
+    pressure: &PressureTable,
+) -> Result<Condition, InputError> {
+    let kind = match pressure.kind {
+        PressureKeyword::Follower => PressureKind::Follower,
+        PressureKeyword::Dead => PressureKind::Dead,
+    };
+    Ok(Condition::Pressure { edges: sets.edge_set(document, &pressure.set)?, value: pressure.value, kind })
+}
+
+fn step_control(table: &LoadingTable) -> StepControl {
+    let mut control = StepControl::default();
+    replace(&mut control.increments, &table.increments);
+    replace(&mut control.min, &table.smallest_increment);
+    replace(&mut control.growth, &table.growth);
+    replace(&mut control.cut, &table.cut);
+    replace(&mut control.target_iterations, &table.easy_iterations);
+    replace(&mut control.max_iterations, &table.max_iterations);
+    control
+}
+
+fn tolerances(table: &SolverTable) -> Tolerances {
+    let mut tolerances = Tolerances::default();
+    replace(&mut tolerances.force, &table.force_tolerance);
+    replace(&mut tolerances.displacement, &table.displacement_tolerance);
+    tolerances
+}
+
+fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
+    if let Some(given) = given {
+        *target = *given.get_ref();
+    }
+}
+
+fn strategy(document: &Document, table: &SolverTable) -> Result<Strategy, InputError> {
+    let mut strategy = Strategy::default();
+    if let Some(tangent) = &table.tangent {
+        if *tangent.get_ref() == TangentKind::None {
+            return Err(document
+                .error_at(tangent.span(), "the solver cannot work without a tangent operator")
+                .hint("use \"truss_like_slip\", \"truss_like\" or \"kruyt\""));
+        }
+        strategy.tangent = *tangent.get_ref();
+    }
+    match table.predictor {
+        Some(PredictorKeyword::Linear) => strategy.predictor = Predictor::Linear,
+        Some(PredictorKeyword::Tangent) => strategy.predictor = Predictor::Tangent,
+        None => {}
+    }
+    if let Some(secant) = table.secant {
+        let gates = SecantGates::default();
+        strategy.secant = secant.enabled.then_some(SecantGates {
+            min_change: secant.min_change.unwrap_or(gates.min_change),
+            max_ratio: secant.max_ratio.unwrap_or(gates.max_ratio),
+            floor: secant.floor.unwrap_or(gates.floor),
+        });
+    }
+    replace(&mut strategy.capped_change, &table.capped_change);
+    strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);
+    Ok(strategy)
+}
+
+fn duration(document: &Document, table: &LoadingTable) -> Result<f64, InputError> {
+    match &table.duration {
+        Some(given) if *given.get_ref() <= 0.0 => Err(document
+            .error_at(given.span(), format!("a duration of {} s is not possible", given.get_ref()))
+            .hint("give a positive time in s; it only scales the time column")),
+        Some(given) => Ok(*given.get_ref()),
+        None => Ok(1.0),
+    }
+}
+
+fn observables(document: &Document, table: &OutputTable, probes: &[Probe]) -> Result<Observables, InputError> {
+    let observables = table.observables.iter().fold(Observables::NONE, |all, keyword| {
+        all.union(match keyword {
+            ObservableKeyword::Rotation => Observables::ROTATION,
+            ObservableKeyword::CoordinationNoRattlers => Observables::COORDINATION_NO_RATTLERS,
+            ObservableKeyword::Fabric => Observables::FABRIC,
+            ObservableKeyword::SlidingFraction => Observables::SLIDING_FRACTION,
+            ObservableKeyword::Energy => Observables::ENERGY,
+        })
+    });
+    match probes.iter().find(|probe| probe.quantity.needs_energy()) {
+        Some(probe) if !observables.contains(Observables::ENERGY) => Err(document
+            .error(format!("the probe '{}' needs energies, which output.observables leaves out", probe.name))
+            .hint("add \"energy\" to output.observables")),
+        _ => Ok(observables),
+    }
+}
+
+fn grains(document: &Document, table: &OutputTable, points: usize) -> Result<Vec<usize>, InputError> {
+    let mut grains = Vec::new();
+    for point in &table.grains {
+        if *point.get_ref() >= points {
+            return Err(document
+                .error_at(point.span(), format!("there is no Gauss point {}", point.get_ref()))
+                .hint(format!("the mesh has the points 0 to {}", points - 1)));
+        }
+        grains.push(*point.get_ref());
+    }
+    grains.sort_unstable();
+    grains.dedup();
+    Ok(grains)
+}
+
+/// Axes of the plot: as asked, else the first strain-like probe against the first stress-like one.
+fn plot(document: &Document, table: &OutputTable, probes: &[Probe]) -> Result<Option<(String, String)>, InputError> {
+    let column = |given: &Option<Spanned<String>>, otherwise: usize, fallback: &str| match given {
+        None => Ok(probes.get(otherwise).map_or(fallback.to_owned(), |probe| probe.name.clone())),
+        Some(name) if ["time", "load"].contains(&name.get_ref().as_str()) => Ok(name.get_ref().clone()),
+        Some(name) if probes.iter().any(|probe| probe.name == *name.get_ref()) => Ok(name.get_ref().clone()),
+        Some(name) => Err(document
+            .error_at(name.span(), format!("there is no column '{}' to plot", name.get_ref()))
+            .hint("name a probe, \"time\" or \"load\"")),
+    };
+    let (x, y) = match probes.len() {
+        1 => (column(&table.plot_x, 1, "load")?, column(&table.plot_y, 0, "load")?),
+        _ => (column(&table.plot_x, 0, "load")?, column(&table.plot_y, 1, "load")?),
+    };
+    Ok((table.plot && !probes.is_empty()).then_some((x, y)))
+}
+
+fn definition(document: &Document, file: &SceneFile) -> Result<(GrainDefinition, PathBuf), InputError> {
+    let path = document.resolve(file.packing.get_ref());
+    let packing = read_packing(document, &file.packing, &path)?;
+    let definition = GrainDefinition { packing, contact: file.contact.clone(), options: file.rve.clone() };
+    let definition = definition.validate().map_err(|error| document.table_error(error))?;
+    Ok((definition, path))
+}
+
+/// Reads a packing named in a document.
+///
+/// # Errors
+/// The packing's own error, with the line that names it.
+pub(crate) fn read_packing(
+    document: &Document,
+    written: &Spanned<PathBuf>,
+    path: &Path,
+) -> Result<PackingFile, InputError> {
+    PackingFile::read(path).map_err(|error| {
+        let hint = if path.exists() {
+            "correct the packing file, or make a new one with `grainspan pack`"
+        } else {
+            "make one with `grainspan pack`, or correct the path; it is relative to this file's folder"
+        };
+        document.error_at(written.span(), error).hint(hint)
+    })
+}

@@ -1,0 +1,247 @@
+//! Keys of the scene file, exactly as `docs/scene.md` lists them. What they mean together is in `build`.
+
+use protocol::TangentKind;
+use rve_server::definition::{ContactTable, RveOptions};
+use serde::Deserialize;
+use std::path::PathBuf;
+use toml::Spanned;
+
+/// The whole file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SceneFile {
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) packing: Spanned<PathBuf>,
+    pub(crate) mesh: Spanned<MeshTable>,
+    pub(crate) contact: ContactTable,
+    #[serde(default)]
+    pub(crate) rve: RveOptions,
+    #[serde(default)]
+    pub(crate) boundary: Vec<Spanned<BoundaryTable>>,
+    #[serde(default)]
+    pub(crate) pressure: Vec<Spanned<PressureTable>>,
+    #[serde(default)]
+    pub(crate) loading: LoadingTable,
+    #[serde(default)]
+    pub(crate) solver: SolverTable,
+    #[serde(default)]
+    pub(crate) output: OutputTable,
+    #[serde(default)]
+    pub(crate) probe: Vec<Spanned<ProbeTable>>,
+}
+
+/// `[mesh]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MeshTable {
+    #[serde(default)]
+    pub(crate) generator: Generator,
+    pub(crate) size: Spanned<[f64; 2]>,
+    pub(crate) elements: Spanned<[usize; 2]>,
+    #[serde(default)]
+    pub(crate) element: Element,
+}
+
+/// Mesh generators.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Generator {
+    #[default]
+    Block,
+}
+
+/// Element kinds.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Element {
+    Q4,
+    #[default]
+    Q8,
+}
+
+/// `[[boundary]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BoundaryTable {
+    pub(crate) set: Spanned<String>,
+    pub(crate) platen: Option<PlatenKind>,
+    pub(crate) displacement: Spanned<Components>,
+}
+
+/// Components of a displacement; what is left out is free.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Components {
+    pub(crate) x: Option<f64>,
+    pub(crate) y: Option<f64>,
+}
+
+/// Platens.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PlatenKind {
+    Smooth,
+    Rough,
+}
+
+/// `[[pressure]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PressureTable {
+    pub(crate) set: Spanned<String>,
+    pub(crate) value: f64,
+    #[serde(default)]
+    pub(crate) kind: PressureKeyword,
+}
+
+/// Pressures.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PressureKeyword {
+    #[default]
+    Follower,
+    Dead,
+}
+
+/// `[loading]`; what is left out takes the solver's default.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct LoadingTable {
+    pub(crate) increments: Option<Spanned<usize>>,
+    pub(crate) duration: Option<Spanned<f64>>,
+    pub(crate) smallest_increment: Option<Spanned<f64>>,
+    pub(crate) growth: Option<Spanned<f64>>,
+    pub(crate) cut: Option<Spanned<f64>>,
+    pub(crate) easy_iterations: Option<Spanned<usize>>,
+    pub(crate) max_iterations: Option<Spanned<usize>>,
+}
+
+/// `[solver]`; what is left out takes the solver's default.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct SolverTable {
+    pub(crate) tangent: Option<Spanned<TangentKind>>,
+    pub(crate) force_tolerance: Option<Spanned<f64>>,
+    pub(crate) displacement_tolerance: Option<Spanned<f64>>,
+    pub(crate) predictor: Option<PredictorKeyword>,
+    pub(crate) secant: Option<SecantTable>,
+    pub(crate) capped_change: Option<Spanned<f64>>,
+    pub(crate) keep_unchanged: Option<bool>,
+}
+
+/// Predictors.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PredictorKeyword {
+    Linear,
+    Tangent,
+}
+
+/// `[solver.secant]`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SecantTable {
+    #[serde(default = "yes")]
+    pub(crate) enabled: bool,
+    pub(crate) min_change: Option<f64>,
+    pub(crate) max_ratio: Option<f64>,
+    pub(crate) floor: Option<f64>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// `[output]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct OutputTable {
+    pub(crate) fields_every: u64,
+    pub(crate) gauss_points: bool,
+    pub(crate) grains: Vec<Spanned<usize>>,
+    pub(crate) observables: Vec<ObservableKeyword>,
+    pub(crate) plot: bool,
+    pub(crate) plot_x: Option<Spanned<String>>,
+    pub(crate) plot_y: Option<Spanned<String>>,
+}
+
+impl Default for OutputTable {
+    fn default() -> Self {
+        Self {
+            fields_every: 1,
+            gauss_points: false,
+            grains: Vec::new(),
+            observables: ObservableKeyword::ALL.to_vec(),
+            plot: true,
+            plot_x: None,
+            plot_y: None,
+        }
+    }
+}
+
+/// Optional results of every Gauss point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ObservableKeyword {
+    Rotation,
+    CoordinationNoRattlers,
+    Fabric,
+    SlidingFraction,
+    Energy,
+}
+
+impl ObservableKeyword {
+    /// All of them: the default.
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Rotation, Self::CoordinationNoRattlers, Self::Fabric, Self::SlidingFraction, Self::Energy];
+}
+
+/// `[[probe]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ProbeTable {
+    pub(crate) name: Spanned<String>,
+    pub(crate) kind: ProbeKind,
+    pub(crate) set: Option<Spanned<String>>,
+    pub(crate) from: Option<Spanned<String>>,
+    pub(crate) to: Option<Spanned<String>>,
+    pub(crate) component: Option<Spanned<String>>,
+}
+
+/// What a probe measures.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ProbeKind {
+    Reaction,
+    Displacement,
+    Strain,
+    VolumeChange,
+    MeanStress,
+    StressRatio,
+    MeanPressure,
+    Deviator,
+    VoidRatio,
+    CoordinationNumber,
+    ElasticEnergy,
+    FrictionalDissipation,
+}
+
+impl ProbeKind {
+    /// The keyword of the scene file.
+    pub(crate) fn keyword(self) -> &'static str {
+        match self {
+            Self::Reaction => "reaction",
+            Self::Displacement => "displacement",
+            Self::Strain => "strain",
+            Self::VolumeChange => "volume_change",
+            Self::MeanStress => "mean_stress",
+            Self::StressRatio => "stress_ratio",
+            Self::MeanPressure => "mean_pressure",
+            Self::Deviator => "deviator",
+            Self::VoidRatio => "void_ratio",
+            Self::CoordinationNumber => "coordination_number",
+            Self::ElasticEnergy => "elastic_energy",
+            Self::FrictionalDissipation => "frictional_dissipation",
+        }
+    }
+}

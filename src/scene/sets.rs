@@ -1,0 +1,44 @@
+//! Names of node and edge sets, checked where they are written.
+
+use super::document::Document;
+use super::input_error::InputError;
+use macro_solver::mesh::Mesh;
+use toml::Spanned;
+
+/// The named sets of a mesh.
+pub(super) struct Sets<'a> {
+    pub(super) mesh: &'a Mesh,
+}
+
+impl Sets<'_> {
+    /// The name, if the mesh has such a node set.
+    ///
+    /// # Errors
+    /// No such set, with the sets there are.
+    pub(super) fn node_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+        check(document, name, "node set", self.mesh.node_sets.keys())
+    }
+
+    /// The name, if the mesh has such an edge set.
+    ///
+    /// # Errors
+    /// No such set, with the sets there are.
+    pub(super) fn edge_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+        check(document, name, "edge set", self.mesh.edge_sets.keys())
+    }
+}
+
+fn check<'a>(
+    document: &Document,
+    name: &Spanned<String>,
+    what: &str,
+    available: impl Iterator<Item = &'a String>,
+) -> Result<String, InputError> {
+    let available: Vec<&str> = available.map(String::as_str).collect();
+    if available.contains(&name.get_ref().as_str()) {
+        return Ok(name.get_ref().clone());
+    }
+    Err(document
+        .error_at(name.span(), format!("the mesh has no {what} '{}'", name.get_ref()))
+        .hint(format!("use one of: {}", available.join(", "))))
+}
