@@ -1,6 +1,6 @@
 //! The working set of one trial: kernel slots, the pair list and the bound that tells when the list must be renewed.
 
-use super::kernel::{self, ContactSums, GrainSlot, LinearLaw, LoadSlot, PairSlot};
+use super::kernel::{self, ContactSums, GrainSlot, LinearLaw, LoadSlot, PairSlot, Touching};
 use crate::cell::Cell;
 use crate::model::GrainModel;
 use crate::pairs::{PairFinder, PairKey};
@@ -24,6 +24,7 @@ pub(crate) struct Assembly {
     pub(crate) images: Vec<[f64; 2]>,
     pub(crate) dissipation: f64,
     shifts: Vec<[i32; 2]>,
+    touching: Touching,
     finder: PairFinder,
     old_pairs: Vec<PairSlot>,
     old_keys: Vec<PairKey>,
@@ -88,7 +89,14 @@ impl Assembly {
 
     /// All contact forces for the present positions.
     pub(crate) fn evaluate(&mut self, model: &GrainModel) -> ContactSums {
-        let sums = kernel::evaluate(&model.law, &self.grains, &self.images, &mut self.pairs, &mut self.loads);
+        let sums = kernel::evaluate(
+            &model.law,
+            &self.grains,
+            &self.images,
+            &mut self.pairs,
+            &mut self.touching,
+            &mut self.loads,
+        );
         self.dissipation += sums.dissipation;
         sums
     }
@@ -142,21 +150,11 @@ impl Assembly {
             let image = self.shifts.binary_search(&key.shift).expect("every shift was collected") as u32;
             let slot = match old.next_if(|(old_key, _)| *old_key == key) {
                 Some((_, slot)) => PairSlot { image, ..*slot },
-                None => PairSlot {
-                    origin: key.origin,
-                    end: key.end,
-                    image,
-                    limit_count: 0,
-                    slid: false,
-                    normal_stiffness: model
-                        .normal
-                        .of(model.radii[key.origin as usize], model.radii[key.end as usize]),
-                    direction: [0.0, 0.0],
-                    tangential_force: 0.0,
-                },
+                None => fresh_slot(model, key, image),
             };
             self.pairs.push(slot);
         }
+        self.touching.reserve(self.pairs.len());
     }
 
     /// Gives recorded contacts their force and direction back.
@@ -179,5 +177,22 @@ impl Assembly {
             self.pairs[next].direction = [branch[0] * scale, branch[1] * scale];
             self.pairs[next].tangential_force = contact.tangential_force;
         }
+    }
+}
+
+/// A listed pair that does not touch yet.
+fn fresh_slot(model: &GrainModel, key: &PairKey, image: u32) -> PairSlot {
+    let normal_stiffness = model.normal.of(model.radii[key.origin as usize], model.radii[key.end as usize]);
+    let tangential = model.law.stiffness_ratio * normal_stiffness;
+    PairSlot {
+        origin: key.origin,
+        end: key.end,
+        image,
+        limit_count: 0,
+        slid: false,
+        normal_stiffness,
+        tangential_compliance: if tangential > 0.0 { 1.0 / tangential } else { 0.0 },
+        direction: [0.0, 0.0],
+        tangential_force: 0.0,
     }
 }

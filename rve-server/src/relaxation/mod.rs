@@ -135,6 +135,9 @@ impl Relaxation {
         self.assembly.set_cell(cell);
         self.assembly.keep_list_complete(model);
         self.last_contacts = self.assembly.evaluate(model);
+        if !self.last_contacts.normal_force.is_finite() {
+            return Err(RveError::NotFinite { force_evaluations: evaluations + 1 });
+        }
         Ok(())
     }
 

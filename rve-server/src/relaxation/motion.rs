@@ -28,12 +28,20 @@ pub(crate) struct Motion {
     velocities: Vec<[f64; 3]>,
     /// Relative mass per grain; all ones for a constant stiffness.
     shape: Vec<f64>,
-    /// Reciprocal mass and inertia, per unit of the common mass scale.
-    inverse: Vec<[f64; 2]>,
+    /// Inertia of translation and rotation and their reciprocals, per unit of the common mass scale.
+    inertias: Vec<Inertia>,
     blocks: Vec<[f64; 6]>,
     mass: f64,
     mixing: f64,
     positive_steps: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Inertia {
+    mass: f64,
+    rotation: f64,
+    inverse_mass: f64,
+    inverse_rotation: f64,
 }
 
 /// Sums over all grains of one evaluation.
@@ -62,11 +70,12 @@ impl Motion {
             // k_n grows with the radii, so equally sluggish grains need masses that do.
             NormalStiffness::Modulus(_) => radius / mean,
         }));
-        self.inverse.clear();
-        let inertia = inertia_factor(model);
-        self.inverse.extend(self.shape.iter().zip(&model.radii).map(|(mass, radius)| {
-            let rotation = if inertia > 0.0 { 1.0 / (inertia * mass * radius * radius) } else { 0.0 };
-            [1.0 / mass, rotation]
+        self.inertias.clear();
+        let factor = inertia_factor(model);
+        self.inertias.extend(self.shape.iter().zip(&model.radii).map(|(&mass, radius)| {
+            let rotation = factor * mass * radius * radius;
+            let inverse_rotation = if rotation > 0.0 { 1.0 / rotation } else { 0.0 };
+            Inertia { mass, rotation, inverse_mass: 1.0 / mass, inverse_rotation }
         }));
         self.mass = 0.0;
         self.raise_mass(model, assembly);
@@ -101,21 +110,21 @@ impl Motion {
         let mut sums = GrainSums::default();
         let mut largest_square = 0.0f64;
         let rotate = if model.rotations == Rotations::Free { 1.0 } else { 0.0 };
-        for (((load, grain), velocity), inverse) in
-            assembly.loads.iter().zip(&assembly.grains).zip(&self.velocities).zip(&self.inverse)
+        for (((load, grain), velocity), inertia) in
+            assembly.loads.iter().zip(&assembly.grains).zip(&self.velocities).zip(&self.inertias)
         {
             let [fx, fy] = load.force;
             let arm = rotate * load.moment / grain.radius;
             let force = fx * fx + fy * fy;
             let turning = arm * arm;
-            largest_square = largest_square.max(force).max(turning);
+            let larger = if force > turning { force } else { turning };
+            largest_square = if larger > largest_square { larger } else { largest_square };
             sums.force_square += force + turning;
-            sums.power += fx * velocity[0] + fy * velocity[1] + load.moment * velocity[2];
-            sums.scaled_force_square += force * inverse[0] + load.moment * load.moment * inverse[1];
-            sums.kinetic_energy += (velocity[0] * velocity[0] + velocity[1] * velocity[1]) / inverse[0];
-            if velocity[2] != 0.0 {
-                sums.kinetic_energy += velocity[2] * velocity[2] / inverse[1];
-            }
+            sums.power += (fx * velocity[0] + fy * velocity[1]) + load.moment * velocity[2];
+            sums.scaled_force_square +=
+                force * inertia.inverse_mass + load.moment * load.moment * inertia.inverse_rotation;
+            sums.kinetic_energy += inertia.mass * (velocity[0] * velocity[0] + velocity[1] * velocity[1])
+                + inertia.rotation * (velocity[2] * velocity[2]);
         }
         sums.largest_force = largest_square.sqrt();
         sums.kinetic_energy *= 0.5 * self.mass;
@@ -178,19 +187,20 @@ impl Motion {
     fn advance(&mut self, assembly: &mut Assembly, affine: &Plane, keep: f64, push: f64) -> f64 {
         let mut farthest = 0.0f64;
         let slots = assembly.grains.iter_mut().zip(&assembly.loads).zip(&mut assembly.rotations);
-        for (((grain, load), rotation), (velocity, inverse)) in
-            slots.zip(self.velocities.iter_mut().zip(&self.inverse))
+        for (((grain, load), rotation), (velocity, inertia)) in
+            slots.zip(self.velocities.iter_mut().zip(&self.inertias))
         {
-            let push_here = push * inverse[0];
+            let push_here = push * inertia.inverse_mass;
             velocity[0] = keep * velocity[0] + push_here * load.force[0];
             velocity[1] = keep * velocity[1] + push_here * load.force[1];
-            velocity[2] = keep * velocity[2] + push * inverse[1] * load.moment;
+            velocity[2] = keep * velocity[2] + push * inertia.inverse_rotation * load.moment;
             let [x, y] = grain.position;
             grain.position[0] = x + ((affine[0][0] * x + affine[0][1] * y) + velocity[0]);
             grain.position[1] = y + ((affine[1][0] * x + affine[1][1] * y) + velocity[1]);
             grain.spin = velocity[2];
             *rotation += velocity[2];
-            farthest = farthest.max(velocity[0] * velocity[0] + velocity[1] * velocity[1]);
+            let square = velocity[0] * velocity[0] + velocity[1] * velocity[1];
+            farthest = if square > farthest { square } else { farthest };
         }
         farthest.sqrt()
     }
