@@ -1,6 +1,6 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
-use crate::definition::{GrainDefinition, Rotations};
+use crate::definition::{GrainDefinition, Rotations, RveOptions};
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::model::GrainModel;
@@ -96,6 +96,12 @@ impl GrainRve {
     /// The unchanging part of the cell.
     pub fn model(&self) -> &GrainModel {
         &self.model
+    }
+
+    /// Changes the solver options between trials. For preparations that tighten as they go: a cell that answers jobs
+    /// keeps the options of its definition.
+    pub(crate) fn set_options(&mut self, options: RveOptions) {
+        self.model.options = options;
     }
 
     /// The contact network of the trial state, with the contacts that slid during its ramp marked.
