@@ -2,6 +2,7 @@
 
 mod cli;
 mod scene;
+mod workers;
 
 use std::process::ExitCode;
 

@@ -232,7 +232,6 @@ impl Desk {
         let totals = &mut self.statistics;
         totals.solved += 1;
         totals.force_evaluations += answer.cost.force_evaluations;
-        totals.flags.add(answer.flags);
         totals.rve_s += solve;
         totals.tangent_s += tangent;
         totals.transport_s += overhead;

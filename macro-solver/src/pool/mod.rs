@@ -26,7 +26,7 @@ mod tests;
 pub use interrupt::Interrupt;
 pub use points::PointState;
 pub use settings::{HangPolicy, PoolSettings};
-pub use statistics::{FlagCounts, PoolStatistics, WorkerStatistics};
+pub use statistics::{PoolStatistics, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
@@ -82,12 +82,17 @@ impl<P: MacroPort> Pool<P> {
         self.port.waker()
     }
 
-    /// Waits until `count` workers serve, so that a worker that cannot is refused before the run begins.
+    /// Waits until `count` workers serve, or as many as will ever come, so that a worker that cannot take part is
+    /// refused before the run begins.
     ///
     /// # Errors
     /// [`MaterialError::WorkersLost`] when none will come, [`MaterialError::Interrupted`].
     pub fn gather(&mut self, count: usize) -> Result<(), MaterialError> {
         while self.desk.roster.active() < count {
+            let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. });
+            if !more_may_come && self.desk.roster.active() > 0 {
+                break;
+            }
             self.listen()?;
         }
         Ok(())

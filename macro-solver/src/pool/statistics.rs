@@ -1,6 +1,5 @@
 //! What a pool did and what it cost; figures for people and summaries, never input to a result.
 
-use protocol::TrialFlags;
 use serde::Serialize;
 
 /// Work of one worker process.
@@ -14,40 +13,6 @@ pub struct WorkerStatistics {
     pub jobs: u64,
     /// Time it reported for these jobs, s.
     pub busy_s: f64,
-}
-
-/// How often a trial's shortcut flag came back; see [`TrialFlags`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct FlagCounts {
-    /// The step cap ended a relaxation.
-    pub not_equilibrated: u64,
-    /// The uniform-strain operator replaced a singular tangent.
-    pub tangent_fallback: u64,
-    /// A tangent needed a diagonal shift.
-    pub tangent_regularised: u64,
-    /// An overlap above 10 % of a grain diameter.
-    pub large_overlap: u64,
-    /// No contact carried force.
-    pub fluid: u64,
-    /// The target was exactly zero and nothing was solved.
-    pub null_target: u64,
-}
-
-impl FlagCounts {
-    /// Adds one trial's flags.
-    pub(super) fn add(&mut self, flags: TrialFlags) {
-        let counts = [
-            (TrialFlags::NOT_EQUILIBRATED, &mut self.not_equilibrated),
-            (TrialFlags::TANGENT_FALLBACK, &mut self.tangent_fallback),
-            (TrialFlags::TANGENT_REGULARISED, &mut self.tangent_regularised),
-            (TrialFlags::LARGE_OVERLAP, &mut self.large_overlap),
-            (TrialFlags::FLUID, &mut self.fluid),
-            (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_target),
-        ];
-        for (flag, count) in counts {
-            *count += u64::from(flags.contains(flag));
-        }
-    }
 }
 
 /// Totals since the pool began. Counts of trouble depend on what happened, times on the machine; the rest is
@@ -64,8 +29,6 @@ pub struct PoolStatistics {
     pub abandoned: u64,
     /// Force evaluations of all solved jobs.
     pub force_evaluations: u64,
-    /// Shortcuts taken by solved jobs.
-    pub flags: FlagCounts,
     /// Jobs sent again because their worker was lost.
     pub reissued: u64,
     /// Workers that were welcomed.

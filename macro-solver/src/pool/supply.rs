@@ -10,7 +10,7 @@ pub enum Outlook {
         /// When the supply wants to be tended again.
         check_again: Duration,
     },
-    /// No worker will ever join again; the reason is for people and names a remedy.
+    /// No further worker will join; those that serve go on. The reason is for people.
     Exhausted(String),
 }
 

@@ -1,0 +1,279 @@
+//! The worker processes of one run.
+
+use super::back_off::BackOff;
+use super::last_words::LastWords;
+use macro_solver::pool::{Outlook, WorkerSupply};
+use std::ffi::OsString;
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a worker may take to follow SIGTERM before SIGKILL.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// How often the supply looks after workers that have not joined yet: nobody else would notice their end.
+const WATCH_INTERVAL: Duration = Duration::from_millis(20);
+
+/// Replacements in one run.
+const RESTARTS: u32 = 20;
+
+/// How workers are started.
+#[derive(Clone, Debug)]
+pub(crate) struct LaunchPlan {
+    /// Program to start.
+    pub(crate) program: PathBuf,
+    /// Its arguments.
+    pub(crate) arguments: Vec<OsString>,
+    /// Number of workers, at least 1.
+    pub(crate) workers: usize,
+    /// Most replacements in one run.
+    pub(crate) restarts: u32,
+}
+
+impl LaunchPlan {
+    /// `workers` copies of this executable that serve `run` with the engine called `engine`.
+    ///
+    /// # Errors
+    /// The system does not tell where this executable lies.
+    pub(crate) fn this_program(run: &str, engine: &str, workers: usize) -> io::Result<Self> {
+        let parent = std::process::id().to_string();
+        let arguments = ["rve-server", "--run", run, "--engine", engine, "--parent", &parent];
+        Ok(Self {
+            program: std::env::current_exe()?,
+            arguments: arguments.into_iter().map(OsString::from).collect(),
+            workers,
+            restarts: RESTARTS,
+        })
+    }
+}
+
+#[derive(Debug)]
+struct WorkerChild {
+    child: Child,
+    words: LastWords,
+    joined: bool,
+}
+
+/// Starts, watches and replaces worker processes.
+#[derive(Debug)]
+pub(crate) struct WorkerProcesses {
+    plan: LaunchPlan,
+    children: Vec<WorkerChild>,
+    /// Replacements to be started, at these times.
+    due: Vec<Instant>,
+    back_off: BackOff,
+    refusal: Option<String>,
+    last_end: Option<String>,
+    finished: bool,
+}
+
+impl WorkerProcesses {
+    /// Starts all workers of the plan.
+    ///
+    /// # Errors
+    /// The system cannot start a process; those already started are ended.
+    pub(crate) fn start(plan: LaunchPlan) -> io::Result<Self> {
+        let back_off = BackOff::new(plan.restarts);
+        let mut processes = Self {
+            plan,
+            children: Vec::new(),
+            due: Vec::new(),
+            back_off,
+            refusal: None,
+            last_end: None,
+            finished: false,
+        };
+        for _ in 0..processes.plan.workers {
+            processes.spawn()?;
+        }
+        Ok(processes)
+    }
+
+    fn spawn(&mut self) -> io::Result<()> {
+        let mut command = Command::new(&self.plan.program);
+        // A group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
+        command.args(&self.plan.arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.process_group(0).spawn()?;
+        let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
+        let words = LastWords::of(child.id(), stderr)?;
+        tracing::debug!(pid = child.id(), "worker started");
+        self.children.push(WorkerChild { child, words, joined: false });
+        Ok(())
+    }
+
+    /// Takes leave of a worker that has ended and arranges for its replacement.
+    fn bury(&mut self, place: usize, status: Option<ExitStatus>) {
+        let ended = self.children.remove(place);
+        let (pid, words) = (ended.child.id(), ended.words.text());
+        let how = status.map_or_else(|| "ended".to_owned(), |status| status.to_string());
+        let text = if words.is_empty() { how } else { format!("{how}: {words}") };
+        tracing::info!(pid, text, "worker process ended");
+        self.last_end = Some(format!("worker process {pid} {text}"));
+        if self.refusal.is_none()
+            && let Some(pause) = self.back_off.ended(ended.joined)
+        {
+            self.due.push(Instant::now() + pause);
+        }
+    }
+
+    fn reap(&mut self) {
+        for place in (0..self.children.len()).rev() {
+            if let Ok(Some(status)) = self.children[place].child.try_wait() {
+                self.bury(place, Some(status));
+            }
+        }
+    }
+
+    fn start_due(&mut self) {
+        let now = Instant::now();
+        let ready = self.due.iter().filter(|start| **start <= now).count();
+        self.due.retain(|start| *start > now);
+        for _ in 0..ready {
+            if let Err(error) = self.spawn() {
+                self.last_end = Some(format!("could not start a worker: {error}"));
+                if let Some(pause) = self.back_off.ended(false) {
+                    self.due.push(now + pause);
+                }
+            }
+        }
+    }
+
+    fn place_of(&self, pid: u32) -> Option<usize> {
+        self.children.iter().position(|one| one.child.id() == pid)
+    }
+
+    fn end_all(&mut self) {
+        for one in &self.children {
+            // A process that has ended meanwhile needs no signal.
+            let _ = rustix::process::kill_process(
+                rustix::process::Pid::from_child(&one.child),
+                rustix::process::Signal::TERM,
+            );
+        }
+        let end = Instant::now() + PATIENCE;
+        while !self.children.is_empty() && Instant::now() < end {
+            self.children.retain_mut(|one| matches!(one.child.try_wait(), Ok(None)));
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        for one in &mut self.children {
+            let _ = one.child.kill();
+            let _ = one.child.wait();
+        }
+        self.children.clear();
+    }
+}
+
+impl WorkerSupply for WorkerProcesses {
+    fn joined(&mut self, pid: u32) {
+        self.back_off.joined();
+        if let Some(place) = self.place_of(pid) {
+            self.children[place].joined = true;
+        }
+    }
+
+    fn refused(&mut self, pid: u32, reason: &str) {
+        // A worker started by hand may be the wrong one; ours are all alike.
+        if self.place_of(pid).is_some() {
+            self.refusal = Some(reason.to_owned());
+        }
+    }
+
+    fn lost(&mut self, pid: u32) {
+        let Some(place) = self.place_of(pid) else { return };
+        // Its channel is gone: whatever is left of the process must not linger.
+        let one = &mut self.children[place];
+        let _ = one.child.kill();
+        let status = one.child.wait().ok();
+        self.bury(place, status);
+    }
+
+    fn tend(&mut self) -> Outlook {
+        self.reap();
+        self.start_due();
+        let starting = self.children.iter().filter(|one| !one.joined).count();
+        if starting + self.due.len() > 0 {
+            return Outlook::Expected { check_again: WATCH_INTERVAL };
+        }
+        if self.children.len() == self.plan.workers {
+            return Outlook::Expected { check_again: Duration::from_secs(1) };
+        }
+        let why = match &self.refusal {
+            Some(reason) => format!("this program's own workers were refused: {reason}"),
+            None => format!("{} replacements were started and no more are allowed", self.back_off.used()),
+        };
+        let last = self.last_end.as_deref().unwrap_or("no worker was ever started");
+        Outlook::Exhausted(format!("{why}; {last}"))
+    }
+
+    fn restarts(&self) -> u64 {
+        u64::from(self.back_off.used())
+    }
+
+    fn finish(&mut self) {
+        self.finished = true;
+        self.due.clear();
+        self.end_all();
+    }
+}
+
+impl Drop for WorkerProcesses {
+    fn drop(&mut self) {
+        if !self.finished {
+            self.end_all();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, workers: usize, restarts: u32) -> LaunchPlan {
+        LaunchPlan { program: "/bin/sh".into(), arguments: vec!["-c".into(), script.into()], workers, restarts }
+    }
+
+    /// Tends until the supply gives up or 5 s have passed.
+    fn tend_until_exhausted(processes: &mut WorkerProcesses) -> String {
+        let end = Instant::now() + Duration::from_secs(5);
+        while Instant::now() < end {
+            match processes.tend() {
+                Outlook::Exhausted(reason) => return reason,
+                Outlook::Expected { check_again } => std::thread::sleep(check_again),
+            }
+        }
+        panic!("the supply did not give up");
+    }
+
+    #[test]
+    fn workers_that_cannot_start_are_given_up_with_their_last_words() {
+        let mut processes = WorkerProcesses::start(shell("echo no packing >&2; exit 2", 1, 2)).unwrap();
+        let reason = tend_until_exhausted(&mut processes);
+        assert!(reason.contains("2 replacements") && reason.contains("exit status: 2"), "{reason}");
+        assert_eq!(processes.restarts(), 2);
+    }
+
+    #[test]
+    fn a_killed_worker_is_replaced_and_all_are_gone_after_finish() {
+        let mut processes = WorkerProcesses::start(shell("exec sleep 100", 2, 5)).unwrap();
+        let before: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
+        before.iter().for_each(|pid| processes.joined(*pid));
+        processes.lost(before[0]);
+        assert!(matches!(processes.tend(), Outlook::Expected { .. }));
+        let after: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
+        assert_eq!((after.len(), after[0], processes.restarts()), (2, before[1], 1));
+        processes.finish();
+        assert!(after.iter().all(|pid| !std::path::Path::new(&format!("/proc/{pid}")).exists()));
+    }
+
+    #[test]
+    fn own_workers_that_are_refused_are_not_started_again() {
+        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 5)).unwrap();
+        let pid = processes.children[0].child.id();
+        processes.refused(pid, "wrong version");
+        let reason = tend_until_exhausted(&mut processes);
+        assert!(reason.contains("refused: wrong version"), "{reason}");
+        assert_eq!(processes.restarts(), 0);
+    }
+}

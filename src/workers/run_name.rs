@@ -1,0 +1,34 @@
+//! Names that no two runs share.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+
+/// Longest part of a scene's name that goes into a run's name.
+const STEM_LENGTH: usize = 24;
+
+/// A new name for a run of the scene called `scene`: letters, digits and `-` only, so that it can be a file name and an
+/// argument everywhere.
+pub(crate) fn run_name(scene: &str) -> String {
+    // The process id alone comes round again, and differs between containers that share memory.
+    let random = RandomState::new().build_hasher().finish();
+    format!("{}-{}-{:08x}", stem(scene), std::process::id(), random as u32)
+}
+
+fn stem(scene: &str) -> String {
+    let plain = scene.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' });
+    let stem: String = plain.take(STEM_LENGTH).collect();
+    if stem.is_empty() { "run".to_owned() } else { stem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_plain_and_differ() {
+        let name = run_name("Größe 1/biaxial, with a title that does not end");
+        assert!(name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '-'), "{name}");
+        assert!(name.len() < 50, "{name}");
+        assert_ne!(run_name("biaxial"), run_name("biaxial"));
+        assert!(run_name("").starts_with("run-"));
+    }
+}

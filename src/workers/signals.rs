@@ -1,0 +1,58 @@
+//! Ctrl-C and its relatives: the first asks the run to stop in good order, the second ends the process.
+
+use macro_solver::pool::Interrupt;
+use protocol::transport::Waker;
+use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+/// Exit code of a run that was interrupted.
+const INTERRUPTED: i32 = 130;
+
+/// Watches for SIGINT, SIGTERM and SIGHUP on a thread of its own until the process ends.
+#[derive(Clone)]
+pub(crate) struct SignalWatch {
+    waker: Arc<Mutex<Option<Arc<dyn Waker>>>>,
+}
+
+impl SignalWatch {
+    /// Starts to watch; `interrupt` is raised by the first signal.
+    ///
+    /// # Errors
+    /// The system refuses a handler or a thread.
+    pub(crate) fn start(interrupt: Interrupt) -> io::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+        let mut signals = {
+            let _guard = runtime.enter();
+            [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]
+        };
+        let watch = Self { waker: Arc::default() };
+        let waker = Arc::clone(&watch.waker);
+        std::thread::Builder::new().name("signals".into()).spawn(move || {
+            runtime.block_on(next(&mut signals));
+            tracing::warn!("a stop was requested; a second request ends the process at once");
+            interrupt.raise();
+            if let Some(waker) = waker.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+                waker.wake();
+            }
+            runtime.block_on(next(&mut signals));
+            // The kernel ends the workers with us.
+            std::process::exit(INTERRUPTED);
+        })?;
+        Ok(watch)
+    }
+
+    /// From now on the first signal also interrupts a port that waits.
+    pub(crate) fn wakes(&self, waker: Arc<dyn Waker>) {
+        *self.waker.lock().unwrap_or_else(PoisonError::into_inner) = Some(waker);
+    }
+}
+
+async fn next(signals: &mut [Signal; 3]) {
+    let [interrupt, terminate, hangup] = signals;
+    tokio::select! {
+        _ = interrupt.recv() => {}
+        _ = terminate.recv() => {}
+        _ = hangup.recv() => {}
+    }
+}
