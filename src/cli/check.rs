@@ -3,7 +3,6 @@
 use super::exit::{Exit, Failure};
 use super::stdout::print;
 use crate::scene::Scene;
-use macro_solver::problem::Problem;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -36,6 +35,8 @@ fn overview(scene: &Scene) -> String {
     let options = &scene.definition.options;
     let points = problem.point_count();
     let steps = problem.control.increments;
+    let prescribed =
+        problem.prescribed_displacements().map_or(0, |values| values.iter().filter(|value| value.is_some()).count());
     // Between the first steps and those after the peak, measured on biaxial tests.
     let evaluations = [2, 6].map(|per_step| per_step * steps * points);
     let lines = [
@@ -49,10 +50,7 @@ fn overview(scene: &Scene) -> String {
                 problem.mesh.nodes.len()
             ),
         ),
-        (
-            "degrees of freedom",
-            format!("{} of which {} are prescribed", 2 * problem.mesh.nodes.len(), prescribed(problem)),
-        ),
+        ("degrees of freedom", format!("{} of which {} are prescribed", 2 * problem.mesh.nodes.len(), prescribed)),
         ("Gauss points", points.to_string()),
         ("packing", format!("{} grains in {}", packing.grains.len(), scene.packing_path.display())),
         (
@@ -79,22 +77,4 @@ fn overview(scene: &Scene) -> String {
     }
     text.push_str("The scene is sound; nothing was run.\n");
     text
-}
-
-/// Number of prescribed displacement components.
-fn prescribed(problem: &Problem) -> usize {
-    use macro_solver::problem::{Condition, Platen};
-    let mut fixed = std::collections::BTreeSet::new();
-    for condition in &problem.conditions {
-        let (nodes, axes): (&str, &[usize]) = match condition {
-            Condition::Displacement { nodes, axis, .. } => (nodes, if axis.index() == 0 { &[0] } else { &[1] }),
-            Condition::Platen { nodes, contact: Platen::Smooth, .. } => (nodes, &[1]),
-            Condition::Platen { nodes, contact: Platen::Rough, .. } => (nodes, &[0, 1]),
-            Condition::Pressure { .. } => continue,
-        };
-        for &node in &problem.mesh.node_sets[nodes] {
-            fixed.extend(axes.iter().map(|&axis| (node, axis)));
-        }
-    }
-    fixed.len()
 }

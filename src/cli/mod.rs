@@ -2,11 +2,12 @@
 
 mod check;
 mod completions;
+mod element;
 mod exit;
+mod pack;
 mod stdout;
 
 use clap::{Parser, Subcommand};
-use exit::{Exit, Failure};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -30,6 +31,10 @@ pub(crate) struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Take one packing along a strain/stress path, without finite elements
+    Element(element::Arguments),
+    /// Prepare a packing of grains and say how good it is
+    Pack(pack::Arguments),
     /// Validate everything a run would need; run nothing
     Check(check::Arguments),
     /// Print a completion script for a shell
@@ -39,6 +44,8 @@ enum Command {
 /// Reads the command line, does what it says and returns the exit code.
 pub(crate) fn main() -> ExitCode {
     let ended = match CommandLine::parse().command {
+        Command::Element(arguments) => element::run(&arguments),
+        Command::Pack(arguments) => pack::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

@@ -60,6 +60,11 @@ impl Scene {
         for pressure in &file.pressure {
             conditions.push(pressure_condition(&document, &sets, pressure.get_ref())?);
         }
+        for traction in &file.traction {
+            let components = traction.get_ref().value;
+            let value = [components.x.unwrap_or(0.0), components.y.unwrap_or(0.0)];
+            conditions.push(Condition::Traction { edges: sets.edge_set(&document, &traction.get_ref().set)?, value });
+        }
         if conditions.is_empty() {
             return Err(document
                 .error("the scene holds and loads nothing")
@@ -284,28 +289,24 @@ fn plot(document: &Document, table: &OutputTable, probes: &[Probe]) -> Result<Op
 }
 
 fn definition(document: &Document, file: &SceneFile) -> Result<(GrainDefinition, PathBuf), InputError> {
-    let path = document.resolve(file.packing.get_ref());
-    let packing = read_packing(document, &file.packing, &path)?;
+    let packing = read_packing(document, &file.packing)?;
     let definition = GrainDefinition { packing, contact: file.contact.clone(), options: file.rve.clone() };
     let definition = definition.validate().map_err(|error| document.table_error(error))?;
-    Ok((definition, path))
+    Ok((definition, document.resolve(&file.packing)))
 }
 
-/// Reads a packing named in a document.
+/// Reads the packing that a document names in its key `packing`, and refuses it with the line of that key.
 ///
 /// # Errors
-/// The packing's own error, with the line that names it.
-pub(crate) fn read_packing(
-    document: &Document,
-    written: &Spanned<PathBuf>,
-    path: &Path,
-) -> Result<PackingFile, InputError> {
-    PackingFile::read(path).map_err(|error| {
+/// The packing's own error.
+pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<PackingFile, InputError> {
+    let path = document.resolve(written);
+    PackingFile::read(&path).map_err(|error| {
         let hint = if path.exists() {
             "correct the packing file, or make a new one with `grainspan pack`"
         } else {
             "make one with `grainspan pack`, or correct the path; it is relative to this file's folder"
         };
-        document.error_at(written.span(), error).hint(hint)
+        document.error_at_key(&["packing"], error).hint(hint)
     })
 }

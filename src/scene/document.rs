@@ -87,21 +87,32 @@ impl Document {
         InputError::at(self.path.display(), problem.to_string())
     }
 
-    /// An error whose message begins with `table.key`, as those of the grain definition do: that key gives the place.
-    pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {
-        let problem = problem.to_string();
-        let key: String =
-            problem.chars().take_while(|&letter| letter.is_alphanumeric() || "._".contains(letter)).collect();
-        let path: Vec<String> = key.split('.').map(str::to_owned).collect();
-        let located = self
+    /// An error about the value at `path`, or about the nearest table above it that is written.
+    pub(crate) fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
+        let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
+        let written = self
             .table()
             .ok()
             .and_then(|root| (1..=path.len()).rev().find_map(|depth| find(root.get_ref(), &path[..depth])));
-        match located {
+        match written {
             Some(span) => self.error_at(span, problem),
             None => self.error(problem),
         }
-        .hint("the keys, their units and defaults are in docs/scene.md")
+    }
+
+    /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
+    /// the place.
+    pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {
+        let problem = problem.to_string();
+        let located = if let Some(rest) = problem.strip_prefix("path segment ") {
+            let number: usize = rest.split(':').next().and_then(|text| text.parse().ok()).unwrap_or(1);
+            self.error_at_key(&["path", &(number - 1).to_string()], &problem)
+        } else {
+            let is_key = |letter: &char| letter.is_ascii_alphanumeric() || "._".contains(*letter);
+            let key: String = problem.chars().take_while(is_key).collect();
+            self.error_at_key(&key.split('.').collect::<Vec<_>>(), &problem)
+        };
+        located.hint("the keys, their units and defaults are in docs/scene.md")
     }
 
     /// The document with overrides applied and `replacements` made (path to a key, its new value), as TOML text.

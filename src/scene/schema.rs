@@ -11,7 +11,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(crate) struct SceneFile {
     pub(crate) name: Option<Spanned<String>>,
-    pub(crate) packing: Spanned<PathBuf>,
+    pub(crate) packing: PathBuf,
     pub(crate) mesh: Spanned<MeshTable>,
     pub(crate) contact: ContactTable,
     #[serde(default)]
@@ -20,6 +20,8 @@ pub(crate) struct SceneFile {
     pub(crate) boundary: Vec<Spanned<BoundaryTable>>,
     #[serde(default)]
     pub(crate) pressure: Vec<Spanned<PressureTable>>,
+    #[serde(default)]
+    pub(crate) traction: Vec<Spanned<TractionTable>>,
     #[serde(default)]
     pub(crate) loading: LoadingTable,
     #[serde(default)]
@@ -68,7 +70,7 @@ pub(crate) struct BoundaryTable {
     pub(crate) displacement: Spanned<Components>,
 }
 
-/// Components of a displacement; what is left out is free.
+/// Components of a displacement (what is left out is free) or of a traction (what is left out is zero).
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Components {
@@ -101,6 +103,14 @@ pub(crate) enum PressureKeyword {
     #[default]
     Follower,
     Dead,
+}
+
+/// `[[traction]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TractionTable {
+    pub(crate) set: Spanned<String>,
+    pub(crate) value: Components,
 }
 
 /// `[loading]`; what is left out takes the solver's default.

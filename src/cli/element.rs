@@ -1,0 +1,138 @@
+//! `grainspan element TEST.toml`: one cell along a strain/stress path, in this process, without finite elements.
+
+use super::exit::{Exit, Failure};
+use super::stdout::{deliver, print};
+use crate::scene::{Document, InputError, read_packing};
+use protocol::TangentKind;
+use rve_server::element::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use std::cell::RefCell;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// Arguments of `grainspan element`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan element test.toml > curve.csv
+  grainspan element test.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
+pub(crate) struct Arguments {
+    /// Element test: packing, contact law and path
+    #[arg(value_name = "TEST.toml")]
+    test: PathBuf,
+    /// File to write [default: standard output, row by row]
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// Override a key of the test
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Add the columns of a tangent operator: none, truss_like, truss_like_slip, kruyt
+    #[arg(long, value_name = "KIND", default_value = "none", value_parser = tangent_kind)]
+    tangent: TangentKind,
+    /// Say nothing on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn tangent_kind(keyword: &str) -> Result<TangentKind, String> {
+    TangentKind::ALL
+        .into_iter()
+        .find(|kind| kind.keyword() == keyword)
+        .ok_or_else(|| format!("possible values: {}", TangentKind::ALL.map(TangentKind::keyword).join(", ")))
+}
+
+/// Runs the test.
+///
+/// # Errors
+/// A test that is not sound (exit code 2); a path that the cell or the stress control could not follow (exit code 1,
+/// the rows before are written).
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let document = Document::read(&arguments.test, &arguments.overrides)?;
+    let test = checked(&document)?;
+    let buffer = Rc::new(RefCell::new(Vec::new()));
+    let mut rows = Rows::new(arguments, &buffer)?;
+    let folder = document.path().parent().unwrap_or(Path::new(""));
+    let ended = run_element(&test, folder, arguments.tangent, &mut |row| rows.add(row));
+    rows.finish(arguments.out.as_deref())?;
+    match ended {
+        Ok(summary) => {
+            if !arguments.quiet {
+                eprintln!("{}", closing(&summary));
+            }
+            Ok(Exit::Done)
+        }
+        Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
+        Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", arguments.test.display()))),
+    }
+}
+
+/// The test with every key and its packing checked, so that a bad one is refused before anything is written.
+fn checked(document: &Document) -> Result<ElementTest, InputError> {
+    // The first reading gives the places of wrong keys and types, the second checks what the values mean together.
+    let test: ElementTest = document.deserialize()?;
+    ElementTest::from_table(document.deserialize()?).map_err(|error| document.table_error(error))?;
+    read_packing(document, &test.packing)?;
+    Ok(test)
+}
+
+/// Encodes rows; without an output file each goes to standard output at once.
+struct Rows {
+    buffer: Rc<RefCell<Vec<u8>>>,
+    csv: ElementCsv<SharedBuffer>,
+    streams: bool,
+    failure: Option<Failure>,
+}
+
+impl Rows {
+    fn new(arguments: &Arguments, buffer: &Rc<RefCell<Vec<u8>>>) -> Result<Self, Failure> {
+        let csv = ElementCsv::new(SharedBuffer(Rc::clone(buffer)), arguments.tangent)
+            .map_err(|error| Failure::new(Exit::BadInput, error))?;
+        Ok(Self { buffer: Rc::clone(buffer), csv, streams: arguments.out.is_none(), failure: None })
+    }
+
+    fn add(&mut self, row: &ElementRow) {
+        let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
+        let printed = written.and_then(|()| if self.streams { print(&self.buffer.take()) } else { Ok(()) });
+        if let Err(failure) = printed {
+            self.failure.get_or_insert(failure);
+        }
+    }
+
+    fn finish(self, out: Option<&Path>) -> Result<(), Failure> {
+        match self.failure {
+            Some(failure) => Err(failure),
+            None => deliver(out, &self.buffer.take()),
+        }
+    }
+}
+
+/// The encoder's end of the buffer.
+struct SharedBuffer(Rc<RefCell<Vec<u8>>>);
+
+impl Write for SharedBuffer {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn closing(summary: &ElementSummary) -> String {
+    let shortfalls: Vec<String> = [
+        ("not equilibrated", summary.not_equilibrated),
+        ("overlap above 10 %", summary.large_overlap),
+        ("operator replaced by the uniform-strain one", summary.tangent_fallbacks),
+        ("operator with held mechanisms", summary.tangent_regularised),
+    ]
+    .into_iter()
+    .filter(|(_, count)| *count > 0)
+    .map(|(what, count)| format!("{what}: {count} rows"))
+    .collect();
+    let shortfalls = if shortfalls.is_empty() { "nothing".to_owned() } else { shortfalls.join(", ") };
+    format!(
+        "{} rows, {} trials, {} DEM steps; fell short: {shortfalls}",
+        summary.rows, summary.trials, summary.dem_steps
+    )
+}
