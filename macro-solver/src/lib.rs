@@ -1,8 +1,11 @@
 //! The finite-element side: mesh, elements, implicit solver, worker pool, outputs. It never sees a grain.
 
+pub mod elastic;
+pub mod element;
+pub mod implicit;
 pub mod material;
 pub mod mesh;
 pub mod observer;
 pub mod output;
-pub mod problem;
 pub mod pool;
+pub mod problem;

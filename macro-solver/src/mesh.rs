@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub mod block;
+mod validation;
 
 /// Gauss points of every element: 2x2.
 pub const POINTS_PER_ELEMENT: usize = 4;

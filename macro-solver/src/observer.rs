@@ -63,7 +63,8 @@ pub struct IterationReport {
     pub evaluations: u64,
     /// Out-of-balance over reactions and loads, see [`crate::problem::Tolerances::force`].
     pub force_ratio: f64,
-    /// Last correction over the step's displacements; `None` before the first correction.
+    /// Next correction over the step's displacements, see [`crate::problem::Tolerances::displacement`]; `None` when
+    /// the iterate was turned down before a correction was computed.
     pub displacement_ratio: Option<f64>,
     /// Whether this iterate was turned down by the safeguard and the next one goes back towards the best one.
     pub turned_down: bool,
@@ -88,7 +89,7 @@ pub struct StepReport {
     pub cut_backs: usize,
     /// Out-of-balance ratio of the accepted state.
     pub force_ratio: f64,
-    /// Displacement ratio of the accepted state; 0 when no correction was needed.
+    /// Displacement ratio of the accepted state; 0 for an initial equilibrium that needed no iteration.
     pub displacement_ratio: f64,
     /// Shortcuts in the accepted answers, counted by point.
     pub flags: FlagCounts,
@@ -198,7 +199,7 @@ pub struct FieldsView<'a> {
 /// Counts and times of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Accepted steps; the initial equilibrium counts only if it needed iterations.
+    /// Accepted load steps, without the initial equilibrium.
     pub steps: u64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,

@@ -7,6 +7,8 @@ use crate::mesh::{Mesh, MeshError};
 use protocol::{Observables, TangentKind};
 use thiserror::Error;
 
+mod validation;
+
 /// A space direction of a plane problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Axis {
@@ -75,6 +77,13 @@ pub enum Condition {
         /// Follower or dead.
         kind: PressureKind,
     },
+    /// A force per initial area of an edge set, `value x load`, kept in direction.
+    Traction {
+        /// Edge set.
+        edges: String,
+        /// Value at load 1, Pa.
+        value: [f64; 2],
+    },
 }
 
 impl Condition {
@@ -110,10 +119,11 @@ impl Default for StepControl {
 /// When a step counts as converged: **both** criteria.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
-    /// Norm of the out-of-balance force at free degrees of freedom over the norm of the reactions and applied loads.
+    /// Norm of the out-of-balance force at free degrees of freedom over the norm of the reactions or of the applied
+    /// loads, whichever is larger.
     pub force: f64,
-    /// Norm of the last correction over the norm of the step's displacements. It is the correction that led to the
-    /// accepted state or, when smaller, the one that would follow it.
+    /// Norm of the correction that the accepted state would still get over the norm of the step's displacements. The
+    /// correction comes from the tangent at that state and costs no evaluation.
     pub displacement: f64,
 }
 
@@ -139,7 +149,8 @@ pub enum Predictor {
 pub struct SecantGates {
     /// Pairs of targets closer than this are noise and are not used; dimensionless strain.
     pub min_change: f64,
-    /// A correction larger than this many times the tangent it corrects is not used (Frobenius norms).
+    /// Pairs whose stress change over target change exceeds this many times the norm of the point's first tangent
+    /// are not used (Frobenius norms).
     pub max_ratio: f64,
     /// The smallest eigenvalue of the corrected symmetric part in strain space must stay above this share of the
     /// point's first tangent's `C_2222`; the correction is halved twice, then dropped.
@@ -255,6 +266,14 @@ pub enum ProblemError {
         first: f64,
         /// Value of the later condition, m.
         second: f64,
+    },
+    /// A part of the mesh can still move as a rigid body.
+    #[error("the supports leave the part of the mesh around element {element} free to {motion}; hold another node")]
+    RigidMotion {
+        /// First element of the part.
+        element: usize,
+        /// The free motion, in words.
+        motion: String,
     },
     /// A number is out of range or not finite.
     #[error("{what} must be {requirement}, not {value}")]

@@ -1,0 +1,268 @@
+//! Implicit quasi-static solution by Newton's method on an updated geometry.
+//!
+//! A load step starts from the last committed configuration and asks every Gauss point for its answer to the total
+//! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
+//! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
+//! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
+//! cut back when it does not converge, and the run ends in an honest failure when the smallest step does not.
+
+mod body;
+mod constraints;
+mod fields;
+mod linear_solver;
+mod loads;
+mod moduli;
+mod newton;
+mod points;
+mod secant;
+#[cfg(test)]
+mod tests;
+
+use crate::material::PointMaterial;
+use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport};
+use crate::problem::{Problem, ProblemError};
+use body::{Balance, Body};
+use constraints::Constraints;
+use linear_solver::LinearSolver;
+use loads::Loads;
+use newton::Converged;
+use points::{Points, failure};
+use protocol::TangentKind;
+use std::time::Instant;
+
+/// Solves a problem from load 0 to load 1.
+///
+/// Step 0 is the equilibrium at load 0 with whatever stress the material starts with; it is iterated only if that
+/// stress is out of balance. The material is left with the last accepted state committed, however the run ends.
+pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
+    let run = match Solver::new(problem) {
+        Err(error) => Run { outcome: Outcome::Refused(error), load: 0.0, statistics: Statistics::default() },
+        Ok(mut solver) => {
+            let session = &mut Session { material: &mut *material, observer: &mut *observer };
+            let outcome = match solver.run(session) {
+                Ok(()) => Outcome::Completed,
+                Err(outcome) => outcome,
+            };
+            session.material.rollback();
+            Run { outcome, load: solver.load, statistics: solver.statistics }
+        }
+    };
+    observer.finished(&run);
+    run
+}
+
+/// The two partners of a run.
+struct Session<'a> {
+    material: &'a mut dyn PointMaterial,
+    observer: &'a mut dyn Observer,
+}
+
+/// Why an attempt ended without convergence.
+#[derive(Debug)]
+enum Failure {
+    /// A smaller step may help.
+    Attempt(String),
+    /// Nothing more can be done.
+    Run(Outcome),
+}
+
+/// State of a run.
+struct Solver<'a> {
+    problem: &'a Problem,
+    constraints: Constraints,
+    loads: Loads,
+    linear: LinearSolver,
+    body: Body,
+    points: Points,
+    tangent_asked: TangentKind,
+    /// Of the latest iterate.
+    balance: Balance,
+    /// Of the committed state.
+    committed_balance: Balance,
+    /// Displacements and size of the last accepted load step.
+    last_increment: Option<(Vec<f64>, f64)>,
+    load: f64,
+    step: usize,
+    statistics: Statistics,
+}
+
+impl<'a> Solver<'a> {
+    fn new(problem: &'a Problem) -> Result<Self, ProblemError> {
+        problem.validate()?;
+        let constraints = Constraints::new(problem.prescribed_displacements()?);
+        let loads = Loads::new(problem)?;
+        let body = Body::new(problem.mesh.clone());
+        let block_dofs = body.block_dofs(&loads);
+        let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints);
+        let empty = Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new() };
+        let statistics = Statistics {
+            evaluations_per_point: vec![0; problem.point_count()],
+            unknowns: constraints.free().len(),
+            ..Statistics::default()
+        };
+        Ok(Self {
+            problem,
+            constraints,
+            loads,
+            linear,
+            points: Points::new(problem),
+            body,
+            // No ramp has been seen yet that could tell which contacts slip.
+            tangent_asked: TangentKind::TrussLike,
+            balance: empty.clone(),
+            committed_balance: empty,
+            last_increment: None,
+            load: 0.0,
+            step: 0,
+            statistics,
+        })
+    }
+
+    fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
+        session.observer.started(self.problem).map_err(Outcome::Stopped)?;
+        self.equilibrate(session)?;
+        let base = 1.0 / self.problem.control.increments as f64;
+        let mut size = base;
+        while self.load < 1.0 {
+            self.step += 1;
+            let iterations = self.advance(&mut size, session)?;
+            if iterations <= self.problem.control.target_iterations {
+                size = (size * self.problem.control.growth).min(base);
+            }
+        }
+        Ok(())
+    }
+
+    /// Step 0. A start in balance is accepted as it is; its null trial is dropped, so committed states stay initial.
+    fn equilibrate(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
+        let explain = |reason| Outcome::DidNotConverge { reason: format!("initial equilibrium: {reason}") };
+        let ended = |failure| match failure {
+            Failure::Attempt(reason) => explain(reason),
+            Failure::Run(outcome) => outcome,
+        };
+        let counters = Counters::of(&self.statistics);
+        let still = self.body.zero();
+        let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
+        self.tangent_asked = self.problem.strategy.tangent;
+        self.committed_balance.clone_from(&self.balance);
+        session.material.rollback();
+        self.points.forget_trials();
+        let converged = if start.ratio() <= self.problem.tolerances.force {
+            Converged { increment: still, iterations: 0, force_ratio: start.ratio(), displacement_ratio: 0.0 }
+        } else {
+            let converged = self.attempt(0.0, session).map_err(ended)?;
+            session.material.commit().map_err(|error| ended(failure(error)))?;
+            converged
+        };
+        self.accept(&converged, 0.0, 0, &counters, session)
+    }
+
+    /// Takes one load step, cutting it back as often as needed; returns the iterations of the successful attempt.
+    fn advance(&mut self, size: &mut f64, session: &mut Session<'_>) -> Result<usize, Outcome> {
+        let control = &self.problem.control;
+        let counters = Counters::of(&self.statistics);
+        self.points.start_step();
+        for cut_backs in 0.. {
+            let load = next_load(self.load, *size, control.increments, control.min);
+            match self.attempt(load, session) {
+                Ok(converged) => {
+                    session.material.commit().map_err(|error| match failure(error) {
+                        Failure::Run(outcome) => outcome,
+                        Failure::Attempt(reason) => Outcome::WorkersLost { reason },
+                    })?;
+                    let iterations = converged.iterations;
+                    self.accept(&converged, load, cut_backs, &counters, session)?;
+                    return Ok(iterations);
+                }
+                Err(Failure::Run(outcome)) => return Err(outcome),
+                Err(Failure::Attempt(reason)) => {
+                    session.material.rollback();
+                    self.points.forget_trials();
+                    let from = load - self.load;
+                    *size = from * control.cut;
+                    if *size < control.min {
+                        let reason = format!("at load {load:.6} with the smallest step {from:.2e}: {reason}");
+                        return Err(Outcome::DidNotConverge { reason });
+                    }
+                    self.statistics.cut_backs += 1;
+                    session.observer.cut_back(&CutBack { step: self.step, load, from, to: *size, reason });
+                }
+            }
+        }
+        unreachable!("the loop only ends by returning")
+    }
+
+    /// Moves the reference to the converged configuration, which the material has committed, and reports it.
+    fn accept(
+        &mut self,
+        converged: &Converged,
+        load: f64,
+        cut_backs: usize,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<(), Outcome> {
+        let size = load - self.load;
+        let gradients = self.body.gradients(&converged.increment);
+        self.body.commit(&converged.increment);
+        self.points.commit(&gradients);
+        self.committed_balance.clone_from(&self.balance);
+        if size > 0.0 {
+            self.last_increment = Some((converged.increment.clone(), size));
+            self.statistics.steps += 1;
+        }
+        self.load = load;
+        let report = StepReport {
+            step: self.step,
+            load,
+            size,
+            iterations: converged.iterations,
+            evaluations: self.statistics.evaluations - before.evaluations,
+            skipped: self.statistics.skipped - before.skipped,
+            cut_backs,
+            force_ratio: converged.force_ratio,
+            displacement_ratio: converged.displacement_ratio,
+            flags: self.points.flags(),
+        };
+        let fields = self.fields(&gradients);
+        let view = FieldsView {
+            mesh: self.body.mesh(),
+            displacements: &fields.displacements,
+            reactions: &fields.reactions,
+            loads: &fields.loads,
+            points: &fields.points,
+            statistics: &self.statistics,
+        };
+        session.observer.accepted(&report, &view).map_err(Outcome::Stopped)
+    }
+}
+
+/// Counters at the start of a step.
+struct Counters {
+    evaluations: u64,
+    skipped: u64,
+}
+
+impl Counters {
+    fn of(statistics: &Statistics) -> Self {
+        Self { evaluations: statistics.evaluations, skipped: statistics.skipped }
+    }
+}
+
+/// Load factor that a step of `size` aims at. Snaps to the grid of equal steps, so that an undisturbed run meets
+/// exactly the same loads whatever rounding does, and ends at 1 without a sliver.
+fn next_load(load: f64, size: f64, increments: usize, min: f64) -> f64 {
+    let next = load + size;
+    if 1.0 - next < 0.5 * min {
+        return 1.0;
+    }
+    let on_grid = (next * increments as f64).round() / increments as f64;
+    if (on_grid - next).abs() < 1e-9 { on_grid } else { next }
+}
+
+/// Runs `work` and adds its wall time to `total`, ns.
+fn timed<T>(total: &mut u64, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *total += u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    result
+}

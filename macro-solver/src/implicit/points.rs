@@ -1,0 +1,250 @@
+//! The Gauss points as the solver sees them: what was asked of each, what it answered, and what it has cost.
+//!
+//! Every trial starts from the committed state. Within a step the number of ramp increments of a point is fixed, so
+//! that its stress is one function of its target.
+
+use super::Failure;
+use super::moduli::{full, plane, plane_operator, spatial_moduli};
+use super::secant::{Sample, Yardstick, corrected};
+use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::observer::{FlagCounts, Outcome, Statistics};
+use crate::problem::{Problem, SecantGates};
+use nalgebra::{Matrix2, Matrix4};
+use protocol::{Ask, Cost, Observables, TangentKind, Tensor2, TrialAnswer};
+
+/// One Gauss point.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    /// Committed total deformation gradient.
+    pub(super) deformation: Matrix2<f64>,
+    /// Cauchy stress of the latest evaluation, Pa.
+    pub(super) stress: Matrix2<f64>,
+    /// Moduli at the end of the latest evaluation, secant correction included, Pa.
+    pub(super) moduli: Matrix4<f64>,
+    /// Latest answer.
+    pub(super) answer: Option<TrialAnswer>,
+    /// Evaluations in this step.
+    pub(super) step_evaluations: u64,
+    /// Evaluations since the start.
+    pub(super) evaluations: u64,
+    /// Cost in this step.
+    pub(super) step_cost: Cost,
+    /// Cost since the start.
+    pub(super) cost: Cost,
+    tangent: Matrix4<f64>,
+    yardstick: Option<Yardstick>,
+    ramp_steps: u32,
+    held: Option<Tensor2>,
+    last_sample: Option<Sample>,
+}
+
+impl Point {
+    fn new() -> Self {
+        Self {
+            deformation: Matrix2::identity(),
+            stress: Matrix2::zeros(),
+            moduli: Matrix4::zeros(),
+            answer: None,
+            step_evaluations: 0,
+            evaluations: 0,
+            step_cost: Cost::default(),
+            cost: Cost::default(),
+            tangent: Matrix4::zeros(),
+            yardstick: None,
+            ramp_steps: 0,
+            held: None,
+            last_sample: None,
+        }
+    }
+}
+
+/// All Gauss points and the choices that govern their evaluation.
+#[derive(Clone, Debug)]
+pub(super) struct Points {
+    points: Vec<Point>,
+    observables: Observables,
+    strain_per_step: f64,
+    secant: Option<SecantGates>,
+    keep_unchanged: bool,
+}
+
+impl Points {
+    /// Undeformed points.
+    pub(super) fn new(problem: &Problem) -> Self {
+        Self {
+            points: vec![Point::new(); problem.point_count()],
+            observables: problem.observables,
+            strain_per_step: problem.strain_per_step,
+            secant: problem.strategy.secant,
+            keep_unchanged: problem.strategy.keep_unchanged,
+        }
+    }
+
+    /// The points, by number.
+    pub(super) fn all(&self) -> &[Point] {
+        &self.points
+    }
+
+    /// Fixes every point's ramp for the coming attempt from its predicted displacement gradient.
+    pub(super) fn fix_ramps(&mut self, predicted: &[Matrix2<f64>]) {
+        if self.strain_per_step == 0.0 {
+            return;
+        }
+        for (point, gradient) in self.points.iter_mut().zip(predicted) {
+            let ramp_steps = (gradient.amax() / self.strain_per_step).round().clamp(1.0, f64::from(u32::MAX)) as u32;
+            if ramp_steps != point.ramp_steps {
+                // Another ramp is another function: earlier answers of this step do not belong to it.
+                point.ramp_steps = ramp_steps;
+                point.held = None;
+                point.last_sample = None;
+            }
+        }
+    }
+
+    /// Asks every point whose target has changed.
+    ///
+    /// # Errors
+    /// [`Failure::Attempt`] if a smaller step may help, otherwise the end of the run.
+    pub(super) fn evaluate(
+        &mut self,
+        gradients: &[Matrix2<f64>],
+        tangent: TangentKind,
+        material: &mut dyn PointMaterial,
+        statistics: &mut Statistics,
+    ) -> Result<Sweep, Failure> {
+        let mut trials = Vec::with_capacity(gradients.len());
+        for (number, (point, gradient)) in self.points.iter_mut().zip(gradients).enumerate() {
+            let target = full(gradient);
+            if self.keep_unchanged && point.held == Some(target) {
+                continue;
+            }
+            // Until its answer is in, the material's latest trial of this point is unknown.
+            point.held = None;
+            let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
+            trials.push(PointTrial { point: number, target, ask });
+        }
+        let sweep = Sweep { asked: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
+        statistics.skipped += sweep.skipped;
+        if trials.is_empty() {
+            return Ok(sweep);
+        }
+        let answers = material.evaluate(&trials).map_err(|error| failure(error))?;
+        assert_eq!(answers.len(), trials.len(), "a material answers every trial");
+        for (trial, answer) in trials.iter().zip(answers) {
+            self.count(trial.point, &answer, statistics);
+            self.take(trial, &gradients[trial.point], answer, statistics)?;
+        }
+        Ok(sweep)
+    }
+
+    fn count(&mut self, number: usize, answer: &TrialAnswer, statistics: &mut Statistics) {
+        let point = &mut self.points[number];
+        point.evaluations += 1;
+        point.step_evaluations += 1;
+        for total in [&mut point.cost, &mut point.step_cost, &mut statistics.cost] {
+            add_cost(total, &answer.cost);
+        }
+        statistics.evaluations += 1;
+        statistics.evaluations_per_point[number] += 1;
+        statistics.flags.add(answer.flags);
+    }
+
+    fn take(
+        &mut self,
+        trial: &PointTrial,
+        gradient: &Matrix2<f64>,
+        answer: TrialAnswer,
+        statistics: &mut Statistics,
+    ) -> Result<(), Failure> {
+        let finite = answer.stress.is_finite() && answer.tangent.as_ref().is_none_or(|tangent| tangent.is_finite());
+        if !finite {
+            return Err(Failure::Attempt(format!(
+                "Gauss point {} answered with a number that is not finite",
+                trial.point
+            )));
+        }
+        let secant = self.secant;
+        let point = &mut self.points[trial.point];
+        point.stress = plane(&answer.stress);
+        if let Some(tangent) = &answer.tangent {
+            point.tangent = plane_operator(tangent);
+        }
+        let yardstick =
+            *point.yardstick.get_or_insert(Yardstick { norm: point.tangent.norm(), vertical: point.tangent[(3, 3)] });
+        point.moduli = spatial_moduli(&point.tangent, &point.stress);
+        if let Some(gates) = secant {
+            let sample = Sample::new(*gradient, &point.stress);
+            if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
+                match corrected(&point.moduli, last, sample, &yardstick, &gates) {
+                    Some(moduli) => {
+                        point.moduli = moduli;
+                        statistics.secant_corrections += 1;
+                    }
+                    None => statistics.secant_refusals += 1,
+                }
+            }
+            point.last_sample = sample;
+        }
+        point.held = Some(trial.target);
+        point.answer = Some(answer);
+        Ok(())
+    }
+
+    /// The latest targets have become the committed states.
+    pub(super) fn commit(&mut self, gradients: &[Matrix2<f64>]) {
+        for (point, gradient) in self.points.iter_mut().zip(gradients) {
+            point.deformation = (Matrix2::identity() + gradient) * point.deformation;
+        }
+        self.forget_trials();
+    }
+
+    /// The material has dropped its trials.
+    pub(super) fn forget_trials(&mut self) {
+        for point in &mut self.points {
+            point.held = None;
+            point.last_sample = None;
+        }
+    }
+
+    /// Starts the counters of a new step.
+    pub(super) fn start_step(&mut self) {
+        for point in &mut self.points {
+            point.step_evaluations = 0;
+            point.step_cost = Cost::default();
+        }
+    }
+
+    /// Shortcuts in the latest answers.
+    pub(super) fn flags(&self) -> FlagCounts {
+        let mut counts = FlagCounts::default();
+        self.points.iter().filter_map(|point| point.answer.as_ref()).for_each(|answer| counts.add(answer.flags));
+        counts
+    }
+}
+
+/// One evaluation of all points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sweep {
+    /// Points evaluated.
+    pub(super) asked: u64,
+    /// Points that kept their answer.
+    pub(super) skipped: u64,
+}
+
+fn add_cost(total: &mut Cost, cost: &Cost) {
+    total.force_evaluations += cost.force_evaluations;
+    total.ramp_steps += cost.ramp_steps;
+    total.solve_nanoseconds += cost.solve_nanoseconds;
+    total.tangent_nanoseconds += cost.tangent_nanoseconds;
+}
+
+/// What a material's error means for the run.
+pub(super) fn failure(error: MaterialError) -> Failure {
+    match error {
+        MaterialError::Point { .. } => Failure::Attempt(error.to_string()),
+        MaterialError::Interrupted => Failure::Run(Outcome::Interrupted),
+        MaterialError::WorkersLost(reason) | MaterialError::Channel(reason) => {
+            Failure::Run(Outcome::WorkersLost { reason })
+        }
+    }
+}

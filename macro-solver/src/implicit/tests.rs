@@ -1,0 +1,123 @@
+//! Checks of the implicit solver on closed-form materials.
+
+mod convergence;
+mod equilibrium;
+mod patch;
+mod stepping;
+mod tangent;
+
+use super::solve;
+use crate::elastic::{ElasticLaw, ElasticMaterial};
+use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::mesh::block::Block;
+use crate::mesh::{ElementKind, Mesh};
+use crate::observer::{CutBack, FieldsView, IterationReport, Observer, PointFields, Run, StepReport, StopRequest};
+use crate::problem::{Axis, Condition, Problem, Tolerances};
+use protocol::TrialAnswer;
+
+/// Keeps everything that a run reports.
+#[derive(Default)]
+struct Recorder {
+    iterations: Vec<IterationReport>,
+    steps: Vec<StepReport>,
+    cut_backs: Vec<CutBack>,
+    displacements: Vec<[f64; 2]>,
+    reactions: Vec<[f64; 2]>,
+    points: Vec<PointFields>,
+}
+
+impl Observer for Recorder {
+    fn iterated(&mut self, report: &IterationReport) {
+        self.iterations.push(*report);
+    }
+
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        self.steps.push(*report);
+        self.displacements = fields.displacements.to_vec();
+        self.reactions = fields.reactions.to_vec();
+        self.points = fields.points.to_vec();
+        Ok(())
+    }
+
+    fn cut_back(&mut self, event: &CutBack) {
+        self.cut_backs.push(event.clone());
+    }
+}
+
+/// An elastic material that remembers what it was asked and may refuse.
+struct Spy {
+    inner: ElasticMaterial,
+    trials: Vec<Vec<PointTrial>>,
+    commits: usize,
+    refuse: Box<dyn FnMut(&[PointTrial]) -> Option<MaterialError>>,
+}
+
+impl Spy {
+    fn new(inner: ElasticMaterial) -> Self {
+        Self { inner, trials: vec![Vec::new()], commits: 0, refuse: Box::new(|_| None) }
+    }
+
+    /// The trial of each point that stood when step `step` was committed.
+    fn committed_trials(&self, step: usize) -> Vec<PointTrial> {
+        let mut last: Vec<Option<PointTrial>> = Vec::new();
+        for trial in &self.trials[step] {
+            last.resize(last.len().max(trial.point + 1), None);
+            last[trial.point] = Some(*trial);
+        }
+        last.into_iter().flatten().collect()
+    }
+}
+
+impl PointMaterial for Spy {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        if let Some(error) = (self.refuse)(trials) {
+            return Err(error);
+        }
+        self.trials[self.commits].extend_from_slice(trials);
+        self.inner.evaluate(trials)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.commits += 1;
+        self.trials.push(Vec::new());
+        self.inner.commit()
+    }
+
+    fn rollback(&mut self) {
+        self.trials[self.commits].clear();
+        self.inner.rollback();
+    }
+}
+
+const TIGHT: Tolerances = Tolerances { force: 1e-9, displacement: 1e-9 };
+
+fn block(kind: ElementKind, columns: usize, rows: usize) -> Mesh {
+    Block { width: columns as f64, height: rows as f64, columns, rows, kind }.mesh().unwrap()
+}
+
+/// Adds a node set for every node, so that each can get its own displacement.
+fn prescribe_field(problem: &mut Problem, nodes: &[usize], field: impl Fn([f64; 2]) -> [f64; 2]) {
+    for &node in nodes {
+        let name = format!("node {node}");
+        let value = field(problem.mesh.nodes[node]);
+        problem.mesh.node_sets.insert(name.clone(), vec![node]);
+        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(value) {
+            problem.conditions.push(Condition::Displacement { nodes: name.clone(), axis, value });
+        }
+    }
+}
+
+fn run(problem: &Problem, material: &mut dyn PointMaterial) -> (Run, Recorder) {
+    let mut recorder = Recorder::default();
+    let run = solve(problem, material, &mut recorder);
+    (run, recorder)
+}
+
+/// Two-dimensional bulk and shear modulus of plane stress, Pa.
+fn plane_stress_moduli(young: f64, poisson: f64) -> (f64, f64) {
+    (0.5 * young / (1.0 - poisson), 0.5 * young / (1.0 + poisson))
+}
+
+fn elastic(law: ElasticLaw, problem: &Problem) -> ElasticMaterial {
+    ElasticMaterial::new(law, 2.0e7, 1.0e7, problem.point_count())
+}

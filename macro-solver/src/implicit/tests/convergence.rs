@@ -1,0 +1,77 @@
+//! H-3 and H-4: bending against published and exact solutions of linear elasticity.
+
+use super::*;
+use crate::observer::Outcome;
+
+/// Small enough that geometric effects stay below every tolerance here.
+const SMALL: f64 = 1e-6;
+
+/// H-3. Cook's membrane: deflection of the middle of the right side, E = 1, nu = 1/3, load 1.
+#[test]
+fn cook_membrane_deflects_as_published_for_equal_meshes() {
+    for (count, published) in [(8, 22.079), (16, 23.430)] {
+        let mut mesh = block(ElementKind::Q4, count, count);
+        for node in &mut mesh.nodes {
+            let [along, up] = node.map(|x| x / count as f64);
+            *node = [48.0 * along, 44.0 * along + up * (44.0 - 28.0 * along)];
+        }
+        let middle = mesh.node_sets["right"][count / 2];
+        let mut problem = Problem::new(
+            mesh,
+            vec![
+                Condition::fixed("left", Axis::X),
+                Condition::fixed("left", Axis::Y),
+                Condition::Traction { edges: "right".into(), value: [0.0, SMALL / 16.0] },
+            ],
+        );
+        problem.control.increments = 1;
+        problem.tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+        let (bulk, shear) = plane_stress_moduli(1.0, 1.0 / 3.0);
+        let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
+        let (run, record) = run(&problem, &mut material);
+        assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+        let deflection = record.displacements[middle][1] / SMALL;
+        assert!((deflection / published - 1.0).abs() < 1e-4, "{count}: {deflection}");
+    }
+}
+
+/// Exact field of a cantilever of length 4 and depth 2 under a parabolic end load (Timoshenko and Goodier).
+fn cantilever([x, y]: [f64; 2]) -> [f64; 2] {
+    let (length, depth, poisson) = (4.0, 2.0, 0.25);
+    let axial = (6.0 * length - 3.0 * x) * x + (2.0 + poisson) * (y * y - depth * depth / 4.0);
+    let vertical = 3.0 * poisson * y * y * (length - x)
+        + (4.0 + 5.0 * poisson) * depth * depth * x / 4.0
+        + (3.0 * length - x) * x * x;
+    [-SMALL * y * axial / 100.0, SMALL * vertical / 100.0]
+}
+
+fn cantilever_error(kind: ElementKind, rows: usize) -> f64 {
+    let mut mesh = block(kind, 2 * rows, rows);
+    for node in &mut mesh.nodes {
+        *node = [2.0 * node[0] / rows as f64, 2.0 * node[1] / rows as f64 - 1.0];
+    }
+    let ends = [mesh.node_sets["left"].clone(), mesh.node_sets["right"].clone()].concat();
+    let mut problem = Problem::new(mesh, Vec::new());
+    prescribe_field(&mut problem, &ends, cantilever);
+    problem.control.increments = 1;
+    problem.tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+    let (bulk, shear) = plane_stress_moduli(1.0, 0.25);
+    let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
+    let (run, record) = run(&problem, &mut material);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let errors = record.displacements.iter().zip(&problem.mesh.nodes).map(|(moved, place)| {
+        let exact = cantilever(*place);
+        (moved[0] - exact[0]).hypot(moved[1] - exact[1]) / SMALL
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// H-4. Order 2 for Q4, at least 3 for Q8.
+#[test]
+fn cantilever_error_falls_at_the_order_of_the_element() {
+    for (kind, meshes, lowest) in [(ElementKind::Q4, [4, 8], 1.8), (ElementKind::Q8, [2, 4], 2.8)] {
+        let errors = meshes.map(|rows| cantilever_error(kind, rows));
+        let order = (errors[0] / errors[1]).log2();
+        assert!(order > lowest && order < 4.5, "{kind:?}: {errors:?} order {order}");
+    }
+}

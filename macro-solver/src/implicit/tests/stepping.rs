@@ -1,0 +1,168 @@
+//! Steps: restart from committed states (I-9), cut-back, honest failure, exact skipping, interruption.
+
+use super::*;
+use crate::observer::Outcome;
+use crate::problem::{Platen, Predictor, SecantGates};
+use protocol::{RveError, Tensor2};
+use std::cell::Cell;
+use std::rc::Rc;
+
+fn compression(displacement: f64) -> Problem {
+    let mut problem = Problem::new(
+        block(ElementKind::Q8, 2, 2),
+        vec![
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Rough, displacement: 0.0 },
+            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, displacement },
+        ],
+    );
+    problem.control.increments = 4;
+    problem.tolerances = TIGHT;
+    problem
+}
+
+fn stresses(record: &Recorder) -> Vec<Tensor2> {
+    record.points.iter().map(|point| point.stress).collect()
+}
+
+/// I-9. Replaying only the accepted target of each step, once, gives the same bits as the iterated run.
+#[test]
+fn accepted_states_depend_on_accepted_targets_alone() {
+    let problem = compression(-0.4);
+    let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    let (finished, record) = run(&problem, &mut spy);
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    assert_eq!(spy.commits, 4);
+    let mut replay = elastic(ElasticLaw::SaintVenant, &problem);
+    let mut last = Vec::new();
+    for step in 0..4 {
+        let trials = spy.committed_trials(step);
+        assert_eq!(trials.len(), problem.point_count());
+        last = replay.evaluate(&trials).unwrap();
+        replay.commit().unwrap();
+    }
+    assert_eq!(last.iter().map(|answer| answer.stress).collect::<Vec<_>>(), stresses(&record));
+    assert!(finished.statistics.evaluations > 5 * problem.point_count() as u64, "several iterations a step");
+}
+
+/// The path of the iterates must not matter beyond the tolerance: the law is path independent here.
+#[test]
+fn predictor_and_secant_change_the_path_but_not_the_answer() {
+    let mut problem = compression(-0.4);
+    let (_, plain) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    problem.strategy.predictor = Predictor::Tangent;
+    problem.strategy.secant = Some(SecantGates::default());
+    let (finished, other) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    assert!(finished.statistics.secant_corrections > 0);
+    for (one, two) in stresses(&plain).iter().zip(stresses(&other)) {
+        for component in 0..9 {
+            assert!((one.0[component] - two.0[component]).abs() < 1e-7 * 2e7);
+        }
+    }
+}
+
+#[test]
+fn steps_that_a_point_refuses_are_cut_back_and_the_stage_still_ends_at_one() {
+    let problem = compression(-0.4);
+    let (whole, plain) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert_eq!(whole.statistics.cut_backs, 0);
+    assert_eq!(plain.steps.iter().map(|step| step.load).collect::<Vec<_>>(), [0.0, 0.25, 0.5, 0.75, 1.0]);
+    let mut delicate = elastic(ElasticLaw::SaintVenant, &problem).with_largest_target(0.03);
+    let (finished, record) = run(&problem, &mut delicate);
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    assert!(finished.statistics.cut_backs > 0 && record.cut_backs.len() as u64 == finished.statistics.cut_backs);
+    assert!(record.cut_backs[0].reason.contains("Gauss point"), "{}", record.cut_backs[0].reason);
+    assert_eq!((finished.load, record.steps.last().unwrap().load), (1.0, 1.0));
+    for (one, two) in stresses(&plain).iter().zip(stresses(&record)) {
+        assert!((one.0[4] - two.0[4]).abs() < 1e-7 * 2e7, "hyperelastic: the split into steps cannot matter");
+    }
+}
+
+#[test]
+fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() {
+    let mut problem = compression(-0.4);
+    problem.control.min = 1e-2;
+    let mut brittle = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    let reached = Rc::new(Cell::new(1.0));
+    let largest = Rc::clone(&reached);
+    // Refuses everything once the first step is in.
+    brittle.refuse = Box::new(move |trials| {
+        let compressed = trials[0].target.get(1, 1).abs() > 0.0 && largest.get() < 0.0;
+        largest.set(largest.get() - 0.1);
+        compressed.then(|| MaterialError::Point { point: 3, reason: RveError::NotFinite { force_evaluations: 7 } })
+    });
+    let (failed, record) = run(&problem, &mut brittle);
+    match failed.outcome {
+        Outcome::DidNotConverge { reason } => {
+            assert!(reason.contains("Gauss point 3") && reason.contains("smallest step"), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(failed.load > 0.0 && failed.load < 1.0 && record.steps.last().unwrap().load == failed.load);
+    assert!(record.cut_backs.last().unwrap().to >= problem.control.min);
+    assert_eq!(brittle.commits, record.steps.len() - 1);
+}
+
+#[test]
+fn interruption_and_lost_workers_end_the_run_as_such() {
+    let problem = compression(-0.4);
+    let outcome_of = |make: fn() -> MaterialError| {
+        let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+        let mut calls = 0;
+        spy.refuse = Box::new(move |_| {
+            calls += 1;
+            (calls == 5).then(make)
+        });
+        run(&problem, &mut spy).0.outcome
+    };
+    assert!(matches!(outcome_of(|| MaterialError::Interrupted), Outcome::Interrupted));
+    assert!(matches!(outcome_of(|| MaterialError::WorkersLost("gone".into())), Outcome::WorkersLost { .. }));
+}
+
+#[test]
+fn an_observer_can_stop_the_run() {
+    struct FullDisk;
+    impl Observer for FullDisk {
+        fn accepted(&mut self, report: &StepReport, _: &FieldsView<'_>) -> Result<(), StopRequest> {
+            if report.step == 2 { Err(StopRequest { reason: "disk full".into() }) } else { Ok(()) }
+        }
+    }
+    let problem = compression(-0.4);
+    let stopped = solve(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem), &mut FullDisk);
+    assert!(matches!(stopped.outcome, Outcome::Stopped(_)) && stopped.load == 0.5);
+}
+
+/// A second block that does not move is asked once per step, and the result has the same bits as asking always.
+#[test]
+fn unchanged_targets_are_skipped_without_changing_a_bit() {
+    let mut problem = compression(-0.4);
+    let first = problem.mesh.nodes.len();
+    problem.mesh.nodes.extend([[5.0, 0.0], [6.0, 0.0], [6.0, 1.0], [5.0, 1.0]]);
+    problem.mesh.nodes.extend([[5.5, 0.0], [6.0, 0.5], [5.5, 1.0], [5.0, 0.5]]);
+    problem.mesh.elements.push((first..first + 8).collect());
+    problem.mesh.node_sets.insert("still".into(), (first..first + 8).collect());
+    problem.conditions.extend([Condition::fixed("still", Axis::X), Condition::fixed("still", Axis::Y)]);
+    let (thrifty, kept) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    problem.strategy.keep_unchanged = false;
+    let (lavish, asked) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert_eq!((stresses(&kept), &kept.displacements), (stresses(&asked), &asked.displacements));
+    assert!(thrifty.statistics.skipped > 0 && lavish.statistics.skipped == 0);
+    assert_eq!(thrifty.statistics.evaluations + thrifty.statistics.skipped, lavish.statistics.evaluations);
+    assert_eq!(thrifty.statistics.evaluations_per_point.iter().sum::<u64>(), thrifty.statistics.evaluations);
+}
+
+/// The number of ramp increments of a point is one number per step, from its predicted strain.
+#[test]
+fn ramp_counts_are_fixed_within_a_step() {
+    let mut problem = compression(-0.4);
+    problem.strain_per_step = 1e-4;
+    let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    run(&problem, &mut spy);
+    for step in 0..4 {
+        for point in 0..problem.point_count() {
+            let counts: Vec<u32> =
+                spy.trials[step].iter().filter(|t| t.point == point).map(|t| t.ask.ramp_steps).collect();
+            assert!(counts.iter().all(|count| *count == counts[0] && *count > 100), "{counts:?}");
+        }
+    }
+}
