@@ -24,7 +24,7 @@ impl Cell {
     /// Distances between the opposite sides that Y1 and Y2 bridge, m.
     pub fn widths(&self) -> [f64; 2] {
         let area = self.area();
-        let length = |row: [f64; 2]| row[0].hypot(row[1]);
+        let length = |row: [f64; 2]| (row[0] * row[0] + row[1] * row[1]).sqrt();
         [area / length(self.rows[1]), area / length(self.rows[0])]
     }
 

@@ -94,7 +94,7 @@ impl ContactNetwork {
         self.contacts.iter().fold(0.0, |largest: f64, contact| {
             let branch = self.branch(contact);
             let (o, e) = (self.radii[contact.origin as usize], self.radii[contact.end as usize]);
-            largest.max((o + e - branch[0].hypot(branch[1])) / (2.0 * o.min(e)))
+            largest.max((o + e - (branch[0] * branch[0] + branch[1] * branch[1]).sqrt()) / (2.0 * o.min(e)))
         })
     }
 

@@ -25,7 +25,7 @@ impl ContactNetwork {
     /// Force on the origin grain, N.
     pub fn force(&self, contact: &NetworkContact) -> [f64; 2] {
         let branch = self.branch(contact);
-        let length = branch[0].hypot(branch[1]);
+        let length = (branch[0] * branch[0] + branch[1] * branch[1]).sqrt();
         let [x, y] = [branch[0] / length, branch[1] / length];
         [
             contact.normal_force * x - contact.tangential_force * y,

@@ -187,7 +187,9 @@ impl<'a> Preparation<'a> {
     fn packing(&self) -> Result<PackingFile, PackingError> {
         let state = self.cell.committed();
         let first = state.cell.rows[0];
-        let back = plane::rotation(-first[1].atan2(first[0]));
+        let length = (first[0] * first[0] + first[1] * first[1]).sqrt();
+        let (cosine, sine) = (first[0] / length, first[1] / length);
+        let back = [[cosine, sine], [-sine, cosine]];
         let mut rows = state.cell.deformed(&back).rows;
         rows[0][1] = 0.0;
         let radii = &self.cell.model().radii;
@@ -275,7 +277,7 @@ fn overlap(cell: &Cell, place: [f64; 2], radius: f64, other: &[f64; 3]) -> bool 
     let side = cell.rows[0][0];
     let nearest = |difference: f64| difference - side * (difference / side).round();
     let (dx, dy) = (nearest(place[0] - other[0]), nearest(place[1] - other[1]));
-    dx.hypot(dy) < radius + other[2]
+    dx * dx + dy * dy < (radius + other[2]).powi(2)
 }
 
 /// 53 random bits as a number in [0, 1).

@@ -10,6 +10,9 @@ use super::kernel::{GrainSlot, LinearLaw, PairSlot};
 /// Inertia of a grain in the relaxation is this times mass times radius squared; measured best, a solid disc has 0.5.
 pub(crate) const INERTIA_FACTOR: f64 = 0.8;
 
+/// Newton steps for an eigenvalue; five leave less than a percent even between close eigenvalues.
+const NEWTON_STEPS: u32 = 5;
+
 /// A symmetric 3x3 matrix: `[xx, yy, zz, xy, xz, yz]`.
 type Block = [f64; 6];
 
@@ -46,18 +49,28 @@ fn add_contact(block: &mut Block, [normal, tangential]: [f64; 2], [x, y]: [f64; 
     block[5] += tangential * arm * x;
 }
 
-/// Largest eigenvalue of a symmetric 3x3 matrix in closed form (trigonometric solution of the cubic).
+/// Upper bound of the largest eigenvalue of a symmetric 3x3 matrix, tight to rounding unless two eigenvalues nearly
+/// coincide.
+///
+/// Newton's method on the characteristic cubic, started above its largest root, approaches that root from above: every
+/// iterate is a bound. Arithmetic alone, so that the masses and with them all results do not depend on a system's
+/// mathematical library.
 fn largest_eigenvalue(block: &Block) -> f64 {
     let [xx, yy, zz, xy, xz, yz] = *block;
     let mean = (xx + yy + zz) / 3.0;
     let (x, y, z) = (xx - mean, yy - mean, zz - mean);
-    let spread = ((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0).sqrt();
-    if spread <= f64::MIN_POSITIVE {
-        return mean;
-    }
+    // Of the deviator: half its squared norm, and its determinant. Characteristic cubic: r^3 - half r - determinant.
+    let half = 0.5 * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
     let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
-    let cosine = (0.5 * determinant / (spread * spread * spread)).max(-1.0).min(1.0);
-    mean + 2.0 * spread * (cosine.acos() / 3.0).cos()
+    let mut root = 2.0 * (half / 3.0).sqrt();
+    for _ in 0..NEWTON_STEPS {
+        let slope = 3.0 * root * root - half;
+        if slope <= 0.0 {
+            break;
+        }
+        root -= (root * (root * root - half) - determinant) / slope;
+    }
+    mean + root
 }
 
 #[cfg(test)]
@@ -68,11 +81,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn closed_form_eigenvalue_is_right(v in proptest::array::uniform6(-5.0..5.0f64)) {
+        fn eigenvalue_is_bounded_from_above_and_tightly(v in proptest::array::uniform6(-5.0..5.0f64)) {
             let [a, b, c, d, e, f] = v;
             let matrix = Matrix3::new(a, d, e, d, b, f, e, f, c);
             let reference = matrix.symmetric_eigenvalues().max();
-            prop_assert!((largest_eigenvalue(&v) - reference).abs() < 1e-12 * (1.0 + reference.abs()));
+            let spread = matrix.norm();
+            let bound = largest_eigenvalue(&v);
+            prop_assert!(bound >= reference - 1e-13 * spread);
+            prop_assert!(bound <= reference + 0.02 * spread);
         }
     }
 }
