@@ -236,6 +236,9 @@ pub enum RveError {
     /// No trial to commit.
     #[error("commit without a trial")]
     NothingToCommit,
+    /// The engine broke down (a panic, an answer too large to send): a defect of the engine, not of the question.
+    #[error("the engine broke down: {0}")]
+    EngineFault(String),
 }
 
 /// What a worker needs to build an RVE: opaque to everyone but the engine.

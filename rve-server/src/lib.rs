@@ -2,6 +2,7 @@
 
 pub mod cell;
 pub mod definition;
+pub mod element;
 pub mod engine;
 pub mod homogenization;
 pub mod model;
@@ -10,5 +11,6 @@ pub mod packing;
 pub mod pairs;
 pub mod plane;
 mod relaxation;
+pub mod server;
 pub mod state;
 pub mod tangent;
