@@ -5,6 +5,7 @@ mod completions;
 mod element;
 mod exit;
 mod pack;
+mod run;
 mod stdout;
 
 use clap::{Parser, Subcommand};

@@ -27,6 +27,20 @@ impl ContactNetwork {
 
     /// Removes grains with fewer than two contacts until none is left that has.
     pub fn backbone(&self) -> Backbone {
+        let (degree, alive) = self.pruned();
+        Backbone {
+            grains: degree.iter().filter(|degree| **degree >= 2).count(),
+            contacts: alive.iter().filter(|alive| **alive).count(),
+        }
+    }
+
+    /// Whether each grain is a rattler: removed with its contacts on the way to the backbone.
+    pub fn rattlers(&self) -> Vec<bool> {
+        self.pruned().0.into_iter().map(|degree| degree < 2).collect()
+    }
+
+    /// Contacts left of each grain, and whether each contact is left, after pruning.
+    fn pruned(&self) -> (Vec<u32>, Vec<bool>) {
         let mut degree = vec![0u32; self.positions.len()];
         for contact in &self.contacts {
             degree[contact.origin as usize] += 1;
@@ -45,12 +59,8 @@ impl ContactNetwork {
                 }
             }
             if !changed {
-                break;
+                return (degree, alive);
             }
-        }
-        Backbone {
-            grains: degree.iter().filter(|degree| **degree >= 2).count(),
-            contacts: alive.iter().filter(|alive| **alive).count(),
         }
     }
 

@@ -97,18 +97,25 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         writeln!(text, "  {label:<14} {value}").expect("writing to a String cannot fail");
     };
     let per_step = summary.evaluations_per_gauss_point / (summary.steps.max(1) as f64);
-    line("evaluations", format!(
-        "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step",
-        summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point
-    ));
-    line("grain solver", format!(
-        "{force_evaluations} force evaluations, {:.0} per evaluation",
-        force_evaluations as f64 / summary.rve_evaluations.max(1) as f64
-    ));
+    line(
+        "evaluations",
+        format!(
+            "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step",
+            summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point
+        ),
+    );
+    line(
+        "grain solver",
+        format!(
+            "{force_evaluations} force evaluations, {:.0} per evaluation",
+            force_evaluations as f64 / summary.rve_evaluations.max(1) as f64
+        ),
+    );
     line("worker time", worker_time(summary));
-    line("macro time", format!(
-        "assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s
-    ));
+    line(
+        "macro time",
+        format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
+    );
     line("fell short", shortfalls(summary));
     let saved: Vec<String> = nonzero(&summary.skipped);
     line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });
@@ -133,12 +140,8 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
 
 fn worker_time(summary: &Summary) -> String {
     let time = &summary.time;
-    let parts = [
-        ("grains", time.rve_s),
-        ("tangent", time.tangent_s),
-        ("transport", time.transport_s),
-        ("idle", time.idle_s),
-    ];
+    let parts =
+        [("grains", time.rve_s), ("tangent", time.tangent_s), ("transport", time.transport_s), ("idle", time.idle_s)];
     let total: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
     let share = |seconds: f64| if total > 0.0 { 100.0 * seconds / total } else { 0.0 };
     parts.map(|(name, seconds)| format!("{name} {seconds:.1} s ({:.1} %)", share(seconds))).join(", ")
@@ -159,5 +162,9 @@ fn shortfalls(summary: &Summary) -> String {
 }
 
 fn nonzero(counts: &BTreeMap<String, u64>) -> Vec<String> {
-    counts.iter().filter(|(_, count)| **count > 0).map(|(name, count)| format!("{} {count}", name.replace('_', " "))).collect()
+    counts
+        .iter()
+        .filter(|(_, count)| **count > 0)
+        .map(|(name, count)| format!("{} {count}", name.replace('_', " ")))
+        .collect()
 }

@@ -1,5 +1,6 @@
 //! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
 
+use crate::cli::exit::Failure;
 use crate::scene::InputError;
 use macro_solver::output::{OutputError, write_atomically};
 use std::fs;
@@ -21,15 +22,6 @@ const FILES: [&str; 8] = [
 /// Folders that a run fills.
 const FOLDERS: [&str; 2] = ["fields", "grains"];
 
-/// Why the folder cannot be used.
-#[derive(Debug)]
-pub(super) enum FolderError {
-    /// It holds something else.
-    Input(InputError),
-    /// The system refuses.
-    Output(OutputError),
-}
-
 /// A folder that is ready to be written to.
 #[derive(Debug)]
 pub(super) struct OutputFolder {
@@ -42,8 +34,8 @@ impl OutputFolder {
     ///
     /// # Errors
     /// The path is a file, or a folder with files that are not a run's; the system refuses.
-    pub(super) fn prepare(path: &Path, scene: &str, packing: &str) -> Result<Self, FolderError> {
-        refuse_foreign(path).map_err(FolderError::Input)?;
+    pub(super) fn prepare(path: &Path, scene: &str, packing: &str) -> Result<Self, Failure> {
+        refuse_foreign(path)?;
         let is_new = !path.exists();
         let folder = Self { path: path.to_owned() };
         let filled = folder.fill(scene, packing);
@@ -51,7 +43,7 @@ impl OutputFolder {
             // The error that is reported is the one that matters; what cannot be removed was never made.
             let _ = fs::remove_dir_all(path);
         }
-        filled.map_err(FolderError::Output)?;
+        filled?;
         Ok(folder)
     }
 
@@ -116,7 +108,7 @@ mod tests {
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 
         fs::write(path.join("thesis.txt"), "mine").unwrap();
-        assert!(matches!(OutputFolder::prepare(&path, "a = 3", "{}"), Err(FolderError::Input(_))));
+        assert!(OutputFolder::prepare(&path, "a = 3", "{}").unwrap_err().message.contains("thesis.txt"));
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
     }
 }

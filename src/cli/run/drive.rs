@@ -1,0 +1,103 @@
+//! From a pool that is ready to a finished output folder.
+
+use super::closing::{Circumstances, summary, text};
+use super::energy::EnergyLedger;
+use super::folder::OutputFolder;
+use super::grains::{GrainWriter, SnapshotTap};
+use super::journal::Journal;
+use super::observers::Chain;
+use super::plot;
+use super::progress::Progress;
+use crate::cli::exit::{Exit, Failure};
+use crate::scene::Scene;
+use macro_solver::implicit::solve;
+use macro_solver::observer::{Observer, Outcome};
+use macro_solver::output::{Recorder, write_atomically};
+use macro_solver::pool::Pool;
+use protocol::transport::MacroPort;
+use std::time::Instant;
+
+/// How a run is to be made.
+pub(super) struct Manner<'a> {
+    /// Workers asked for.
+    pub(super) workers: usize,
+    /// When the first worker was started.
+    pub(super) begun: Instant,
+    /// Whether to say nothing but errors.
+    pub(super) quiet: bool,
+    /// Listens beside the recorders.
+    pub(super) beside: &'a mut dyn Observer,
+}
+
+/// Solves the scene with the pool, records it, and closes the pool and the folder.
+///
+/// # Errors
+/// The run did not reach its end, or something could not be written; what was accepted before is in the folder.
+pub(super) fn drive<P: MacroPort>(
+    scene: &Scene,
+    mut pool: Pool<P>,
+    folder: &OutputFolder,
+    manner: Manner<'_>,
+) -> Result<Exit, Failure> {
+    let mut recorder = Recorder::create(folder.path(), scene.record.clone())?;
+    let mut progress = Progress::new(manner.quiet);
+    let mut ledger = EnergyLedger::default();
+    let mut journal = Journal;
+    let (mut tap, snapshots) = SnapshotTap::new(&mut pool, &scene.grains);
+    let (every, duration) = (scene.record.fields_every, scene.record.duration);
+    let mut grains = GrainWriter::create(folder.path(), &scene.definition, every, duration, snapshots)
+        .map_err(|request| Failure::new(Exit::BadInput, request))?;
+    // The recorders come first: what a person has been told is on the disk.
+    let mut observers =
+        Chain(vec![&mut recorder, &mut grains, &mut ledger, &mut journal, manner.beside, &mut progress]);
+    let run = solve(&scene.problem, &mut tap, &mut observers);
+    let wall_s = manner.begun.elapsed().as_secs_f64();
+    let statistics = pool.statistics();
+    pool.close();
+    let about = Circumstances {
+        gauss_points: scene.problem.point_count(),
+        workers: manner.workers,
+        wall_s,
+        energy: ledger.entries(),
+        definition: scene.definition.to_protocol().id().to_string(),
+    };
+    let summary = summary(&run, &statistics, about);
+    let written = summary.write(&folder.path().join("summary.json"));
+    draw(scene, &recorder, folder)?;
+    if !manner.quiet {
+        let place = folder.path().display().to_string();
+        eprint!("{}", text(&summary, &run.outcome, run.statistics.cost.force_evaluations, &place));
+    }
+    match run.outcome {
+        Outcome::Completed => Ok(written.map(|()| Exit::Done)?),
+        Outcome::DidNotConverge { reason } => Err(Failure::new(
+            Exit::NotConverged,
+            format!(
+                "the run did not converge beyond load {:.4}: {reason}\nhint: use more loading.increments, a smaller \
+             loading.smallest_increment, or look at the last fields",
+                run.load
+            ),
+        )),
+        Outcome::Interrupted => Err(Failure::new(
+            Exit::Interrupted,
+            format!("interrupted at load {:.4}; everything up to the last accepted step is written", run.load),
+        )),
+        Outcome::WorkersLost { reason } => Err(Failure::new(Exit::WorkersLost, reason)),
+        Outcome::Stopped(request) => Err(Failure::new(Exit::BadInput, request)),
+        Outcome::Refused(error) => Err(Failure::new(Exit::BadInput, error)),
+    }
+}
+
+fn draw(scene: &Scene, recorder: &Recorder, folder: &OutputFolder) -> Result<(), Failure> {
+    let Some((x, y)) = &scene.plot else { return Ok(()) };
+    let names: Vec<String> = scene.record.probes.iter().map(|probe| probe.name.clone()).collect();
+    match plot::curve(recorder.rows(), &names, x, y) {
+        Ok(Some(picture)) => Ok(write_atomically(&folder.path().join("history.svg"), picture.as_bytes())?),
+        Ok(None) => Ok(()),
+        Err(error) => {
+            // A picture is a convenience: its numbers are in the history.
+            tracing::warn!(%error, "history.svg could not be drawn");
+            Ok(())
+        }
+    }
+}

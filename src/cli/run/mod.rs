@@ -1,0 +1,69 @@
+//! `grainspan run SCENE.toml`: the whole simulation. Everything is checked before a folder is made or a process started.
+
+mod closing;
+mod drive;
+mod energy;
+mod folder;
+mod grains;
+mod journal;
+mod launch;
+mod observers;
+mod plot;
+mod progress;
+#[cfg(test)]
+mod tests;
+
+use super::exit::{Exit, Failure};
+use crate::scene::Scene;
+use folder::OutputFolder;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Arguments of `grainspan run`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan run scenes/biaxial-small.toml
+  grainspan run scenes/biaxial.toml --workers 2 --out out/fine --set rve.accuracy=tight
+  grainspan run scenes/biaxial.toml --set loading.increments=40 --set boundary.2.displacement.y=-1e-3
+
+Ctrl-C ends a run in good order: everything up to the last accepted step is written.")]
+pub(crate) struct Arguments {
+    /// Scene file
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Worker processes [default: one per core]
+    #[arg(long, value_name = "N", value_parser = worker_count)]
+    workers: Option<NonZeroUsize>,
+    /// Output folder [default: out/NAME OF THE SCENE]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Override a key of the scene; entries of [[lists]] are numbered from 0
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Say nothing but errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn worker_count(text: &str) -> Result<NonZeroUsize, String> {
+    match text.parse::<usize>().map(NonZeroUsize::new) {
+        Ok(Some(count)) => Ok(count),
+        Ok(None) => Err("a run needs at least one worker; leave --workers out for one per core".to_owned()),
+        Err(_) => Err("not a number of workers".to_owned()),
+    }
+}
+
+/// Runs the scene.
+///
+/// # Errors
+/// Bad input, an output folder that cannot be written, workers that cannot be started.
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
+    let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
+    let as_run = scene.document.as_run(&[("packing", "packing.json")])?;
+    let folder = OutputFolder::prepare(&path, &as_run, &scene.definition.packing.to_json())?;
+    journal::open(&folder.path().join("run.jsonl"))?;
+    let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let workers = arguments.workers.unwrap_or(cores);
+    launch::run(&scene, &folder, workers, arguments.quiet)
+}
