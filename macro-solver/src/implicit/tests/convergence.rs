@@ -45,10 +45,13 @@ fn cantilever([x, y]: [f64; 2]) -> [f64; 2] {
     [-SMALL * y * axial / 100.0, SMALL * vertical / 100.0]
 }
 
-fn cantilever_error(kind: ElementKind, rows: usize) -> f64 {
+/// Largest nodal error, over the largest deflection's scale; `skew` distorts the mesh smoothly inside the beam.
+fn cantilever_error(kind: ElementKind, rows: usize, skew: f64) -> f64 {
     let mut mesh = block(kind, 2 * rows, rows);
     for node in &mut mesh.nodes {
-        *node = [2.0 * node[0] / rows as f64, 2.0 * node[1] / rows as f64 - 1.0];
+        let [x, y] = [2.0 * node[0] / rows as f64, 2.0 * node[1] / rows as f64 - 1.0];
+        let bow = (std::f64::consts::FRAC_PI_4 * x).sin();
+        *node = [x + skew * bow * y, y + skew * bow * (1.0 - y * y)];
     }
     let ends = [mesh.node_sets["left"].clone(), mesh.node_sets["right"].clone()].concat();
     let mut problem = Problem::new(mesh, Vec::new());
@@ -61,17 +64,25 @@ fn cantilever_error(kind: ElementKind, rows: usize) -> f64 {
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let errors = record.displacements.iter().zip(&problem.mesh.nodes).map(|(moved, place)| {
         let exact = cantilever(*place);
-        (moved[0] - exact[0]).hypot(moved[1] - exact[1]) / SMALL
+        (moved[0] - exact[0]).hypot(moved[1] - exact[1]) / cantilever([4.0, 0.0])[1]
     });
     errors.fold(0.0, f64::max)
 }
 
-/// H-4. Order 2 for Q4, at least 3 for Q8.
+/// H-4. Order 2 for Q4, at least 3 for Q8 on a smoothly distorted mesh.
 #[test]
 fn cantilever_error_falls_at_the_order_of_the_element() {
-    for (kind, meshes, lowest) in [(ElementKind::Q4, [4, 8], 1.8), (ElementKind::Q8, [2, 4], 2.8)] {
-        let errors = meshes.map(|rows| cantilever_error(kind, rows));
+    for (kind, meshes, lowest) in [(ElementKind::Q4, [4, 8], 1.8), (ElementKind::Q8, [4, 8], 2.8)] {
+        let errors = meshes.map(|rows| cantilever_error(kind, rows, 0.2));
         let order = (errors[0] / errors[1]).log2();
         assert!(order > lowest && order < 4.5, "{kind:?}: {errors:?} order {order}");
     }
+}
+
+/// On rectangles the reduced Q8 meets this cubic field exactly at its nodes; Newton's tolerance leaves room for the
+/// geometric effect of the small deflection.
+#[test]
+fn rectangular_quadratic_elements_are_exact_at_nodes() {
+    let error = cantilever_error(ElementKind::Q8, 2, 0.0);
+    assert!(error < 10.0 * SMALL, "{error:e}");
 }
