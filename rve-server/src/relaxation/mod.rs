@@ -7,6 +7,8 @@
 pub(crate) mod assembly;
 pub(crate) mod criterion;
 pub(crate) mod kernel;
+#[cfg(test)]
+mod kernel_tests;
 pub(crate) mod motion;
 pub(crate) mod stiffness;
 
