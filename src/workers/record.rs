@@ -7,6 +7,7 @@ use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
 use macro_solver::output::{OutputError, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::fs;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -79,6 +80,16 @@ pub(crate) struct RunRegistry {
 }
 
 impl RunRegistry {
+    /// The records of this user: below the session's runtime folder where there is one, else below the temporary
+    /// folder.
+    pub(crate) fn of_this_user() -> Self {
+        let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| folder.is_dir());
+        Self::at(match runtime {
+            Some(folder) => folder.join("grainspan"),
+            None => std::env::temp_dir().join(format!("grainspan-{}", rustix::process::getuid().as_raw())),
+        })
+    }
+
     /// The records in this folder.
     pub(crate) fn at(folder: impl Into<PathBuf>) -> Self {
         Self { folder: folder.into() }
@@ -89,7 +100,9 @@ impl RunRegistry {
     /// # Errors
     /// The record cannot be written.
     pub(crate) fn register(&self, record: RunRecord) -> Result<RunBeacon, OutputError> {
-        fs::create_dir_all(&self.folder).map_err(|source| OutputError::write(&self.folder, source))?;
+        // For nobody else's eyes: the folder may lie where everybody can look.
+        let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(&self.folder);
+        made.map_err(|source| OutputError::write(&self.folder, source))?;
         let beacon = RunBeacon { path: self.path_of(&record.run), record };
         beacon.write()?;
         Ok(beacon)

@@ -9,8 +9,13 @@ pub(crate) struct WorkerProcess {
     pub(crate) pid: u32,
     /// The kernel's letter for its state: `R` running, `S` waiting, `T` stopped.
     pub(crate) state: char,
-    /// Processor time used, clock ticks of 10 ms.
+    /// Processor time used, in ticks.
     pub(crate) ticks: u64,
+}
+
+impl WorkerProcess {
+    /// Ticks per second in what the kernel tells programs; fixed on Linux whatever its own clock.
+    pub(crate) const TICKS_PER_SECOND: u64 = 100;
 }
 
 /// Workers of the run on this machine, by process id.
