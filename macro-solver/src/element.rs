@@ -105,8 +105,8 @@ mod tests {
     #[test]
     fn shape_functions_are_one_at_their_node_and_zero_at_the_others() {
         for kind in KINDS {
-            for place in 0..kind.node_count() {
-                let values = shape(kind, NODES[place]).values;
+            for (place, &corner) in NODES.iter().enumerate().take(kind.node_count()) {
+                let values = shape(kind, corner).values;
                 for (node, value) in values.iter().enumerate() {
                     assert_eq!(*value, f64::from(node == place), "{kind:?} function {node} at node {place}");
                 }

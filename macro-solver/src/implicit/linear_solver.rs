@@ -145,8 +145,7 @@ impl LinearSolver {
             faer::sparse::linalg::LuError::Generic(error) => LinearSolverError::Resources(format!("{error:?}")),
         })?;
         let error = self.probe(&factors);
-        // Negated so that NaN is refused too.
-        if !(error <= LARGEST_PROBE_ERROR) {
+        if error.is_nan() || error > LARGEST_PROBE_ERROR {
             return Err(LinearSolverError::Singular { error });
         }
         self.factors = Some(factors);
@@ -181,8 +180,7 @@ impl LinearSolver {
             *value += change;
         }
         let error = norm(&self.defect(&solution, right)) / length;
-        // Negated so that NaN is refused too.
-        if !(error <= LARGEST_ERROR) {
+        if error.is_nan() || error > LARGEST_ERROR {
             return Err(LinearSolverError::Singular { error });
         }
         Ok(solution)

@@ -61,8 +61,8 @@ impl Loads {
         for shape in &self.shapes {
             let length = tangent(nodes, shape, positions).map(|t| t * t).iter().sum::<f64>().sqrt();
             for (&node, weight) in nodes.iter().zip(&shape.values) {
-                for axis in 0..2 {
-                    self.proportional[2 * node + axis] += weight * length * value[axis];
+                for (axis, component) in value.iter().enumerate() {
+                    self.proportional[2 * node + axis] += weight * length * component;
                 }
             }
         }

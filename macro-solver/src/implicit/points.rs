@@ -128,7 +128,7 @@ impl Points {
         if trials.is_empty() {
             return Ok(sweep);
         }
-        let answers = material.evaluate(&trials).map_err(|error| failure(error))?;
+        let answers = material.evaluate(&trials).map_err(failure)?;
         assert_eq!(answers.len(), trials.len(), "a material answers every trial");
         for (trial, answer) in trials.iter().zip(answers) {
             self.count(trial.point, &answer, statistics);

@@ -44,12 +44,15 @@ impl Observer for Recorder {
     }
 }
 
+/// Decides whether an evaluation fails.
+type Refusal = Box<dyn FnMut(&[PointTrial]) -> Option<MaterialError>>;
+
 /// An elastic material that remembers what it was asked and may refuse.
 struct Spy {
     inner: ElasticMaterial,
     trials: Vec<Vec<PointTrial>>,
     commits: usize,
-    refuse: Box<dyn FnMut(&[PointTrial]) -> Option<MaterialError>>,
+    refuse: Refusal,
 }
 
 impl Spy {

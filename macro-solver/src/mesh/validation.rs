@@ -67,8 +67,7 @@ impl Mesh {
             let positions = self.element_positions(element);
             for point in 0..POINTS_PER_ELEMENT {
                 let determinant = point_geometry(self.kind, &positions, point).area;
-                // Negated so that NaN is caught too.
-                if !(determinant > 0.0) {
+                if determinant.is_nan() || determinant <= 0.0 {
                     return Err(MeshError::Inverted { element, point, determinant });
                 }
             }

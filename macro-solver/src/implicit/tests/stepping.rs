@@ -89,7 +89,8 @@ fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() 
     brittle.refuse = Box::new(move |trials| {
         let compressed = trials[0].target.get(1, 1).abs() > 0.0 && largest.get() < 0.0;
         largest.set(largest.get() - 0.1);
-        compressed.then(|| MaterialError::Point { point: 3, reason: RveError::NotFinite { force_evaluations: 7 } })
+        let reason = RveError::NotFinite { force_evaluations: 7 };
+        compressed.then_some(MaterialError::Point { point: 3, reason })
     });
     let (failed, record) = run(&problem, &mut brittle);
     match failed.outcome {
