@@ -13,7 +13,8 @@ use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
-    Axis, Condition, Platen, Predictor, PressureKind, Problem, SecantGates, StepControl, Strategy, Tolerances,
+    Axis, Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy,
+    Tolerances,
 };
 use protocol::{Observables, TangentKind};
 use rve_server::definition::GrainDefinition;
@@ -81,7 +82,7 @@ impl Scene {
         problem.strategy = strategy(&document, &file.solver)?;
         problem.observables = observables;
         problem.strain_per_step = definition.options.strain_per_step();
-        problem.validate().map_err(|error| document.error(error))?;
+        problem.validate().map_err(|error| problem_error(&document, &error))?;
         let grains = grains(&document, &file.output, problem.point_count())?;
         let record = RecordPlan {
             probes,
@@ -92,6 +93,29 @@ impl Scene {
         };
         Ok(Self { name, document, problem, definition, packing_path, record, grains, plot })
     }
+}
+
+/// A defect that the solver's own check found, at the key that caused it.
+fn problem_error(document: &Document, error: &ProblemError) -> InputError {
+    let ProblemError::Number { what, .. } = error else {
+        return document.error(error).hint("docs/scene.md says how [[boundary]] and [mesh] work together");
+    };
+    let key: &[&str] = match *what {
+        "increments" => &["loading", "increments"],
+        "min" => &["loading", "smallest_increment"],
+        "growth" => &["loading", "growth"],
+        "cut" => &["loading", "cut"],
+        "max_iterations" => &["loading", "max_iterations"],
+        "force tolerance" => &["solver", "force_tolerance"],
+        "displacement tolerance" => &["solver", "displacement_tolerance"],
+        "capped_change" => &["solver", "capped_change"],
+        "secant min_change" => &["solver", "secant", "min_change"],
+        "secant max_ratio" => &["solver", "secant", "max_ratio"],
+        "secant floor" => &["solver", "secant", "floor"],
+        "strain_per_step" => &["rve", "strain_per_step"],
+        _ => &[],
+    };
+    document.error_at_key(key, error).hint("the keys, their units and defaults are in docs/scene.md")
 }
 
 fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, InputError> {

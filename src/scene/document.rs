@@ -199,20 +199,12 @@ impl Document {
     }
 
     fn toml_error(&self, error: &toml::de::Error) -> InputError {
-        let message = error
-            .message()
-            .trim()
-            .replace('\n', ", ")
-            .replace("unknown field", "unknown key")
-            .replace("missing field", "missing key");
+        let message = in_plain_words(error.message());
         let located = match error.span() {
             Some(span) => self.error_at(span, &message),
             None => self.error(&message),
         };
-        match suggestion(&message) {
-            Some(suggestion) => located.hint(suggestion),
-            None => located,
-        }
+        located.hint(suggestion(&message))
     }
 
     /// Name of the place of a byte range, and the line to show.
@@ -291,19 +283,38 @@ fn toml_value(text: &str) -> toml::Value {
     }
 }
 
+/// The parser's message without the words of the programming language.
+fn in_plain_words(message: &str) -> String {
+    let words = [
+        ("\n", ", "),
+        ("unknown field", "unknown key"),
+        ("missing field", "missing key"),
+        ("unknown variant", "unknown word"),
+        ("expected usize", "expected a whole number from 0 on"),
+        ("expected u64", "expected a whole number from 0 on"),
+        ("expected u32", "expected a whole number from 0 on"),
+        ("expected f64", "expected a number"),
+        ("expected path string", "expected a path in quotes"),
+        ("struct Components", "a table such as { y = 0.0 }"),
+    ];
+    words.into_iter().fold(message.trim().to_owned(), |text, (from, to)| text.replace(from, to))
+}
+
 /// "did you mean" for messages that list what is possible: `...` names in backticks, the first is the wrong one.
-fn suggestion(message: &str) -> Option<String> {
+fn suggestion(message: &str) -> String {
+    let reference = "all keys are described in docs/scene.md";
     if !message.starts_with("unknown") {
-        return None;
+        return reference.to_owned();
     }
     let mut names = message.split('`').skip(1).step_by(2);
-    let wrong = names.next()?;
-    let nearest = names.map(|name| (edit_distance(wrong, name), name)).min()?;
-    Some(if nearest.0 <= wrong.len().div_ceil(2).min(4) {
-        format!("did you mean `{}`? All keys are described in docs/scene.md", nearest.1)
-    } else {
-        "all keys are described in docs/scene.md".to_owned()
-    })
+    let Some(wrong) = names.next() else { return reference.to_owned() };
+    let distance = |name: &str| if name.starts_with(wrong) { 0 } else { edit_distance(wrong, name) };
+    match names.map(|name| (distance(name), name)).min() {
+        Some((distance, name)) if distance <= wrong.len().div_ceil(2).min(4) => {
+            format!("did you mean `{name}`? {reference}")
+        }
+        _ => reference.to_owned(),
+    }
 }
 
 /// Number of single-character insertions, deletions and replacements between two short names.
@@ -360,7 +371,7 @@ mod tests {
     #[test]
     fn errors_name_the_line_or_the_override() {
         let wrong = document("\nsize = \"big\"\n", &[]).unwrap().deserialize::<Sample>().unwrap_err().to_string();
-        assert!(wrong.starts_with("sample.toml:2: invalid type: string \"big\", expected f64"), "{wrong}");
+        assert!(wrong.starts_with("sample.toml:2: invalid type: string \"big\", expected a number"), "{wrong}");
         let unknown = document(TEXT, &["list.0.sett=1"]).unwrap().deserialize::<Sample>().unwrap_err().to_string();
         assert!(unknown.starts_with("--set list.0.sett=1: unknown key `sett`"), "{unknown}");
         assert!(unknown.contains("hint: did you mean `set`?"), "{unknown}");

@@ -1,0 +1,250 @@
+//! Whatever is wrong with an input ends in one error that names the place and the remedy, exit code 2, and nothing on
+//! the disk that was not there before.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder with a sound scene, its packing, an element test and a recipe, to be spoiled one thing at a time.
+struct Desk {
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let scene = fs::read_to_string(root.join("scenes/biaxial-small.toml")).unwrap();
+        fs::write(folder.path().join("scene.toml"), scene.replace("../packings/", "")).unwrap();
+        fs::copy(root.join("packings/discs-100.json"), folder.path().join("discs-100.json")).unwrap();
+        fs::copy(root.join("packings/discs-100.toml"), folder.path().join("recipe.toml")).unwrap();
+        let element = "packing = \"discs-100.json\"\n[contact]\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
+                       [rve]\naccuracy = \"draft\"\n[[path]]\nincrements = 1\nstrain = { yy = -1.0e-5 }\n";
+        fs::write(folder.path().join("element.toml"), element).unwrap();
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Replaces text in one of the files; the text has to be there.
+    fn spoil(&self, file: &str, from: &str, to: &str) {
+        let text = fs::read_to_string(self.path(file)).unwrap();
+        assert!(text.contains(from), "{file} has '{from}'");
+        fs::write(self.path(file), text.replacen(from, to, 1)).unwrap();
+    }
+
+    fn grainspan(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_grainspan"))
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .output()
+            .expect("the binary starts")
+    }
+
+    /// Runs a command that has to be refused: exit code 2, one error with all of `parts`, no new files.
+    fn refused(&self, arguments: &[&str], parts: &[&str]) {
+        let before = listing(self.folder.path());
+        let output = self.grainspan(arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert_eq!(stderr.matches("error:").count(), 1, "{arguments:?}: {stderr}");
+        for part in parts {
+            assert!(stderr.contains(part), "{arguments:?}: '{part}' is missing in: {stderr}");
+        }
+        assert!(output.stdout.is_empty(), "{arguments:?}: data on stdout");
+        assert_eq!(listing(self.folder.path()), before, "{arguments:?}: files were written");
+    }
+}
+
+/// All files below a folder, by name.
+fn listing(folder: &Path) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(listing(&path));
+        }
+        found.push(path);
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn malformed_toml_is_named_with_its_line() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "elements = [2, 4]", "elements = [2, 4");
+    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
+    let line = 1 + text.lines().position(|line| line.starts_with("elements")).unwrap();
+    // The parser notices the missing bracket on this line or where the next begins.
+    let output = desk.grainspan(&["run", "scene.toml"]);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let named = (line..=line + 1).any(|line| stderr.contains(&format!("scene.toml:{line}: ")));
+    assert!(output.status.code() == Some(2) && named, "{stderr}");
+    desk.refused(&["run", "scene.toml"], &["scene.toml:"]);
+}
+
+#[test]
+fn an_unknown_key_is_named_with_its_line_and_the_likely_one() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "friction", "frictoin");
+    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
+    let line = 1 + text.lines().position(|line| line.starts_with("frictoin")).unwrap();
+    let place = format!("scene.toml:{line}: unknown key `frictoin`");
+    desk.refused(&["run", "scene.toml"], &[&place, "hint: did you mean `friction`?"]);
+}
+
+#[test]
+fn a_wrong_type_is_named_with_its_line() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "increments = 5", "increments = \"five\"");
+    desk.refused(
+        &["run", "scene.toml"],
+        &["scene.toml:", "invalid type: string \"five\", expected a whole number", "increments = \"five\"", "hint:"],
+    );
+}
+
+#[test]
+fn a_missing_scene_or_packing_is_named_with_the_remedy() {
+    let desk = Desk::new();
+    desk.refused(&["run", "nowhere.toml"], &["nowhere.toml: could not read it", "hint: check the path"]);
+    fs::remove_file(desk.path("discs-100.json")).unwrap();
+    desk.refused(&["run", "scene.toml"], &["scene.toml:", "discs-100.json", "hint: make one with `grainspan pack`"]);
+    desk.refused(&["element", "element.toml"], &["element.toml:1", "discs-100.json", "grainspan pack"]);
+}
+
+#[test]
+fn an_inverted_element_is_refused() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "size = [0.05, 0.10]", "size = [-0.05, 0.10]");
+    desk.refused(
+        &["run", "scene.toml"],
+        &["turns its elements inside out", "size = [-0.05, 0.10]", "positive lengths"],
+    );
+}
+
+#[test]
+fn a_condition_on_a_set_that_does_not_exist_lists_those_that_do() {
+    let desk = Desk::new();
+    desk.refused(
+        &["run", "scene.toml", "--set", "pressure.1.set=north"],
+        &[
+            "--set pressure.1.set=north: the mesh has no edge set 'north'",
+            "hint: use one of: bottom, left, right, top",
+        ],
+    );
+    desk.spoil("scene.toml", "set = \"bottom_left\"", "set = \"corner\"");
+    desk.refused(&["run", "scene.toml"], &["scene.toml:", "no node set 'corner'", "bottom_left"]);
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused_in_every_file() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "value = 1.0e5", "value = nan");
+    desk.refused(&["run", "scene.toml"], &["scene.toml:", "`value` is nan", "finite"]);
+    desk.refused(&["element", "element.toml", "--set", "path.0.strain.yy=inf"], &["`yy` is inf"]);
+    desk.refused(&["pack", "recipe.toml", "--set", "pressure=-inf"], &["`pressure` is -inf"]);
+}
+
+#[test]
+fn zero_workers_are_refused() {
+    let desk = Desk::new();
+    desk.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
+}
+
+#[test]
+fn a_grain_larger_than_its_cell_is_named() {
+    let desk = Desk::new();
+    let mut packing: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("discs-100.json")).unwrap()).unwrap();
+    packing["grains"][17][2] = serde_json::json!(1.0);
+    fs::write(desk.path("discs-100.json"), packing.to_string()).unwrap();
+    desk.refused(
+        &["run", "scene.toml"],
+        &["scene.toml:", "discs-100.json", "grain 17", "larger than the cell", "hint:"],
+    );
+    desk.refused(&["check", "scene.toml"], &["grain 17"]);
+}
+
+#[test]
+fn a_packing_that_is_not_one_is_named_with_line_and_column() {
+    let desk = Desk::new();
+    fs::write(desk.path("discs-100.json"), "{ \"format\": \"grainspan-packing\",\n oops").unwrap();
+    desk.refused(&["run", "scene.toml"], &["discs-100.json", "line 2", "hint:"]);
+}
+
+#[test]
+fn values_out_of_range_are_named_by_their_key() {
+    let desk = Desk::new();
+    for (setting, reason) in [
+        ("contact.friction=-0.1", "contact.friction"),
+        ("rve.tolerance=0.0", "rve.tolerance"),
+        ("loading.increments=0", "increments must be at least 1"),
+        ("loading.cut=1.5", "cut must be between 0 and 1"),
+        ("loading.duration=-1", "duration"),
+        ("output.grains=[32]", "no Gauss point 32"),
+        ("probe.0.name=load", "cannot be named 'load'"),
+        ("probe.0.component=z", "'z' is not a component"),
+        ("probe.1.set=top", "has no meaning for a probe of kind \"stress_ratio\""),
+        ("solver.tangent=none", "cannot work without a tangent"),
+        ("name=../escape", "cannot name a folder"),
+        ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves vertically"),
+    ] {
+        let place = format!("--set {setting}: ");
+        desk.refused(&["run", "scene.toml", "--set", setting], &[&place, reason, "hint:"]);
+    }
+    desk.refused(&["run", "scene.toml", "--set", "boundary.9.set=top"], &["boundary.9.set=top", "hint:"]);
+    desk.refused(&["run", "scene.toml", "--set", "loading.increments"], &["there is no '='", "key.path=VALUE"]);
+}
+
+#[test]
+fn a_body_that_can_fly_away_is_refused() {
+    let desk = Desk::new();
+    desk.refused(&["run", "scene.toml", "--set", "boundary.1.displacement={y=0.0}"], &["scene.toml: ", "hint:"]);
+}
+
+#[test]
+fn defects_of_an_element_path_are_named_by_segment() {
+    let desk = Desk::new();
+    desk.refused(
+        &["element", "element.toml", "--set", "path.0.stress={yy=-1e5}"],
+        &["path segment 1", "yy is in both strain and stress", "hint:"],
+    );
+    desk.refused(&["element", "element.toml", "--tangent", "magic"], &["--tangent", "truss_like_slip"]);
+}
+
+#[test]
+fn places_that_cannot_be_written_are_refused_before_anything_runs() {
+    let desk = Desk::new();
+    desk.refused(
+        &["run", "scene.toml", "--out", "discs-100.json"],
+        &["--out discs-100.json", "not a folder", "hint:"],
+    );
+    desk.refused(&["run", "scene.toml", "--out", "discs-100.json/out"], &["could not write", "hint:"]);
+    fs::create_dir(desk.path("mine")).unwrap();
+    fs::write(desk.path("mine/thesis.txt"), "precious").unwrap();
+    desk.refused(&["run", "scene.toml", "--out", "mine"], &["thesis.txt", "hint: name an empty or new folder"]);
+    desk.refused(&["run", "scene.toml", "--out", "/proc/grainspan"], &["could not write /proc/grainspan"]);
+}
+
+#[test]
+fn a_full_disk_is_named_with_the_remedy() {
+    let desk = Desk::new();
+    let remedy = "hint: free some space";
+    desk.refused(
+        &["element", "element.toml", "--quiet", "--out", "/dev/full"],
+        &["could not write /dev/full", remedy],
+    );
+    desk.refused(&["pack", "recipe.toml", "--quiet", "--out", "/dev/full"], &["could not write /dev/full", remedy]);
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["check", "scene.toml"])
+        .current_dir(desk.folder.path())
+        .stdout(full)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && stderr.contains("standard output"), "{stderr}");
+}
