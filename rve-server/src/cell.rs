@@ -58,9 +58,9 @@ mod tests {
         let cell = Cell { rows: [[3.0, 0.4], [1.7, 2.5]] };
         let point = [-4.0, 7.3];
         let fraction = cell.fractional(point);
-        for axis in 0..2 {
+        for (axis, coordinate) in point.iter().enumerate() {
             let rebuilt = fraction[0] * cell.rows[0][axis] + fraction[1] * cell.rows[1][axis];
-            assert!((rebuilt - point[axis]).abs() < 1e-14);
+            assert!((rebuilt - coordinate).abs() < 1e-14);
         }
         let (wrapped, shift) = cell.wrapped(point);
         let inside = cell.fractional(wrapped);

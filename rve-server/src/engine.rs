@@ -197,7 +197,11 @@ impl GrainRve {
                 flags.insert(TrialFlags::TANGENT_REGULARISED);
             }
             cost.tangent_nanoseconds = nanoseconds_since(started);
-            Box::new(Tensor4::from_plane(outcome.operator))
+            let operator = match self.model.rotations {
+                Rotations::Free => outcome.operator,
+                Rotations::Blocked => corotational(&outcome.operator, stress),
+            };
+            Box::new(Tensor4::from_plane(operator))
         });
         let scalars = Scalars {
             void_ratio: network.void_ratio(),
@@ -358,6 +362,21 @@ fn frozen(model: &GrainModel, relaxation: &Relaxation, state: &GrainState) -> Co
         friction: model.law.friction,
         contacts,
     }
+}
+
+/// The operator of a cell whose grains turn with it: `operator` acts on the strain, and the spin `W` adds `W s - s W`.
+/// A network operator holds blocked grains still in space instead, which no rotation of the observer would leave alone.
+fn corotational(operator: &[[f64; 4]; 4], stress: &Plane) -> [[f64; 4]; 4] {
+    let mut objective = *operator;
+    for (row, values) in objective.iter_mut().enumerate() {
+        let shear = 0.5 * (operator[row][1] + operator[row][2]);
+        // dF_21 = 1 alone is the strain 1/2 and the counter-clockwise spin W_21 = -W_12 = 1/2.
+        let spin = [[0.0, -0.5], [0.5, 0.0]];
+        let turned = plane::add_scaled(&plane::product(&spin, stress), -1.0, &plane::product(stress, &spin));
+        let change = turned[row / 2][row % 2];
+        (values[1], values[2]) = (shear - change, shear + change);
+    }
+    objective
 }
 
 /// A state turned as a whole.

@@ -111,9 +111,9 @@ impl PackingFile {
             json(&self.thickness),
             json(&self.periodicity),
         );
-        text += &format!("  \"grains\": {}", list(self.grains.iter().map(|grain| json(grain)).collect()));
+        text += &format!("  \"grains\": {}", list(self.grains.iter().map(json).collect()));
         if !self.contacts.is_empty() {
-            let rows = self.contacts.iter().map(|contact| json(contact)).collect();
+            let rows = self.contacts.iter().map(json).collect();
             text += &format!(",\n  \"contacts\": {}", list(rows));
         }
         if !self.provenance.is_null() {
