@@ -49,7 +49,7 @@ const FAREWELL: Duration = Duration::from_secs(2);
 pub struct Pool<P: MacroPort> {
     desk: Desk,
     next_job: u64,
-    /// Since when no worker serves; `None` while one does.
+    /// Since when a wait goes on without any worker; nobody waits between evaluations, so that time does not count.
     deserted_since: Option<Instant>,
     clock: Instant,
     interrupt: Interrupt,
@@ -82,14 +82,17 @@ impl<P: MacroPort> Pool<P> {
         self.port.waker()
     }
 
-    /// Waits until `count` workers serve, or as many as will ever come, so that a worker that cannot take part is
-    /// refused before the run begins.
+    /// Waits until `count` workers serve, or as many as will ever come or have come when the patience of the settings
+    /// is over, so that a worker that cannot take part is refused before the run begins.
     ///
     /// # Errors
     /// [`MaterialError::WorkersLost`] when none will come, [`MaterialError::Interrupted`].
     pub fn gather(&mut self, count: usize) -> Result<(), MaterialError> {
+        let begin = Instant::now();
+        self.deserted_since = None;
         while self.desk.roster.active() < count {
-            let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. });
+            let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. })
+                && begin.elapsed() < self.desk.settings.patience;
             if !more_may_come && self.desk.roster.active() > 0 {
                 break;
             }
@@ -319,6 +322,7 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
             self.desk.points.records[trial.point].trial = None;
         }
         self.clock = Instant::now();
+        self.deserted_since = None;
         let begin = self.clock;
         let busy = busy_seconds(&self.desk.statistics);
         let outcome = self.solve(trials);

@@ -88,3 +88,12 @@ fn closing_sends_everybody_away() {
     assert_eq!(pool.statistics().workers_lost, 0);
     assert!(matches!(pool.evaluate(&questions(2, 0)), Err(MaterialError::WorkersLost(_))));
 }
+
+#[test]
+fn a_worker_that_never_comes_does_not_hold_up_the_others() {
+    let mut stage = Stage::new(1).hire(8, &[]);
+    let mut pool = stage.open(2);
+    pool.gather(2).unwrap();
+    assert_eq!(pool.workers(), 1);
+    assert_eq!(pool.evaluate(&questions(2, 0)).unwrap().len(), 2);
+}
