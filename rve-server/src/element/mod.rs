@@ -1,0 +1,22 @@
+//! The element test: one cell along a path of prescribed strains and servo-controlled stresses, without finite elements.
+//!
+//! Every increment is one accepted trial of the cell. Stress components are met by a Newton search over the strain
+//! components that work on them ([`servo`]); each iteration is a trial from the committed state, so that the search
+//! leaves no trace in the grains.
+
+mod csv_table;
+mod error;
+mod path;
+mod row;
+mod run;
+mod servo;
+mod test_file;
+
+#[cfg(test)]
+mod tests;
+
+pub use csv_table::ElementCsv;
+pub use error::ElementError;
+pub use row::ElementRow;
+pub use run::{ElementSummary, run_element};
+pub use test_file::{Components, ElementTest, Segment};

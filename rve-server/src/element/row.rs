@@ -1,0 +1,64 @@
+//! One row of an element test.
+
+use crate::plane::Plane;
+use crate::tangent::TangentOutcome;
+use protocol::{TrialAnswer, TrialFlags};
+
+/// The accepted state after one increment; row 0 is the packing as given, before any grain has moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElementRow {
+    /// Number of the increment, from 0, counted through all segments.
+    pub increment: u64,
+    /// Deformation gradient relative to the packing as given.
+    pub deformation: Plane,
+    /// Cauchy stress, Pa, tension positive.
+    pub stress: Plane,
+    /// Void volume over grain volume.
+    pub void_ratio: f64,
+    /// 2 x contacts over grains.
+    pub coordination_number: f64,
+    /// The same without rattlers and their contacts.
+    pub coordination_number_no_rattlers: f64,
+    /// Major over minor principal value of the contact fabric, minus 1.
+    pub fabric_anisotropy: f64,
+    /// Share of contacts at the Coulomb limit.
+    pub sliding_fraction: f64,
+    /// Value of the equilibrium criterion.
+    pub unbalanced_force_ratio: f64,
+    /// Largest overlap over the smaller grain diameter of its contact.
+    pub max_overlap_ratio: f64,
+    /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
+    pub dem_steps: u64,
+    /// Tangent operator in this row's own state, if one was asked for.
+    pub tangent: Option<TangentOutcome>,
+    /// Trials that this row needed: 1 without stress control, 0 in row 0.
+    pub trials: u32,
+    /// Shortcuts of the accepted trial.
+    pub flags: TrialFlags,
+}
+
+impl ElementRow {
+    pub(super) fn new(
+        increment: u64,
+        deformation: Plane,
+        answer: &TrialAnswer,
+        tangent: Option<TangentOutcome>,
+    ) -> Self {
+        Self {
+            increment,
+            deformation,
+            stress: answer.stress.plane(),
+            void_ratio: answer.scalars.void_ratio,
+            coordination_number: answer.scalars.coordination_number,
+            coordination_number_no_rattlers: answer.observed.coordination_number_no_rattlers,
+            fabric_anisotropy: answer.observed.fabric_anisotropy,
+            sliding_fraction: answer.observed.sliding_fraction,
+            unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
+            max_overlap_ratio: answer.scalars.max_overlap_ratio,
+            dem_steps: 0,
+            tangent,
+            trials: 0,
+            flags: answer.flags,
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! The driver: increment by increment along the path.
+
+use super::path::{SegmentKinematics, by_gradient, flat, plane_of};
+use super::servo::{Miss, Servo};
+use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
+use super::{ElementError, ElementRow};
+use crate::definition::GrainDefinition;
+use crate::engine::GrainRve;
+use crate::network::ContactNetwork;
+use crate::packing::PackingFile;
+use crate::plane::{self, Plane};
+use crate::tangent::{self, PlaneOperator};
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use std::path::Path;
+
+/// Most trials of one increment under stress control.
+const MOST_TRIALS: u32 = 30;
+
+/// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
+/// target, relative to the mean pressure.
+const LARGEST_JUMP: f64 = 0.05;
+
+/// What a whole element test cost and where it fell short.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElementSummary {
+    /// Rows delivered, row 0 included.
+    pub rows: u64,
+    /// Trials made, rejected ones included.
+    pub trials: u64,
+    /// DEM steps of all trials.
+    pub dem_steps: u64,
+    /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
+    pub stress_jumps: u64,
+    /// Rows whose relaxation ended at the step cap.
+    pub not_equilibrated: u64,
+    /// Rows with an overlap above 10 % of a grain diameter.
+    pub large_overlap: u64,
+    /// Rows whose operator columns hold the uniform-strain operator because the one asked for failed.
+    pub tangent_fallbacks: u64,
+    /// Rows whose operator needed mechanisms to be held.
+    pub tangent_regularised: u64,
+}
+
+/// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
+/// the operator `tangent` unless that is [`TangentKind::None`].
+///
+/// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma| / 2` of the
+/// trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
+///
+/// # Errors
+/// See [`ElementError`]; rows delivered before stay valid.
+pub fn run_element(
+    test: &ElementTest,
+    base_dir: &Path,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow),
+) -> Result<ElementSummary, ElementError> {
+    let packing = PackingFile::read(&base_dir.join(&test.packing))?;
+    let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
+    let mut run = Run {
+        cell: GrainRve::new(&definition).map_err(ElementError::Definition)?,
+        stress_tolerance: test.stress_tolerance,
+        tangent,
+        summary: ElementSummary::default(),
+        deformation: plane::IDENTITY,
+        stress: [[0.0; 2]; 2],
+        network: None,
+        last_change: None,
+    };
+    run.begin(on_row);
+    for segment in &test.path {
+        run.last_change = None;
+        for _ in 0..segment.repeat {
+            run.follow(segment, on_row)?;
+        }
+    }
+    Ok(run.summary)
+}
+
+struct Run {
+    cell: GrainRve,
+    stress_tolerance: f64,
+    tangent: TangentKind,
+    summary: ElementSummary,
+    /// F of the committed state, relative to the packing as given.
+    deformation: Plane,
+    /// Stress of the committed state, Pa.
+    stress: Plane,
+    /// Network of the committed state with the contacts that slid on the way to it.
+    network: Option<ContactNetwork>,
+    /// Change of G in the last increment of the same segment.
+    last_change: Option<Plane>,
+}
+
+/// An accepted trial and what it took.
+struct Accepted {
+    gradient: Plane,
+    answer: TrialAnswer,
+    trials: u32,
+    dem_steps: u64,
+}
+
+impl Run {
+    fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow)) {
+        let answer = self.cell.look(Observables::ALL);
+        self.network = Some(self.cell.committed_network());
+        let row = ElementRow::new(0, self.deformation, &answer, self.operator());
+        self.deliver(&row, on_row);
+    }
+
+    fn follow(&mut self, segment: &Segment, on_row: &mut dyn FnMut(&ElementRow)) -> Result<(), ElementError> {
+        let kinematics_at_start = self.deformation;
+        let start_stress = flat(&self.stress);
+        let mut committed_gradient = [[0.0; 2]; 2];
+        for increment in 1..=segment.increments {
+            let share = f64::from(increment) / f64::from(segment.increments);
+            let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
+            let mut gradient = flat(&committed_gradient);
+            let mut targets = segment.stress.values();
+            for place in 0..4 {
+                match &mut targets[place] {
+                    Some(target) => *target = start_stress[place] + share * (*target - start_stress[place]),
+                    None => gradient[place] = share * segment.strain.values()[place].unwrap_or(0.0),
+                }
+            }
+            let step = Step { kinematics, committed_gradient, gradient: plane_of(&gradient), targets };
+            let accepted =
+                if targets.iter().all(Option::is_none) { self.prescribed(&step)? } else { self.controlled(&step)? };
+            self.cell.commit().expect("the accepted trial is the latest");
+            self.last_change = Some(plane::add_scaled(&accepted.gradient, -1.0, &committed_gradient));
+            committed_gradient = accepted.gradient;
+            self.deformation = kinematics.deformation(&accepted.gradient);
+            self.accept(&accepted, on_row);
+        }
+        Ok(())
+    }
+
+    fn accept(&mut self, accepted: &Accepted, on_row: &mut dyn FnMut(&ElementRow)) {
+        let mut row = ElementRow::new(self.summary.rows, self.deformation, &accepted.answer, self.operator());
+        row.trials = accepted.trials;
+        row.dem_steps = accepted.dem_steps;
+        self.deliver(&row, on_row);
+    }
+
+    fn deliver(&mut self, row: &ElementRow, on_row: &mut dyn FnMut(&ElementRow)) {
+        self.stress = row.stress;
+        let summary = &mut self.summary;
+        summary.rows += 1;
+        summary.trials += u64::from(row.trials);
+        summary.dem_steps += row.dem_steps;
+        summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        if let Some(outcome) = &row.tangent {
+            summary.tangent_fallbacks += u64::from(outcome.fallback);
+            summary.tangent_regularised += u64::from(outcome.regularised);
+        }
+        on_row(row);
+    }
+
+    /// The operator asked for, in the committed state.
+    fn operator(&self) -> Option<tangent::TangentOutcome> {
+        let network = self.network.as_ref().expect("row 0 sets the network");
+        (self.tangent != TangentKind::None).then(|| tangent::evaluate(network, self.tangent))
+    }
+
+    /// One trial; keeps its network.
+    fn attempt(&mut self, step: &Step, gradient: &Plane, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
+        let ask = Ask { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
+        let target = Tensor2::from_plane(step.kinematics.target(gradient, &step.committed_gradient));
+        let answer = self
+            .cell
+            .trial(&target, &ask)
+            .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
+        Ok(answer)
+    }
+
+    fn keep_network(&mut self) {
+        self.network = self.cell.network().cloned();
+    }
+
+    fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
+        let answer = self.attempt(step, &step.gradient, 0)?;
+        self.keep_network();
+        let dem_steps = answer.cost.force_evaluations;
+        Ok(Accepted { gradient: step.gradient, answer, trials: 1, dem_steps })
+    }
+
+    fn controlled(&mut self, step: &Step) -> Result<Accepted, ElementError> {
+        let by_operator = |kind| -> PlaneOperator {
+            let network = self.network.as_ref().expect("row 0 sets the network");
+            by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
+        };
+        let (sliding, elastic) = (by_operator(TangentKind::TrussLikeSlip), by_operator(TangentKind::TrussLike));
+        let mut servo = Servo::new(&step.targets, &sliding, &elastic);
+        let mut gradient = match &self.last_change {
+            // Going on as before beats every operator while the path is smooth.
+            Some(change) => step.with_unknowns(&plane::add_scaled(&step.committed_gradient, 1.0, change)),
+            None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
+        };
+        let (mut ramp_steps, mut dem_steps, mut trials) = (0, 0, 0);
+        let mut closest: Option<(Miss, f64)> = None;
+        while trials < MOST_TRIALS {
+            trials += 1;
+            let answer = match self.attempt(step, &gradient, ramp_steps) {
+                // The search has left the range of one trial: the target lies beyond what the cell can carry.
+                Err(ElementError::Cell { reason, .. }) if closest.is_some() && is_out_of_range(&reason) => break,
+                answer => answer?,
+            };
+            // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
+            ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
+            dem_steps += answer.cost.force_evaluations;
+            let stress = answer.stress.plane();
+            let scale = step.stress_scale(&stress);
+            let miss = servo.miss(&stress);
+            let tolerance = self.stress_tolerance * scale;
+            let is_reached = miss.distance() <= tolerance;
+            let is_at_jump = servo.has_pinned_a_jump(tolerance) && gradient == servo.best(&gradient);
+            if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
+                self.summary.stress_jumps += u64::from(!is_reached);
+                self.keep_network();
+                return Ok(Accepted { gradient, answer, trials, dem_steps });
+            }
+            if closest.is_none_or(|(best, _)| miss.distance() < best.distance()) {
+                closest = Some((miss, tolerance));
+            }
+            if is_at_jump {
+                break;
+            }
+            gradient = servo.improve(&gradient, &stress);
+            if servo.has_pinned_a_jump(tolerance) {
+                gradient = servo.best(&gradient);
+            }
+        }
+        let (miss, tolerance) = closest.expect("the first trial was answered");
+        Err(ElementError::StressNotReached {
+            increment: self.summary.rows,
+            component: COMPONENT_KEYS[miss.component],
+            reached: miss.reached,
+            target: miss.target,
+            tolerance,
+            iterations: trials,
+        })
+    }
+}
+
+fn is_out_of_range(reason: &RveError) -> bool {
+    matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
+}
+
+/// What one increment asks for.
+struct Step {
+    kinematics: SegmentKinematics,
+    /// G of the committed state.
+    committed_gradient: Plane,
+    /// G with its prescribed components at their new values and its unknown ones as committed.
+    gradient: Plane,
+    /// Stress targets of the controlled components, Pa.
+    targets: [Option<f64>; 4],
+}
+
+impl Step {
+    /// `gradient` with its unknown components taken from `source`.
+    fn with_unknowns(&self, source: &Plane) -> Plane {
+        let (mut values, source) = (flat(&self.gradient), flat(source));
+        for place in 0..4 {
+            if self.targets[place].is_some() {
+                values[place] = source[place];
+            }
+        }
+        plane_of(&values)
+    }
+
+    /// Stress to first order if only the prescribed components move.
+    fn expected_stress(&self, stress: &Plane, derivative: &PlaneOperator) -> Plane {
+        let change = flat(&plane::add_scaled(&self.gradient, -1.0, &self.committed_gradient));
+        let mut expected = flat(stress);
+        for (value, row) in expected.iter_mut().zip(derivative) {
+            *value += row.iter().zip(&change).map(|(coefficient, part)| coefficient * part).sum::<f64>();
+        }
+        plane_of(&expected)
+    }
+
+    /// What the stress tolerance is relative to, Pa.
+    fn stress_scale(&self, stress: &Plane) -> f64 {
+        let pressure = 0.5 * (stress[0][0] + stress[1][1]).abs();
+        self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
+    }
+}
