@@ -1,6 +1,5 @@
 //! The grain side: a periodic cell of discs, its quasi-static solver, homogenization, tangent operators, packings.
 
-mod relaxation;
 pub mod cell;
 pub mod definition;
 pub mod element;
@@ -11,6 +10,7 @@ pub mod network;
 pub mod packing;
 pub mod pairs;
 pub mod plane;
+mod relaxation;
 pub mod server;
 pub mod state;
 pub mod tangent;
