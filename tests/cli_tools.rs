@@ -1,0 +1,115 @@
+//! The commands beside `run`: element, pack, check, completions, help.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn grainspan(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts")
+}
+
+fn succeeded(arguments: &[&str]) -> Output {
+    let output = grainspan(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+/// Writes an element test that names the small packing of the repository.
+fn element_test(folder: &Path) -> String {
+    let packing = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
+    let text = format!(
+        "packing = {packing:?}\n[contact]\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
+         [rve]\naccuracy = \"draft\"\n[[path]]\nincrements = 3\nstrain = {{ yy = -3.0e-4 }}\nstress = {{ xx = -1.0e5 }}\n"
+    );
+    let path = folder.join("test.toml");
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn an_element_test_has_the_promised_columns_and_equal_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let first = succeeded(&["element", &test]).stdout;
+    let file = folder.path().join("curve.csv");
+    let quiet = succeeded(&["element", &test, "--quiet", "--out", file.to_str().unwrap()]);
+    assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    assert_eq!(fs::read(&file).unwrap(), first, "file and standard output hold the same");
+    let text = String::from_utf8(first).unwrap();
+    assert_eq!(
+        text.lines().next().unwrap(),
+        "increment,F_xx,F_xy,F_yx,F_yy,sigma_xx,sigma_xy,sigma_yx,sigma_yy,void_ratio,coordination_number,\
+         coordination_number_no_rattlers,fabric_anisotropy,sliding_fraction,unbalanced_force_ratio,\
+         max_overlap_ratio,dem_steps"
+    );
+    assert_eq!(text.lines().count(), 1 + 4, "row 0 and one row per increment");
+    let last: Vec<f64> = text.lines().last().unwrap().split(',').map(|field| field.parse().unwrap()).collect();
+    assert!((last[4] - (1.0 - 3.0e-4)).abs() < 1e-12, "F_yy follows the path");
+    assert!((last[5] + 1.0e5).abs() < 200.0, "sigma_xx is held");
+    assert!(last[8] < -1.1e5, "sigma_yy grows in compression");
+}
+
+#[test]
+fn operator_columns_come_only_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let output = succeeded(&["element", &test, "--tangent", "truss_like", "--set", "path.0.increments=1"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    assert_eq!(header.len(), 17 + 16);
+    assert_eq!((header[17], header[32]), ("C_1111", "C_2222"));
+}
+
+#[test]
+fn a_reader_that_stops_early_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["element", &test, "--quiet"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn the_small_packing_is_regenerated_to_the_same_bits_and_reported() {
+    let output = succeeded(&["pack", "packings/discs-100.toml"]);
+    let kept = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json")).unwrap();
+    assert!(output.stdout == kept, "packings/discs-100.json is what its recipe gives");
+    let report = String::from_utf8(output.stderr).unwrap();
+    for word in ["void ratio", "coordination number", "anisotropy", "deviation from target", "out of balance"] {
+        assert!(report.contains(word), "{word}: {report}");
+    }
+}
+
+#[test]
+fn check_gives_an_overview() {
+    let output = succeeded(&["check", "scenes/biaxial.toml"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for line in
+        ["32 Q8 elements, 121 nodes", "242 of which 19 are prescribed", "128", "400 grains", "nothing was run"]
+    {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+}
+
+#[test]
+fn every_command_explains_itself_with_an_example() {
+    let help = String::from_utf8(succeeded(&["--help"]).stdout).unwrap();
+    assert!(help.contains("Examples:") && help.contains("Exit codes: 0 done"), "{help}");
+    for command in ["run", "element", "pack", "check"] {
+        assert!(help.contains(command));
+        let own = String::from_utf8(succeeded(&[command, "--help"]).stdout).unwrap();
+        assert!(own.contains("Example") && own.contains(&format!("grainspan {command} ")), "{own}");
+    }
+    let script = String::from_utf8(succeeded(&["completions", "bash"]).stdout).unwrap();
+    assert!(script.contains("complete -F _grainspan"), "a bash script");
+}
