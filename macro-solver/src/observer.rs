@@ -63,7 +63,7 @@ pub struct IterationReport {
     pub evaluations: u64,
     /// Out-of-balance over reactions and loads, see [`crate::problem::Tolerances::force`].
     pub force_ratio: f64,
-    /// Next correction over the step's displacements, see [`crate::problem::Tolerances::displacement`]; `None` when
+    /// Next correction over the displacements of a full step, see [`crate::problem::Tolerances::displacement`]; `None` when
     /// the iterate was turned down before a correction was computed.
     pub displacement_ratio: Option<f64>,
     /// Whether this iterate was turned down by the safeguard and the next one goes back towards the best one.
@@ -217,6 +217,9 @@ pub struct Statistics {
     pub secant_corrections: u64,
     /// Secant corrections that a gate or the floor turned down.
     pub secant_refusals: u64,
+    /// Evaluations whose tangent was stiffened in at least one direction by
+    /// [`crate::problem::Strategy::tangent_floor`].
+    pub floored_tangents: u64,
     /// Shortcuts, counted over all evaluations.
     pub flags: FlagCounts,
     /// Cost of all evaluations, as the engine counted it.

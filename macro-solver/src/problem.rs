@@ -112,7 +112,7 @@ pub struct StepControl {
 
 impl Default for StepControl {
     fn default() -> Self {
-        Self { increments: 20, min: 1e-4, growth: 1.5, cut: 0.5, target_iterations: 6, max_iterations: 20 }
+        Self { increments: 20, min: 1e-4, growth: 1.5, cut: 0.5, target_iterations: 6, max_iterations: 15 }
     }
 }
 
@@ -122,8 +122,10 @@ pub struct Tolerances {
     /// Norm of the out-of-balance force at free degrees of freedom over the norm of the reactions or of the applied
     /// loads, whichever is larger.
     pub force: f64,
-    /// Norm of the correction that the accepted state would still get over the norm of the step's displacements. The
-    /// correction comes from the tangent at that state and costs no evaluation.
+    /// Norm of the correction that the accepted state would still get over the norm of the displacements of a full
+    /// step, `1 / increments` of the stage, at the rate of this step. The correction comes from the tangent at that
+    /// state and costs no evaluation. Errors do not add up over steps, since every step restores the whole balance;
+    /// so a step that was cut back is not held to a smaller absolute error.
     pub displacement: f64,
 }
 
@@ -172,8 +174,13 @@ pub struct Strategy {
     pub predictor: Predictor,
     /// Per-point secant correction; `None` switches it off.
     pub secant: Option<SecantGates>,
-    /// Largest change of any component of any point's `H` from one iterate to the next once the safeguard is on;
-    /// dimensionless.
+    /// Smallest stiffness against any strain that the global tangent takes from a point, as a share of the `C_2222`
+    /// of the point's first tangent; weaker directions are stiffened to it. Tangents of slipping networks can be
+    /// nearly singular and would send corrections anywhere; the equations solved are not touched. `None` takes
+    /// tangents as they are.
+    pub tangent_floor: Option<f64>,
+    /// Largest change of any component of any point's `H` from one iterate to the next, dimensionless. As long as the
+    /// residual falls, changes up to the step's own largest predicted `|H_ij|` are allowed too.
     pub capped_change: f64,
     /// Whether a point whose target has not changed in any bit since its last evaluation of this step keeps that
     /// answer instead of being asked again. Exact: a trial is a pure function of its target.
@@ -186,6 +193,7 @@ impl Default for Strategy {
             tangent: TangentKind::TrussLikeSlip,
             predictor: Predictor::Linear,
             secant: None,
+            tangent_floor: Some(0.02),
             capped_change: 1e-3,
             keep_unchanged: true,
         }

@@ -2,7 +2,8 @@
 //!
 //! Every iterate is evaluated from the committed state. An iterate is turned down when a point refuses it, an element
 //! inverts, or the out-of-balance force grows more than [`LARGEST_GROWTH`]-fold; the next one then lies half way back.
-//! Once the residual has grown at all, corrections are capped by [`crate::problem::Strategy::capped_change`].
+//! Corrections are capped by [`crate::problem::Strategy::capped_change`]. An attempt that no longer gets anywhere is
+//! given up before its iterations are used up: a smaller step costs less.
 
 use super::linear_solver::{LinearSolverError, norm};
 use super::{Failure, Session, Solver, timed};
@@ -12,6 +13,13 @@ use nalgebra::Matrix2;
 
 /// Growth of the out-of-balance force, relative to the last accepted iterate, that turns an iterate down.
 const LARGEST_GROWTH: f64 = 3.0;
+
+/// An attempt is given up when the out-of-balance force has not fallen below [`PROGRESS`] times its least value for
+/// this many evaluations.
+const LONGEST_STAGNATION: usize = 5;
+
+/// See [`LONGEST_STAGNATION`].
+const PROGRESS: f64 = 0.9;
 
 /// Consecutive iterates that may be turned down before the attempt fails.
 const LARGEST_RETREATS: usize = 3;
@@ -58,6 +66,9 @@ impl Solver<'_> {
         let mut iterate = self.predict(load)?;
         let gradients = self.body.gradients(&iterate);
         self.points.fix_ramps(&gradients);
+        let reach = largest_component(&gradients).max(self.problem.strategy.capped_change);
+        let full_step = self.full_step(load);
+        let mut stagnation = Stagnation { least: f64::INFINITY, evaluations: 0 };
         let mut base: Option<Base> = None;
         let (mut retreats, mut capped) = (0, false);
         let mut last = String::new();
@@ -105,7 +116,7 @@ impl Solver<'_> {
             }
             retreats = 0;
             let correction = self.correction().map_err(|error| Failure::Attempt(error.to_string()))?;
-            let displacement_ratio = ratio(norm(&correction), norm(&iterate));
+            let displacement_ratio = ratio(norm(&correction), full_step * norm(&iterate));
             report.displacement_ratio = Some(displacement_ratio);
             session.observer.iterated(&report);
             let tolerances = &self.problem.tolerances;
@@ -114,7 +125,11 @@ impl Solver<'_> {
                 return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
             }
             last.push_str(&format!(", correction {displacement_ratio:.2e}"));
-            let share = if capped { self.capped_share(&correction) } else { 1.0 };
+            if report.force_ratio > tolerances.force && stagnation.reached(report.force_ratio) {
+                return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
+            }
+            let cap = if capped { self.problem.strategy.capped_change } else { reach };
+            let share = self.capped_share(&correction, cap);
             for (value, change) in iterate.iter_mut().zip(&correction) {
                 *value += share * change;
             }
@@ -214,10 +229,39 @@ impl Solver<'_> {
     }
 
     /// Share of a correction that keeps every component of every point's `H` within the cap.
-    fn capped_share(&self, correction: &[f64]) -> f64 {
-        let largest = self.body.gradients(correction).iter().map(Matrix2::amax).fold(0.0, f64::max);
-        (self.problem.strategy.capped_change / largest).min(1.0)
+    fn capped_share(&self, correction: &[f64], cap: f64) -> f64 {
+        (cap / largest_component(&self.body.gradients(correction))).min(1.0)
     }
+
+    /// Size of a full step over that of the step to `load`; 1 for the initial equilibrium, which has no size.
+    fn full_step(&self, load: f64) -> f64 {
+        let size = load - self.load;
+        if size > 0.0 { 1.0 / (self.problem.control.increments as f64 * size) } else { 1.0 }
+    }
+}
+
+/// Watches for residuals that have stopped falling.
+struct Stagnation {
+    least: f64,
+    evaluations: usize,
+}
+
+impl Stagnation {
+    /// Takes the next residual; true once it has not fallen for too long.
+    fn reached(&mut self, residual: f64) -> bool {
+        if residual < PROGRESS * self.least {
+            self.least = residual;
+            self.evaluations = 0;
+        } else {
+            self.evaluations += 1;
+        }
+        self.evaluations >= LONGEST_STAGNATION
+    }
+}
+
+/// Largest component of any of the displacement gradients.
+fn largest_component(gradients: &[Matrix2<f64>]) -> f64 {
+    gradients.iter().map(Matrix2::amax).fold(0.0, f64::max)
 }
 
 /// Half way from `iterate` to the last good one; `None` when there is none or too many retreats in a row.

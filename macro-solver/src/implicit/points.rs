@@ -5,7 +5,7 @@
 
 use super::Failure;
 use super::moduli::{full, plane, plane_operator, spatial_moduli};
-use super::secant::{Sample, Yardstick, corrected};
+use super::secant::{Sample, Yardstick, corrected, floored};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::observer::{FlagCounts, Outcome, Statistics};
 use crate::problem::{Problem, SecantGates};
@@ -64,6 +64,7 @@ pub(super) struct Points {
     points: Vec<Point>,
     observables: Observables,
     strain_per_step: f64,
+    tangent_floor: Option<f64>,
     secant: Option<SecantGates>,
     keep_unchanged: bool,
 }
@@ -75,6 +76,7 @@ impl Points {
             points: vec![Point::new(); problem.point_count()],
             observables: problem.observables,
             strain_per_step: problem.strain_per_step,
+            tangent_floor: problem.strategy.tangent_floor,
             secant: problem.strategy.secant,
             keep_unchanged: problem.strategy.keep_unchanged,
         }
@@ -163,7 +165,7 @@ impl Points {
                 trial.point
             )));
         }
-        let secant = self.secant;
+        let (tangent_floor, secant) = (self.tangent_floor, self.secant);
         let point = &mut self.points[trial.point];
         point.stress = plane(&answer.stress);
         if let Some(tangent) = &answer.tangent {
@@ -172,6 +174,10 @@ impl Points {
         let yardstick =
             *point.yardstick.get_or_insert(Yardstick { norm: point.tangent.norm(), vertical: point.tangent[(3, 3)] });
         point.moduli = spatial_moduli(&point.tangent, &point.stress);
+        if let Some(moduli) = tangent_floor.and_then(|floor| floored(&point.moduli, &yardstick, floor)) {
+            point.moduli = moduli;
+            statistics.floored_tangents += 1;
+        }
         if let Some(gates) = secant {
             let sample = Sample::new(*gradient, &point.stress);
             if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {

@@ -65,13 +65,39 @@ pub(super) fn corrected(
         .find(|candidate| smallest_eigenvalue(candidate) >= floor)
 }
 
+/// The moduli with every direction of strain at least as stiff as `floor` times the yardstick, or `None` if they
+/// already are.
+pub(super) fn floored(moduli: &Matrix4<f64>, yardstick: &Yardstick, floor: f64) -> Option<Matrix4<f64>> {
+    let least = floor * yardstick.vertical;
+    let eigen = strain_stiffness(moduli);
+    if eigen.eigenvalues.min() >= least {
+        return None;
+    }
+    let mut stiffened = *moduli;
+    for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value < least {
+            let strain = strain_basis() * direction;
+            stiffened += (least - value) * strain * strain.transpose();
+        }
+    }
+    Some(stiffened)
+}
+
 /// Smallest eigenvalue of the symmetric part over symmetric strains, Pa.
 fn smallest_eigenvalue(moduli: &Matrix4<f64>) -> f64 {
+    strain_stiffness(moduli).eigenvalues.min()
+}
+
+/// Principal stiffnesses of the symmetric part over symmetric strains, Pa.
+fn strain_stiffness(moduli: &Matrix4<f64>) -> SymmetricEigen<f64, nalgebra::Const<3>> {
+    let strain: Matrix3<f64> = strain_basis().transpose() * moduli * strain_basis();
+    SymmetricEigen::new(0.5 * (strain + strain.transpose()))
+}
+
+/// Orthonormal basis of symmetric strains: xx, yy, (xy + yx) / sqrt(2).
+fn strain_basis() -> nalgebra::Matrix4x3<f64> {
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    // Orthonormal basis of symmetric strains: xx, yy, (xy + yx) / sqrt(2).
-    let basis = nalgebra::Matrix4x3::new(1.0, 0.0, 0.0, 0.0, 0.0, half, 0.0, 0.0, half, 0.0, 1.0, 0.0);
-    let strain: Matrix3<f64> = basis.transpose() * moduli * basis;
-    SymmetricEigen::new(0.5 * (strain + strain.transpose())).eigenvalues.min()
+    nalgebra::Matrix4x3::new(1.0, 0.0, 0.0, 0.0, 0.0, half, 0.0, 0.0, half, 0.0, 1.0, 0.0)
 }
 
 #[cfg(test)]
@@ -99,6 +125,23 @@ mod tests {
         let change = column(&(to.gradient - from.gradient));
         let stress = column(&(to.first_piola - from.first_piola));
         assert!((corrected * change - stress).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_soft_direction_is_stiffened_and_the_others_are_kept() {
+        let mut soft = stiff();
+        soft[(0, 0)] = -1.0;
+        let stiffened = floored(&soft, &YARDSTICK, 0.02).unwrap();
+        let (before, after) = (strain_stiffness(&soft), strain_stiffness(&stiffened));
+        let sorted = |mut values: Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let before = sorted(before.eigenvalues.iter().copied().collect());
+        let after = sorted(after.eigenvalues.iter().copied().collect());
+        assert!(before[0] < 0.0 && (after[0] - 0.06).abs() < 1e-12);
+        assert!((after[1] - before[1]).abs() + (after[2] - before[2]).abs() < 1e-12);
+        assert_eq!(floored(&stiff(), &YARDSTICK, 0.02), None);
     }
 
     #[test]

@@ -92,6 +92,9 @@ impl Problem {
             ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
             ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
         ];
+        if let Some(floor) = strategy.tangent_floor {
+            checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
+        }
         if let Some(gates) = strategy.secant {
             checks.push(("secant min_change", gates.min_change, "at least 0", gates.min_change >= 0.0));
             checks.push(("secant max_ratio", gates.max_ratio, "above 0", gates.max_ratio > 0.0));
