@@ -32,6 +32,8 @@ pub(crate) struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Run a scene on a pool of worker processes
+    Run(run::Arguments),
     /// Take one packing along a strain/stress path, without finite elements
     Element(element::Arguments),
     /// Prepare a packing of grains and say how good it is
@@ -45,6 +47,7 @@ enum Command {
 /// Reads the command line, does what it says and returns the exit code.
 pub(crate) fn main() -> ExitCode {
     let ended = match CommandLine::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
         Command::Element(arguments) => element::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

@@ -37,7 +37,7 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
     let probe = table.get_ref();
     let allowed: &[&str] = match probe.kind {
         ProbeKind::Reaction | ProbeKind::Displacement => &["set", "component"],
-        ProbeKind::Strain => &["from", "to", "component"],
+        ProbeKind::Strain | ProbeKind::Compression => &["from", "to", "component"],
         ProbeKind::MeanStress => &["component"],
         _ => &[],
     };
@@ -46,6 +46,11 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
         ProbeKind::Reaction => Quantity::Reaction { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
         ProbeKind::Displacement => Quantity::Displacement { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
         ProbeKind::Strain => Quantity::Strain {
+            from: keys.set("from", &probe.from)?,
+            to: keys.set("to", &probe.to)?,
+            axis: keys.axis()?,
+        },
+        ProbeKind::Compression => Quantity::Compression {
             from: keys.set("from", &probe.from)?,
             to: keys.set("to", &probe.to)?,
             axis: keys.axis()?,

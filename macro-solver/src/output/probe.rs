@@ -15,7 +15,7 @@ pub struct Probe {
 }
 
 /// What a probe measures. Averages over the body are weighted with the current area. Tension positive throughout,
-/// except the two quantities that say compression.
+/// except the quantities that say compression.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Quantity {
     /// Sum of the support forces on a node set, N per metre of thickness; the force that the support exerts on the
@@ -35,6 +35,15 @@ pub enum Quantity {
     },
     /// Change of the mean distance of two node sets along an axis over its initial value; elongation positive.
     Strain {
+        /// Node set with the smaller coordinate.
+        from: String,
+        /// Node set with the larger coordinate.
+        to: String,
+        /// Direction.
+        axis: Axis,
+    },
+    /// The same, **compression positive**.
+    Compression {
         /// Node set with the smaller coordinate.
         from: String,
         /// Node set with the larger coordinate.
@@ -75,12 +84,8 @@ impl Quantity {
                 nodes(view.mesh, set).iter().map(|&node| view.reactions[node][axis.index()]).sum()
             }
             Self::Displacement { set, axis } => mean_over(view.mesh, set, view.displacements, *axis),
-            Self::Strain { from, to, axis } => {
-                let distance = |values: &[[f64; 2]]| {
-                    mean_over(view.mesh, to, values, *axis) - mean_over(view.mesh, from, values, *axis)
-                };
-                distance(view.displacements) / distance(&view.mesh.nodes)
-            }
+            Self::Strain { from, to, axis } => elongation(view, from, to, *axis),
+            Self::Compression { from, to, axis } => -elongation(view, from, to, *axis),
             Self::VolumeChange => {
                 let initial: f64 = view.points.iter().map(|point| point.area / determinant(&point.deformation)).sum();
                 body_area(view) / initial - 1.0
@@ -111,6 +116,13 @@ fn nodes<'a>(mesh: &'a Mesh, set: &str) -> &'a [usize] {
 fn mean_over(mesh: &Mesh, set: &str, values: &[[f64; 2]], axis: Axis) -> f64 {
     let nodes = nodes(mesh, set);
     nodes.iter().map(|&node| values[node][axis.index()]).sum::<f64>() / nodes.len() as f64
+}
+
+/// Change of the mean distance of two node sets over its initial value.
+fn elongation(view: &FieldsView<'_>, from: &str, to: &str, axis: Axis) -> f64 {
+    let distance =
+        |values: &[[f64; 2]]| mean_over(view.mesh, to, values, axis) - mean_over(view.mesh, from, values, axis);
+    distance(view.displacements) / distance(&view.mesh.nodes)
 }
 
 fn body_area(view: &FieldsView<'_>) -> f64 {
@@ -186,5 +198,6 @@ mod tests {
         assert_eq!(value(Quantity::Reaction { set: top(), axis: Axis::Y }), 14.0);
         assert_eq!(value(Quantity::Displacement { set: top(), axis: Axis::Y }), -0.5);
         assert_eq!(value(Quantity::Strain { from: "bottom".to_owned(), to: top(), axis: Axis::Y }), -0.25);
+        assert_eq!(value(Quantity::Compression { from: "bottom".to_owned(), to: top(), axis: Axis::Y }), 0.25);
     }
 }

@@ -130,11 +130,10 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
     );
     match outcome {
         Outcome::Completed => format!("done: {figures}"),
-        Outcome::DidNotConverge { reason } => format!("did not converge after {figures}: {reason}"),
-        Outcome::Interrupted => format!("interrupted after {figures}"),
-        Outcome::WorkersLost { reason } => format!("workers lost after {figures}: {reason}"),
-        Outcome::Stopped(request) => format!("stopped after {figures}: {request}"),
-        Outcome::Refused(error) => format!("refused: {error}"),
+        Outcome::DidNotConverge { .. } => format!("did not converge: {figures}"),
+        Outcome::Interrupted => format!("interrupted: {figures}"),
+        Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
+        Outcome::Stopped(_) | Outcome::Refused(_) => format!("stopped: {figures}"),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use macro_solver::output::HistoryRow;
 use plotters::prelude::*;
+use std::ops::Range;
 
 /// Width and height of the picture, px.
 const SIZE: (u32, u32) = (720, 480);
@@ -33,7 +34,7 @@ pub(super) fn curve(
 fn draw(
     text: &mut String,
     [x, y]: [&str; 2],
-    [horizontal, vertical]: [std::ops::Range<f64>; 2],
+    [across, up]: [Range<f64>; 2],
     points: Vec<(f64, f64)>,
 ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
@@ -42,13 +43,15 @@ fn draw(
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(84)
-        .build_cartesian_2d(horizontal, vertical)?;
+        .build_cartesian_2d(across.clone(), up.clone())?;
     chart
         .configure_mesh()
         .x_desc(x)
         .y_desc(y)
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
+        .x_label_formatter(&|value| tick(*value, &across))
+        .y_label_formatter(&|value| tick(*value, &up))
+        .label_style(("sans-serif", 14))
+        .axis_desc_style(("sans-serif", 16))
         .light_line_style(WHITE)
         .draw()?;
     let colour = RGBColor(20, 80, 160);
@@ -58,7 +61,7 @@ fn draw(
 }
 
 /// Smallest range that holds all values with a margin; `None` when a value is not finite or there are none.
-fn range(values: &[f64]) -> Option<std::ops::Range<f64>> {
+fn range(values: &[f64]) -> Option<Range<f64>> {
     if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
         return None;
     }
@@ -69,9 +72,9 @@ fn range(values: &[f64]) -> Option<std::ops::Range<f64>> {
     Some(low - margin..high + margin)
 }
 
-/// Four significant digits, without trailing zeros.
-fn tick(value: &f64) -> String {
-    if *value == 0.0 {
+/// Four significant digits, without trailing zeros; what is nothing on the scale of the axis is 0.
+fn tick(value: f64, axis: &Range<f64>) -> String {
+    if value.abs() < 1e-9 * (axis.end - axis.start) {
         return "0".to_owned();
     }
     if !(1e-4..1e5).contains(&value.abs()) {
@@ -108,9 +111,7 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        assert_eq!(
-            [0.0, 0.02, 100_000.0, 1234.0, -2.5e-7].map(|value| tick(&value)),
-            ["0", "0.02", "1.0e5", "1234", "-2.5e-7"]
-        );
+        let texts = [1e-18, 0.02, 100_000.0, 1234.0, -2.5e-7].map(|value| tick(value, &(0.0..1.0)));
+        assert_eq!(texts, ["0", "0.02", "1.0e5", "1234", "-2.5e-7"]);
     }
 }

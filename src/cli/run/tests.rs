@@ -2,9 +2,9 @@
 
 use super::drive::{Manner, drive};
 use super::folder::OutputFolder;
-use crate::cli::exit::Exit;
+use crate::cli::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::observer::Silent;
+use macro_solver::observer::{FieldsView, Observer, Silent, StepReport, StopRequest};
 use macro_solver::output::{RunStatus, Summary};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::in_process::channel;
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Runs a scene with so many worker threads.
-fn run(scene: &Scene, place: &Path, workers: usize) -> Exit {
+fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -> Result<Exit, Failure> {
     let as_run = scene.document.as_run(&[("packing", "packing.json")]).unwrap();
     let folder = OutputFolder::prepare(place, &as_run, &scene.definition.packing.to_json()).unwrap();
     let (port, door) = channel();
@@ -30,8 +30,8 @@ fn run(scene: &Scene, place: &Path, workers: usize) -> Exit {
     let settings = PoolSettings::new("test");
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &made_of);
     pool.gather(workers).unwrap();
-    let manner = Manner { workers, begun: Instant::now(), quiet: true, beside: &mut Silent };
-    let exit = drive(scene, pool, &folder, manner).unwrap();
+    let manner = Manner { workers, begun: Instant::now(), quiet: true, beside };
+    let exit = drive(scene, pool, &folder, manner);
     servants.into_iter().for_each(|servant| drop(servant.join().unwrap()));
     exit
 }
@@ -46,7 +46,9 @@ fn the_output_is_complete_and_does_not_depend_on_the_number_of_workers() {
     let place = tempfile::tempdir().unwrap();
     let scene = small(&["mesh.elements=[1, 2]", "loading.increments=2", "output.gauss_points=true"]);
     let (one, two) = (place.path().join("one"), place.path().join("two"));
-    assert_eq!((run(&scene, &one, 1), run(&scene, &two, 2)), (Exit::Done, Exit::Done));
+    for (path, workers) in [(&one, 1), (&two, 2)] {
+        assert_eq!(run(&scene, path, workers, &mut Silent).unwrap(), Exit::Done);
+    }
     for file in [
         "history.csv",
         "fields.pvd",
@@ -70,7 +72,35 @@ fn the_output_is_complete_and_does_not_depend_on_the_number_of_workers() {
 fn the_scene_in_the_output_folder_repeats_the_run() {
     let place = tempfile::tempdir().unwrap();
     let (first, second) = (place.path().join("first"), place.path().join("second"));
-    run(&small(&["mesh.elements=[1, 2]", "loading.increments=1"]), &first, 1);
-    run(&Scene::load(&first.join("scene.toml"), &[]).unwrap(), &second, 1);
+    run(&small(&["mesh.elements=[1, 2]", "loading.increments=1"]), &first, 1, &mut Silent).unwrap();
+    run(&Scene::load(&first.join("scene.toml"), &[]).unwrap(), &second, 1, &mut Silent).unwrap();
     assert_eq!(fs::read(first.join("history.csv")).unwrap(), fs::read(second.join("history.csv")).unwrap());
+}
+
+/// Puts a file in the place of the folder of fields once step 1 is accepted.
+struct Saboteur<'a>(&'a Path);
+
+impl Observer for Saboteur<'_> {
+    fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        if report.step == 1 {
+            fs::remove_dir_all(self.0.join("fields")).unwrap();
+            fs::write(self.0.join("fields"), "in the way").unwrap();
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn an_output_that_cannot_be_written_ends_the_run_and_leaves_whole_rows() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("out");
+    let scene = small(&["mesh.elements=[1, 1]", "loading.increments=3"]);
+    let failure = run(&scene, &path, 1, &mut Saboteur(&path)).unwrap_err();
+    assert_eq!(failure.exit, Exit::BadInput);
+    assert!(failure.message.contains("step-0002.vtu") && failure.message.contains("hint:"), "{}", failure.message);
+    let history = fs::read_to_string(path.join("history.csv")).unwrap();
+    assert_eq!(history.lines().count(), 3, "header, step 0, step 1");
+    assert!(history.ends_with('\n'));
+    let summary: Summary = serde_json::from_slice(&fs::read(path.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary.status, RunStatus::OutputFailed);
 }

@@ -1,0 +1,163 @@
+//! `grainspan run` on the small scene, as a user starts it: processes, files, messages, exit codes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use vtkio::Vtk;
+use vtkio::model::{CellType, DataSet};
+
+fn run(out: &Path, workers: &str, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/biaxial-small.toml", "--workers", workers, "--out"])
+        .arg(out)
+        .args(more)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("messages are text")
+}
+
+/// Names of the files in a folder, sorted.
+fn names(folder: PathBuf) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_small_scene_runs_and_writes_everything_it_promises() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let output = run(&out, "2", &[]);
+    let stderr = text(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+    assert!(output.stdout.is_empty(), "data goes to files");
+    for line in ["step   5  load 1.0000", "done: 5 steps", "evaluations", "worker time", "fell short", "written to"] {
+        assert!(stderr.contains(line), "{line}: {stderr}");
+    }
+    assert_eq!(
+        names(out.clone()),
+        [
+            "fields",
+            "fields.pvd",
+            "grains",
+            "history.csv",
+            "history.svg",
+            "packing.json",
+            "run.jsonl",
+            "scene.toml",
+            "summary.json"
+        ]
+    );
+    check_history(&out);
+    check_summary(&out);
+    check_fields(&out);
+    for line in fs::read_to_string(out.join("run.jsonl")).unwrap().lines() {
+        let event: serde_json::Value = serde_json::from_str(line).expect("every line is one JSON object");
+        assert!(event["timestamp"].is_string() && event["level"].is_string());
+    }
+}
+
+fn check_history(out: &Path) {
+    let history = fs::read_to_string(out.join("history.csv")).unwrap();
+    let mut lines = history.lines();
+    assert_eq!(
+        lines.next(),
+        Some("step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force")
+    );
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 6);
+    let (first, last) = (&rows[0], &rows[5]);
+    assert!((first[6] - 1.0).abs() < 1e-4, "the packing starts isotropic");
+    assert!((last[5] - 5.0e-3).abs() < 1e-12, "the platen goes all the way");
+    assert!(last[6] > 1.8 && last[6] < 2.4, "the stress ratio grows: {}", last[6]);
+    // The platen carries the mean vertical stress: force = stress x current width, and the sides stay at 100 kPa.
+    assert!((first[8] + 5000.0).abs() < 1.0, "100 kPa on 50 mm");
+}
+
+fn check_summary(out: &Path) {
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!((summary["status"].as_str(), summary["steps"].as_u64()), (Some("done"), Some(5)));
+    assert_eq!((summary["gauss_points"].as_u64(), summary["workers"].as_u64()), (Some(32), Some(2)));
+    assert_eq!(summary["fallbacks"]["tangent_fallback"].as_u64(), Some(0));
+    let time = |key: &str| summary["time"][key].as_f64().unwrap();
+    let workers = time("rve_s") + time("tangent_s") + time("transport_s") + time("idle_s");
+    assert!(workers > time("wall_s"), "two workers account for more than one wall time");
+    assert!(time("rve_s") > 0.0 && time("tangent_s") > 0.0);
+    let energy = |key: &str| summary["energy"][key].as_f64().unwrap();
+    let balance = energy("external_work") - (energy("elastic") - energy("elastic_initial"));
+    // Measured 0.42 against 0.43 J: the rest is the trapezium rule over five steps and the damping of the grains.
+    assert!((balance - energy("frictional_dissipation")).abs() < 0.05 * energy("external_work"), "{balance}");
+}
+
+fn check_fields(out: &Path) {
+    assert_eq!(names(out.join("fields")).len(), 6);
+    let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(out.join("fields/step-0005.vtu")).unwrap().data else {
+        panic!("not an unstructured grid")
+    };
+    let grid = pieces[0].load_piece_data(None).unwrap();
+    assert_eq!((grid.num_points(), grid.cells.num_cells()), (15, 8));
+    assert!(grid.cells.types.iter().all(|kind| *kind == CellType::Quad));
+    let on_nodes: Vec<&str> = grid.data.point.iter().map(|field| field.name()).collect();
+    assert_eq!(on_nodes, ["displacement", "reaction", "load"]);
+    let on_elements: Vec<&str> = grid.data.cell.iter().map(|field| field.name()).collect();
+    for field in [
+        "stress",
+        "strain",
+        "void_ratio",
+        "coordination_number",
+        "grain_rotation",
+        "step_evaluations",
+        "force_evaluations",
+    ] {
+        assert!(on_elements.contains(&field), "{field}: {on_elements:?}");
+    }
+    let DataSet::PolyData { pieces, .. } = Vtk::import(out.join("grains/point-0000-step-0005.vtp")).unwrap().data
+    else {
+        panic!("not poly data")
+    };
+    let grains = pieces[0].load_piece_data(None).unwrap();
+    assert_eq!(grains.num_points(), 100);
+    let fields: Vec<&str> = grains.data.point.iter().map(|field| field.name()).collect();
+    assert_eq!(fields, ["radius", "rotation", "contacts", "rattler"]);
+}
+
+#[test]
+fn the_number_of_workers_changes_no_bit_and_quiet_is_quiet() {
+    let place = tempfile::tempdir().unwrap();
+    let (two, three) = (place.path().join("two"), place.path().join("three"));
+    let short = ["--quiet", "--set", "loading.increments=2", "--set", "boundary.2.displacement.y=-1e-4"];
+    for (out, workers) in [(&two, "2"), (&three, "3")] {
+        let output = run(out, workers, &short);
+        assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+    }
+    for file in ["history.csv", "fields/step-0002.vtu", "grains/point-0000-step-0002.vtp"] {
+        assert_eq!(fs::read(two.join(file)).unwrap(), fs::read(three.join(file)).unwrap(), "{file}");
+    }
+}
+
+#[test]
+fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let output = run(
+        &out,
+        "1",
+        &["--set", "loading.max_iterations=1", "--set", "loading.smallest_increment=0.1", "--set", "name=hopeless"],
+    );
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.contains("cut back") && stderr.contains("error: the run did not converge") && stderr.contains("hint:")
+    );
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["status"].as_str(), Some("not_converged"));
+    assert!(summary["cutbacks"].as_u64() > Some(0));
+    let history = fs::read_to_string(out.join("history.csv")).unwrap();
+    assert!(history.lines().count() >= 2 && history.ends_with('\n'), "the initial state is kept: {history}");
+}
