@@ -13,8 +13,8 @@ use std::rc::Rc;
 /// Arguments of `grainspan element`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  grainspan element test.toml > curve.csv
-  grainspan element test.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
+  grainspan element scenes/element.toml > curve.csv
+  grainspan element scenes/element.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
     #[arg(value_name = "TEST.toml")]
