@@ -17,7 +17,7 @@ pub(super) fn deliver_to_macro(
     match frame.kind {
         FrameKind::Control => sink(MacroEvent::Control(worker, frame.control::<FromWorker>()?)),
         FrameKind::Replies => sink(MacroEvent::Replies(worker, &frame.replies()?)),
-        FrameKind::Jobs | FrameKind::Credit => return Err(FrameError::Kind(frame.kind as u32)),
+        FrameKind::Jobs | FrameKind::Credit | FrameKind::Close => return Err(FrameError::Kind(frame.kind as u32)),
     }
     Ok(())
 }
@@ -31,7 +31,7 @@ pub(super) fn deliver_to_worker(bytes: &[u8], sink: &mut dyn FnMut(WorkerEvent<'
     match frame.kind {
         FrameKind::Control => sink(WorkerEvent::Control(frame.control::<ToWorker>()?)),
         FrameKind::Jobs => sink(WorkerEvent::Jobs(&frame.jobs()?)),
-        FrameKind::Replies | FrameKind::Credit => return Err(FrameError::Kind(frame.kind as u32)),
+        FrameKind::Replies | FrameKind::Credit | FrameKind::Close => return Err(FrameError::Kind(frame.kind as u32)),
     }
     Ok(())
 }

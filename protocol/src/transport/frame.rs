@@ -25,11 +25,15 @@ pub enum FrameKind {
     Replies = 3,
     /// Nothing: a worker's permission to send it one more frame.
     Credit = 4,
+    /// Nothing: the sender closes its port and says no more.
+    Close = 5,
 }
 
 impl FrameKind {
     fn from_wire(number: u32) -> Option<Self> {
-        [Self::Control, Self::Jobs, Self::Replies, Self::Credit].into_iter().find(|kind| *kind as u32 == number)
+        [Self::Control, Self::Jobs, Self::Replies, Self::Credit, Self::Close]
+            .into_iter()
+            .find(|kind| *kind as u32 == number)
     }
 }
 
@@ -182,6 +186,8 @@ pub enum Outgoing<'a> {
     Replies(&'a [LoadedReply<'a>]),
     /// A credit.
     Credit,
+    /// A farewell of the port.
+    Close,
 }
 
 impl<'a> Outgoing<'a> {
@@ -199,7 +205,7 @@ impl<'a> Outgoing<'a> {
                 Self::Replies(replies) => {
                     replies.iter().map(|reply| size_of::<TrialReply>() + reply.state.len() + reply.error.len()).sum()
                 }
-                Self::Credit => 0,
+                Self::Credit | Self::Close => 0,
             }
     }
 
@@ -219,6 +225,7 @@ impl<'a> Outgoing<'a> {
             Self::Jobs(jobs) => (FrameKind::Jobs, jobs.len()),
             Self::Replies(replies) => (FrameKind::Replies, replies.len()),
             Self::Credit => (FrameKind::Credit, 0),
+            Self::Close => (FrameKind::Close, 0),
         };
         let header = FrameHeader {
             magic: MAGIC,
@@ -253,7 +260,7 @@ impl<'a> Outgoing<'a> {
                     cursor.put(loaded.error);
                 }
             }
-            Self::Credit => {}
+            Self::Credit | Self::Close => {}
         }
     }
 

@@ -6,6 +6,7 @@
 mod delivery;
 pub mod frame;
 pub mod in_process;
+pub mod shared_memory;
 
 use crate::control::{FromWorker, ToWorker};
 use crate::wire::{TrialJob, TrialReply};

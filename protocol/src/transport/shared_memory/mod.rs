@@ -1,0 +1,46 @@
+//! The transport between processes: iceoryx2 shared memory, blocking waits, process death seen by the kernel.
+//!
+//! # Shape
+//!
+//! One request-response service carries everything. The **macro is its only server, every worker a client**, because a
+//! request reaches all servers and a queue of work must reach one worker. Each request is at the same time an uplink
+//! message and the permission for one downlink message: a worker keeps a few requests open, the macro answers them in
+//! the order in which they came. No permission, no message: nobody can be flooded, and no send ever blocks. Two event
+//! services wake the sides; both wait in the kernel and burn no core.
+//!
+//! # Life and death
+//!
+//! Both sides hold a pidfd of the other, so a killed process is noticed within a millisecond, after everything it had
+//! sent was delivered. iceoryx2's own view of who lives is not used: it changes only when somebody cleans up. A port
+//! that is closed in order says so. A run's files carry one prefix below one directory ([`RunDirectory`]) and are
+//! removed when the macro's port is dropped; what a killed macro leaves, [`RunDirectory::clean`] removes.
+
+mod janitor;
+mod macro_port;
+mod run_directory;
+mod services;
+mod watch;
+mod worker_port;
+
+pub use macro_port::SharedMemoryMacroPort;
+pub use run_directory::{ChannelLimits, RunDirectory, RunError, RunListing, RunRecord};
+pub use worker_port::SharedMemoryWorkerPort;
+
+use super::TransportError;
+use std::fmt::Debug;
+
+/// Requests that a worker keeps open: two job slices in its queue and two control messages never wait for a permission.
+const CREDITS: usize = 4;
+
+/// Requests that a worker may have open at most; the surplus over [`CREDITS`] is what it says unasked.
+const WINDOW: usize = 8;
+
+/// Wraps a refusal of iceoryx2; its error types share no trait but `Debug`.
+fn refused<E: Debug>(action: &'static str) -> impl FnOnce(E) -> TransportError {
+    move |error| TransportError::Channel { action, reason: format!("{error:?}") }
+}
+
+/// Wraps a refusal of the operating system.
+fn system<E: Into<std::io::Error>>(action: &'static str) -> impl FnOnce(E) -> TransportError {
+    move |error| TransportError::System { action, source: error.into() }
+}

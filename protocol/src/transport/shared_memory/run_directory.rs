@@ -1,0 +1,448 @@
+//! Where a run is found by name, and where all its shared memory is accounted for.
+//!
+//! `/dev/shm/grainspan-<uid>/<run>/` belongs to one run. `run.json` tells workers whom they join, `i/` is iceoryx2's
+//! root. Names of shared-memory segments do not contain the root, so each run also has its own prefix; root and prefix
+//! together make runs invisible to each other. Directories are private to the user.
+
+use super::services::ICEORYX2_VERSION;
+use crate::{ContentId, PROTOCOL_VERSION};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, DirBuilder};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use thiserror::Error;
+
+/// Where POSIX shared memory lives on Linux; a directory in memory, so joining a run takes a millisecond.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// Root and prefix end up in the address of a Unix socket (108 bytes with iceoryx2's own part).
+const ADDRESS_LIMIT: usize = 64;
+
+/// A directory without a record is a run about to begin; older than this it is a run that never began.
+const BIRTH: Duration = Duration::from_secs(10);
+
+/// Why a run cannot be made or found.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The name cannot be part of a path, or is too long for the system's socket addresses.
+    #[error("`{name}` cannot be the name of a run: {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A living run has the name.
+    #[error("a run named `{name}` is alive (process {pid}); choose another name or end that run")]
+    Taken {
+        /// The name.
+        name: String,
+        /// Process of its macro.
+        pid: u32,
+    },
+    /// No living run has the name.
+    #[error("no run named `{name}` is alive; living runs: {living}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// Names of those that are, for the reader.
+        living: String,
+    },
+    /// The run was started by another version of this program.
+    #[error(
+        "run `{name}` speaks protocol {found_protocol} over iceoryx2 {found_iceoryx2}, but this program speaks protocol \
+         {PROTOCOL_VERSION} over iceoryx2 {ICEORYX2_VERSION}; start macro and workers from the same build of grainspan"
+    )]
+    Version {
+        /// The name.
+        name: String,
+        /// Protocol version of the run.
+        found_protocol: u32,
+        /// iceoryx2 version of the run.
+        found_iceoryx2: String,
+    },
+    /// The operating system refused.
+    #[error("could not {action} `{}`: {source}", path.display())]
+    System {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+}
+
+/// How much a run's channel carries. Memory is reserved by address and used only as touched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChannelLimits {
+    /// Largest message, bytes: a job slice or its replies with all snapshots.
+    pub message_bytes: u64,
+    /// Workers at the same time, the not yet cleaned up dead ones included.
+    pub workers: u32,
+}
+
+impl Default for ChannelLimits {
+    fn default() -> Self {
+        Self { message_bytes: 4 << 20, workers: 64 }
+    }
+}
+
+/// What a worker must know to join a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// [`PROTOCOL_VERSION`] of the macro.
+    pub protocol: u32,
+    /// Version of iceoryx2; every process of a run needs the same one.
+    pub iceoryx2: String,
+    /// Name of the run.
+    pub name: String,
+    /// Process of the macro.
+    pub pid: u32,
+    /// When that process started, clock ticks since boot: tells it from a later process with the same number.
+    pub pid_started: u64,
+    /// Prefix of all shared-memory names of the run.
+    pub prefix: String,
+    /// iceoryx2's root directory.
+    pub root: PathBuf,
+    /// Capacity.
+    pub limits: ChannelLimits,
+    /// Whether the services exist, so that a worker can join.
+    pub ready: bool,
+}
+
+impl RunRecord {
+    /// Whether the macro's process lives.
+    pub fn is_alive(&self) -> bool {
+        process_start(self.pid) == Some(self.pid_started)
+    }
+}
+
+/// One entry of [`RunDirectory::list`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunListing {
+    /// Name of the run.
+    pub name: String,
+    /// Its record, if one can be read.
+    pub record: Option<RunRecord>,
+    /// Whether its macro lives (or may be about to begin).
+    pub alive: bool,
+}
+
+/// The directory of a run that this process has begun. Dropping it removes the directory and every segment of the run.
+#[derive(Debug)]
+pub struct RunDirectory {
+    directory: PathBuf,
+    record: RunRecord,
+}
+
+impl RunDirectory {
+    /// Begins a run. What a dead run of the same name left is removed.
+    ///
+    /// # Errors
+    /// [`RunError::Name`], [`RunError::Taken`], or the system's refusal.
+    pub fn create(name: &str, limits: ChannelLimits) -> Result<Self, RunError> {
+        check_name(name)?;
+        let base = base_directory()?;
+        let directory = base.join(name);
+        let root = directory.join("i");
+        let prefix = format!("g{:08x}_", fresh_number() as u32);
+        let length = root.as_os_str().len() + prefix.len();
+        if length > ADDRESS_LIMIT {
+            let reason = format!("it is {} characters too long", length - ADDRESS_LIMIT);
+            return Err(RunError::Name { name: name.to_owned(), reason });
+        }
+        if let Err(error) = make_private_directory(&directory) {
+            if error.kind() != ErrorKind::AlreadyExists {
+                return Err(system("create", &directory)(error));
+            }
+            let listing = look_at(&base, name);
+            if listing.alive {
+                let pid = listing.record.map_or(0, |record| record.pid);
+                return Err(RunError::Taken { name: name.to_owned(), pid });
+            }
+            sweep(&directory, listing.record.as_ref().map(|record| record.prefix.as_str()));
+            make_private_directory(&directory).map_err(system("create", &directory))?;
+        }
+        let pid = std::process::id();
+        let record = RunRecord {
+            protocol: PROTOCOL_VERSION,
+            iceoryx2: ICEORYX2_VERSION.to_owned(),
+            name: name.to_owned(),
+            pid,
+            pid_started: process_start(pid).unwrap_or_default(),
+            prefix,
+            root: root.clone(),
+            limits,
+            ready: false,
+        };
+        let run = Self { directory, record };
+        make_private_directory(&root).map_err(system("create", &root))?;
+        run.write()?;
+        Ok(run)
+    }
+
+    /// What workers read.
+    pub fn record(&self) -> &RunRecord {
+        &self.record
+    }
+
+    /// Tells workers that they can join.
+    ///
+    /// # Errors
+    /// The system's refusal to write the record.
+    pub(super) fn announce(&mut self) -> Result<(), RunError> {
+        self.record.ready = true;
+        self.write()
+    }
+
+    /// The record of a living run that workers can join, or none while the run is still being set up.
+    ///
+    /// # Errors
+    /// [`RunError::Unknown`] without such a run, [`RunError::Version`] if it was started by another version.
+    pub fn open(name: &str) -> Result<Option<RunRecord>, RunError> {
+        check_name(name)?;
+        let listing = look_at(&base_directory()?, name);
+        match listing.record {
+            Some(record) if listing.alive => {
+                check_version(&record)?;
+                Ok(record.ready.then_some(record))
+            }
+            None if listing.alive => Ok(None),
+            _ => {
+                let living: Vec<String> =
+                    Self::list()?.into_iter().filter(|run| run.alive).map(|run| run.name).collect();
+                let living = if living.is_empty() { "none".to_owned() } else { living.join(", ") };
+                Err(RunError::Unknown { name: name.to_owned(), living })
+            }
+        }
+    }
+
+    /// All runs of this user, dead ones included, by name.
+    ///
+    /// # Errors
+    /// The system's refusal to read the directory.
+    pub fn list() -> Result<Vec<RunListing>, RunError> {
+        let base = base_directory()?;
+        let mut names: Vec<String> = fs::read_dir(&base)
+            .map_err(system("read", &base))?
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+            .collect();
+        names.sort();
+        Ok(names.iter().map(|name| look_at(&base, name)).collect())
+    }
+
+    /// Removes what a dead run left; false if the run lives and was left alone.
+    ///
+    /// # Errors
+    /// [`RunError::Name`].
+    pub fn remove(name: &str) -> Result<bool, RunError> {
+        check_name(name)?;
+        let base = base_directory()?;
+        let listing = look_at(&base, name);
+        if !listing.alive {
+            sweep(&base.join(name), listing.record.as_ref().map(|record| record.prefix.as_str()));
+        }
+        Ok(!listing.alive)
+    }
+
+    /// Removes what all dead runs of this user left and returns their names.
+    ///
+    /// # Errors
+    /// As [`RunDirectory::list`].
+    pub fn clean() -> Result<Vec<String>, RunError> {
+        let dead: Vec<String> = Self::list()?.into_iter().filter(|run| !run.alive).map(|run| run.name).collect();
+        for name in &dead {
+            Self::remove(name)?;
+        }
+        let _ = fs::remove_dir(base_path());
+        Ok(dead)
+    }
+
+    /// Readers see the old record or the new one, never a part.
+    fn write(&self) -> Result<(), RunError> {
+        let path = self.directory.join("run.json");
+        let draft = self.directory.join("run.json.new");
+        let text = serde_json::to_vec_pretty(&self.record).expect("a record has no unserialisable parts");
+        fs::write(&draft, text).map_err(system("write", &draft))?;
+        fs::rename(&draft, &path).map_err(system("write", &path))
+    }
+}
+
+impl Drop for RunDirectory {
+    fn drop(&mut self) {
+        sweep(&self.directory, Some(&self.record.prefix));
+        // Another run of this user may be using it: then it is not empty and stays.
+        let _ = fs::remove_dir(base_path());
+    }
+}
+
+/// A number that no other process or thread draws: names senders and prefixes.
+pub(super) fn fresh_number() -> u64 {
+    static DRAWN: AtomicU64 = AtomicU64::new(0);
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
+    let seed = format!("{} {now} {}", std::process::id(), DRAWN.fetch_add(1, Ordering::Relaxed));
+    let id = ContentId::of(seed.as_bytes());
+    u64::from_le_bytes(id.0[..8].try_into().expect("eight of sixteen bytes"))
+}
+
+/// Shared-memory files whose names begin with `prefix`, with their metadata.
+pub(super) fn segments(prefix: &str) -> impl Iterator<Item = (PathBuf, fs::Metadata)> {
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    let prefix = prefix.to_owned();
+    entries.filter_map(move |entry| {
+        let ours = entry.file_name().to_str()?.starts_with(&prefix);
+        let metadata = ours.then(|| entry.metadata().ok()).flatten()?;
+        Some((entry.path(), metadata))
+    })
+}
+
+/// Removes a run's segments and directory. Best effort: whatever is already gone is as wanted.
+fn sweep(directory: &Path, prefix: Option<&str>) {
+    // An empty prefix would match everybody's segments.
+    if let Some(prefix) = prefix.filter(|prefix| prefix.len() == 10 && prefix.starts_with('g')) {
+        for (path, _) in segments(prefix) {
+            let _ = fs::remove_file(path);
+        }
+    }
+    let _ = fs::remove_dir_all(directory);
+}
+
+fn look_at(base: &Path, name: &str) -> RunListing {
+    let directory = base.join(name);
+    let record: Option<RunRecord> =
+        fs::read(directory.join("run.json")).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let alive = match &record {
+        Some(record) => record.is_alive(),
+        None => fs::metadata(&directory)
+            .and_then(|metadata| metadata.modified())
+            .is_ok_and(|time| time.elapsed().is_ok_and(|age| age < BIRTH)),
+    };
+    RunListing { name: name.to_owned(), record, alive }
+}
+
+fn check_version(record: &RunRecord) -> Result<(), RunError> {
+    if record.protocol == PROTOCOL_VERSION && record.iceoryx2 == ICEORYX2_VERSION {
+        return Ok(());
+    }
+    Err(RunError::Version {
+        name: record.name.clone(),
+        found_protocol: record.protocol,
+        found_iceoryx2: record.iceoryx2.clone(),
+    })
+}
+
+fn check_name(name: &str) -> Result<(), RunError> {
+    let sound = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
+    if !name.is_empty() && !name.starts_with('.') && name.chars().all(sound) {
+        return Ok(());
+    }
+    let reason = "use letters, digits, `-`, `_` and `.`, not beginning with `.`".to_owned();
+    Err(RunError::Name { name: name.to_owned(), reason })
+}
+
+fn base_path() -> PathBuf {
+    Path::new(SHARED_MEMORY).join(format!("grainspan-{}", rustix::process::getuid().as_raw()))
+}
+
+/// The directory of all runs of this user; refused when somebody else has made it.
+fn base_directory() -> Result<PathBuf, RunError> {
+    let base = base_path();
+    match make_private_directory(&base) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(system("create", &base)(error)),
+        _ => {}
+    }
+    let owner = fs::symlink_metadata(&base).map_err(system("read", &base))?;
+    if !owner.is_dir() || owner.uid() != rustix::process::getuid().as_raw() {
+        let source =
+            io::Error::new(ErrorKind::PermissionDenied, "it belongs to somebody else; ask them to remove it");
+        return Err(system("use", &base)(source));
+    }
+    Ok(base)
+}
+
+fn make_private_directory(path: &Path) -> io::Result<()> {
+    DirBuilder::new().mode(0o700).create(path)
+}
+
+/// Start time of a process in clock ticks since boot (field 22 of its `stat`), none when it does not live.
+fn process_start(pid: u32) -> Option<u64> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The second field is the command in parentheses and may contain anything.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
+    let state = fields.next()?;
+    // An unreaped zombie has ended.
+    (state != "Z").then(|| fields.nth(18)?.parse().ok()).flatten()
+}
+
+fn system(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RunError {
+    move |source| RunError::System { action, path: path.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run name that no other test of any process uses.
+    fn name() -> String {
+        format!("t{:x}", fresh_number())
+    }
+
+    fn exists(name: &str) -> bool {
+        base_path().join(name).exists()
+    }
+
+    #[test]
+    fn a_run_is_found_by_name_once_announced_and_gone_when_dropped() {
+        let name = name();
+        let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        assert_eq!(RunDirectory::open(&name).unwrap(), None);
+        run.announce().unwrap();
+        assert_eq!(RunDirectory::open(&name).unwrap().as_ref(), Some(run.record()));
+        assert!(RunDirectory::list().unwrap().iter().any(|listing| listing.name == name && listing.alive));
+        assert!(!RunDirectory::remove(&name).unwrap(), "a living run was removed");
+        let taken = RunDirectory::create(&name, ChannelLimits::default()).unwrap_err();
+        assert!(matches!(taken, RunError::Taken { .. }), "{taken}");
+        let mode = fs::metadata(&run.directory).unwrap().mode() & 0o777;
+        assert_eq!(mode, 0o700);
+        drop(run);
+        assert!(!exists(&name));
+        assert!(matches!(RunDirectory::open(&name), Err(RunError::Unknown { .. })));
+    }
+
+    #[test]
+    fn a_dead_run_is_told_from_a_later_process_with_its_number_and_is_removed() {
+        let name = name();
+        let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        run.record.pid_started += 1;
+        run.announce().unwrap();
+        let segment = Path::new(SHARED_MEMORY).join(format!("{}left", run.record.prefix));
+        fs::write(&segment, b"x").unwrap();
+        assert!(matches!(RunDirectory::open(&name), Err(RunError::Unknown { .. })));
+        assert!(RunDirectory::remove(&name).unwrap());
+        assert!(!segment.exists() && !exists(&name));
+    }
+
+    #[test]
+    fn another_version_is_refused_with_both_versions_and_the_remedy() {
+        let name = name();
+        let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        run.record.protocol = 99;
+        run.announce().unwrap();
+        let text = RunDirectory::open(&name).unwrap_err().to_string();
+        for part in ["protocol 99", &format!("protocol {PROTOCOL_VERSION}"), "same build"] {
+            assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
+    fn unusable_names_are_refused() {
+        for bad in ["", "a/b", "../x", ".hidden", "with space", &"long".repeat(20)] {
+            let error = RunDirectory::create(bad, ChannelLimits::default()).unwrap_err();
+            assert!(matches!(error, RunError::Name { .. }), "{error}");
+        }
+    }
+}

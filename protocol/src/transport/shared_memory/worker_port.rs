@@ -1,0 +1,247 @@
+//! A worker's end: one client of a run.
+
+use super::run_directory::{RunDirectory, RunError, RunRecord, fresh_number};
+use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
+use super::watch::Watch;
+use super::{CREDITS, WINDOW, refused};
+use crate::control::FromWorker;
+use crate::transport::delivery::deliver_to_worker;
+use crate::transport::frame::Outgoing;
+use crate::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
+use std::collections::VecDeque;
+use std::os::fd::OwnedFd;
+use std::time::{Duration, Instant};
+
+/// Token of the macro's process.
+const MACRO: u64 = 1;
+
+/// Between two looks for a run that is not there yet.
+const RETRY: Duration = Duration::from_millis(20);
+
+/// How long a port that closes waits for its last words to be read: iceoryx2 drops unread messages of a client that
+/// has gone in order.
+const FAREWELL: Duration = Duration::from_secs(5);
+
+/// A worker's end of a run in shared memory.
+pub struct SharedMemoryWorkerPort {
+    /// The number under which it sends.
+    sender: u64,
+    limit: usize,
+    /// Requests that wait for an answer, oldest first; the macro answers in this order.
+    open: VecDeque<Pending>,
+    /// Frames that wait for a free request.
+    outbox: VecDeque<Vec<u8>>,
+    /// Nothing is granted before the hello: a message of an unknown worker is refused.
+    greeted: bool,
+    lost: Option<String>,
+    told_lost: bool,
+    /// None when macro and worker are threads of one process.
+    _macro_process: Option<OwnedFd>,
+    watch: Watch,
+    client: Client,
+    to_macro: Notifier,
+    listener: Listener,
+    _services: Services,
+}
+
+impl SharedMemoryWorkerPort {
+    /// Joins the run `name`, waiting up to `patience` for it to appear.
+    ///
+    /// # Errors
+    /// No such run, another version, no room for another worker, or a refusal of iceoryx2 or the system; in words.
+    pub fn join(name: &str, patience: Duration) -> Result<Self, TransportError> {
+        let deadline = Instant::now() + patience;
+        loop {
+            let failure = match RunDirectory::open(name) {
+                Ok(Some(record)) => match Self::enter(&record) {
+                    Ok(port) => return Ok(port),
+                    Err(error) => error,
+                },
+                Ok(None) => find("it is still being set up"),
+                Err(error @ (RunError::Name { .. } | RunError::Version { .. })) => return Err(find(error)),
+                Err(error) => find(error),
+            };
+            if Instant::now() >= deadline {
+                return Err(failure);
+            }
+            std::thread::sleep(RETRY);
+        }
+    }
+
+    fn enter(record: &RunRecord) -> Result<Self, TransportError> {
+        let services = Services::open(record)?;
+        let sender = fresh_number();
+        let listener = services
+            .to_worker
+            .listener_builder()
+            .name(&port_name(sender))
+            .create()
+            .map_err(refused("listen for the macro's wake-ups"))?;
+        let to_macro =
+            services.to_macro.notifier_builder().create().map_err(refused("prepare the macro's wake-ups"))?;
+        let client = services.client(record)?;
+        let watch = Watch::new(&listener)?;
+        let same_process = record.pid == std::process::id();
+        let macro_process = if same_process { None } else { Some(watch.process(record.pid, MACRO)?) };
+        Ok(Self {
+            sender,
+            limit: message_bytes(record),
+            open: VecDeque::new(),
+            outbox: VecDeque::new(),
+            greeted: false,
+            lost: None,
+            told_lost: false,
+            _macro_process: macro_process,
+            watch,
+            client,
+            to_macro,
+            listener,
+            _services: services,
+        })
+    }
+
+    /// Sends bytes as they are: how tests play a broken worker.
+    ///
+    /// # Errors
+    /// As [`WorkerPort::send_control`].
+    pub fn send_raw(&mut self, bytes: &[u8]) -> Result<(), TransportError> {
+        self.send_with(bytes.len(), |out| out.copy_from_slice(bytes))
+    }
+
+    fn drain(&mut self, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
+        self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
+        if self.watch.fired()?.contains(&MACRO) {
+            self.lost.get_or_insert_with(|| "the macro's process has ended".to_owned());
+        }
+        let mut events = self.receive(sink)?;
+        if self.lost.is_none() {
+            self.flush()?;
+            self.grant()?;
+        }
+        if let Some(reason) = &self.lost
+            && !self.told_lost
+        {
+            self.told_lost = true;
+            sink(WorkerEvent::MacroLost(reason.clone()));
+            events += 1;
+        }
+        Ok(events)
+    }
+
+    /// Delivers the answers that have come. Requests are answered in order, so only the oldest is looked at.
+    fn receive(&mut self, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
+        let mut events = 0;
+        while let Some(oldest) = self.open.front() {
+            match oldest.receive().map_err(refused("receive from the macro"))? {
+                Some(response) => {
+                    if let Err(error) = deliver_to_worker(response.payload(), sink) {
+                        tracing::warn!(%error, "dropped a message of the macro");
+                    }
+                    events += 1;
+                }
+                None if oldest.is_connected() => break,
+                // It may have been answered between the two looks.
+                None if oldest.has_response() => continue,
+                None => {}
+            }
+            self.open.pop_front();
+        }
+        self.open.retain(|request| request.is_connected() || request.has_response());
+        Ok(events)
+    }
+
+    /// Sends what waited for a free request.
+    fn flush(&mut self) -> Result<(), TransportError> {
+        while self.open.len() < WINDOW
+            && self.lost.is_none()
+            && let Some(bytes) = self.outbox.pop_front()
+        {
+            self.request(bytes.len(), |out| out.copy_from_slice(&bytes))?;
+        }
+        Ok(())
+    }
+
+    /// Keeps enough permissions at the macro.
+    fn grant(&mut self) -> Result<(), TransportError> {
+        while self.greeted && self.lost.is_none() && self.open.len() < CREDITS {
+            let (credit, sender) = (Outgoing::Credit, self.sender);
+            self.request(credit.length(), |out| credit.write(sender, out))?;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, message: &Outgoing<'_>) -> Result<(), TransportError> {
+        let sender = self.sender;
+        self.send_with(message.length(), |out| message.write(sender, out))
+    }
+
+    fn send_with(&mut self, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<(), TransportError> {
+        if size > self.limit {
+            return Err(TransportError::TooLarge { size, limit: self.limit });
+        }
+        if self.outbox.is_empty() && self.open.len() < WINDOW {
+            self.request(size, fill)?;
+        } else {
+            let mut bytes = vec![0; size];
+            fill(&mut bytes);
+            self.outbox.push_back(bytes);
+        }
+        self.grant()
+    }
+
+    /// Sends one request in memory loaned from the channel and wakes the macro. A macro that is not there any more is
+    /// no error: the next poll tells.
+    fn request(&mut self, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<(), TransportError> {
+        let mut request = self.client.loan_slice(size).map_err(refused("loan memory for a message"))?;
+        fill(request.payload_mut());
+        let pending = request.send().map_err(refused("send to the macro"))?;
+        if pending.number_of_server_connections() == 0 {
+            self.lost.get_or_insert_with(|| "the macro has closed its channel".to_owned());
+            return Ok(());
+        }
+        self.open.push_back(pending);
+        let _ = self.to_macro.notify();
+        Ok(())
+    }
+}
+
+impl WorkerPort for SharedMemoryWorkerPort {
+    fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
+        let events = self.drain(sink)?;
+        if events > 0 || wait.is_zero() {
+            return Ok(events);
+        }
+        self.watch.wait(wait)?;
+        self.drain(sink)
+    }
+
+    fn send_control(&mut self, message: &FromWorker) -> Result<(), TransportError> {
+        self.greeted |= matches!(message, FromWorker::Hello { .. });
+        self.send(&Outgoing::control(message))
+    }
+
+    fn send_replies(&mut self, replies: &[LoadedReply<'_>]) -> Result<(), TransportError> {
+        self.send(&Outgoing::Replies(replies))
+    }
+}
+
+impl Drop for SharedMemoryWorkerPort {
+    fn drop(&mut self) {
+        let known = std::mem::take(&mut self.greeted);
+        if !known || self.lost.is_some() || self.send(&Outgoing::Close).is_err() {
+            return;
+        }
+        let deadline = Instant::now() + FAREWELL;
+        // The macro ends all requests of a worker that has closed.
+        while !(self.outbox.is_empty() && self.open.is_empty()) && self.lost.is_none() && Instant::now() < deadline {
+            let waited = self.watch.wait(Duration::from_millis(20));
+            if waited.is_err() || self.drain(&mut |_| {}).is_err() {
+                return;
+            }
+        }
+    }
+}
+
+fn find(reason: impl std::fmt::Display) -> TransportError {
+    TransportError::Channel { action: "join the run", reason: reason.to_string() }
+}
