@@ -1,8 +1,8 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
 use crate::definition::{GrainDefinition, Rotations, RveOptions};
-use crate::homogenization::fabric::anisotropy;
-use crate::homogenization::stress::first_piola;
+pub use crate::grains::{Grains, grains_of_snapshot};
+use crate::homogenization::observation::{note_condition, observe, scalars};
 use crate::model::GrainModel;
 use crate::network::{ContactNetwork, NetworkContact};
 use crate::plane::{self, Plane};
@@ -10,16 +10,13 @@ use crate::relaxation::{self, Relaxation};
 use crate::state::GrainState;
 use crate::tangent;
 use protocol::{
-    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Observed, RveEngine, RveError, RveSolver,
-    Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags, snapshot,
+    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, TangentKind,
+    Tensor2, Tensor4, TrialAnswer, TrialFlags, snapshot,
 };
 use std::time::Instant;
 
 /// Name of this engine in snapshots and capabilities.
 pub const ENGINE_NAME: &str = "grainspan-discs";
-
-/// Overlap over diameter from which an answer is flagged: units or stiffness are probably wrong.
-const LARGE_OVERLAP: f64 = 0.1;
 
 /// Builds cells of discs.
 #[derive(Clone, Copy, Debug, Default)]
@@ -203,55 +200,14 @@ impl GrainRve {
             };
             Box::new(Tensor4::from_plane(operator))
         });
-        let scalars = Scalars {
-            void_ratio: network.void_ratio(),
-            coordination_number: network.coordination_number(),
-            unbalanced_force_ratio: state.unbalanced,
-            max_overlap_ratio: network.max_overlap_ratio(),
-            volume_ratio: network.area() / state.initial_area,
-        };
         TrialAnswer {
             stress: Tensor2::from_plane(*stress),
             tangent,
-            scalars,
-            observed: self.observe(network, state, stress, f, ask.observables),
+            scalars: scalars(network, state),
+            observed: observe(self.model.law.cohesion, network, state, stress, f, ask.observables),
             cost,
             flags,
         }
-    }
-
-    fn observe(
-        &self,
-        network: &ContactNetwork,
-        state: &GrainState,
-        stress: &Plane,
-        f: &Plane,
-        wanted: Observables,
-    ) -> Observed {
-        let mut observed = Observed::default();
-        if wanted.contains(Observables::FIRST_PIOLA) {
-            observed.first_piola = Tensor2::from_plane(first_piola(stress, f));
-        }
-        if wanted.contains(Observables::COORDINATION_NO_RATTLERS) {
-            observed.coordination_number_no_rattlers = network.coordination_number_no_rattlers();
-        }
-        if wanted.contains(Observables::FABRIC) {
-            let fabric = network.fabric();
-            observed.fabric = Tensor2::from_plane(fabric);
-            observed.fabric_anisotropy = anisotropy(&fabric);
-        }
-        if wanted.contains(Observables::SLIDING_FRACTION) {
-            observed.sliding_fraction = network.sliding_fraction(self.model.law.cohesion);
-        }
-        if wanted.contains(Observables::ENERGY) {
-            let volume = network.area() * network.thickness;
-            observed.elastic_energy = network.elastic_energy(self.model.law.cohesion) / volume;
-            observed.frictional_dissipation = state.dissipation / volume;
-        }
-        if wanted.contains(Observables::ROTATION) {
-            observed.mean_rotation = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
-        }
-        observed
     }
 }
 
@@ -289,33 +245,7 @@ impl RveSolver for GrainRve {
     }
 }
 
-/// Grains of one state, for pictures.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Grains {
-    /// Periodicity vectors Y1, Y2, each a row, m.
-    pub cell: Plane,
-    /// Centres, m, wrapped into the cell.
-    pub positions: Vec<[f64; 2]>,
-    /// Radii, m.
-    pub radii: Vec<f64>,
-    /// Rotations since the initial state, rad, counter-clockwise.
-    pub rotations: Vec<f64>,
-}
-
-/// Reads the grains of a snapshot without building a solver.
-///
-/// # Errors
-/// [`RveError::Definition`] or [`RveError::Snapshot`].
-pub fn grains_of_snapshot(definition: &Definition, bytes: &[u8]) -> Result<Grains, RveError> {
-    let parsed =
-        GrainDefinition::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
-    let radii: Vec<f64> = parsed.packing.grains.iter().map(|grain| grain[2]).collect();
-    let state = opened(bytes, definition.id(), radii.len())?;
-    let positions = state.positions.iter().map(|position| state.cell.wrapped(*position).0).collect();
-    Ok(Grains { cell: state.cell.rows, positions, radii, rotations: state.rotations })
-}
-
-fn opened(bytes: &[u8], id: DefinitionId, grain_count: usize) -> Result<GrainState, RveError> {
+pub(crate) fn opened(bytes: &[u8], id: DefinitionId, grain_count: usize) -> Result<GrainState, RveError> {
     let refuse = |reason: String| RveError::Snapshot(reason);
     let payload = snapshot::open(ENGINE_NAME, bytes).map_err(|error| refuse(error.to_string()))?;
     GrainState::from_bytes(payload, id, grain_count).map_err(refuse)
@@ -393,15 +323,6 @@ fn turned(mut state: GrainState, angle: f64) -> GrainState {
         *grain_angle += angle;
     }
     state
-}
-
-fn note_condition(network: &ContactNetwork, flags: &mut TrialFlags) {
-    if network.contacts.is_empty() {
-        flags.insert(TrialFlags::FLUID);
-    }
-    if network.max_overlap_ratio() > LARGE_OVERLAP {
-        flags.insert(TrialFlags::LARGE_OVERLAP);
-    }
 }
 
 fn nanoseconds_since(started: Instant) -> u64 {

@@ -4,6 +4,7 @@ pub mod cell;
 pub mod definition;
 pub mod element;
 pub mod engine;
+pub mod grains;
 pub mod homogenization;
 pub mod model;
 pub mod network;

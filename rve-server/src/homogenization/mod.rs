@@ -3,4 +3,5 @@
 //! All measures are functions of a [`ContactNetwork`](crate::network::ContactNetwork) and sums in contact order.
 
 pub mod fabric;
+pub(crate) mod observation;
 pub mod stress;

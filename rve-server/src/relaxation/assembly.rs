@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 
 /// Skin of the pair list in mean radii: at a strain of 1e-6 per step a list lives for thousands of steps, and a thicker
 /// skin would only make the kernel look at more empty pairs.
-const SKIN: f64 = 0.1;
+const SKIN: f64 = 0.05;
 
 /// Grains, contacts and loads in kernel form. Reused from trial to trial.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +23,8 @@ pub(crate) struct Assembly {
     pub(crate) keys: Vec<PairKey>,
     pub(crate) images: Vec<[f64; 2]>,
     pub(crate) dissipation: f64,
+    /// Another skin than usual, in mean radii; no result depends on it.
+    pub(crate) skin_in_radii: Option<f64>,
     shifts: Vec<[i32; 2]>,
     touching: Touching,
     finder: PairFinder,
@@ -37,7 +39,7 @@ impl Assembly {
     /// Takes a state over; loads are not valid until the first evaluation.
     pub(crate) fn load(&mut self, model: &GrainModel, state: &GrainState) {
         self.cell = Some(state.cell);
-        self.skin = SKIN * model.mean_radius();
+        self.skin = self.skin_in_radii.unwrap_or(SKIN) * model.mean_radius();
         self.dissipation = state.dissipation;
         self.grains.clear();
         self.grains.extend(state.positions.iter().zip(&model.radii).map(|(position, radius)| GrainSlot {
@@ -174,6 +176,7 @@ impl Assembly {
             let branch = self.branch(&self.pairs[next]);
             // The same operations as in the kernel, so that the first evaluation sees a turn of exactly zero.
             let scale = 1.0 / (branch[0] * branch[0] + branch[1] * branch[1]).sqrt();
+            self.pairs[next].touching = 1;
             self.pairs[next].direction = [branch[0] * scale, branch[1] * scale];
             self.pairs[next].tangential_force = contact.tangential_force;
         }
@@ -188,6 +191,7 @@ fn fresh_slot(model: &GrainModel, key: &PairKey, image: u32) -> PairSlot {
         origin: key.origin,
         end: key.end,
         image,
+        touching: 0,
         limit_count: 0,
         slid: false,
         normal_stiffness,

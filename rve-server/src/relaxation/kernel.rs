@@ -33,6 +33,8 @@ pub(crate) struct PairSlot {
     pub(crate) end: u32,
     /// Row of the table of image translations.
     pub(crate) image: u32,
+    /// 1 if the pair touched at the last evaluation, else 0. A number, because the kernel computes with it.
+    pub(crate) touching: u32,
     /// Evaluations at the Coulomb limit since the counter was last cleared.
     pub(crate) limit_count: u32,
     /// Whether the contact was at the Coulomb limit in most samples of the second half of the ramp.
@@ -41,7 +43,7 @@ pub(crate) struct PairSlot {
     pub(crate) normal_stiffness: f64,
     /// 1 / k_t, m/N; 0 without tangential stiffness.
     pub(crate) tangential_compliance: f64,
-    /// Unit vector from origin to end at the last evaluation; exactly zero while the pair does not touch.
+    /// Unit vector from origin to end at the last evaluation, if it touched then.
     pub(crate) direction: [f64; 2],
     /// Tangential force, N.
     pub(crate) tangential_force: f64,
@@ -50,7 +52,7 @@ pub(crate) struct PairSlot {
 impl PairSlot {
     /// Whether the pair touched at the last evaluation.
     pub(crate) fn touches(&self) -> bool {
-        self.direction != [0.0, 0.0]
+        self.touching != 0
     }
 }
 
@@ -152,9 +154,10 @@ fn find_touching(
         touching.pair[count] = index as u32;
         touching.branch[count] = branch;
         count += usize::from(!apart);
-        if apart & pair.touches() {
+        // One test that hardly ever succeeds, not two of which one is a coin toss.
+        if u32::from(apart) & pair.touching != 0 {
             sums.dissipation += opening_loss(pair);
-            pair.direction = [0.0, 0.0];
+            pair.touching = 0;
             pair.tangential_force = 0.0;
             pair.slid = false;
         }
@@ -195,6 +198,7 @@ fn load_contact(
     let tangential_force = if cut < -limit { -limit } else { cut };
     pair.limit_count += u32::from(attempt.abs() >= AT_LIMIT * limit);
     sums.dissipation += tangential_force * (attempt - tangential_force) * pair.tangential_compliance;
+    pair.touching = 1;
     pair.direction = direction;
     pair.tangential_force = tangential_force;
 

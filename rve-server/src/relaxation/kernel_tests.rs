@@ -28,6 +28,7 @@ impl Couple {
             origin: 0,
             end: 1,
             image: 0,
+            touching: 0,
             limit_count: 0,
             slid: false,
             normal_stiffness: STIFFNESS,

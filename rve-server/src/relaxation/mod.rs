@@ -192,3 +192,62 @@ impl Relaxation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+    use crate::packing::PackingFile;
+    use std::path::Path;
+
+    fn hundred_discs() -> (GrainModel, GrainState) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let contact =
+            ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
+        let packing = PackingFile::read(&path).unwrap();
+        let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
+        let model = GrainModel::new(&definition).unwrap();
+        let state = model.initial_state(&definition);
+        (model, state)
+    }
+
+    /// Whatever the skin, and so however often the pair list is renewed, the end state has the same bits.
+    #[test]
+    fn pair_list_cannot_reach_the_result() {
+        let (model, state) = hundred_discs();
+        let strain = [[0.01, 2e-3], [2e-3, -0.02]];
+        let end_with = |skin: f64| {
+            let mut relaxation = Relaxation::default();
+            relaxation.assembly.skin_in_radii = Some(skin);
+            let solved = relaxation.solve(&model, &state, &strain, 2_000).unwrap();
+            (
+                relaxation.end_state(&state, solved.unbalanced),
+                solved.force_evaluations,
+                relaxation.assembly.pairs.len(),
+            )
+        };
+        let (usual, steps, pairs) = end_with(SKIN_IN_USE);
+        for skin in [0.002, 0.02, 0.5] {
+            let (other, other_steps, other_pairs) = end_with(skin);
+            assert_ne!(other_pairs, pairs, "skin {skin} lists other pairs");
+            assert_eq!(other_steps, steps);
+            assert!(other == usual, "skin {skin} changed the state");
+        }
+    }
+
+    const SKIN_IN_USE: f64 = 0.05;
+
+    /// A solver that has done other work before answers with the same bits as a new one.
+    #[test]
+    fn used_working_memory_leaves_no_trace() {
+        let (model, state) = hundred_discs();
+        let strain = [[1e-3, 0.0], [0.0, -2e-3]];
+        let mut fresh = Relaxation::default();
+        let solved = fresh.solve(&model, &state, &strain, 200).unwrap();
+        let expected = fresh.end_state(&state, solved.unbalanced);
+        let mut used = Relaxation::default();
+        used.solve(&model, &state, &[[-0.02, 0.0], [0.0, 0.03]], 300).unwrap();
+        let solved = used.solve(&model, &state, &strain, 200).unwrap();
+        assert!(used.end_state(&state, solved.unbalanced) == expected);
+    }
+}

@@ -1,0 +1,106 @@
+//! What an RVE is made of: the tables `[contact]` and `[rve]` of a scene, and the definition that workers receive.
+
+mod contact;
+mod options;
+
+pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations};
+pub use options::{Accuracy, Criterion, Damping, RveOptions};
+
+use crate::packing::PackingFile;
+use protocol::Definition;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Why a table was refused.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct DefinitionError(pub String);
+
+fn positive(key: &str, value: f64) -> Result<(), DefinitionError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(DefinitionError(format!("{key} = {value} must be a positive number")))
+}
+
+fn not_negative(key: &str, value: f64) -> Result<(), DefinitionError> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(());
+    }
+    Err(DefinitionError(format!("{key} = {value} must be zero or a positive number")))
+}
+
+/// All that this engine needs to build an RVE.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrainDefinition {
+    /// Packing, checked.
+    pub packing: PackingFile,
+    /// Contact law.
+    pub contact: ContactTable,
+    /// Solver options.
+    #[serde(default)]
+    pub options: RveOptions,
+}
+
+impl GrainDefinition {
+    /// Checks all three parts.
+    ///
+    /// # Errors
+    /// The first defect with the remedy.
+    pub fn validate(self) -> Result<Self, DefinitionError> {
+        self.contact.validate()?;
+        self.options.validate()?;
+        let packing = self.packing.checked().map_err(|error| DefinitionError(error.to_string()))?;
+        Ok(Self { packing, ..self })
+    }
+
+    /// The bytes that travel to workers. Equal definitions give equal bytes; the packing's provenance is left out so
+    /// that a comment cannot change an identity.
+    pub fn to_protocol(&self) -> Definition {
+        let bare = Self {
+            packing: PackingFile { provenance: serde_json::Value::Null, ..self.packing.clone() },
+            ..self.clone()
+        };
+        let bytes = rmp_serde::to_vec_named(&bare).expect("writing MessagePack to memory cannot fail");
+        Definition { bytes }
+    }
+
+    /// Reads and checks a definition.
+    ///
+    /// # Errors
+    /// Bytes that are not a definition, or the first defect in it.
+    pub fn from_protocol(definition: &Definition) -> Result<Self, DefinitionError> {
+        let parsed: Self = rmp_serde::from_slice(&definition.bytes)
+            .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))?;
+        parsed.validate()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn definition_survives_the_wire_and_forgets_provenance() {
+        let packing = PackingFile {
+            format: PackingFile::FORMAT.into(),
+            version: 1,
+            dimension: 2,
+            thickness: 1.0,
+            periodicity: [[1.0, 0.0], [0.0, 1.0]],
+            grains: vec![[0.5, 0.5, 0.51]],
+            contacts: vec![],
+            provenance: serde_json::json!({ "seed": 7 }),
+        };
+        let contact = ContactTable::linear(1.0, 0.5, 0.5);
+        let named =
+            GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
+        let bare = GrainDefinition {
+            packing: PackingFile { provenance: serde_json::Value::Null, ..packing },
+            ..named.clone()
+        };
+        assert_eq!(named.to_protocol(), bare.to_protocol());
+        assert_eq!(GrainDefinition::from_protocol(&named.to_protocol()).unwrap(), bare);
+    }
+}

@@ -1,0 +1,142 @@
+//! The table `[rve]`: how accurately a cell is solved.
+
+use super::{DefinitionError, positive};
+use serde::{Deserialize, Serialize};
+
+/// Named accuracy: a strain per ramp step and a tolerance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Accuracy {
+    /// 5e-6 strain per step, force tolerance 1e-2: for trying things out.
+    Draft,
+    /// 1e-6 strain per step, force tolerance 1e-3.
+    #[default]
+    Default,
+    /// 1e-7 strain per step, force tolerance 1e-7: for verification.
+    Tight,
+}
+
+/// Equilibrium criteria by keyword. They are not equivalent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// Largest unbalanced force, or moment over radius, of any grain over the mean normal contact force
+    /// [Argilaga2018].
+    #[default]
+    MaxForce,
+    /// Root mean square unbalanced force of the grains over that of the contact forces, [Liu2015] eq. 57.
+    RmsForce,
+    /// Kinetic over elastic energy [Liu2018], met in ten consecutive steps. Erratum: a single hit also accepts every
+    /// turning point of the motion.
+    Energy,
+}
+
+/// Dampings by keyword.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Damping {
+    /// Fast inertial relaxation engine: velocities are steered towards the forces and reset when they oppose them.
+    #[default]
+    Fire,
+    /// Non-viscous local damping of the peculiar velocity.
+    Local,
+}
+
+/// The table `[rve]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RveOptions {
+    /// Named accuracy; `strain_per_step` and `tolerance` override its two values.
+    pub accuracy: Accuracy,
+    /// Largest strain component applied in one ramp step, dimensionless.
+    pub strain_per_step: Option<f64>,
+    /// Equilibrium criterion.
+    pub criterion: Criterion,
+    /// Value that the criterion must reach, dimensionless.
+    pub tolerance: Option<f64>,
+    /// Damping.
+    pub damping: Damping,
+    /// Coefficient of local damping, in (0, 1); default 0.7.
+    pub local_damping: Option<f64>,
+    /// Most relaxation steps after the ramp; default 50 000. A trial that needs more is flagged, not failed.
+    pub max_steps: Option<u32>,
+    /// Largest |H| of one trial, dimensionless; default 0.2.
+    pub largest_target: Option<f64>,
+}
+
+impl RveOptions {
+    /// Checks every key.
+    ///
+    /// # Errors
+    /// The first offending key with the remedy.
+    pub fn validate(&self) -> Result<(), DefinitionError> {
+        positive("rve.strain_per_step", self.strain_per_step())?;
+        positive("rve.tolerance", self.tolerance())?;
+        positive("rve.largest_target", self.largest_target())?;
+        if self.local_damping.is_some() && self.damping != Damping::Local {
+            return Err(DefinitionError("rve.local_damping needs damping = \"local\"".into()));
+        }
+        let coefficient = self.local_coefficient();
+        if !(coefficient > 0.0 && coefficient < 1.0) {
+            return Err(DefinitionError(format!("rve.local_damping = {coefficient} must lie between 0 and 1")));
+        }
+        if self.max_steps() == 0 {
+            return Err(DefinitionError("rve.max_steps must be at least 1".into()));
+        }
+        Ok(())
+    }
+
+    /// Strain per ramp step in force.
+    pub fn strain_per_step(&self) -> f64 {
+        self.strain_per_step.unwrap_or(match self.accuracy {
+            Accuracy::Draft => 5e-6,
+            Accuracy::Default => 1e-6,
+            Accuracy::Tight => 1e-7,
+        })
+    }
+
+    /// Tolerance in force. The energy criterion is quadratic in the forces, so its named values are the squares.
+    pub fn tolerance(&self) -> f64 {
+        let force = match self.accuracy {
+            Accuracy::Draft => 1e-2,
+            Accuracy::Default => 1e-3,
+            Accuracy::Tight => 1e-7,
+        };
+        self.tolerance.unwrap_or(if self.criterion == Criterion::Energy { force * force } else { force })
+    }
+
+    /// Coefficient of local damping in force.
+    pub fn local_coefficient(&self) -> f64 {
+        self.local_damping.unwrap_or(0.7)
+    }
+
+    /// Step cap in force.
+    pub fn max_steps(&self) -> u32 {
+        self.max_steps.unwrap_or(50_000)
+    }
+
+    /// Limit of |H| in force.
+    pub fn largest_target(&self) -> f64 {
+        self.largest_target.unwrap_or(0.2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(text: &str) -> Result<(), String> {
+        let table: RveOptions = toml::from_str(text).map_err(|error| error.message().to_owned())?;
+        table.validate().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn option_defects_name_their_key() {
+        options("accuracy = \"draft\"\ncriterion = \"rms_force\"\ndamping = \"local\"\nlocal_damping = 0.5").unwrap();
+        assert!(options("tolerance = 0").unwrap_err().contains("rve.tolerance"));
+        assert!(options("strain_per_step = -1").unwrap_err().contains("rve.strain_per_step"));
+        assert!(options("local_damping = 0.5").unwrap_err().contains("damping = \"local\""));
+        assert!(options("damping = \"local\"\nlocal_damping = 1.5").unwrap_err().contains("between 0 and 1"));
+        assert!(options("accuracy = \"best\"").unwrap_err().contains("draft"));
+    }
+}
