@@ -280,6 +280,8 @@ fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
     port.kill(WorkerId(0));
     heard.until(&mut port, |heard| !heard.lost.is_empty());
     assert!(port.send_jobs(WorkerId(0), &[]).is_err());
+    // A worker that closes waits for a macro that lives to hear its last words.
+    drop(port);
 }
 
 fn a_closed_macro_is_noticed<C: Channel>() {
@@ -329,6 +331,7 @@ fn garbage_is_refused_and_counted<C: Channel>() {
     worker.send_control(&FromWorker::Bye { reason: "still here".into() }).unwrap();
     heard.until(&mut port, |heard| heard.controls.len() == 2);
     assert_eq!(heard.refused, 3);
+    drop(port);
 }
 
 fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
@@ -399,6 +402,7 @@ fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
     assert!(error.to_string().contains(&(state.len() + 144 + 32).to_string()), "{error}");
     let reply = TrialReply::bare(&job(0), ReplyStatus::Done);
     assert!(worker.send_replies(&[LoadedReply { reply, state: &state, error: b"" }]).is_err());
+    drop(port);
 }
 
 /// Names of everything that a run's segments or directory would be called.
