@@ -20,6 +20,8 @@ pub mod truss_like;
 mod sample_networks;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod probe_tests;
 
 use crate::network::ContactNetwork;
 use protocol::TangentKind;
