@@ -1,11 +1,14 @@
 //! The command line: what can be asked, and how each command ends.
 
 mod check;
+mod clean;
 mod completions;
 mod element;
 mod exit;
 mod pack;
 mod run;
+mod rve_server;
+mod status;
 mod stdout;
 
 use clap::{Parser, Subcommand};
@@ -40,6 +43,12 @@ enum Command {
     Pack(pack::Arguments),
     /// Validate everything a run would need; run nothing
     Check(check::Arguments),
+    /// Serve a run as one of its workers
+    RveServer(rve_server::Arguments),
+    /// Show live runs, their progress and their workers
+    Status(status::Arguments),
+    /// Remove what dead runs left behind
+    Clean(clean::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
 }
@@ -51,6 +60,9 @@ pub(crate) fn main() -> ExitCode {
         Command::Element(arguments) => element::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::RveServer(arguments) => rve_server::run(&arguments),
+        Command::Status(arguments) => status::run(&arguments),
+        Command::Clean(arguments) => clean::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {

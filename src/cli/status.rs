@@ -2,13 +2,14 @@
 
 use super::exit::{Exit, Failure};
 use super::stdout::print;
-use crate::workers::{RunRecord, RunRegistry, WorkerProcess, workers_of};
+use crate::workers::{Progress, WorkerProcess, workers_of};
+use protocol::transport::shared_memory::{RunDirectory, RunListing};
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Arguments of `grainspan status`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  grainspan status\n  grainspan status biaxial-4711-5f3c09aa")]
+#[command(after_help = "Example:\n  grainspan status\n  grainspan status biaxial-4711-5f3c")]
 pub(crate) struct Arguments {
     /// Show this run only
     #[arg(value_name = "RUN")]
@@ -20,9 +21,9 @@ pub(crate) struct Arguments {
 /// # Errors
 /// The run asked for is not alive; standard output cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let registry = RunRegistry::of_this_user();
-    let wanted = |record: &RunRecord| arguments.run.as_ref().is_none_or(|run| *run == record.run);
-    let (alive, dead): (Vec<_>, Vec<_>) = registry.records().into_iter().filter(wanted).partition(RunRecord::is_alive);
+    let listed = RunDirectory::list().map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let wanted = |listing: &RunListing| arguments.run.as_ref().is_none_or(|run| *run == listing.name);
+    let (alive, dead): (Vec<_>, Vec<_>) = listed.into_iter().filter(wanted).partition(|listing| listing.alive);
     if let (Some(run), true) = (&arguments.run, alive.is_empty()) {
         return Err(Failure::new(
             Exit::BadInput,
@@ -31,14 +32,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let mut text = String::new();
-    for record in &alive {
-        text.push_str(&paragraph(record, &workers_of(&record.run), now));
+    for listing in &alive {
+        let progress = listing.record.as_ref().and_then(Progress::of);
+        let pid = listing.record.as_ref().map(|record| record.pid);
+        text.push_str(&paragraph(&listing.name, pid, progress.as_ref(), &workers_of(&listing.name), now));
     }
     if alive.is_empty() {
         text.push_str("No run is alive.\n");
     }
     if !dead.is_empty() {
-        let names: Vec<_> = dead.iter().map(|record| record.run.as_str()).collect();
+        let names: Vec<_> = dead.iter().map(|listing| listing.name.as_str()).collect();
         writeln!(text, "Ended without cleaning up: {}; `grainspan clean` removes what they left.", names.join(", "))
             .expect("writing to a String cannot fail");
     }
@@ -47,22 +50,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 }
 
 /// One run for people; `now` in s since 1970.
-fn paragraph(record: &RunRecord, workers: &[WorkerProcess], now: u64) -> String {
-    let progress = record.progress;
-    let mut text = format!(
-        "{}\n  scene     {}\n  output    {}\n  process   {}, for {}\n  progress  {:.1} % of the load, step {}, {} \
-         evaluations\n",
-        record.run,
-        record.scene.display(),
-        record.output.display(),
-        record.pid,
-        duration(now.saturating_sub(record.begun)),
-        100.0 * progress.load,
-        progress.step,
-        progress.evaluations,
-    );
-    if workers.is_empty() {
-        text.push_str("  workers   none\n");
+fn paragraph(
+    name: &str,
+    pid: Option<u32>,
+    progress: Option<&Progress>,
+    workers: &[WorkerProcess],
+    now: u64,
+) -> String {
+    let mut text = format!("{name}\n");
+    let mut line = |label: &str, value: String| {
+        writeln!(text, "  {label:<9} {value}").expect("writing to a String cannot fail");
+    };
+    let process = pid.map_or_else(|| "starting".to_owned(), |pid| pid.to_string());
+    match progress {
+        Some(known) => {
+            line("scene", known.scene.display().to_string());
+            line("output", known.output.display().to_string());
+            line("process", format!("{process}, for {}", duration(now.saturating_sub(known.begun))));
+            let percent = 100.0 * known.load;
+            let (step, evaluations) = (known.step, known.evaluations);
+            line("progress", format!("{percent:.1} % of the load, step {step}, {evaluations} evaluations"));
+        }
+        None => line("process", process),
     }
     for worker in workers {
         let state = match worker.state {
@@ -71,12 +80,11 @@ fn paragraph(record: &RunRecord, workers: &[WorkerProcess], now: u64) -> String 
             'T' | 't' => "stopped",
             _ => "ending",
         };
-        let line = format!(
-            "  worker    {}, {state}, {} of processor time\n",
-            worker.pid,
-            duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND)
-        );
-        text.push_str(&line);
+        let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
+        line("worker", format!("{}, {state}, {used} of processor time", worker.pid));
+    }
+    if workers.is_empty() {
+        line("worker", "none".to_owned());
     }
     text
 }
@@ -89,17 +97,21 @@ fn duration(seconds: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::workers::Progress;
-    use std::path::Path;
 
     #[test]
     fn a_run_is_described_with_its_workers() {
-        let mut record = RunRecord::of_this_process("a-1", Path::new("a.toml"), Path::new("out/a"));
-        (record.begun, record.pid) = (1000, 7);
-        record.progress = Progress { step: 3, load: 0.125, evaluations: 42 };
+        let progress = Progress {
+            begun: 1000,
+            scene: "a.toml".into(),
+            output: "out/a".into(),
+            step: 3,
+            load: 0.125,
+            evaluations: 42,
+        };
         let worker = WorkerProcess { pid: 8, state: 'T', ticks: 6200 };
         let expected = "a-1\n  scene     a.toml\n  output    out/a\n  process   7, for 1:01:05\n  progress  12.5 % of the \
                         load, step 3, 42 evaluations\n  worker    8, stopped, 0:01:02 of processor time\n";
-        assert_eq!(paragraph(&record, &[worker], 4665), expected);
+        assert_eq!(paragraph("a-1", Some(7), Some(&progress), &[worker], 4665), expected);
+        assert_eq!(paragraph("b", None, None, &[], 0), "b\n  process   starting\n  worker    none\n");
     }
 }

@@ -1,14 +1,19 @@
 //! Worker processes of a run: started, watched, replaced, dismissed, and found by other commands.
 //!
 //! A worker is this same executable in the role `rve-server`. It cannot outlive the macro process: the kernel sends it
+//! SIGTERM when its parent ends, however that happens.
 
 mod back_off;
+mod beacon;
 mod last_words;
+mod parent;
 mod processes;
 mod run_name;
 mod signals;
 mod survey;
 
+pub(crate) use beacon::{Progress, RunBeacon};
+pub(crate) use parent::follow_parent;
 pub(crate) use processes::{LaunchPlan, WorkerProcesses};
 pub(crate) use run_name::run_name;
 pub(crate) use signals::SignalWatch;

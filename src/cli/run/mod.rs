@@ -31,9 +31,12 @@ pub(crate) struct Arguments {
     /// Scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Worker processes [default: one per core]
+    /// Worker processes [default: one per core; with --attach: 1]
     #[arg(long, value_name = "N", value_parser = worker_count)]
     workers: Option<NonZeroUsize>,
+    /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
+    #[arg(long, value_name = "RUN")]
+    attach: Option<String>,
     /// Output folder [default: out/NAME OF THE SCENE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -63,7 +66,5 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let as_run = scene.document.as_run(&[("packing", "packing.json")])?;
     let folder = OutputFolder::prepare(&path, &as_run, &scene.definition.packing.to_json())?;
     journal::open(&folder.path().join("run.jsonl"))?;
-    let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let workers = arguments.workers.unwrap_or(cores);
-    launch::run(&scene, &folder, workers, arguments.quiet)
+    launch::run(&scene, &folder, arguments)
 }

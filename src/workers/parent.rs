@@ -1,0 +1,43 @@
+//! A worker's tie to the process that started it.
+
+use protocol::transport::shared_memory::RunDirectory;
+use std::io;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Exit code of a worker that was told to end by SIGTERM, as shells count.
+const TERMINATED: i32 = 128 + 15;
+
+/// Makes this process end when `parent` does, and when it gets SIGTERM. What a dead run has left in shared memory is
+/// removed on the way: nobody else may be left to do it.
+///
+/// # Errors
+/// The system refuses a handler or a thread, or the parent is not (or no longer) this process's parent.
+pub(crate) fn follow_parent(parent: Option<u32>, run: &str) -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let mut terminate = {
+        let _guard = runtime.enter();
+        signal(SignalKind::terminate())?
+    };
+    let run = run.to_owned();
+    std::thread::Builder::new().name("signals".into()).spawn(move || {
+        runtime.block_on(terminate.recv());
+        if parent.is_some_and(|parent| !is_parent(parent)) {
+            // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.
+            let _ = RunDirectory::remove(&run);
+        }
+        // The engine may be in the middle of a long solve: its work is not needed, or done again elsewhere.
+        std::process::exit(TERMINATED);
+    })?;
+    if let Some(parent) = parent {
+        rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::TERM))?;
+        // It may have ended before the line above took effect.
+        if !is_parent(parent) {
+            return Err(io::Error::other("it has ended"));
+        }
+    }
+    Ok(())
+}
+
+fn is_parent(process: u32) -> bool {
+    rustix::process::getppid().is_some_and(|parent| parent.as_raw_nonzero().get().unsigned_abs() == process)
+}
