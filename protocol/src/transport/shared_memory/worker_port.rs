@@ -4,7 +4,7 @@ use super::run_directory::{RunDirectory, RunError, RunRecord, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
 use super::watch::Watch;
 use super::{CREDITS, WINDOW, refused};
-use crate::control::FromWorker;
+use crate::control::{FromWorker, ToWorker};
 use crate::transport::delivery::deliver_to_worker;
 use crate::transport::frame::Outgoing;
 use crate::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
@@ -22,6 +22,9 @@ const RETRY: Duration = Duration::from_millis(20);
 /// has gone in order.
 const FAREWELL: Duration = Duration::from_secs(5);
 
+/// The same after a dismissal: the macro may listen no more, and it does not need what is left to say.
+const FAREWELL_DISMISSED: Duration = Duration::from_millis(250);
+
 /// A worker's end of a run in shared memory.
 pub struct SharedMemoryWorkerPort {
     /// The number under which it sends.
@@ -33,6 +36,8 @@ pub struct SharedMemoryWorkerPort {
     outbox: VecDeque<Vec<u8>>,
     /// Nothing is granted before the hello: a message of an unknown worker is refused.
     greeted: bool,
+    /// Whether the macro has said bye.
+    dismissed: bool,
     lost: Option<String>,
     told_lost: bool,
     /// None when macro and worker are threads of one process.
@@ -89,6 +94,7 @@ impl SharedMemoryWorkerPort {
             open: VecDeque::new(),
             outbox: VecDeque::new(),
             greeted: false,
+            dismissed: false,
             lost: None,
             told_lost: false,
             _macro_process: macro_process,
@@ -134,7 +140,12 @@ impl SharedMemoryWorkerPort {
         while let Some(oldest) = self.open.front() {
             match oldest.receive().map_err(refused("receive from the macro"))? {
                 Some(response) => {
-                    if let Err(error) = deliver_to_worker(response.payload(), sink) {
+                    let dismissed = &mut self.dismissed;
+                    let delivered = deliver_to_worker(response.payload(), &mut |event| {
+                        *dismissed |= matches!(event, WorkerEvent::Control(ToWorker::Bye));
+                        sink(event);
+                    });
+                    if let Err(error) = delivered {
                         tracing::warn!(%error, "dropped a message of the macro");
                     }
                     events += 1;
@@ -231,7 +242,7 @@ impl Drop for SharedMemoryWorkerPort {
         if !known || self.lost.is_some() || self.send(&Outgoing::Close).is_err() {
             return;
         }
-        let deadline = Instant::now() + FAREWELL;
+        let deadline = Instant::now() + if self.dismissed { FAREWELL_DISMISSED } else { FAREWELL };
         // The macro ends all requests of a worker that has closed.
         while !(self.outbox.is_empty() && self.open.is_empty()) && self.lost.is_none() && Instant::now() < deadline {
             let waited = self.watch.wait(Duration::from_millis(20));
