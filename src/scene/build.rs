@@ -109,6 +109,7 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "force tolerance" => &["solver", "force_tolerance"],
         "displacement tolerance" => &["solver", "displacement_tolerance"],
         "capped_change" => &["solver", "capped_change"],
+        "tangent_floor" => &["solver", "tangent_floor"],
         "secant min_change" => &["solver", "secant", "min_change"],
         "secant max_ratio" => &["solver", "secant", "max_ratio"],
         "secant floor" => &["solver", "secant", "floor"],
@@ -246,6 +247,9 @@ fn strategy(document: &Document, table: &SolverTable) -> Result<Strategy, InputE
             max_ratio: secant.max_ratio.unwrap_or(gates.max_ratio),
             floor: secant.floor.unwrap_or(gates.floor),
         });
+    }
+    if let Some(floor) = &table.tangent_floor {
+        strategy.tangent_floor = (*floor.get_ref() != 0.0).then_some(*floor.get_ref());
     }
     replace(&mut strategy.capped_change, &table.capped_change);
     strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);

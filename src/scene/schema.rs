@@ -135,6 +135,7 @@ pub(crate) struct SolverTable {
     pub(crate) displacement_tolerance: Option<Spanned<f64>>,
     pub(crate) predictor: Option<PredictorKeyword>,
     pub(crate) secant: Option<SecantTable>,
+    pub(crate) tangent_floor: Option<Spanned<f64>>,
     pub(crate) capped_change: Option<Spanned<f64>>,
     pub(crate) keep_unchanged: Option<bool>,
 }

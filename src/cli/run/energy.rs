@@ -45,14 +45,17 @@ impl Observer for EnergyLedger {
             None => self.initial_elastic = self.elastic,
             Some(last) => {
                 for (node, force) in forces.iter().enumerate() {
-                    for axis in 0..2 {
-                        let path = view.displacements[node][axis] - last.displacements[node][axis];
-                        self.external_work += 0.5 * (force[axis] + last.forces[node][axis]) * path;
-                    }
+                    let (before, path) =
+                        (last.forces[node], moved(last.displacements[node], view.displacements[node]));
+                    self.external_work += 0.5 * ((force[0] + before[0]) * path[0] + (force[1] + before[1]) * path[1]);
                 }
             }
         }
         self.last = Some(Last { displacements: view.displacements.to_vec(), forces });
         Ok(())
     }
+}
+
+fn moved(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    [to[0] - from[0], to[1] - from[1]]
 }
