@@ -14,6 +14,7 @@ mod loads;
 mod moduli;
 mod newton;
 mod points;
+mod safeguard;
 mod secant;
 #[cfg(test)]
 mod tests;

@@ -1,28 +1,13 @@
-//! One attempt at one load step: predictor, Newton iterations, safeguard.
+//! One attempt at one load step: predictor, Newton iterations, convergence.
 //!
-//! Every iterate is evaluated from the committed state. An iterate is turned down when a point refuses it, an element
-//! inverts, or the out-of-balance force grows more than [`LARGEST_GROWTH`]-fold; the next one then lies half way back.
-//! Corrections are capped by [`crate::problem::Strategy::capped_change`]. An attempt that no longer gets anywhere is
-//! given up before its iterations are used up: a smaller step costs less.
+//! Every iterate is evaluated from the committed state.
 
 use super::linear_solver::{LinearSolverError, norm};
+use super::safeguard::Safeguard;
 use super::{Failure, Session, Solver, timed};
 use crate::observer::IterationReport;
 use crate::problem::Predictor;
 use nalgebra::Matrix2;
-
-/// Growth of the out-of-balance force, relative to the last accepted iterate, that turns an iterate down.
-const LARGEST_GROWTH: f64 = 3.0;
-
-/// An attempt is given up when the out-of-balance force has not fallen below [`PROGRESS`] times its least value for
-/// this many evaluations.
-const LONGEST_STAGNATION: usize = 5;
-
-/// See [`LONGEST_STAGNATION`].
-const PROGRESS: f64 = 0.9;
-
-/// Consecutive iterates that may be turned down before the attempt fails.
-const LARGEST_RETREATS: usize = 3;
 
 /// A converged step, not yet committed.
 #[derive(Clone, Debug)]
@@ -35,12 +20,6 @@ pub(super) struct Converged {
     pub(super) force_ratio: f64,
     /// Displacement ratio reached.
     pub(super) displacement_ratio: f64,
-}
-
-/// The last iterate that was not turned down.
-struct Base {
-    increment: Vec<f64>,
-    residual: f64,
 }
 
 /// What one evaluation of an iterate gives.
@@ -66,76 +45,74 @@ impl Solver<'_> {
         let mut iterate = self.predict(load)?;
         let gradients = self.body.gradients(&iterate);
         self.points.fix_ramps(&gradients);
-        let reach = largest_component(&gradients).max(self.problem.strategy.capped_change);
+        let mut safeguard = Safeguard::new(largest_component(&gradients).max(self.problem.strategy.capped_change));
         let full_step = self.full_step(load);
-        let mut stagnation = Stagnation { least: f64::INFINITY, evaluations: 0 };
-        let mut base: Option<Base> = None;
-        let (mut retreats, mut capped) = (0, false);
         let mut last = String::new();
         for iteration in 1..=self.problem.control.max_iterations {
             self.statistics.iterations += 1;
-            let mut report = IterationReport {
-                step: self.step,
-                load,
-                iteration,
-                evaluations: 0,
-                force_ratio: f64::INFINITY,
-                displacement_ratio: None,
-                turned_down: false,
-            };
-            let refusal = match self.evaluate(&iterate, load, session) {
-                Ok(evaluated) => {
-                    report.evaluations = evaluated.asked;
-                    report.force_ratio = evaluated.ratio();
-                    last = format!("out-of-balance {:.2e}", report.force_ratio);
-                    let settled = self.problem.tolerances.force * evaluated.scale;
-                    if let Some(base) = &base {
-                        capped |= evaluated.residual > base.residual.max(settled);
-                    }
-                    let grown = base
-                        .as_ref()
-                        .is_some_and(|base| evaluated.residual > LARGEST_GROWTH * base.residual.max(settled));
-                    if grown {
-                        Some(format!("the out-of-balance force grew to {:.2e}", report.force_ratio))
-                    } else {
-                        base = Some(Base { increment: iterate.clone(), residual: evaluated.residual });
-                        None
-                    }
-                }
-                Err(Failure::Attempt(reason)) => Some(reason),
-                Err(ended) => return Err(ended),
-            };
-            if let Some(reason) = refusal {
-                capped = true;
-                retreats += 1;
+            let mut report = self.blank_report(load, iteration);
+            if let Err(reason) = self.try_iterate(&iterate, &mut safeguard, &mut report, session)? {
                 report.turned_down = true;
                 self.statistics.turned_down += 1;
                 session.observer.iterated(&report);
-                iterate = retreat(base.as_ref(), &iterate, retreats).ok_or(Failure::Attempt(reason))?;
+                iterate = safeguard.retreat(&iterate).ok_or(Failure::Attempt(reason))?;
                 continue;
             }
-            retreats = 0;
             let correction = self.correction().map_err(|error| Failure::Attempt(error.to_string()))?;
             let displacement_ratio = ratio(norm(&correction), full_step * norm(&iterate));
+            let force_ratio = report.force_ratio;
             report.displacement_ratio = Some(displacement_ratio);
             session.observer.iterated(&report);
             let tolerances = &self.problem.tolerances;
-            if report.force_ratio <= tolerances.force && displacement_ratio <= tolerances.displacement {
-                let force_ratio = report.force_ratio;
+            if force_ratio <= tolerances.force && displacement_ratio <= tolerances.displacement {
                 return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
             }
-            last.push_str(&format!(", correction {displacement_ratio:.2e}"));
-            if report.force_ratio > tolerances.force && stagnation.reached(report.force_ratio) {
+            last = format!("out-of-balance {force_ratio:.2e}, correction {displacement_ratio:.2e}");
+            let distance = (force_ratio / tolerances.force).max(displacement_ratio / tolerances.displacement);
+            if safeguard.stagnates(distance) {
                 return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
             }
-            let cap = if capped { self.problem.strategy.capped_change } else { reach };
-            let share = self.capped_share(&correction, cap);
+            let share = safeguard.share(largest_component(&self.body.gradients(&correction)));
             for (value, change) in iterate.iter_mut().zip(&correction) {
                 *value += share * change;
             }
         }
         let iterations = self.problem.control.max_iterations;
         Err(Failure::Attempt(format!("not converged after {iterations} iterations: {last}")))
+    }
+
+    fn blank_report(&self, load: f64, iteration: usize) -> IterationReport {
+        IterationReport {
+            step: self.step,
+            load,
+            iteration,
+            evaluations: 0,
+            force_ratio: f64::INFINITY,
+            displacement_ratio: None,
+            turned_down: false,
+        }
+    }
+
+    /// Evaluates an iterate and fills its report; the inner result says why the iterate is turned down.
+    fn try_iterate(
+        &mut self,
+        iterate: &[f64],
+        safeguard: &mut Safeguard,
+        report: &mut IterationReport,
+        session: &mut Session<'_>,
+    ) -> Result<Result<(), String>, Failure> {
+        let evaluated = match self.evaluate(iterate, report.load, session) {
+            Ok(evaluated) => evaluated,
+            Err(Failure::Attempt(reason)) => return Ok(Err(reason)),
+            Err(ended) => return Err(ended),
+        };
+        report.evaluations = evaluated.asked;
+        report.force_ratio = evaluated.ratio();
+        let settled = self.problem.tolerances.force * evaluated.scale;
+        if safeguard.accepts(iterate, evaluated.residual, settled) {
+            return Ok(Ok(()));
+        }
+        Ok(Err(format!("the out-of-balance force grew to {:.2e}", report.force_ratio)))
     }
 
     /// Evaluates all points at an iterate and assembles forces and stiffness.
@@ -228,11 +205,6 @@ impl Solver<'_> {
         Ok(increment)
     }
 
-    /// Share of a correction that keeps every component of every point's `H` within the cap.
-    fn capped_share(&self, correction: &[f64], cap: f64) -> f64 {
-        (cap / largest_component(&self.body.gradients(correction))).min(1.0)
-    }
-
     /// Size of a full step over that of the step to `load`; 1 for the initial equilibrium, which has no size.
     fn full_step(&self, load: f64) -> f64 {
         let size = load - self.load;
@@ -240,34 +212,9 @@ impl Solver<'_> {
     }
 }
 
-/// Watches for residuals that have stopped falling.
-struct Stagnation {
-    least: f64,
-    evaluations: usize,
-}
-
-impl Stagnation {
-    /// Takes the next residual; true once it has not fallen for too long.
-    fn reached(&mut self, residual: f64) -> bool {
-        if residual < PROGRESS * self.least {
-            self.least = residual;
-            self.evaluations = 0;
-        } else {
-            self.evaluations += 1;
-        }
-        self.evaluations >= LONGEST_STAGNATION
-    }
-}
-
 /// Largest component of any of the displacement gradients.
 fn largest_component(gradients: &[Matrix2<f64>]) -> f64 {
     gradients.iter().map(Matrix2::amax).fold(0.0, f64::max)
-}
-
-/// Half way from `iterate` to the last good one; `None` when there is none or too many retreats in a row.
-fn retreat(base: Option<&Base>, iterate: &[f64], retreats: usize) -> Option<Vec<f64>> {
-    let base = base.filter(|_| retreats <= LARGEST_RETREATS)?;
-    Some(base.increment.iter().zip(iterate).map(|(from, to)| from + 0.5 * (to - from)).collect())
 }
 
 /// A ratio that is 0 when nothing is left to correct.

@@ -1,0 +1,140 @@
+//! What keeps Newton's method together where the material is rough: a trust radius, retreats, and giving up in time.
+//!
+//! Sizes of corrections are measured by the largest component of any point's displacement gradient. An iterate is
+//! turned down when a point refuses it, an element inverts, or the out-of-balance force grows more than
+//! [`LARGEST_GROWTH`]-fold; the next one then lies half way back. Smaller growth is accepted (a frictional material
+//! is not smooth enough to insist on descent) but halves the radius.
+
+/// Growth of the out-of-balance force, relative to the last accepted iterate, that turns an iterate down.
+const LARGEST_GROWTH: f64 = 3.0;
+
+/// Consecutive iterates that may be turned down before the attempt fails.
+const LARGEST_RETREATS: usize = 3;
+
+/// An attempt is given up when its distance from convergence has not fallen below [`PROGRESS`] times its least value
+/// for this many evaluations: a smaller step costs less.
+const LONGEST_STAGNATION: usize = 5;
+
+/// See [`LONGEST_STAGNATION`].
+const PROGRESS: f64 = 0.9;
+
+/// Least radius over the initial one.
+const SMALLEST_SHARE: f64 = 0.05;
+
+/// Guards one attempt.
+#[derive(Clone, Debug)]
+pub(super) struct Safeguard {
+    base: Option<Base>,
+    retreats: usize,
+    reach: f64,
+    radius: f64,
+    applied: f64,
+    least: f64,
+    idle: usize,
+}
+
+/// The last iterate that was not turned down.
+#[derive(Clone, Debug)]
+struct Base {
+    increment: Vec<f64>,
+    residual: f64,
+}
+
+impl Safeguard {
+    /// Lets corrections change displacement gradients by up to `reach`.
+    pub(super) fn new(reach: f64) -> Self {
+        Self { base: None, retreats: 0, reach, radius: reach, applied: reach, least: f64::INFINITY, idle: 0 }
+    }
+
+    /// Judges an evaluated iterate by its out-of-balance force; growth below `settled` does not matter. `false` asks
+    /// for a [`Safeguard::retreat`].
+    pub(super) fn accepts(&mut self, iterate: &[f64], residual: f64, settled: f64) -> bool {
+        if let Some(base) = &self.base {
+            let before = base.residual.max(settled);
+            if residual > LARGEST_GROWTH * before {
+                return false;
+            }
+            if residual > before {
+                self.shrink();
+            } else if residual < 0.5 * before {
+                self.radius = (2.0 * self.radius).min(self.reach);
+            }
+        }
+        self.retreats = 0;
+        self.base = Some(Base { increment: iterate.to_vec(), residual });
+        true
+    }
+
+    /// Half way back from an iterate that was turned down; `None` when there is nothing to go back to or it has been
+    /// tried often enough.
+    pub(super) fn retreat(&mut self, iterate: &[f64]) -> Option<Vec<f64>> {
+        self.retreats += 1;
+        self.shrink();
+        let base = self.base.as_ref().filter(|_| self.retreats <= LARGEST_RETREATS)?;
+        Some(base.increment.iter().zip(iterate).map(|(from, to)| from + 0.5 * (to - from)).collect())
+    }
+
+    /// Takes an accepted iterate's distance from convergence, the larger of both criteria over their tolerances, and
+    /// tells whether the attempt no longer gets anywhere.
+    pub(super) fn stagnates(&mut self, distance: f64) -> bool {
+        if distance < PROGRESS * self.least {
+            self.least = distance;
+            self.idle = 0;
+        } else {
+            self.idle += 1;
+        }
+        self.idle >= LONGEST_STAGNATION
+    }
+
+    /// Share of a correction of size `largest` that may be applied.
+    pub(super) fn share(&mut self, largest: f64) -> f64 {
+        self.applied = largest.min(self.radius);
+        if largest > self.radius { self.radius / largest } else { 1.0 }
+    }
+
+    fn shrink(&mut self) {
+        self.applied *= 0.5;
+        self.radius = self.applied.max(SMALLEST_SHARE * self.reach);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_radius_follows_success_and_failure() {
+        let mut guard = Safeguard::new(1e-3);
+        assert!(guard.accepts(&[0.0], 1.0, 0.01));
+        assert_eq!(guard.share(5e-4), 1.0);
+        assert!(guard.accepts(&[1.0], 1.2, 0.01));
+        assert_eq!(guard.share(5e-4), 0.5);
+        assert!(guard.accepts(&[2.0], 0.1, 0.01));
+        assert_eq!(guard.share(5e-4), 1.0);
+        assert!(guard.accepts(&[3.0], 0.005, 0.01));
+        assert_eq!(guard.share(2e-3), 0.5);
+    }
+
+    #[test]
+    fn retreats_halve_the_way_and_end() {
+        let mut guard = Safeguard::new(1e-3);
+        assert_eq!(guard.retreat(&[1.0]), None);
+        let mut guard = Safeguard::new(1e-3);
+        assert!(guard.accepts(&[1.0], 1.0, 0.01));
+        assert!(!guard.accepts(&[2.0], 4.0, 0.01));
+        assert_eq!(guard.retreat(&[2.0]), Some(vec![1.5]));
+        assert_eq!(guard.retreat(&[1.5]), Some(vec![1.25]));
+        assert_eq!(guard.retreat(&[1.25]), Some(vec![1.125]));
+        assert_eq!(guard.retreat(&[1.125]), None);
+    }
+
+    #[test]
+    fn an_attempt_that_hovers_is_given_up_but_not_one_that_creeps() {
+        let given_up = |factor: f64| {
+            let mut guard = Safeguard::new(1e-3);
+            (0..8).any(|turn| guard.stagnates(9.0 * factor.powi(turn)))
+        };
+        assert!(given_up(1.0) && given_up(0.99));
+        assert!(!given_up(0.85));
+    }
+}
