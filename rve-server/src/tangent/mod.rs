@@ -17,11 +17,11 @@ pub mod slip;
 pub mod truss_like;
 
 #[cfg(test)]
+mod probe_tests;
+#[cfg(test)]
 mod sample_networks;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod probe_tests;
 
 use crate::network::ContactNetwork;
 use protocol::TangentKind;
