@@ -85,7 +85,8 @@ impl Quantity {
             }
             Self::Displacement { set, axis } => mean_over(view.mesh, set, view.displacements, *axis),
             Self::Strain { from, to, axis } => elongation(view, from, to, *axis),
-            Self::Compression { from, to, axis } => -elongation(view, from, to, *axis),
+            // Subtracted, not negated: an undeformed body has 0, not -0, in its history.
+            Self::Compression { from, to, axis } => 0.0 - elongation(view, from, to, *axis),
             Self::VolumeChange => {
                 let initial: f64 = view.points.iter().map(|point| point.area / determinant(&point.deformation)).sum();
                 body_area(view) / initial - 1.0

@@ -62,14 +62,15 @@ pub(super) fn drive<P: MacroPort>(
         definition: scene.definition.to_protocol().id().to_string(),
     };
     let summary = summary(&run, &statistics, about);
-    let written = summary.write(&folder.path().join("summary.json"));
-    draw(scene, &recorder, folder)?;
+    // What went wrong with the run itself matters more than a summary that found no room any more.
+    let written = summary.write(&folder.path().join("summary.json")).map_err(Failure::from);
+    let written = written.and_then(|()| draw(scene, &recorder, folder));
     if !manner.quiet {
         let place = folder.path().display().to_string();
         eprint!("{}", text(&summary, &run.outcome, run.statistics.cost.force_evaluations, &place));
     }
     match run.outcome {
-        Outcome::Completed => Ok(written.map(|()| Exit::Done)?),
+        Outcome::Completed => written.map(|()| Exit::Done),
         Outcome::DidNotConverge { reason } => Err(Failure::new(
             Exit::NotConverged,
             format!(
