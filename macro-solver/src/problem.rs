@@ -179,8 +179,8 @@ pub struct Strategy {
     /// nearly singular and would send corrections anywhere; the equations solved are not touched. `None` takes
     /// tangents as they are.
     pub tangent_floor: Option<f64>,
-    /// Largest change of any component of any point's `H` from one iterate to the next, dimensionless, or the step's
-    /// own largest predicted `|H_ij|` if that is larger. Halved whenever the residual grows, restored as it falls.
+    /// Largest change of any component of any point's `H` from one iterate to the next, dimensionless. Until the
+    /// residual of an attempt grows, changes up to the step's own largest predicted `|H_ij|` are allowed too.
     pub capped_change: f64,
     /// Whether a point whose target has not changed in any bit since its last evaluation of this step keeps that
     /// answer instead of being asked again. Exact: a trial is a pure function of its target.

@@ -45,7 +45,8 @@ impl Solver<'_> {
         let mut iterate = self.predict(load)?;
         let gradients = self.body.gradients(&iterate);
         self.points.fix_ramps(&gradients);
-        let mut safeguard = Safeguard::new(largest_component(&gradients).max(self.problem.strategy.capped_change));
+        let capped_change = self.problem.strategy.capped_change;
+        let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
         let full_step = self.full_step(load);
         let mut last = String::new();
         for iteration in 1..=self.problem.control.max_iterations {
