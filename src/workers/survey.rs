@@ -38,7 +38,7 @@ fn is_worker_of(line: &[u8], run: &str) -> bool {
     let joined = format!("--run={run}");
     words.get(1) == Some(&b"rve-server".as_slice())
         && (words.windows(2).any(|pair| pair[0] == b"--run" && pair[1] == run.as_bytes())
-            || words.iter().any(|word| *word == joined.as_bytes()))
+            || words.contains(&joined.as_bytes()))
 }
 
 fn inspect(pid: u32) -> Option<WorkerProcess> {
