@@ -17,7 +17,7 @@ const LARGEST_STEP: f64 = 0.01;
 /// Smallest lengthened stride, dimensionless.
 const SMALLEST_STRIDE: f64 = 1e-7;
 
-/// Number of trials on one side of the target after which strides are lengthened.
+/// Number of trials on one side of the target after which strides are lengthened unless the search converges.
 const PATIENCE: u32 = 4;
 
 /// Unknown strain components, numbered 11, 12, 21, 22, and the stress targets of the same numbers.
@@ -31,6 +31,8 @@ pub(super) struct Servo {
     /// With one unknown: the trials nearest the target from below and from above, as (strain, stress difference).
     bracket: [Option<(f64, f64)>; 2],
     trials: u32,
+    /// With one unknown: distance of the last trial from the target, Pa.
+    last_difference: f64,
     /// With one unknown: the strain of the first trial.
     first: Option<f64>,
 }
@@ -65,6 +67,7 @@ impl Servo {
             best: None,
             bracket: [None; 2],
             trials: 0,
+            last_difference: f64::INFINITY,
             first: None,
         }
     }
@@ -126,6 +129,8 @@ impl Servo {
         // Only a bracket that shrinks can pin a jump: of two trials on one side the nearer in strain to the other side
         // counts, whatever its stress.
         self.trials += 1;
+        let is_converging = difference.abs() < 0.5 * self.last_difference;
+        self.last_difference = difference.abs();
         let first = *self.first.get_or_insert(here);
         // Stretching raises a stress: below the target the way is outward to larger strain, above it to smaller.
         let outward = if difference > 0.0 { -1.0 } else { 1.0 };
@@ -139,7 +144,7 @@ impl Servo {
         }
         let mut values = flat(&next);
         let Some([below, above]) = self.interval() else {
-            if self.trials < PATIENCE {
+            if self.trials < PATIENCE || is_converging {
                 return next;
             }
             // Still on one side of the target: go beyond all trials by as much as they span.

@@ -170,3 +170,44 @@ fn input_defects_name_their_key() {
     let error = run_element(&test, Path::new("/nowhere"), TangentKind::None, &mut |_| {}).unwrap_err();
     assert!(error.is_bad_input() && error.to_string().contains("lattice.json"), "{error}");
 }
+
+/// Iterations until `response` meets the target or the search sees that no strain does; with the strain it ended at.
+fn search(response: impl Fn(f64) -> f64, target: f64, tolerance: f64) -> (u32, f64, bool) {
+    let stiffness = 100.0;
+    let mut operator = [[0.0; 4]; 4];
+    operator[0][0] = stiffness;
+    let mut servo = servo::Servo::new(&[Some(target), None, None, None], &operator, &operator);
+    let mut gradient = [[0.0; 2]; 2];
+    for trial in 1..=30 {
+        let stress = [[response(gradient[0][0]), 0.0], [0.0, 0.0]];
+        if servo.miss(&stress).distance() <= tolerance {
+            return (trial, gradient[0][0], false);
+        }
+        gradient = servo.improve(&gradient, &stress);
+        if servo.has_pinned_a_jump(tolerance) {
+            return (trial, servo.best(&gradient)[0][0], true);
+        }
+    }
+    panic!("neither met nor pinned");
+}
+
+#[test]
+fn search_meets_smooth_responses_in_few_trials() {
+    let (trials, strain, pinned) = search(|strain| 60.0 * strain - 2e4 * strain * strain, 0.03, 1e-6);
+    assert!(!pinned && trials <= 6 && (60.0 * strain - 2e4 * strain * strain - 0.03).abs() <= 1e-6, "{trials}");
+}
+
+#[test]
+fn search_finds_a_target_behind_a_valley() {
+    // The response falls at first: a search that trusts its slope would turn back.
+    let response = |strain: f64| if strain < 1e-4 { -50.0 * strain } else { 100.0 * (strain - 1e-4) - 5e-3 };
+    let (_, strain, pinned) = search(response, 0.01, 1e-5);
+    assert!(!pinned && (response(strain) - 0.01).abs() <= 1e-5);
+}
+
+#[test]
+fn search_pins_a_snap_across_the_target_and_keeps_the_nearer_side() {
+    let response = |strain: f64| if strain < 1e-3 { 100.0 * strain } else { 100.0 * strain + 0.1 };
+    let (_, strain, pinned) = search(response, 0.12, 1e-4);
+    assert!(pinned && strain < 1e-3 && (strain - 1e-3).abs() < 1e-6, "{strain:e}");
+}
