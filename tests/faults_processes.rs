@@ -11,9 +11,9 @@ use std::time::Duration;
 #[test]
 fn ten_killed_workers_change_no_byte_of_the_history() {
     let site = Site::new();
-    let undisturbed = site.start_run("undisturbed", "2", 12).end();
+    let undisturbed = site.start_run("undisturbed", "2", 40).end();
     assert!(undisturbed.status.success(), "{}", undisturbed.stderr);
-    let mut run = site.start_run("disturbed", "2", 12);
+    let mut run = site.start_run("disturbed", "2", 40);
     let history = site.path("disturbed").join("history.csv");
     run.await_rows(&history, 1);
     // A small generator: which of the workers, and when, differs from kill to kill.

@@ -2,7 +2,7 @@
 
 use super::exit::{Exit, Failure};
 use crate::workers::follow_parent;
-use protocol::transport::shared_memory::SharedMemoryWorkerPort;
+use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ExitReason, ServeOptions, serve};
 use std::io::IsTerminal;
@@ -55,7 +55,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut port = SharedMemoryWorkerPort::join(&arguments.run, Duration::from_secs(arguments.patience))
         .map_err(|error| worker_failed(&error))?;
     let options = ServeOptions { state_cache: arguments.state_cache, ..ServeOptions::new(&arguments.run) };
-    match serve(&mut GrainEngine, &mut port, &options).map_err(|error| worker_failed(&error))? {
+    let served = serve(&mut GrainEngine, &mut port, &options);
+    drop(port);
+    // The run may have ended without a chance to tidy up; one that lives is left alone, and there is nobody to tell.
+    let _ = RunDirectory::remove(&arguments.run);
+    match served.map_err(|error| worker_failed(&error))? {
         ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
         ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),
     }
