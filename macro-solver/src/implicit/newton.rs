@@ -69,8 +69,8 @@ impl Solver<'_> {
                 return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
             }
             last = format!("out-of-balance {force_ratio:.2e}, correction {displacement_ratio:.2e}");
-            let distance = (force_ratio / tolerances.force).max(displacement_ratio / tolerances.displacement);
-            if safeguard.stagnates(distance) {
+            let criteria = [force_ratio / tolerances.force, displacement_ratio / tolerances.displacement];
+            if safeguard.stagnates(criteria) {
                 return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
             }
             let share = safeguard.share(largest_component(&self.body.gradients(&correction)));

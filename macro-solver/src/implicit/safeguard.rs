@@ -26,7 +26,7 @@ pub(super) struct Safeguard {
     retreats: usize,
     cap: f64,
     lowered_cap: f64,
-    least: f64,
+    least: [f64; 2],
     idle: usize,
 }
 
@@ -41,7 +41,7 @@ impl Safeguard {
     /// Lets corrections change displacement gradients by up to `cap`, and by up to `lowered_cap` once the residual
     /// has grown.
     pub(super) fn new(cap: f64, lowered_cap: f64) -> Self {
-        Self { base: None, retreats: 0, cap, lowered_cap, least: f64::INFINITY, idle: 0 }
+        Self { base: None, retreats: 0, cap, lowered_cap, least: [f64::INFINITY; 2], idle: 0 }
     }
 
     /// Judges an evaluated iterate by its out-of-balance force; growth below `settled` does not matter. `false` asks
@@ -70,11 +70,13 @@ impl Safeguard {
         Some(base.increment.iter().zip(iterate).map(|(from, to)| from + 0.5 * (to - from)).collect())
     }
 
-    /// Takes an accepted iterate's distance from convergence, the larger of both criteria over their tolerances, and
-    /// tells whether the attempt no longer gets anywhere.
-    pub(super) fn stagnates(&mut self, distance: f64) -> bool {
-        if distance < PROGRESS * self.least {
-            self.least = distance;
+    /// Takes an accepted iterate's force and displacement criteria, each over its tolerance, and tells whether the
+    /// attempt no longer gets anywhere. The displacement counts only while the force criterion holds: capped
+    /// corrections can fall while the balance does not improve.
+    pub(super) fn stagnates(&mut self, criteria: [f64; 2]) -> bool {
+        let watched = usize::from(criteria[0] <= 1.0);
+        if criteria[watched] < PROGRESS * self.least[watched] {
+            self.least[watched] = criteria[watched];
             self.idle = 0;
         } else {
             self.idle += 1;
@@ -131,9 +133,11 @@ mod tests {
     fn an_attempt_that_hovers_is_given_up_but_not_one_that_creeps() {
         let given_up = |factor: f64| {
             let mut guard = Safeguard::new(1e-3, 1e-3);
-            (0..8).any(|turn| guard.stagnates(9.0 * factor.powi(turn)))
+            (0..8).any(|turn| guard.stagnates([9.0 * factor.powi(turn), 9.0 * 0.5f64.powi(turn)]))
         };
         assert!(given_up(1.0) && given_up(0.99));
         assert!(!given_up(0.85));
+        let mut guard = Safeguard::new(1e-3, 1e-3);
+        assert!((0..8).any(|_| guard.stagnates([0.5, 3.0])), "noise beyond the displacement tolerance");
     }
 }
