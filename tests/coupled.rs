@@ -1,0 +1,183 @@
+//! Elements and grains together, against the grains alone.
+//!
+//! One Q4 element under biaxial compression with a cell pressure must repeat what a single RVE answers when it is driven
+//! by the same deformation (check I-1), a patch of equal elements under homogeneous conditions must stay homogeneous
+//! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points (I-10).
+
+use macro_solver::implicit::solve;
+use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::block::Block;
+use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
+use macro_solver::problem::{Axis, Condition, Platen, PressureKind, Problem};
+use protocol::transport::in_process::channel;
+use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
+use rve_server::definition::{GrainDefinition, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::packing::PackingFile;
+use rve_server::server::{ServeOptions, serve};
+use std::path::Path;
+
+const PRESSURE: f64 = 1e5;
+
+fn definition() -> Definition {
+    let packing = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5").unwrap();
+    let options: RveOptions = toml::from_str("accuracy = \"draft\"").unwrap();
+    GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+/// One Gauss point after one accepted step.
+#[derive(Clone, Copy)]
+struct Sample {
+    step_gradient: Tensor2,
+    stress: Tensor2,
+    area: f64,
+}
+
+/// Keeps what the checks need.
+#[derive(Default)]
+struct Recorder {
+    samples: Vec<Vec<Sample>>,
+    displacements: Vec<Vec<[f64; 2]>>,
+    forces: Vec<Vec<[f64; 2]>>,
+    top_reaction: Vec<f64>,
+    width: Vec<f64>,
+}
+
+impl Observer for Recorder {
+    fn accepted(&mut self, _: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let sample = |point: &macro_solver::observer::PointFields| Sample {
+            step_gradient: point.step_gradient,
+            stress: point.stress,
+            area: point.area,
+        };
+        self.samples.push(fields.points.iter().map(sample).collect());
+        self.displacements.push(fields.displacements.to_vec());
+        let total = |(reaction, load): (&[f64; 2], &[f64; 2])| [reaction[0] + load[0], reaction[1] + load[1]];
+        self.forces.push(fields.reactions.iter().zip(fields.loads).map(total).collect());
+        let top = &fields.mesh.node_sets["top"];
+        self.top_reaction.push(top.iter().map(|node| fields.reactions[*node][1]).sum());
+        let x = |name: &str| {
+            let node = fields.mesh.node_sets[name][0];
+            fields.mesh.nodes[node][0] + fields.displacements[node][0]
+        };
+        self.width.push(x("top_right") - x("top_left"));
+        Ok(())
+    }
+}
+
+/// Biaxial compression of a block of Q4 elements, 1 m by 1 m, to the axial strain given. `strain_per_step` 0 lets each cell
+/// choose its ramp from its own target, so that a cell driven alone chooses the same.
+fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_per_step: f64) -> (Outcome, Recorder) {
+    let mesh = Block { width: 1.0, height: 1.0, columns, rows, kind: ElementKind::Q4 }.mesh().unwrap();
+    let platen = |nodes: &str, displacement: f64| Condition::Platen {
+        nodes: nodes.into(),
+        contact: Platen::Smooth,
+        displacement,
+    };
+    let pressure =
+        |edges: &str| Condition::Pressure { edges: edges.into(), value: PRESSURE, kind: PressureKind::Follower };
+    let conditions = vec![
+        platen("bottom", 0.0),
+        platen("top", -strain),
+        Condition::fixed("bottom_left", Axis::X),
+        pressure("left"),
+        pressure("right"),
+    ];
+    let mut problem = Problem::new(mesh, conditions);
+    problem.control.increments = increments;
+    problem.tolerances.force = 1e-4;
+    problem.strain_per_step = strain_per_step;
+    let points = problem.point_count();
+
+    let (port, door) = channel();
+    let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
+    let mut settings = PoolSettings::new("test");
+    settings.tangents = vec![TangentKind::TrussLikeSlip];
+    let mut pool =
+        Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition()], &vec![0; points]);
+    pool.gather(1).unwrap();
+    let mut recorder = Recorder::default();
+    let run = solve(&problem, &mut pool, &mut recorder);
+    pool.close();
+    drop(pool);
+    worker.join().unwrap().unwrap();
+    (run.outcome, recorder)
+}
+
+/// Check I-1. The points' own deformation drives a single RVE to the same bits; the boundary forces follow from its
+/// stress.
+#[test]
+fn one_element_repeats_one_cell() {
+    let (outcome, record) = biaxial(1, 1, 3e-3, 3, 0.0);
+    assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+    assert_eq!(record.samples.len(), 4);
+
+    let mut cell = GrainEngine.create(&definition()).unwrap();
+    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    for (step, points) in record.samples.iter().enumerate() {
+        let alone = cell.trial(&points[0].step_gradient, &ask).unwrap();
+        cell.commit().unwrap();
+        for point in points {
+            for (ours, theirs) in point.stress.0.iter().zip(&alone.stress.0) {
+                assert!((ours - theirs).abs() < 1e-6 * PRESSURE, "step {step}: {ours} against {theirs}");
+            }
+        }
+        // The stress carries the cell pressure sideways and the platen's force upwards, within the force tolerance.
+        let stress = alone.stress.plane();
+        assert!((stress[0][0] + PRESSURE).abs() < 1e-3 * PRESSURE, "step {step}: sigma_xx = {}", stress[0][0]);
+        let platen = record.top_reaction[step] / record.width[step];
+        assert!((platen - stress[1][1]).abs() < 1e-3 * PRESSURE, "step {step}: {platen} against {}", stress[1][1]);
+    }
+    let ratio = record.top_reaction[3] / record.width[3] / -PRESSURE;
+    assert!(ratio > 1.5, "compression has mobilised friction: sigma_yy/sigma_xx = {ratio}");
+}
+
+/// Check I-2, before many contacts slide: at 0.1 % strain sliding contacts have amplified the rounding of equal targets to
+/// 1e-6 of the pressure.
+#[test]
+fn equal_elements_under_homogeneous_conditions_stay_equal() {
+    let (outcome, record) = biaxial(2, 2, 1e-4, 2, 5e-6);
+    assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+    for points in &record.samples {
+        for point in points {
+            for (ours, theirs) in point.stress.0.iter().zip(&points[0].stress.0) {
+                assert!((ours - theirs).abs() < 1e-8 * PRESSURE, "{ours} against {theirs}");
+            }
+        }
+    }
+}
+
+/// Check I-10, by the midpoint rule for both sides: its own error is of third order in the step.
+#[test]
+fn boundary_work_is_stress_work() {
+    let (_, record) = biaxial(2, 1, 2e-3, 4, 5e-6);
+    for step in 1..record.samples.len() {
+        let mut boundary = 0.0;
+        for node in 0..record.forces[step].len() {
+            for axis in 0..2 {
+                let force = 0.5 * (record.forces[step][node][axis] + record.forces[step - 1][node][axis]);
+                boundary +=
+                    force * (record.displacements[step][node][axis] - record.displacements[step - 1][node][axis]);
+            }
+        }
+        let stress_work: f64 = record.samples[step]
+            .iter()
+            .zip(&record.samples[step - 1])
+            .map(|(after, before)| {
+                let mean: f64 = (0..9)
+                    .map(|k| {
+                        0.5 * (after.stress.0[k] * after.area + before.stress.0[k] * before.area)
+                            * after.step_gradient.0[k]
+                    })
+                    .sum();
+                mean
+            })
+            .sum();
+        assert!(
+            (boundary - stress_work).abs() < 2e-3 * stress_work.abs(),
+            "step {step}: {boundary} and {stress_work}"
+        );
+    }
+}
