@@ -122,6 +122,7 @@ impl Write for SharedBuffer {
 fn closing(summary: &ElementSummary) -> String {
     let shortfalls: Vec<String> = [
         ("not equilibrated", summary.not_equilibrated),
+        ("controlled stress missed where the cell snaps across it", summary.stress_jumps),
         ("overlap above 10 %", summary.large_overlap),
         ("operator replaced by the uniform-strain one", summary.tangent_fallbacks),
         ("operator with held mechanisms", summary.tangent_regularised),
