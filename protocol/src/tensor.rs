@@ -18,10 +18,8 @@ impl Tensor2 {
     /// Embeds the plane tensor `[[xx, xy], [yx, yy]]`.
     pub fn from_plane(plane: [[f64; 2]; 2]) -> Self {
         let mut full = Self::ZERO;
-        for i in 0..2 {
-            for j in 0..2 {
-                full.0[3 * i + j] = plane[i][j];
-            }
+        for (i, row) in plane.iter().enumerate() {
+            full.0[3 * i..3 * i + 2].copy_from_slice(row);
         }
         full
     }

@@ -213,7 +213,7 @@ fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
     let worker = echo::<C>(&door);
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
-    let state: Vec<u8> = (0..2_000_000u32).map(|at| (at * 31 >> 3) as u8).collect();
+    let state: Vec<u8> = (0..2_000_000u32).map(|at| ((at * 31) >> 3) as u8).collect();
     for number in 0..5 {
         port.send_jobs(WorkerId(0), &[LoadedJob { job: job(number), state: &state }]).unwrap();
         heard.until(&mut port, |heard| heard.replies.len() as u64 == number + 1);

@@ -1,7 +1,7 @@
 //! The element test: one cell along a path of prescribed strains and servo-controlled stresses, without finite elements.
 //!
 //! Every increment is one accepted trial of the cell. Stress components are met by a Newton search over the strain
-//! components that work on them ([`servo`]); each iteration is a trial from the committed state, so that the search
+//! components that work on them (`servo`); each iteration is a trial from the committed state, so that the search
 //! leaves no trace in the grains.
 
 mod csv_table;
