@@ -56,11 +56,11 @@ fn overview(scene: &Scene) -> String {
         (
             "grain solver",
             format!(
-                "{:?}, strain per step {:e}, tolerance {:e} ({:?})",
-                options.damping,
+                "{}, strain per step {:e}, tolerance {:e} ({})",
+                options.damping.keyword(),
                 options.strain_per_step(),
                 options.tolerance(),
-                options.criterion
+                options.criterion.keyword()
             ),
         ),
         ("tangent", problem.strategy.tangent.keyword().to_owned()),

@@ -31,6 +31,17 @@ pub enum Criterion {
     Energy,
 }
 
+impl Criterion {
+    /// The keyword used in scene files.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::MaxForce => "max_force",
+            Self::RmsForce => "rms_force",
+            Self::Energy => "energy",
+        }
+    }
+}
+
 /// Dampings by keyword.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -40,6 +51,16 @@ pub enum Damping {
     Fire,
     /// Non-viscous local damping of the peculiar velocity.
     Local,
+}
+
+impl Damping {
+    /// The keyword used in scene files.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Fire => "fire",
+            Self::Local => "local",
+        }
+    }
 }
 
 /// The table `[rve]`.
