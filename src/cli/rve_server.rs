@@ -1,7 +1,7 @@
 //! `grainspan rve-server --run RUN`: one worker of a run, started by the run itself or by hand.
 
 use super::exit::{Exit, Failure};
-use crate::workers::follow_parent;
+use crate::workers::{DYING, follow_parent};
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ExitReason, ServeOptions, serve};
@@ -58,7 +58,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let served = serve(&mut GrainEngine, &mut port, &options);
     drop(port);
     // The run may have ended without a chance to tidy up; one that lives is left alone, and there is nobody to tell.
-    let _ = RunDirectory::remove(&arguments.run);
+    let patience = if matches!(served, Ok(ExitReason::MacroLost(_))) { DYING } else { Duration::ZERO };
+    let _ = RunDirectory::remove_once_dead(&arguments.run, patience);
     match served.map_err(|error| worker_failed(&error))? {
         ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
         ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),

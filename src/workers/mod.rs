@@ -13,7 +13,7 @@ mod signals;
 mod survey;
 
 pub(crate) use beacon::{Progress, RunBeacon};
-pub(crate) use parent::follow_parent;
+pub(crate) use parent::{DYING, follow_parent};
 pub(crate) use processes::{LaunchPlan, WorkerProcesses};
 pub(crate) use run_name::run_name;
 pub(crate) use signals::SignalWatch;

@@ -2,10 +2,17 @@
 
 use protocol::transport::shared_memory::RunDirectory;
 use std::io;
+use std::time::{Duration, Instant};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Exit code of a worker that was told to end by SIGTERM, as shells count.
 const TERMINATED: i32 = 128 + 15;
+
+/// How long a dying run may take to disappear from the process list.
+pub(crate) const DYING: Duration = Duration::from_secs(2);
+
+/// How long the other threads of a killed process may outlive the first.
+const LAST_THREAD: Duration = Duration::from_millis(300);
 
 /// Makes this process end when `parent` does, and when it gets SIGTERM. What a dead run has left in shared memory is
 /// removed on the way: nobody else may be left to do it.
@@ -21,9 +28,9 @@ pub(crate) fn follow_parent(parent: Option<u32>, run: &str) -> io::Result<()> {
     let run = run.to_owned();
     std::thread::Builder::new().name("signals".into()).spawn(move || {
         runtime.block_on(terminate.recv());
-        if parent.is_some_and(|parent| !is_parent(parent)) {
+        if parent.is_some_and(ends) {
             // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.
-            let _ = RunDirectory::remove(&run);
+            let _ = RunDirectory::remove_once_dead(&run, DYING);
         }
         // The engine may be in the middle of a long solve: its work is not needed, or done again elsewhere.
         std::process::exit(TERMINATED);
@@ -36,6 +43,20 @@ pub(crate) fn follow_parent(parent: Option<u32>, run: &str) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether the parent is ending. The signal comes as soon as the thread that started this process has ended; the last
+/// thread of the parent follows a moment later, and only then does this process get another parent. A living parent
+/// that wants this worker gone does not mind the wait.
+fn ends(parent: u32) -> bool {
+    let begun = Instant::now();
+    while begun.elapsed() < LAST_THREAD {
+        if !is_parent(parent) {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    false
 }
 
 fn is_parent(process: u32) -> bool {

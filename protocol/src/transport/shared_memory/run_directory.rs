@@ -249,6 +249,24 @@ impl RunDirectory {
         Ok(!listing.alive)
     }
 
+    /// Waits until the macro of a run has died, then removes what it left. For a worker that knows its macro is dying: the
+    /// system tells a child of that a moment before the process list shows it.
+    ///
+    /// Returns whether the run is dead (and removed) within `patience`.
+    ///
+    /// # Errors
+    /// As [`RunDirectory::remove`].
+    pub fn remove_once_dead(name: &str, patience: Duration) -> Result<bool, RunError> {
+        let begun = std::time::Instant::now();
+        loop {
+            let removed = Self::remove(name)?;
+            if removed || begun.elapsed() >= patience {
+                return Ok(removed);
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
     /// Removes what all dead runs of this user left and returns their names.
     ///
     /// # Errors
@@ -375,7 +393,7 @@ fn process_start(pid: u32) -> Option<u64> {
     let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
     let state = fields.next()?;
     // An unreaped zombie has ended.
-    (state != "Z").then(|| fields.nth(18)?.parse().ok()).flatten()
+    (state != "Z" && state != "X").then(|| fields.nth(18)?.parse().ok()).flatten()
 }
 
 fn system(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RunError {
