@@ -23,7 +23,8 @@ pub enum TangentKind {
     /// As `TrussLike`, but a contact that was at the Coulomb limit during this trial's own ramp slips
     /// non-associatively and has no tangential stiffness. Not symmetric.
     TrussLikeSlip = 2,
-    /// UKO made symmetric: uniform strain in all grains, [Argilaga2018] eq. 13 with erratum A18-5. Far too stiff;
+    /// UKO made symmetric: uniform strain in all grains, [Argilaga2018] eq. 13. Erratum: the
+    /// printed tangential part uses the full displacement gradient and is not objective. Far too stiff;
     /// the fallback when a network operator is singular.
     Kruyt = 3,
 }
@@ -213,7 +214,7 @@ pub enum RveError {
     /// The target is farther than the engine accepts in one trial.
     #[error("the target deformation |H| = {norm:.3e} exceeds the limit {limit:.3e} of one trial; use smaller steps")]
     TargetTooLarge {
-        /// Frobenius norm of `H`.
+        /// Size of the target; an engine may leave pure rotation out of it.
         norm: f64,
         /// Limit of the engine.
         limit: f64,

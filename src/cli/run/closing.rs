@@ -1,6 +1,6 @@
 //! The end of a run: `summary.json`, and the same for people.
 
-use macro_solver::observer::{FlagCounts, Outcome, Run};
+use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::output::{RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
@@ -36,7 +36,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,
         cutbacks: statistics.cut_backs,
-        fallbacks: fallbacks(&statistics.flags, pool, statistics.secant_refusals),
+        fallbacks: fallbacks(statistics, pool),
         skipped: named([
             ("unchanged_targets", statistics.skipped),
             ("equal_questions", pool.duplicates_skipped),
@@ -71,14 +71,17 @@ fn status(outcome: &Outcome) -> RunStatus {
     }
 }
 
-fn fallbacks(flags: &FlagCounts, pool: &PoolStatistics, secant_refusals: u64) -> BTreeMap<String, u64> {
+fn fallbacks(statistics: &Statistics, pool: &PoolStatistics) -> BTreeMap<String, u64> {
+    let flags = &statistics.flags;
     named([
         ("not_equilibrated", flags.not_equilibrated),
         ("tangent_fallback", flags.tangent_fallback),
         ("tangent_regularised", flags.tangent_regularised),
         ("large_overlap", flags.large_overlap),
         ("no_contacts", flags.fluid),
-        ("secant_refused", secant_refusals),
+        ("tangent_floored", statistics.floored_tangents),
+        ("secant_refused", statistics.secant_refusals),
+        ("iterates_turned_down", statistics.turned_down),
         ("workers_lost", pool.workers_lost),
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),
