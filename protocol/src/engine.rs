@@ -129,8 +129,9 @@ pub struct Observed {
     pub elastic_energy: f64,
     /// Frictional dissipation per volume since the initial state, J/m3.
     pub frictional_dissipation: f64,
-    /// Mean grain rotation since the initial state, rad, counter-clockwise.
-    pub mean_rotation: f64,
+    /// Mean over the grains of their spin added up since the initial state, a vector, rad. A plane cell has its
+    /// counter-clockwise angle in the third component and zeros before it.
+    pub mean_rotation: [f64; 3],
 }
 
 impl Default for Observed {

@@ -158,10 +158,10 @@ mod tests {
     #[test]
     fn layout_of_wire_types_is_fixed() {
         assert_eq!(size_of::<TrialJob>(), 144);
-        assert_eq!(size_of::<TrialReply>(), 1056);
+        assert_eq!(size_of::<TrialReply>(), 1072);
         assert_eq!(std::mem::offset_of!(TrialJob, target), 48);
-        assert_eq!(std::mem::offset_of!(TrialReply, stress), 336);
-        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 408);
+        assert_eq!(std::mem::offset_of!(TrialReply, stress), 352);
+        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 424);
     }
 
     #[test]
@@ -169,9 +169,9 @@ mod tests {
         let job = TrialJob::zeroed();
         let mut reply = TrialReply::bare(&job, ReplyStatus::Done);
         assert!(reply.is_finite());
-        reply.observed.mean_rotation = f64::NAN;
+        reply.observed.mean_rotation[2] = f64::NAN;
         assert!(!reply.is_finite());
-        reply.observed.mean_rotation = 0.0;
+        reply.observed.mean_rotation = [0.0; 3];
         reply.tangent.0[80] = f64::INFINITY;
         assert!(!reply.is_finite());
     }

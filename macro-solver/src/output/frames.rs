@@ -94,7 +94,10 @@ fn quantities(asked: Observables) -> Vec<Quantity> {
         scalar("max_overlap_ratio", |point| vec![point.scalars.max_overlap_ratio]),
     ];
     let optional = [
-        (Observables::ROTATION, scalar("grain_rotation", |point| vec![point.observed.mean_rotation])),
+        (
+            Observables::ROTATION,
+            Quantity { name: "grain_rotation", components: 3, value: |point| point.observed.mean_rotation.to_vec() },
+        ),
         (
             Observables::COORDINATION_NO_RATTLERS,
             scalar("coordination_number_no_rattlers", |point| vec![point.observed.coordination_number_no_rattlers]),

@@ -51,7 +51,7 @@ pub(crate) fn observe(
         observed.frictional_dissipation = state.dissipation / volume;
     }
     if wanted.contains(Observables::ROTATION) {
-        observed.mean_rotation = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
+        observed.mean_rotation[2] = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
     }
     observed
 }
