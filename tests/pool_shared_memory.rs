@@ -139,6 +139,7 @@ fn another_protocol_version_is_refused_with_words() {
             version: "0".into(),
             dimensions: vec![2],
             tangents: TangentKind::ALL.to_vec(),
+            ..Capabilities::default()
         };
         let pid = std::process::id();
         port.send_control(&FromWorker::Hello { protocol: 999, run, pid, capabilities, state_cache: 1 }).unwrap();

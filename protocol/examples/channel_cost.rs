@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn serve(run: &str) -> Result<(), Box<dyn Error>> {
     let mut port = SharedMemoryWorkerPort::join(run, PATIENCE)?;
     let capabilities =
-        Capabilities { engine: "echo".into(), version: "1".into(), dimensions: vec![], tangents: vec![] };
+        Capabilities { engine: "echo".into(), version: "1".into(), dimensions: vec![], ..Capabilities::default() };
     port.send_control(&FromWorker::Hello {
         protocol: PROTOCOL_VERSION,
         run: run.to_owned(),

@@ -258,8 +258,20 @@ impl Definition {
     }
 }
 
+/// What a snapshot of an engine holds. Both are opaque bytes to everybody else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SnapshotKind {
+    /// The whole state: restoring it costs no solving.
+    #[default]
+    State,
+    /// The path of committed targets: restoring it solves them again from the initial state, unless the worker still
+    /// holds the end of the path. Costs grow with the length of the run.
+    Path,
+}
+
 /// What an engine can do; declared in its hello and checked before a run starts.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Capabilities {
     /// Engine name as in snapshots.
     pub engine: String,
@@ -267,8 +279,17 @@ pub struct Capabilities {
     pub version: String,
     /// Space dimensions served, 2 and/or 3.
     pub dimensions: Vec<u32>,
-    /// Tangent kinds served.
+    /// Tangent kinds served beside [`TangentKind::None`].
     pub tangents: Vec<TangentKind>,
+    /// Contact laws served, by the keywords of scene files.
+    #[serde(default)]
+    pub laws: Vec<String>,
+    /// What its snapshots hold.
+    #[serde(default)]
+    pub snapshot: SnapshotKind,
+    /// Whether the same question has the same answer, bit for bit, in every worker of this engine and version.
+    #[serde(default)]
+    pub deterministic: bool,
 }
 
 /// One RVE with a committed and at most one trial state.

@@ -17,14 +17,15 @@
 pub mod control;
 pub mod engine;
 pub mod identity;
+pub mod layout;
 pub mod snapshot;
 pub mod tensor;
 pub mod transport;
 pub mod wire;
 
 pub use engine::{
-    Ask, Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars, TangentKind,
-    TrialAnswer, TrialFlags,
+    Ask, Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars,
+    SnapshotKind, TangentKind, TrialAnswer, TrialFlags,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
 pub use tensor::{Tensor2, Tensor4};

@@ -124,7 +124,7 @@ impl Heard {
 
 fn hello() -> FromWorker {
     let capabilities =
-        Capabilities { engine: "echo".into(), version: "1".into(), dimensions: vec![2], tangents: vec![] };
+        Capabilities { engine: "echo".into(), version: "1".into(), dimensions: vec![2], ..Capabilities::default() };
     FromWorker::Hello {
         protocol: PROTOCOL_VERSION,
         run: "test".into(),

@@ -10,8 +10,8 @@ use crate::relaxation::{self, Relaxation};
 use crate::state::GrainState;
 use crate::tangent;
 use protocol::{
-    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, TangentKind,
-    Tensor2, Tensor4, TrialAnswer, TrialFlags, snapshot,
+    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, SnapshotKind,
+    TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags, snapshot,
 };
 use std::time::Instant;
 
@@ -29,6 +29,9 @@ impl RveEngine for GrainEngine {
             version: env!("CARGO_PKG_VERSION").into(),
             dimensions: vec![2],
             tangents: TangentKind::ALL.to_vec(),
+            laws: vec!["linear".into()],
+            snapshot: SnapshotKind::State,
+            deterministic: true,
         }
     }
 

@@ -11,7 +11,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use thiserror::Error;
 
 /// First word of every frame, `GSFR` in ASCII.
-const MAGIC: u32 = u32::from_le_bytes(*b"GSFR");
+pub(crate) const MAGIC: u32 = u32::from_le_bytes(*b"GSFR");
 
 /// What a frame holds behind its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,15 +42,15 @@ impl FrameKind {
 #[repr(C)]
 pub struct FrameHeader {
     /// [`MAGIC`].
-    magic: u32,
+    pub(crate) magic: u32,
     /// [`PROTOCOL_VERSION`] of the sender.
-    version: u32,
+    pub(crate) version: u32,
     /// [`FrameKind`] as number.
-    kind: u32,
+    pub(crate) kind: u32,
     /// Number of array elements; 0 for control messages.
-    count: u32,
+    pub(crate) count: u32,
     /// Length of the whole frame, bytes.
-    length: u64,
+    pub(crate) length: u64,
     /// Who sends: a number that the sending port drew when it was opened, 0 from the macro.
     pub sender: u64,
 }

@@ -66,6 +66,7 @@ impl RveEngine for ToyEngine {
             version: "1".into(),
             dimensions: vec![2],
             tangents: vec![TangentKind::None],
+            ..Capabilities::default()
         }
     }
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {

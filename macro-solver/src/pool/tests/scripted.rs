@@ -249,6 +249,7 @@ pub(super) fn hello(state_cache: u32, pid: u32) -> FromWorker {
         version: "1".into(),
         dimensions: vec![2],
         tangents: TangentKind::ALL.to_vec(),
+        ..Capabilities::default()
     };
     FromWorker::Hello { protocol: PROTOCOL_VERSION, run: "test".into(), pid, capabilities, state_cache }
 }

@@ -18,7 +18,7 @@
 mod janitor;
 mod macro_port;
 mod run_directory;
-mod services;
+pub(crate) mod services;
 mod watch;
 mod worker_port;
 
@@ -30,10 +30,10 @@ use super::TransportError;
 use std::fmt::Debug;
 
 /// Requests that a worker keeps open: two job slices in its queue and two control messages never wait for a permission.
-const CREDITS: usize = 4;
+pub(crate) const CREDITS: usize = 4;
 
 /// Requests that a worker may have open at most; the surplus over [`CREDITS`] is what it says unasked.
-const WINDOW: usize = 8;
+pub(crate) const WINDOW: usize = 8;
 
 /// Wraps a refusal of iceoryx2; its error types share no trait but `Debug`.
 fn refused<E: Debug>(action: &'static str) -> impl FnOnce(E) -> TransportError {

@@ -10,7 +10,7 @@ use iceoryx2::service::port_factory::{event, request_response};
 use iceoryx2::{active_request, pending_response};
 
 /// The version that Cargo pins; every process of a run needs exactly this one.
-pub(super) const ICEORYX2_VERSION: &str = "0.10.0";
+pub(crate) const ICEORYX2_VERSION: &str = "0.10.0";
 
 pub(super) type Service = ipc::Service;
 pub(super) type Exchange = request_response::PortFactory<Service, [u8], (), [u8], ()>;
@@ -22,9 +22,9 @@ pub(super) type Pending = pending_response::PendingResponse<Service, [u8], (), [
 pub(super) type Listener = listener::Listener<Service>;
 pub(super) type Notifier = notifier::Notifier<Service>;
 
-const EXCHANGE: &str = "exchange";
-const TO_MACRO: &str = "to-macro";
-const TO_WORKER: &str = "to-worker";
+pub(crate) const EXCHANGE: &str = "exchange";
+pub(crate) const TO_MACRO: &str = "to-macro";
+pub(crate) const TO_WORKER: &str = "to-worker";
 
 /// A node and the services of its run. Ports made from it must be dropped first.
 pub(super) struct Services {
