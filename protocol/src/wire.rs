@@ -142,11 +142,11 @@ impl TrialReply {
 
     /// Whether every number in it is finite: the check at the process border.
     pub fn is_finite(&self) -> bool {
-        let scalars: [f64; 5] = bytemuck::cast(self.scalars);
-        let observed: [f64; 24] = bytemuck::cast(self.observed);
+        let scalars: &[f64] = bytemuck::cast_slice(std::slice::from_ref(&self.scalars));
+        let observed: &[f64] = bytemuck::cast_slice(std::slice::from_ref(&self.observed));
         self.stress.is_finite()
             && self.tangent.is_finite()
-            && scalars.iter().chain(&observed).all(|value| value.is_finite())
+            && scalars.iter().chain(observed).all(|value| value.is_finite())
     }
 }
 
