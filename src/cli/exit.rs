@@ -55,6 +55,8 @@ impl fmt::Display for Failure {
     }
 }
 
+impl std::error::Error for Failure {}
+
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::new(Exit::BadInput, error)

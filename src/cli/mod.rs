@@ -1,5 +1,6 @@
 //! The command line: what can be asked, and how each command ends.
 
+mod bench;
 mod check;
 mod clean;
 mod completions;
@@ -49,6 +50,8 @@ enum Command {
     Status(status::Arguments),
     /// Remove what dead runs left behind
     Clean(clean::Arguments),
+    /// Measure what this program costs on this machine
+    Bench(bench::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
 }
@@ -63,6 +66,7 @@ pub(crate) fn main() -> ExitCode {
         Command::RveServer(arguments) => rve_server::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
         Command::Clean(arguments) => clean::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {

@@ -1,0 +1,180 @@
+//! Curves of a study as one SVG picture.
+
+use super::table::short;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// Width and height of the picture, px.
+const SIZE: (u32, u32) = (760, 500);
+
+/// Colours that are told apart on paper and by most eyes.
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 90, 160),
+    RGBColor(210, 90, 0),
+    RGBColor(0, 130, 80),
+    RGBColor(170, 30, 110),
+    RGBColor(90, 90, 90),
+    RGBColor(120, 80, 200),
+    RGBColor(150, 120, 0),
+    RGBColor(0, 150, 190),
+];
+
+type Failed = DrawingAreaErrorKind<std::io::Error>;
+
+/// Whether equal distances on an axis are equal differences or equal ratios.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scale {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios; points that are not positive are left out.
+    Logarithmic,
+}
+
+/// Named curves over two axes.
+#[derive(Clone, Debug)]
+pub(crate) struct Chart {
+    title: String,
+    axes: [(String, Scale); 2],
+    curves: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+impl Chart {
+    /// An empty chart; axes are named with their units.
+    pub(crate) fn new(title: &str, x: (&str, Scale), y: (&str, Scale)) -> Self {
+        Self {
+            title: title.to_owned(),
+            axes: [x, y].map(|(name, scale)| (name.to_owned(), scale)),
+            curves: Vec::new(),
+        }
+    }
+
+    /// Adds a curve; points that cannot be drawn are left out.
+    pub(crate) fn curve(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        let drawable = |point: &[f64; 2]| {
+            point
+                .iter()
+                .zip(&self.axes)
+                .all(|(value, (_, scale))| value.is_finite() && (*scale == Scale::Linear || *value > 0.0))
+        };
+        let points = points.into_iter().filter(drawable).collect();
+        self.curves.push((name.to_owned(), points));
+    }
+
+    /// The picture.
+    ///
+    /// # Errors
+    /// The drawing library refuses.
+    pub(crate) fn to_svg(&self) -> Result<String, Failed> {
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let [(_, across), (_, up)] = &self.axes;
+        let (x, y) = (self.range(0), self.range(1));
+        match (across, up) {
+            (Scale::Linear, Scale::Linear) => self.draw(&area, x, y)?,
+            (Scale::Linear, Scale::Logarithmic) => self.draw(&area, x, y.log_scale())?,
+            (Scale::Logarithmic, Scale::Linear) => self.draw(&area, x.log_scale(), y)?,
+            (Scale::Logarithmic, Scale::Logarithmic) => self.draw(&area, x.log_scale(), y.log_scale())?,
+        }
+        area.present()?;
+        drop(area);
+        Ok(text)
+    }
+
+    /// The smallest range with a margin that holds all points of one axis.
+    fn range(&self, axis: usize) -> Range<f64> {
+        let values = self.curves.iter().flat_map(|(_, points)| points.iter().map(|point| point[axis]));
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        match self.axes[axis].1 {
+            _ if low > high => 1.0..2.0,
+            Scale::Linear => {
+                let margin = if high > low { 0.05 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+                // A quantity that is never negative gets no negative ticks.
+                let floor = if low >= 0.0 && low < 3.0 * margin { 0.0 } else { low - margin };
+                floor..high + margin
+            }
+            Scale::Logarithmic => low / 1.3..high * 1.3,
+        }
+    }
+
+    fn draw<X, Y>(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, x: X, y: Y) -> Result<(), Failed>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+        Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+    {
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, ("sans-serif", 18))
+            .margin(16)
+            .x_label_area_size(44)
+            .y_label_area_size(84)
+            .build_cartesian_2d(x, y)?;
+        chart
+            .configure_mesh()
+            .x_desc(&self.axes[0].0)
+            .y_desc(&self.axes[1].0)
+            .x_label_formatter(&|value| tick(*value))
+            .y_label_formatter(&|value| tick(*value))
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 15))
+            .light_line_style(WHITE)
+            .draw()?;
+        for (index, (name, points)) in self.curves.iter().enumerate() {
+            let colour = COLOURS[index % COLOURS.len()];
+            let line = points.iter().map(|point| (point[0], point[1]));
+            chart
+                .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
+                .label(name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+            chart.draw_series(line.map(|point| Circle::new(point, 3, colour.filled())))?;
+        }
+        chart
+            .configure_series_labels()
+            .background_style(WHITE.mix(0.85))
+            .border_style(BLACK.mix(0.3))
+            .label_font(("sans-serif", 13))
+            .draw()
+    }
+}
+
+/// A tick without trailing zeros.
+fn tick(value: f64) -> String {
+    let text = short(value);
+    match text.split_once('e') {
+        Some((digits, power)) => format!("{}e{power}", trim(digits)),
+        None => trim(&text).to_owned(),
+    }
+}
+
+fn trim(digits: &str) -> &str {
+    if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_names_its_axes_and_curves_and_leaves_out_what_cannot_be_drawn() {
+        for scale in [Scale::Linear, Scale::Logarithmic] {
+            let mut chart = Chart::new("cost", ("payload, B", scale), ("time, us", Scale::Logarithmic));
+            chart.curve("spin", [[64.0, 2.0], [1e6, f64::NAN], [1e6, 200.0], [2.0, -1.0]]);
+            chart.curve("empty", []);
+            let text = chart.to_svg().unwrap();
+            for part in ["<svg", "cost", "payload, B", "time, us", "spin", "<polyline", "</svg>"] {
+                assert!(text.contains(part), "{part} is missing");
+            }
+            assert!(!text.contains("NaN"));
+        }
+        assert!(Chart::new("nothing", ("x", Scale::Linear), ("y", Scale::Linear)).to_svg().is_ok());
+    }
+
+    #[test]
+    fn ticks_have_no_trailing_zeros() {
+        assert_eq!([0.5, 1000.0, 2.5e8].map(tick), ["0.5", "1000", "2.5e8"]);
+    }
+}

@@ -1,0 +1,100 @@
+//! `grainspan bench NAME`: the program measures itself and leaves numbers, pictures and a description of the machine.
+//!
+//! A study is one entry of [`STUDIES`]. It measures, and hands tables and charts to its [`Report`], which prints them and
+//! writes them as CSV and SVG. Times are medians of several runs; ratios are taken within one round of alternating runs,
+//! so that a busy machine slows both sides alike.
+
+mod chart;
+mod machine;
+mod repeat;
+mod report;
+mod self_test;
+mod table;
+
+use super::exit::{Exit, Failure};
+use super::stdout::print;
+use machine::Machine;
+use report::Report;
+use std::path::PathBuf;
+
+/// One thing that can be measured.
+struct Study {
+    /// Name on the command line and of the folder.
+    name: &'static str,
+    /// One line for `--list`.
+    about: &'static str,
+    /// Measures; must not depend on the order of studies or leave processes behind.
+    run: fn(&Effort, &mut Report) -> anyhow::Result<()>,
+}
+
+/// All studies, in the order of `--list`.
+const STUDIES: &[Study] = &[Study {
+    name: "self-test",
+    about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
+    run: self_test::run,
+}];
+
+/// How long a study may measure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Whether seconds must do: the numbers then show only that the study works.
+    pub(crate) quick: bool,
+}
+
+impl Effort {
+    /// `thorough` repetitions, or `quick` ones when seconds must do.
+    pub(crate) fn choose<T>(self, thorough: T, quick: T) -> T {
+        if self.quick { quick } else { thorough }
+    }
+}
+
+/// Arguments of `grainspan bench`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan bench --list
+  grainspan bench self-test --out out/bench/self-test
+
+Measure with a release build on a quiet machine; the report says what it was.")]
+pub(crate) struct Arguments {
+    /// Study to run
+    #[arg(value_name = "NAME", required_unless_present = "list")]
+    name: Option<String>,
+    /// List the studies
+    #[arg(long)]
+    list: bool,
+    /// Folder for CSV, SVG and the description of the machine [default: out/bench/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Take seconds, not minutes: shows that the study works, not what things cost
+    #[arg(long)]
+    quick: bool,
+}
+
+/// Runs one study, or lists them all.
+///
+/// # Errors
+/// There is no such study, the folder cannot be written, or the study cannot run here.
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let Some(name) = arguments.name.as_ref().filter(|_| !arguments.list) else {
+        print(list().as_bytes())?;
+        return Ok(Exit::Done);
+    };
+    let study = STUDIES.iter().find(|study| study.name == name).ok_or_else(|| {
+        Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
+    })?;
+    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/bench").join(study.name));
+    let effort = Effort { quick: arguments.quick };
+    let failed = |error: anyhow::Error| match error.downcast::<Failure>() {
+        Ok(failure) => failure,
+        Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),
+    };
+    let mut report = Report::open(&folder, study.name, &Machine::here(), effort)?;
+    (study.run)(&effort, &mut report).map_err(failed)?;
+    report.close()?;
+    Ok(Exit::Done)
+}
+
+fn list() -> String {
+    let width = STUDIES.iter().map(|study| study.name.len()).max().unwrap_or(0);
+    STUDIES.iter().map(|study| format!("{:<width$}  {}\n", study.name, study.about)).collect()
+}
