@@ -3,6 +3,7 @@
 //! It keeps the contract of a granular point: a trial starts from the committed state, `H` is relative to it, and
 //! the tangent is `d sigma_ij / d F_kl` relative to the end of the trial. The state is the total deformation gradient.
 
+use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::{Matrix2, Matrix4};
 use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
@@ -166,6 +167,21 @@ impl PointMaterial for ElasticMaterial {
 
     fn rollback(&mut self) {
         self.trials.fill(None);
+    }
+
+    fn save(&self, archive: &mut Archive) {
+        let committed: Vec<&[f64]> = self.committed.iter().map(Matrix2::as_slice).collect();
+        archive.put("elastic", 1, &committed);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let committed: Vec<Vec<f64>> = archive.get("elastic", 1)?;
+        if committed.len() != self.committed.len() || committed.iter().any(|total| total.len() != 4) {
+            return Err(CheckpointError::unfit("elastic", "the number of points or of their components differs"));
+        }
+        self.committed = committed.iter().map(|total| Matrix2::from_column_slice(total)).collect();
+        self.trials.fill(None);
+        Ok(())
     }
 }
 

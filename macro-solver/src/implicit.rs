@@ -7,6 +7,7 @@
 //! cut back when it does not converge, and the run ends in an honest failure when the smallest step does not.
 
 mod body;
+mod checkpoint;
 mod constraints;
 mod fields;
 mod linear_solver;
@@ -19,8 +20,9 @@ mod secant;
 #[cfg(test)]
 mod tests;
 
+use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::material::PointMaterial;
-use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport};
+use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
 use crate::problem::{Problem, ProblemError};
 use body::{Balance, Body};
 use constraints::Constraints;
@@ -36,10 +38,21 @@ use std::time::Instant;
 /// Step 0 is the equilibrium at load 0 with whatever stress the material starts with; it is iterated only if that
 /// stress is out of balance. The material is left with the last accepted state committed, however the run ends.
 pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
+    solve_kept(problem, material, observer, &mut NoKeeper)
+}
+
+/// As [`solve`], from where `keeper` says, and saved by it after every accepted step. What an earlier process has saved
+/// continues to the same bytes as if there had been no interruption.
+pub fn solve_kept(
+    problem: &Problem,
+    material: &mut dyn PointMaterial,
+    observer: &mut dyn Observer,
+    keeper: &mut dyn Keeper,
+) -> Run {
     let run = match Solver::new(problem) {
         Err(error) => Run { outcome: Outcome::Refused(error), load: 0.0, statistics: Statistics::default() },
         Ok(mut solver) => {
-            let session = &mut Session { material: &mut *material, observer: &mut *observer };
+            let session = &mut Session { material: &mut *material, observer: &mut *observer, keeper };
             let outcome = match solver.run(session) {
                 Ok(()) => Outcome::Completed,
                 Err(outcome) => outcome,
@@ -52,10 +65,11 @@ pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut
     run
 }
 
-/// The two partners of a run.
+/// The partners of a run.
 struct Session<'a> {
     material: &'a mut dyn PointMaterial,
     observer: &'a mut dyn Observer,
+    keeper: &'a mut dyn Keeper,
 }
 
 /// Why an attempt ended without convergence.
@@ -84,6 +98,8 @@ struct Solver<'a> {
     last_increment: Option<(Vec<f64>, f64)>,
     load: f64,
     step: usize,
+    /// Share of the path that the next step tries.
+    size: f64,
     statistics: Statistics,
 }
 
@@ -115,23 +131,33 @@ impl<'a> Solver<'a> {
             last_increment: None,
             load: 0.0,
             step: 0,
+            size: 1.0 / problem.control.increments as f64,
             statistics,
         })
     }
 
     fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
-        self.equilibrate(session)?;
+        let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
+        if !resume(session.keeper, self, session.material, session.observer).map_err(unfit)? {
+            self.equilibrate(session)?;
+            self.keep(session);
+        }
         let base = 1.0 / self.problem.control.increments as f64;
-        let mut size = base;
         while self.load < 1.0 {
             self.step += 1;
+            let mut size = self.size;
             let iterations = self.advance(&mut size, session)?;
-            if iterations <= self.problem.control.target_iterations {
-                size = (size * self.problem.control.growth).min(base);
-            }
+            let is_easy = iterations <= self.problem.control.target_iterations;
+            self.size = if is_easy { (size * self.problem.control.growth).min(base) } else { size };
+            self.keep(session);
         }
         Ok(())
+    }
+
+    fn keep(&self, session: &mut Session<'_>) {
+        let mark = Mark { step: self.step as u64, load: self.load };
+        keep(session.keeper, mark, self, session.material, session.observer);
     }
 
     /// Step 0. A start in balance is accepted as it is; its null trial is dropped, so committed states stay initial.

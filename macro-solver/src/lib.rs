@@ -1,5 +1,6 @@
 //! The finite-element side: mesh, elements, implicit solver, worker pool, outputs. It never sees a grain.
 
+pub mod checkpoint;
 pub mod elastic;
 pub mod element;
 pub mod implicit;

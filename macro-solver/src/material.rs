@@ -3,6 +3,7 @@
 //! The implicit solver sees Gauss points only through [`PointMaterial`]. The worker pool implements it; so does a
 //! closed-form elastic material that verifies elements without any grains.
 
+use crate::checkpoint::{Archive, CheckpointError};
 use protocol::{Ask, Tensor2, TrialAnswer};
 use thiserror::Error;
 
@@ -69,4 +70,15 @@ pub trait PointMaterial {
 
     /// Forgets all trials.
     fn rollback(&mut self);
+
+    /// Saves the committed states, see [`crate::checkpoint::Checkpointed::save`]. Nothing for a material without states.
+    fn save(&self, _archive: &mut Archive) {}
+
+    /// Takes up the committed states that were saved.
+    ///
+    /// # Errors
+    /// See [`crate::checkpoint::Checkpointed::restore`].
+    fn restore(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
+        Ok(())
+    }
 }

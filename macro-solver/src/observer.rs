@@ -3,9 +3,11 @@
 //! Outputs, progress bars and logs are [`Observer`]s; they need nothing but what is handed to them here. Counts are
 //! deterministic. Times are not, are named `*_nanoseconds`, and must not reach a file that is compared bit by bit.
 
+use crate::checkpoint::{Archive, CheckpointError};
 use crate::mesh::Mesh;
 use crate::problem::{Problem, ProblemError};
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// An observer can no longer do its work, for example because the disk is full; the run ends.
@@ -42,6 +44,17 @@ pub trait Observer {
 
     /// The run is over; nothing follows.
     fn finished(&mut self, _run: &Run) {}
+
+    /// Saves what must not be lost between two processes of a run, see [`crate::checkpoint::Checkpointed::save`].
+    fn save(&self, _archive: &mut Archive) {}
+
+    /// Takes up what was saved, after [`Observer::started`].
+    ///
+    /// # Errors
+    /// See [`crate::checkpoint::Checkpointed::restore`].
+    fn restore(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
+        Ok(())
+    }
 }
 
 /// An observer that does nothing.
@@ -111,7 +124,7 @@ pub struct CutBack {
 }
 
 /// How often each shortcut of [`TrialFlags`] was taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FlagCounts {
     /// The relaxation ended at its step cap.
     pub not_equilibrated: u64,
@@ -197,7 +210,7 @@ pub struct FieldsView<'a> {
 }
 
 /// Counts and times of a run.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Accepted load steps, without the initial equilibrium.
     pub steps: u64,

@@ -112,7 +112,7 @@ pub struct Scalars {
 
 /// Results that are computed only when asked for; NaN never travels, so "not asked" is the zero value and the
 /// macro reads only what it asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Observed {
     /// First Piola stress relative to the committed state, Pa.
@@ -141,7 +141,7 @@ impl Default for Observed {
 }
 
 /// What a trial cost. Counts are deterministic; times are not and never reach a result file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Cost {
     /// Contact-force evaluations, also called DEM steps.
@@ -155,7 +155,7 @@ pub struct Cost {
 }
 
 /// Shortcuts that a trial took or had to take; each is counted and shown, none is silent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrialFlags(pub u32);
 
 impl TrialFlags {

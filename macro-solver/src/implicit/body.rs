@@ -175,6 +175,11 @@ impl Body {
         for (displacement, change) in self.displacements.iter_mut().zip(increment) {
             *displacement += change;
         }
+        self.settle();
+    }
+
+    /// Makes the configuration of the displacements the reference of the next step.
+    pub(super) fn settle(&mut self) {
         self.reference = self.geometry(&self.zero());
     }
 }

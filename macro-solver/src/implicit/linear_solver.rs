@@ -110,6 +110,12 @@ impl LinearSolver {
         self.numeric_count
     }
 
+    /// Counts on from an earlier process; the pattern is analysed again, which changes no bit and is not counted.
+    pub(super) fn count_from(&mut self, symbolic: u64, numeric: u64) {
+        self.symbolic_count = symbolic;
+        self.numeric_count = numeric;
+    }
+
     /// Adds up the blocks and factorizes the sum.
     ///
     /// # Errors
@@ -133,7 +139,7 @@ impl LinearSolver {
             let symbolic = SymbolicLu::try_new(self.pattern.as_ref())
                 .map_err(|error| LinearSolverError::Resources(format!("{error:?}")))?;
             self.symbolic = Some(symbolic);
-            self.symbolic_count += 1;
+            self.symbolic_count = self.symbolic_count.max(1);
         }
         let symbolic = self.symbolic.clone().expect("computed above");
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);

@@ -3,6 +3,10 @@
 //! Every trial starts from the committed state. Within a step the number of ramp increments of a point is fixed, so
 //! that its stress is one function of its target.
 
+mod record;
+
+pub(super) use record::{PointRecord, copy};
+
 use super::Failure;
 use super::moduli::{full, plane, plane_operator, spatial_moduli};
 use super::secant::{Sample, Yardstick, corrected, floored};

@@ -129,6 +129,24 @@ impl FieldSeries {
     /// [`OutputError::Write`].
     pub fn add(&mut self, time: f64, file: String) -> Result<(), OutputError> {
         self.frames.push((time, file));
+        self.write()
+    }
+
+    /// The frames so far.
+    pub fn frames(&self) -> &[(f64, String)] {
+        &self.frames
+    }
+
+    /// Goes on behind the frames of an earlier process; the list is rewritten if there are any.
+    ///
+    /// # Errors
+    /// [`OutputError::Write`].
+    pub fn restore(&mut self, frames: Vec<(f64, String)>) -> Result<(), OutputError> {
+        self.frames = frames;
+        if self.frames.is_empty() { Ok(()) } else { self.write() }
+    }
+
+    fn write(&self) -> Result<(), OutputError> {
         let mut text =
             String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n");
         for (time, file) in &self.frames {

@@ -4,7 +4,9 @@
 //! with a complete row, also when the disk is full.
 
 use super::OutputError;
-use std::fs::File;
+use super::write_atomically;
+use serde::{Deserialize, Serialize};
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +14,7 @@ use std::path::{Path, PathBuf};
 const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
 
 /// One accepted step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HistoryRow {
     /// Number of the step, from 1; 0 is the state before loading.
     pub step: u64,
@@ -45,9 +47,23 @@ impl HistoryWriter {
     pub fn create(path: &Path, probes: &[String]) -> Result<Self, OutputError> {
         let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
         let mut writer = Self { path: path.to_owned(), file, length: 0, probes: probes.len() };
-        let header = FIXED_COLUMNS.iter().copied().chain(probes.iter().map(String::as_str));
-        writer.append_record(header.map(str::to_owned))?;
+        writer.append_line(&header(path, probes)?)?;
         Ok(writer)
+    }
+
+    /// Makes the file hold exactly these rows and goes on behind them. It is written anew rather than cut back: after a
+    /// power cut it may hold less than it did, or something else.
+    ///
+    /// # Errors
+    /// As [`HistoryWriter::append`].
+    pub fn reopen(path: &Path, probes: &[String], rows: &[HistoryRow]) -> Result<Self, OutputError> {
+        let mut text = header(path, probes)?;
+        for row in rows {
+            text.extend(line(path, row, probes.len())?);
+        }
+        write_atomically(path, &text)?;
+        let file = OpenOptions::new().append(true).open(path).map_err(|source| OutputError::write(path, source))?;
+        Ok(Self { path: path.to_owned(), file, length: text.len() as u64, probes: probes.len() })
     }
 
     /// Appends one row and flushes it.
@@ -56,25 +72,11 @@ impl HistoryWriter {
     /// [`OutputError::Encode`] when the number of probes is not that of the header; [`OutputError::Write`] when the
     /// system refuses, in which case the file is cut back to its last complete row.
     pub fn append(&mut self, row: &HistoryRow) -> Result<(), OutputError> {
-        if row.probes.len() != self.probes {
-            let reason = format!("{} probe values for {} probe columns", row.probes.len(), self.probes);
-            return Err(OutputError::encode(&self.path, reason));
-        }
-        let fixed = [
-            row.step.to_string(),
-            number(row.time),
-            number(row.load),
-            row.iterations.to_string(),
-            row.evaluations.to_string(),
-        ];
-        self.append_record(fixed.into_iter().chain(row.probes.iter().copied().map(number)))
+        self.append_line(&line(&self.path, row, self.probes)?)
     }
 
-    fn append_record(&mut self, record: impl Iterator<Item = String>) -> Result<(), OutputError> {
-        let mut encoder = csv::Writer::from_writer(Vec::new());
-        encoder.write_record(record).map_err(|reason| OutputError::encode(&self.path, reason))?;
-        let line = encoder.into_inner().map_err(|reason| OutputError::encode(&self.path, reason))?;
-        if let Err(source) = self.file.write_all(&line).and_then(|()| self.file.flush()) {
+    fn append_line(&mut self, line: &[u8]) -> Result<(), OutputError> {
+        if let Err(source) = self.file.write_all(line).and_then(|()| self.file.flush()) {
             // Cutting back can only fail where the write failed for a graver reason, which is reported.
             let _ = self.file.set_len(self.length);
             return Err(OutputError::write(&self.path, source));
@@ -82,6 +84,32 @@ impl HistoryWriter {
         self.length += line.len() as u64;
         Ok(())
     }
+}
+
+fn header(path: &Path, probes: &[String]) -> Result<Vec<u8>, OutputError> {
+    let names = FIXED_COLUMNS.iter().copied().chain(probes.iter().map(String::as_str));
+    encode(path, names.map(str::to_owned))
+}
+
+fn line(path: &Path, row: &HistoryRow, probes: usize) -> Result<Vec<u8>, OutputError> {
+    if row.probes.len() != probes {
+        let reason = format!("{} probe values for {probes} probe columns", row.probes.len());
+        return Err(OutputError::encode(path, reason));
+    }
+    let fixed = [
+        row.step.to_string(),
+        number(row.time),
+        number(row.load),
+        row.iterations.to_string(),
+        row.evaluations.to_string(),
+    ];
+    encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)))
+}
+
+fn encode(path: &Path, record: impl Iterator<Item = String>) -> Result<Vec<u8>, OutputError> {
+    let mut encoder = csv::Writer::from_writer(Vec::new());
+    encoder.write_record(record).map_err(|reason| OutputError::encode(path, reason))?;
+    encoder.into_inner().map_err(|reason| OutputError::encode(path, reason))
 }
 
 /// Shortest text that reads back to the same bits.
@@ -126,6 +154,29 @@ mod tests {
         let row = HistoryRow { step: 1, time: 0.0, load: 0.0, iterations: 1, evaluations: 1, probes: vec![1.0] };
         assert!(history.append(&row).is_err());
         assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+
+    #[test]
+    fn a_history_goes_on_behind_given_rows_whatever_the_file_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let row = |step: u64| HistoryRow {
+            step,
+            time: 0.1 * step as f64,
+            load: 0.1 * step as f64,
+            iterations: 2,
+            evaluations: 8,
+            probes: vec![-0.0, 1.0 / 3.0][..1 + usize::from(step > 99)].to_vec(),
+        };
+        let names = ["one".to_owned()];
+        let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));
+        let mut history = HistoryWriter::create(&whole, &names).unwrap();
+        (0..4).for_each(|step| history.append(&row(step)).unwrap());
+        std::fs::write(&broken, "step,time\n0,garbage\n1").unwrap();
+        let rows: Vec<HistoryRow> = (0..2).map(row).collect();
+        let mut history = HistoryWriter::reopen(&broken, &names, &rows).unwrap();
+        (2..4).for_each(|step| history.append(&row(step)).unwrap());
+        assert_eq!(std::fs::read(&broken).unwrap(), std::fs::read(&whole).unwrap());
+        assert!(HistoryWriter::reopen(&broken, &names, &[row(100)]).is_err());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::frames::{write_frame, write_point_frame};
 use super::{FieldSeries, HistoryRow, HistoryWriter, OutputError, Probe};
+use crate::checkpoint::{Archive, CheckpointError};
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
 use protocol::Observables;
 use std::fs;
@@ -91,7 +92,29 @@ impl Recorder {
     }
 }
 
+const SECTION: &str = "recorder";
+
+/// Counts changes of what [`Recorder`] saves.
+const VERSION: u32 = 1;
+
+/// Frames of a series: time and file.
+type Frames = Vec<(f64, String)>;
+
 impl Observer for Recorder {
+    fn save(&self, archive: &mut Archive) {
+        archive.put(SECTION, VERSION, &(&self.curve, self.elements.frames(), self.points.frames()));
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let (curve, elements, points): (Vec<HistoryRow>, Frames, Frames) = archive.get(SECTION, VERSION)?;
+        let names: Vec<String> = self.plan.probes.iter().map(|probe| probe.name.clone()).collect();
+        let unfit = |error| CheckpointError::unfit(SECTION, error);
+        self.history = HistoryWriter::reopen(&self.folder.join("history.csv"), &names, &curve).map_err(unfit)?;
+        self.curve = curve;
+        self.elements.restore(elements).map_err(unfit)?;
+        self.points.restore(points).map_err(unfit)
+    }
+
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         self.record(report, fields).map_err(|error| StopRequest { reason: error.to_string() })
     }

@@ -5,6 +5,7 @@
 
 use crate::material::PointTrial;
 use protocol::Cost;
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// Strain per explicit step that a trial without a fixed ramp is assumed to be applied with; only the ratio between
@@ -12,7 +13,7 @@ use std::time::Duration;
 const ASSUMED_STRAIN_PER_STEP: f64 = 1e-6;
 
 /// What the last trial of a point cost, per unit of effort.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Forecast {
     evaluations_per_effort: f64,
 }

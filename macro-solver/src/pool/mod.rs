@@ -11,6 +11,7 @@
 mod batch;
 mod border;
 mod cache;
+mod checkpoint;
 mod desk;
 mod forecast;
 mod interrupt;
@@ -29,6 +30,7 @@ pub use settings::{HangPolicy, PoolSettings};
 pub use statistics::{PoolStatistics, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 
+use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use batch::{Batch, Outcome};
 use desk::{Action, Desk};
@@ -342,6 +344,14 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
 
     fn rollback(&mut self) {
         self.desk.points.rollback();
+    }
+
+    fn save(&self, archive: &mut Archive) {
+        checkpoint::save(&self.desk, archive);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        checkpoint::restore(&mut self.desk, archive)
     }
 }
 

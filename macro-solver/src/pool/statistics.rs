@@ -1,9 +1,9 @@
 //! What a pool did and what it cost; figures for people and summaries, never input to a result.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Work of one worker process.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WorkerStatistics {
     /// Number in the run.
     pub worker: u32,
@@ -17,7 +17,7 @@ pub struct WorkerStatistics {
 
 /// Totals since the pool began. Counts of trouble depend on what happened, times on the machine; the rest is
 /// deterministic as long as nothing fails.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoolStatistics {
     /// Trials asked and answered.
     pub evaluations: u64,

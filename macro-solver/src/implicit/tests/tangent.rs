@@ -2,6 +2,7 @@
 
 use super::super::{Session, Solver};
 use super::*;
+use crate::checkpoint::NoKeeper;
 use crate::observer::{Outcome, Silent};
 use crate::problem::{Platen, PressureKind};
 
@@ -31,7 +32,7 @@ fn stiffness_with_follower_pressure_is_the_derivative_of_the_residual() {
         let mut material =
             elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 2.0e5], [2.0e5, -1.0e6]]);
         let mut solver = Solver::new(&problem).unwrap();
-        let mut session = Session { material: &mut material, observer: &mut Silent };
+        let mut session = Session { material: &mut material, observer: &mut Silent, keeper: &mut NoKeeper };
         let count = 2 * problem.mesh.nodes.len();
         let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
         let mut residual = |increment: &[f64]| {

@@ -1,0 +1,227 @@
+//! Archives on the disk.
+//!
+//! ```text
+//! mark "GSCKPT\r\n" | format u32 | 0 u32 | length of the file u64 | length of the index u64
+//! index (MessagePack: sections, lengths of the snapshots) | snapshots | 128-bit checksum of all before
+//! ```
+//!
+//! Invariants: at every instant, also while being written and after a power cut, the folder holds a whole checkpoint if it
+//! ever held one; a file that is cut short, damaged or foreign is told from a whole one.
+
+use super::CheckpointError;
+use super::archive::{Archive, Section};
+use protocol::StateId;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xxhash_rust::xxh3::Xxh3;
+
+/// Version of the file's layout; sections have versions of their own.
+pub const CHECKPOINT_FORMAT: u32 = 1;
+
+/// The carriage return and line feed show a file that went through a text-mode transfer.
+const MARK: [u8; 8] = *b"GSCKPT\r\n";
+
+const HEADER: usize = 32;
+const CHECKSUM: usize = 16;
+
+/// What is in the file beside the snapshots.
+#[derive(Serialize, Deserialize)]
+struct Index {
+    sections: BTreeMap<String, Section>,
+    lengths: Vec<u64>,
+}
+
+/// What a folder holds.
+#[derive(Debug)]
+pub enum Found {
+    /// No checkpoint was ever completed there.
+    Nothing,
+    /// The newest whole one; with the reason if it is not the last that was begun.
+    Archive(Box<Archive>, Option<CheckpointError>),
+}
+
+/// The checkpoint of a run, and the one before it.
+#[derive(Clone, Debug)]
+pub struct CheckpointFile {
+    current: PathBuf,
+    previous: PathBuf,
+    draft: PathBuf,
+}
+
+impl CheckpointFile {
+    /// Names of the files in a run's folder.
+    pub const NAMES: [&str; 3] = ["checkpoint.bin", "checkpoint.previous.bin", ".checkpoint.partial"];
+
+    /// The checkpoint of the run that writes into `folder`.
+    pub fn in_folder(folder: &Path) -> Self {
+        let [current, previous, draft] = Self::NAMES.map(|name| folder.join(name));
+        Self { current, previous, draft }
+    }
+
+    /// Writes an archive and makes the last one the previous one. Returns the size, bytes.
+    ///
+    /// # Errors
+    /// The system's refusal, such as a full disk; what was there before is still there.
+    pub fn write(&self, archive: &Archive) -> Result<u64, CheckpointError> {
+        let written = self.write_draft(archive);
+        let placed = written.and_then(|length| self.place().map(|()| length));
+        placed.map_err(|source| {
+            // The first error is the one worth telling.
+            let _ = fs::remove_file(&self.draft);
+            CheckpointError::System { action: "write", path: self.current.clone(), source }
+        })
+    }
+
+    fn write_draft(&self, archive: &Archive) -> io::Result<u64> {
+        let file = File::create(&self.draft)?;
+        let mut out = Hashed { out: BufWriter::with_capacity(1 << 18, file), hash: Xxh3::new() };
+        let length = encode(archive, &mut out)?;
+        let checksum = out.hash.digest128().to_le_bytes();
+        out.out.write_all(&checksum)?;
+        out.out.into_inner().map_err(|error| error.into_error())?.sync_all()?;
+        Ok(length)
+    }
+
+    /// Two renames. Between them only the previous file is there, and the reader takes that.
+    fn place(&self) -> io::Result<()> {
+        match fs::rename(&self.current, &self.previous) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        fs::rename(&self.draft, &self.current)?;
+        // The names must be on the disk too. A file system that cannot sync folders has no better to offer.
+        if let Some(folder) = self.current.parent() {
+            let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        }
+        Ok(())
+    }
+
+    /// Reads the newest whole checkpoint.
+    ///
+    /// # Errors
+    /// There are files, but none of them is whole; or the newest has another format, which is not to be skipped silently.
+    pub fn read(&self) -> Result<Found, CheckpointError> {
+        let first = match read(&self.current) {
+            Ok(archive) => return Ok(Found::Archive(Box::new(archive), None)),
+            Err(error @ CheckpointError::Format { .. }) => return Err(error),
+            Err(error) => error,
+        };
+        match read(&self.previous) {
+            Ok(archive) => Ok(Found::Archive(Box::new(archive), (!is_absent(&first)).then_some(first))),
+            Err(second) if is_absent(&second) && is_absent(&first) => Ok(Found::Nothing),
+            Err(second) if is_absent(&first) => Err(second),
+            Err(_) => Err(first),
+        }
+    }
+
+    /// Removes everything that belongs to the checkpoint.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub fn remove(&self) -> Result<(), CheckpointError> {
+        for path in [&self.draft, &self.previous, &self.current] {
+            match fs::remove_file(path) {
+                Err(source) if source.kind() != ErrorKind::NotFound => {
+                    return Err(CheckpointError::System { action: "remove", path: path.clone(), source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn is_absent(error: &CheckpointError) -> bool {
+    matches!(error, CheckpointError::System { source, .. } if source.kind() == ErrorKind::NotFound)
+}
+
+/// Writes and hashes at the same time.
+struct Hashed<W: Write> {
+    out: W,
+    hash: Xxh3,
+}
+
+impl<W: Write> Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.hash.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Writes everything but the checksum; returns the length of the whole file.
+fn encode(archive: &Archive, out: &mut impl Write) -> io::Result<u64> {
+    let lengths: Vec<u64> = archive.snapshots.values().map(|bytes| bytes.len() as u64).collect();
+    let snapshots: u64 = lengths.iter().sum();
+    let index = Index { sections: archive.sections.clone(), lengths };
+    let index = rmp_serde::to_vec(&index).map_err(io::Error::other)?;
+    let length = HEADER as u64 + index.len() as u64 + snapshots + CHECKSUM as u64;
+    out.write_all(&MARK)?;
+    out.write_all(&CHECKPOINT_FORMAT.to_le_bytes())?;
+    out.write_all(&0u32.to_le_bytes())?;
+    out.write_all(&length.to_le_bytes())?;
+    out.write_all(&(index.len() as u64).to_le_bytes())?;
+    out.write_all(&index)?;
+    archive.snapshots.values().try_for_each(|bytes| out.write_all(bytes))?;
+    Ok(length)
+}
+
+/// Reads one archive from a file of its own.
+pub(super) fn read(path: &Path) -> Result<Archive, CheckpointError> {
+    let bytes =
+        fs::read(path).map_err(|source| CheckpointError::System { action: "read", path: path.to_owned(), source })?;
+    decode(path, &bytes)
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<Archive, CheckpointError> {
+    let damaged = |reason: &str| CheckpointError::Damaged {
+        path: path.to_owned(),
+        kind: "checkpoint",
+        reason: reason.to_owned(),
+    };
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
+    if bytes.len() < HEADER + CHECKSUM {
+        return Err(damaged("it is shorter than its header"));
+    }
+    if bytes[..8] != MARK {
+        return Err(damaged("it does not begin with the mark of a checkpoint"));
+    }
+    let format = u32::from_le_bytes(bytes[8..12].try_into().expect("four bytes"));
+    if format != CHECKPOINT_FORMAT {
+        return Err(CheckpointError::Format { path: path.to_owned(), found: format, expected: CHECKPOINT_FORMAT });
+    }
+    if word(16) != bytes.len() as u64 {
+        return Err(damaged(&format!("it has {} bytes of {}", bytes.len(), word(16))));
+    }
+    let (content, checksum) = bytes.split_at(bytes.len() - CHECKSUM);
+    let mut hash = Xxh3::new();
+    hash.update(content);
+    if hash.digest128().to_le_bytes() != checksum {
+        return Err(damaged("its checksum does not match its content"));
+    }
+    let body = &content[HEADER..];
+    let (index, mut rest) = usize::try_from(word(24))
+        .ok()
+        .and_then(|length| body.split_at_checked(length))
+        .ok_or_else(|| damaged("its index is longer than the file"))?;
+    let index: Index = rmp_serde::from_slice(index).map_err(|error| damaged(&error.to_string()))?;
+    let mut archive = Archive { sections: index.sections, snapshots: BTreeMap::new() };
+    for length in index.lengths {
+        let (snapshot, tail) = usize::try_from(length)
+            .ok()
+            .and_then(|length| rest.split_at_checked(length))
+            .ok_or_else(|| damaged("its snapshots are longer than the file"))?;
+        let snapshot: Arc<[u8]> = snapshot.into();
+        archive.snapshots.insert(StateId::of(&snapshot), snapshot);
+        rest = tail;
+    }
+    Ok(archive)
+}

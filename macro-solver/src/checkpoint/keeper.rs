@@ -1,0 +1,150 @@
+//! When checkpoints are written, and what they cost.
+
+use super::archive::Archive;
+use super::file::CheckpointFile;
+use super::{Keeper, Mark};
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+/// A checkpoint that is due by time waits until this many times its own cost has passed, so that at most about 5 % of a
+/// run goes into writing.
+const LEAST_PAUSE: u32 = 20;
+
+/// When checkpoints are written, beside the one at the end of a run that did not reach its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckpointPolicy {
+    /// Whether any are written.
+    pub enabled: bool,
+    /// After this many steps; `None`: steps do not matter.
+    pub steps: Option<u64>,
+    /// After the first step that ends this long after the last checkpoint.
+    pub pause: Duration,
+}
+
+impl Default for CheckpointPolicy {
+    fn default() -> Self {
+        Self { enabled: true, steps: None, pause: Duration::from_secs(30) }
+    }
+}
+
+/// What checkpoints cost. Sizes and counts of writes depend on the machine's speed; none of them reaches a result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CheckpointFigures {
+    /// Checkpoints written.
+    pub written: u64,
+    /// Checkpoints that could not be written.
+    pub failed: u64,
+    /// Why the last of these could not.
+    pub last_failure: Option<String>,
+    /// Size of the last one, bytes.
+    pub bytes: u64,
+    /// Time spent collecting and writing, s.
+    pub seconds: f64,
+    /// Processes that have continued this run.
+    pub resumed: u64,
+}
+
+/// Collects the state after every step and writes it when it is due.
+pub struct PeriodicKeeper<'a> {
+    file: CheckpointFile,
+    policy: CheckpointPolicy,
+    earlier: Option<Archive>,
+    /// Puts what the run as a whole needs into every archive, with the figures so far.
+    about: Box<dyn Fn(&mut Archive, Mark, &CheckpointFigures) + 'a>,
+    /// State after the last accepted step, if it is not on the disk.
+    pending: Option<Archive>,
+    steps: u64,
+    last: Instant,
+    last_cost: Duration,
+    figures: CheckpointFigures,
+}
+
+impl<'a> PeriodicKeeper<'a> {
+    /// A keeper that continues from `earlier`. `figures` are those of the processes before.
+    pub fn new(
+        file: CheckpointFile,
+        policy: CheckpointPolicy,
+        earlier: Option<Archive>,
+        figures: CheckpointFigures,
+        about: impl Fn(&mut Archive, Mark, &CheckpointFigures) + 'a,
+    ) -> Self {
+        Self {
+            file,
+            policy,
+            earlier,
+            about: Box::new(about),
+            pending: None,
+            steps: 0,
+            last: Instant::now(),
+            last_cost: Duration::ZERO,
+            figures,
+        }
+    }
+
+    /// Writes the state after the last accepted step unless it is on the disk: for the end of a run that is not complete.
+    pub fn flush(&mut self) {
+        if let Some(archive) = self.pending.take() {
+            let begun = Instant::now();
+            self.write(&archive);
+            self.book(begun);
+        }
+    }
+
+    /// What it cost.
+    pub fn figures(&self) -> &CheckpointFigures {
+        &self.figures
+    }
+
+    fn is_due(&self) -> bool {
+        let by_steps = self.policy.steps.is_some_and(|steps| self.steps >= steps);
+        by_steps || self.last.elapsed() >= self.policy.pause.max(self.last_cost * LEAST_PAUSE)
+    }
+
+    /// A checkpoint that cannot be written is no reason to end a run: the one before it is still there.
+    fn write(&mut self, archive: &Archive) {
+        match self.file.write(archive) {
+            Ok(bytes) => {
+                self.figures.written += 1;
+                self.figures.bytes = bytes;
+            }
+            Err(error) => {
+                self.figures.failed += 1;
+                self.figures.last_failure = Some(error.to_string());
+                tracing::warn!(%error, "the checkpoint could not be written; the run goes on");
+            }
+        }
+    }
+
+    fn book(&mut self, begun: Instant) {
+        self.last_cost = begun.elapsed();
+        self.figures.seconds += self.last_cost.as_secs_f64();
+    }
+}
+
+impl Keeper for PeriodicKeeper<'_> {
+    fn earlier(&mut self) -> Option<Archive> {
+        self.earlier.take()
+    }
+
+    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+        if !self.policy.enabled {
+            return;
+        }
+        let begun = Instant::now();
+        self.steps += 1;
+        let due = self.is_due();
+        let mut archive = Archive::new();
+        fill(&mut archive);
+        (self.about)(&mut archive, mark, &self.figures);
+        if !due {
+            self.figures.seconds += begun.elapsed().as_secs_f64();
+            self.pending = Some(archive);
+            return;
+        }
+        self.pending = None;
+        self.steps = 0;
+        self.write(&archive);
+        self.book(begun);
+        self.last = Instant::now();
+    }
+}

@@ -1,0 +1,174 @@
+//! What a run needs to go on after its process has ended: collected after every accepted step, written now and then.
+//!
+//! **A resumed run writes the same bytes as an undisturbed one.** So everything that can influence a later bit is in an
+//! [`Archive`]; what can be computed from the scene is not. Three kinds of parts save themselves into it: the driver
+//! of the run (displacements, load, step size, per-point memory), the material (committed states) and the observers
+//! (rows written, sums). Each owns one named, versioned section, and restores from it or refuses with a reason.
+//!
+//! A driver takes part with three lines: it asks its [`Keeper`] for an earlier archive before its first step and restores
+//! from it, and it calls [`keep`] after every accepted step, when everything about the step has been committed and told.
+//! [`CheckpointFile`] makes files of archives, [`PeriodicKeeper`] decides when.
+
+mod archive;
+mod file;
+mod keeper;
+mod reproducer;
+#[cfg(test)]
+mod tests;
+
+pub use archive::Archive;
+pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
+pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
+pub use reproducer::Reproducer;
+
+use crate::material::PointMaterial;
+use crate::observer::Observer;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a checkpoint cannot be used or made.
+#[derive(Debug, Error)]
+pub enum CheckpointError {
+    /// The system refused.
+    #[error("could not {action} {}: {source}", path.display())]
+    System {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is not whole or not of this kind.
+    #[error("{} is not a sound {kind}: {reason}", path.display())]
+    Damaged {
+        /// File.
+        path: PathBuf,
+        /// What it should be.
+        kind: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The file was written in another format.
+    #[error(
+        "{} has format version {found}, but this program reads version {expected}; continue with the program that wrote \
+         it, or start again without --resume",
+        path.display()
+    )]
+    Format {
+        /// File.
+        path: PathBuf,
+        /// Version found.
+        found: u32,
+        /// Version read by this program.
+        expected: u32,
+    },
+    /// A part of the run finds nothing of its own.
+    #[error("the checkpoint holds nothing for `{section}`: it was written by another kind of run")]
+    Missing {
+        /// Name of the part.
+        section: String,
+    },
+    /// A part of the run was written by another version of itself.
+    #[error(
+        "`{section}` has version {found} in the checkpoint, but this program reads version {expected}; continue with the \
+         program that wrote it, or start again without --resume"
+    )]
+    Section {
+        /// Name of the part.
+        section: String,
+        /// Version found.
+        found: u32,
+        /// Version read by this program.
+        expected: u32,
+    },
+    /// What was written for a part does not fit this run.
+    #[error("`{section}` in the checkpoint does not fit this run: {reason}")]
+    Unfit {
+        /// Name of the part.
+        section: String,
+        /// What does not fit.
+        reason: String,
+    },
+}
+
+impl CheckpointError {
+    /// A section whose content does not fit the run.
+    pub fn unfit(section: &str, reason: impl ToString) -> Self {
+        Self::Unfit { section: section.to_owned(), reason: reason.to_string() }
+    }
+}
+
+/// A part of a run whose state outlives the process.
+pub trait Checkpointed {
+    /// Puts everything that can influence a later bit, and every count, into sections of its own.
+    fn save(&self, archive: &mut Archive);
+
+    /// Takes the place of the part that was saved.
+    ///
+    /// # Errors
+    /// The section is missing, of another version, or does not fit; the run must not start then.
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError>;
+}
+
+/// Where a run stands when it is saved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark {
+    /// Accepted steps.
+    pub step: u64,
+    /// Share of the path, 0 to 1.
+    pub load: f64,
+}
+
+/// Keeps what a run saves, and hands back what an earlier process of the run has saved.
+pub trait Keeper {
+    /// The state to continue from; asked once, before the first step. `None`: from the start.
+    fn earlier(&mut self) -> Option<Archive>;
+
+    /// A step is complete. `fill` collects the state of the run; nothing that goes wrong here ends a run.
+    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive));
+}
+
+/// Keeps nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoKeeper;
+
+impl Keeper for NoKeeper {
+    fn earlier(&mut self) -> Option<Archive> {
+        None
+    }
+
+    fn keep(&mut self, _mark: Mark, _fill: &mut dyn FnMut(&mut Archive)) {}
+}
+
+/// Saves the three parts of a run after an accepted step.
+pub fn keep(
+    keeper: &mut dyn Keeper,
+    mark: Mark,
+    driver: &dyn Checkpointed,
+    material: &dyn PointMaterial,
+    observer: &dyn Observer,
+) {
+    keeper.keep(mark, &mut |archive| {
+        driver.save(archive);
+        material.save(archive);
+        observer.save(archive);
+    });
+}
+
+/// Restores the three parts of a run; `false` without an earlier archive.
+///
+/// # Errors
+/// The first part that does not fit.
+pub fn resume(
+    keeper: &mut dyn Keeper,
+    driver: &mut dyn Checkpointed,
+    material: &mut dyn PointMaterial,
+    observer: &mut dyn Observer,
+) -> Result<bool, CheckpointError> {
+    let Some(archive) = keeper.earlier() else { return Ok(false) };
+    driver.restore(&archive)?;
+    material.restore(&archive)?;
+    observer.restore(&archive)?;
+    Ok(true)
+}

@@ -1,0 +1,241 @@
+//! Files that are damaged in every way, and runs that go on from them to the same bits.
+
+use super::*;
+use crate::elastic::{ElasticLaw, ElasticMaterial};
+use crate::implicit::{solve, solve_kept};
+use crate::mesh::ElementKind;
+use crate::mesh::block::Block;
+use crate::observer::{FieldsView, Outcome, Silent, StepReport, StopRequest};
+use crate::problem::{Axis, Condition, Platen, PressureKind, Problem};
+use protocol::StateId;
+use std::fs;
+use std::sync::Arc;
+use std::time::Duration;
+
+fn archive(text: &str) -> Archive {
+    let mut archive = Archive::new();
+    archive.put("part", 3, &(text.to_owned(), -0.0f64, f64::NAN));
+    for length in [1usize, 5000, 20] {
+        let bytes: Arc<[u8]> = text.bytes().cycle().take(length).collect();
+        archive.keep_snapshot(StateId::of(&bytes), &bytes);
+    }
+    archive
+}
+
+fn text_of(archive: &Archive) -> String {
+    let (text, zero, nan): (String, f64, f64) = archive.get("part", 3).unwrap();
+    assert!(zero.to_bits() == (-0.0f64).to_bits() && nan.is_nan());
+    text
+}
+
+#[test]
+fn the_newest_whole_checkpoint_is_found_whatever_was_cut_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    assert!(matches!(file.read().unwrap(), Found::Nothing));
+    for text in ["first", "second", "third"] {
+        file.write(&archive(text)).unwrap();
+    }
+    let current = folder.path().join("checkpoint.bin");
+    let whole = fs::read(&current).unwrap();
+    let Found::Archive(found, None) = file.read().unwrap() else { panic!("the newest is whole") };
+    assert_eq!(text_of(&found), "third");
+    assert_eq!(*found, archive("third"), "snapshots included");
+    for length in (0..whole.len()).step_by(97).chain([whole.len() - 1]) {
+        fs::write(&current, &whole[..length]).unwrap();
+        let Found::Archive(found, Some(_)) = file.read().unwrap() else { panic!("{length} bytes are not whole") };
+        assert_eq!(text_of(&found), "second");
+    }
+    for place in (0..whole.len()).filter(|place| !(8..12).contains(place)).step_by(61) {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 4;
+        fs::write(&current, &damaged).unwrap();
+        assert!(matches!(file.read().unwrap(), Found::Archive(_, Some(_))), "byte {place}");
+    }
+    fs::remove_file(&current).unwrap();
+    assert!(matches!(file.read().unwrap(), Found::Archive(_, None)), "between the two renames");
+    fs::write(folder.path().join("checkpoint.previous.bin"), b"GSCKPT").unwrap();
+    assert!(file.read().unwrap_err().to_string().contains("shorter than its header"));
+    file.remove().unwrap();
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn another_format_or_section_version_is_refused_with_both_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    file.write(&archive("old")).unwrap();
+    file.write(&archive("new")).unwrap();
+    let current = folder.path().join("checkpoint.bin");
+    let mut bytes = fs::read(&current).unwrap();
+    bytes[8] = 77;
+    fs::write(&current, bytes).unwrap();
+    let text = file.read().unwrap_err().to_string();
+    assert!(
+        text.contains("77") && text.contains(&CHECKPOINT_FORMAT.to_string()) && text.contains("--resume"),
+        "{text}"
+    );
+    let text = archive("x").get::<String>("part", 4).unwrap_err().to_string();
+    assert!(text.contains("version 3") && text.contains("version 4"), "{text}");
+    assert!(matches!(archive("x").get::<String>("other", 1), Err(CheckpointError::Missing { .. })));
+    assert!(matches!(archive("x").get::<u64>("part", 3), Err(CheckpointError::Unfit { .. })));
+}
+
+#[test]
+fn a_checkpoint_that_finds_no_room_leaves_the_last_one_and_the_run_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    file.write(&archive("good")).unwrap();
+    // A folder in the way of the draft makes the write fail at its first step.
+    fs::create_dir(folder.path().join(".checkpoint.partial")).unwrap();
+    let policy = CheckpointPolicy { steps: Some(1), ..CheckpointPolicy::default() };
+    let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+    keeper.keep(Mark { step: 1, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
+    assert_eq!((keeper.figures().written, keeper.figures().failed), (0, 1));
+    assert!(keeper.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
+    let Found::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
+    assert_eq!(text_of(&found), "good");
+}
+
+#[test]
+fn checkpoints_come_after_steps_or_time_and_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    let written = |policy: CheckpointPolicy| {
+        let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+        let counts: Vec<u64> = (0..5)
+            .map(|step| {
+                keeper.keep(Mark { step, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
+                keeper.figures().written
+            })
+            .collect();
+        keeper.flush();
+        (counts, keeper.figures().written)
+    };
+    let policy = CheckpointPolicy::default();
+    assert_eq!(written(CheckpointPolicy { steps: Some(2), ..policy }), (vec![0, 1, 1, 2, 2], 3));
+    assert_eq!(written(policy), (vec![0; 5], 1));
+    assert_eq!(written(CheckpointPolicy { enabled: false, ..policy }), (vec![0; 5], 0));
+    let eager = CheckpointPolicy { pause: Duration::ZERO, ..policy };
+    assert_eq!(written(eager).0[0], 1);
+}
+
+#[test]
+fn a_reproducer_reads_back_and_damage_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("point.replay");
+    let written = Reproducer {
+        program: "grainspan".into(),
+        point: 7,
+        ends: vec!["signal: 11".into()],
+        definition: protocol::Definition { bytes: vec![1, 2, 3] },
+        state: vec![9; 100],
+        target: protocol::Tensor2::from_plane([[1e-3, -0.0], [0.0, 2e-3]]),
+        tangent: protocol::TangentKind::TrussLike,
+        ramp_steps: 12,
+        observables: protocol::Observables::ALL,
+    };
+    written.write(&path).unwrap();
+    assert_eq!(Reproducer::read(&path).unwrap(), written);
+    let mut bytes = fs::read(&path).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(&path, &bytes).unwrap();
+    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Damaged { .. })));
+    bytes[8] = 9;
+    fs::write(&path, &bytes).unwrap();
+    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Format { found: 9, .. })));
+}
+
+/// Rough enough to need several iterations and a cut-back: a pressed block under a follower load.
+fn problem() -> Problem {
+    let mesh = Block { width: 1.0, height: 2.0, columns: 2, rows: 3, kind: ElementKind::Q8 }.mesh().unwrap();
+    let mut problem = Problem::new(
+        mesh,
+        vec![
+            Condition::fixed("bottom_left", Axis::X),
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, displacement: 0.0 },
+            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, displacement: -0.2 },
+            Condition::Pressure { edges: "left".into(), value: 1.0e5, kind: PressureKind::Dead },
+            Condition::Pressure { edges: "right".into(), value: 1.0e5, kind: PressureKind::Follower },
+        ],
+    );
+    problem.control.increments = 6;
+    problem.control.max_iterations = 8;
+    problem
+}
+
+fn law(problem: &Problem) -> ElasticMaterial {
+    let law = ElasticMaterial::new(ElasticLaw::SaintVenant, 2.0e7, 1.0e7, problem.point_count());
+    law.with_initial_stress([[-0.9e5, 0.0], [0.0, 0.0]])
+}
+
+/// Keeps every archive.
+#[derive(Default)]
+struct Shelf {
+    earlier: Option<Archive>,
+    kept: Vec<Archive>,
+}
+
+impl Keeper for Shelf {
+    fn earlier(&mut self) -> Option<Archive> {
+        self.earlier.take()
+    }
+
+    fn keep(&mut self, _mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+        let mut archive = Archive::new();
+        fill(&mut archive);
+        self.kept.push(archive);
+    }
+}
+
+/// Writes down every bit that it is shown, and saves nothing.
+#[derive(Default)]
+struct Witness(Vec<String>);
+
+impl Observer for Witness {
+    fn accepted(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let mut statistics = view.statistics.clone();
+        (statistics.material_nanoseconds, statistics.assembly_nanoseconds) = (0, 0);
+        statistics.linear_solver_nanoseconds = 0;
+        self.0.push(format!(
+            "{report:?} {:?} {:?} {:?} {:?} {statistics:?}",
+            view.displacements, view.reactions, view.loads, view.points
+        ));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_run_continued_after_any_step_shows_the_same_bits() {
+    let problem = problem();
+    let material = || law(&problem).with_largest_target(0.0165);
+    let (mut whole, mut shelf) = (Witness::default(), Shelf::default());
+    let run = solve_kept(&problem, &mut material(), &mut whole, &mut shelf);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert!(run.statistics.cut_backs > 0 && whole.0.len() > 7, "{} steps", whole.0.len());
+    assert_eq!(shelf.kept.len(), whole.0.len());
+    for (step, archive) in shelf.kept.iter().enumerate() {
+        let (mut rest, mut keeper) = (Witness::default(), Shelf { earlier: Some(archive.clone()), kept: Vec::new() });
+        solve_kept(&problem, &mut material(), &mut rest, &mut keeper);
+        assert_eq!(rest.0, whole.0[step + 1..], "continued after step {step}");
+    }
+}
+
+#[test]
+fn an_archive_of_another_mesh_is_refused_before_anything_is_solved() {
+    let mut shelf = Shelf::default();
+    let small = problem();
+    solve_kept(&small, &mut law(&small), &mut Silent, &mut shelf);
+    let mut other = problem();
+    other.mesh = Block { width: 1.0, height: 2.0, columns: 2, rows: 4, kind: ElementKind::Q8 }.mesh().unwrap();
+    let mut keeper = Shelf { earlier: shelf.kept.pop(), kept: Vec::new() };
+    let run = solve_kept(&other, &mut law(&other), &mut Silent, &mut keeper);
+    let Outcome::Stopped(request) = run.outcome else { panic!("{:?}", run.outcome) };
+    assert!(request.reason.contains("does not fit"), "{}", request.reason);
+    assert_eq!(run.statistics.evaluations, 0);
+    let mut keeper = Shelf { earlier: Some(Archive::new()), kept: Vec::new() };
+    let run = solve_kept(&small, &mut law(&small), &mut Silent, &mut keeper);
+    assert!(matches!(run.outcome, Outcome::Stopped(_)));
+    assert!(matches!(solve(&small, &mut law(&small), &mut Silent).outcome, Outcome::Completed));
+}

@@ -1,0 +1,61 @@
+//! What the solver saves between two steps. The geometry, the balance of forces and the factors of the global matrix
+//! follow from it; they are computed again from the same numbers in the same order.
+
+use super::Solver;
+use super::points::{PointRecord, copy};
+use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
+use crate::observer::Statistics;
+use serde::{Deserialize, Serialize};
+
+const SECTION: &str = "implicit";
+
+/// Counts changes of [`Record`].
+const VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    displacements: Vec<f64>,
+    points: Vec<PointRecord>,
+    last_increment: Option<(Vec<f64>, f64)>,
+    load: f64,
+    step: u64,
+    size: f64,
+    statistics: Statistics,
+}
+
+impl Checkpointed for Solver<'_> {
+    fn save(&self, archive: &mut Archive) {
+        let record = Record {
+            displacements: self.body.displacements.clone(),
+            points: self.points.records(),
+            last_increment: self.last_increment.clone(),
+            load: self.load,
+            step: self.step as u64,
+            size: self.size,
+            statistics: self.statistics.clone(),
+        };
+        archive.put(SECTION, VERSION, &record);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let record: Record = archive.get(SECTION, VERSION)?;
+        copy(SECTION, &mut self.body.displacements, &record.displacements)?;
+        if let Some((increment, _)) = &record.last_increment
+            && increment.len() != self.body.displacements.len()
+        {
+            return Err(CheckpointError::unfit(SECTION, "the last increment is that of another mesh"));
+        }
+        self.points.restore(SECTION, record.points)?;
+        self.last_increment = record.last_increment;
+        (self.load, self.size) = (record.load, record.size);
+        self.step = usize::try_from(record.step).map_err(|error| CheckpointError::unfit(SECTION, error))?;
+        self.statistics = record.statistics;
+        self.linear.count_from(self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
+        self.tangent_asked = self.problem.strategy.tangent;
+        let still = self.body.zero();
+        self.body.settle();
+        self.balance = self.body.balance(&still, self.points.all(), &self.loads, self.load);
+        self.committed_balance.clone_from(&self.balance);
+        Ok(())
+    }
+}

@@ -1,0 +1,107 @@
+//! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
+//! held and no sample is kept, and the counters of a step begin anew with it.
+
+use super::{Point, Points, Yardstick};
+use crate::checkpoint::CheckpointError;
+use protocol::{Cost, Observed, Scalars, Tensor2, TrialAnswer, TrialFlags};
+use serde::{Deserialize, Serialize};
+
+/// One Gauss point after an accepted step.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(in crate::implicit) struct PointRecord {
+    deformation: Vec<f64>,
+    stress: Vec<f64>,
+    moduli: Vec<f64>,
+    tangent: Vec<f64>,
+    yardstick: Option<[f64; 2]>,
+    ramp_steps: u32,
+    evaluations: u64,
+    cost: Cost,
+    answer: Option<AnswerRecord>,
+}
+
+/// An accepted answer without its tangent, which the point holds itself.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct AnswerRecord {
+    stress: Tensor2,
+    scalars: Scalars,
+    observed: Observed,
+    cost: Cost,
+    flags: TrialFlags,
+}
+
+impl Points {
+    /// Every point, by number.
+    pub(in crate::implicit) fn records(&self) -> Vec<PointRecord> {
+        self.points.iter().map(Point::record).collect()
+    }
+
+    /// Takes up every point.
+    pub(in crate::implicit) fn restore(
+        &mut self,
+        section: &str,
+        records: Vec<PointRecord>,
+    ) -> Result<(), CheckpointError> {
+        if records.len() != self.points.len() {
+            let reason = format!("{} Gauss points instead of {}", records.len(), self.points.len());
+            return Err(CheckpointError::unfit(section, reason));
+        }
+        for (point, record) in self.points.iter_mut().zip(records) {
+            *point = Point::new();
+            point.restore(section, record)?;
+        }
+        Ok(())
+    }
+}
+
+impl Point {
+    fn record(&self) -> PointRecord {
+        PointRecord {
+            deformation: self.deformation.as_slice().to_vec(),
+            stress: self.stress.as_slice().to_vec(),
+            moduli: self.moduli.as_slice().to_vec(),
+            tangent: self.tangent.as_slice().to_vec(),
+            yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical]),
+            ramp_steps: self.ramp_steps,
+            evaluations: self.evaluations,
+            cost: self.cost,
+            answer: self.answer.as_ref().map(|answer| AnswerRecord {
+                stress: answer.stress,
+                scalars: answer.scalars,
+                observed: answer.observed,
+                cost: answer.cost,
+                flags: answer.flags,
+            }),
+        }
+    }
+
+    fn restore(&mut self, section: &str, record: PointRecord) -> Result<(), CheckpointError> {
+        copy(section, self.deformation.as_mut_slice(), &record.deformation)?;
+        copy(section, self.stress.as_mut_slice(), &record.stress)?;
+        copy(section, self.moduli.as_mut_slice(), &record.moduli)?;
+        copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
+        self.yardstick = record.yardstick.map(|[norm, vertical]| Yardstick { norm, vertical });
+        self.ramp_steps = record.ramp_steps;
+        self.evaluations = record.evaluations;
+        self.cost = record.cost;
+        self.answer = record.answer.map(|answer| TrialAnswer {
+            stress: answer.stress,
+            tangent: None,
+            scalars: answer.scalars,
+            observed: answer.observed,
+            cost: answer.cost,
+            flags: answer.flags,
+        });
+        Ok(())
+    }
+}
+
+/// Copies numbers that must be as many as expected.
+pub(in crate::implicit) fn copy(section: &str, into: &mut [f64], from: &[f64]) -> Result<(), CheckpointError> {
+    if into.len() != from.len() {
+        let reason = format!("{} numbers instead of {}", from.len(), into.len());
+        return Err(CheckpointError::unfit(section, reason));
+    }
+    into.copy_from_slice(from);
+    Ok(())
+}
