@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, InProcessWorkerPort, channel};
-use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort};
+use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort, Waiting};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, WorkerEvent, WorkerId, WorkerPort};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{Capabilities, PROTOCOL_VERSION};
@@ -41,16 +41,35 @@ impl Channel for Threads {
     }
 }
 
-struct SharedMemory;
+/// How the ends wait.
+trait How {
+    const WAITING: Waiting;
+}
 
-impl Channel for SharedMemory {
+struct Blocking;
+struct Glancing;
+struct Spinning;
+
+impl How for Blocking {
+    const WAITING: Waiting = Waiting::Block;
+}
+impl How for Glancing {
+    const WAITING: Waiting = Waiting::Hybrid;
+}
+impl How for Spinning {
+    const WAITING: Waiting = Waiting::Spin;
+}
+
+struct SharedMemory<H>(std::marker::PhantomData<H>);
+
+impl<H: How> Channel for SharedMemory<H> {
     type Macro = SharedMemoryMacroPort;
     type Worker = SharedMemoryWorkerPort;
     type Door = String;
     fn open() -> (Self::Macro, Self::Door) {
         static OPENED: AtomicU32 = AtomicU32::new(0);
         let name = format!("c{}-{}", std::process::id(), OPENED.fetch_add(1, Ordering::Relaxed));
-        let limits = ChannelLimits { message_bytes: 8 << 20, workers: 8 };
+        let limits = ChannelLimits { message_bytes: 8 << 20, workers: 8, waiting: H::WAITING };
         (SharedMemoryMacroPort::create(&name, limits).unwrap(), name)
     }
     fn join(door: &Self::Door) -> Self::Worker {
@@ -65,7 +84,9 @@ impl Channel for SharedMemory {
 macro_rules! claims {
     ($($claim:ident),* $(,)?) => {
         mod threads { $(#[test] fn $claim() { super::$claim::<super::Threads>(); })* }
-        mod shared_memory { $(#[test] fn $claim() { super::$claim::<super::SharedMemory>(); })* }
+        mod shared_memory { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Blocking>>(); })* }
+        mod hybrid { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Glancing>>(); })* }
+        mod spinning { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Spinning>>(); })* }
     };
 }
 
@@ -421,9 +442,9 @@ fn left_of(name: &str, prefix: &str) -> Vec<String> {
 
 #[test]
 fn shared_memory_leaves_nothing_behind() {
-    let (mut port, name) = SharedMemory::open();
+    let (mut port, name) = SharedMemory::<Blocking>::open();
     let prefix = port.record().prefix.clone();
-    let workers = [echo::<SharedMemory>(&name), echo::<SharedMemory>(&name)];
+    let workers = [echo::<SharedMemory<Blocking>>(&name), echo::<SharedMemory<Blocking>>(&name)];
     Heard::default().until(&mut port, |heard| heard.controls.len() == 2);
     assert!(left_of(&name, &prefix).len() > 2, "the test looks in the wrong place");
     port.send_control(WorkerId(0), &ToWorker::Bye).unwrap();

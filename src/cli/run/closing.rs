@@ -4,6 +4,7 @@ use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::output::{RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
+use protocol::transport::shared_memory::ICEORYX2_VERSION;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -56,6 +57,8 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         versions: BTreeMap::from([
             ("grainspan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
+            ("iceoryx2".to_owned(), ICEORYX2_VERSION.to_owned()),
+            ("compiler".to_owned(), env!("GRAINSPAN_COMPILER").to_owned()),
             ("definition".to_owned(), about.definition),
         ]),
     }

@@ -28,8 +28,8 @@ pub(super) fn run(scene: &Scene, folder: &OutputFolder, arguments: &Arguments) -
     let interrupt = Interrupt::new();
     let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
-    let port = SharedMemoryMacroPort::create(&name, ChannelLimits::default())
-        .map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let limits = ChannelLimits { waiting: arguments.wait.into(), ..ChannelLimits::default() };
+    let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
     signals.wakes(port.waker());
     let mut beacon = RunBeacon::light(port.record(), Progress::new(scene.document.path(), folder.path()));
 

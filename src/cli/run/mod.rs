@@ -16,6 +16,7 @@ mod tests;
 use super::exit::{Exit, Failure};
 use crate::scene::Scene;
 use folder::OutputFolder;
+use protocol::transport::shared_memory::Waiting;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -37,6 +38,9 @@ pub(crate) struct Arguments {
     /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
     #[arg(long, value_name = "RUN")]
     attach: Option<String>,
+    /// How macro and workers wait for messages: `hybrid` and `spin` burn idle cores for shorter ways
+    #[arg(long, value_enum, default_value_t)]
+    wait: Wait,
     /// Output folder [default: out/NAME OF THE SCENE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -46,6 +50,28 @@ pub(crate) struct Arguments {
     /// Say nothing but errors
     #[arg(long)]
     quiet: bool,
+}
+
+/// [`Waiting`] as the command line names it.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
+enum Wait {
+    /// Sleep until the kernel wakes
+    #[default]
+    Block,
+    /// Look for 50 us first if a core is free
+    Hybrid,
+    /// Look all the time
+    Spin,
+}
+
+impl From<Wait> for Waiting {
+    fn from(wait: Wait) -> Self {
+        match wait {
+            Wait::Block => Self::Block,
+            Wait::Hybrid => Self::Hybrid,
+            Wait::Spin => Self::Spin,
+        }
+    }
 }
 
 fn worker_count(text: &str) -> Result<NonZeroUsize, String> {

@@ -3,6 +3,7 @@
 use super::janitor::Janitor;
 use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord};
 use super::services::{Listener, Notifier, OpenRequest, Server, Services, message_bytes, port_name};
+use super::waiting::Watchman;
 use super::watch::{WAKER, Watch};
 use super::{CREDITS, refused, system};
 use crate::control::{FromWorker, ToWorker};
@@ -15,7 +16,7 @@ use rustix::process::{Signal, pidfd_send_signal};
 use std::collections::{BTreeMap, VecDeque};
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// One worker that has said hello.
 struct Peer {
@@ -39,6 +40,7 @@ pub struct SharedMemoryMacroPort {
     peers: BTreeMap<WorkerId, Peer>,
     by_sender: BTreeMap<u64, WorkerId>,
     joined: u32,
+    watchman: Watchman,
     watch: Watch,
     /// None only while dropping, when it must go before the workers are told.
     server: Option<Server>,
@@ -70,6 +72,7 @@ impl SharedMemoryMacroPort {
             peers: BTreeMap::new(),
             by_sender: BTreeMap::new(),
             joined: 0,
+            watchman: Watchman::new(limits.waiting),
             watch,
             server: Some(server),
             to_workers,
@@ -88,8 +91,12 @@ impl SharedMemoryMacroPort {
     fn drain(&mut self, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
         // Order matters. Wake-ups first, else one that comes between would be lost; ended processes before messages,
         // so that all that an ended process had sent is read before it is given up.
-        self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
-        let fired = self.watch.fired()?;
+        let fired = if self.watchman.asks_kernel() {
+            self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
+            self.watch.fired()?
+        } else {
+            Vec::new()
+        };
         let mut events = self.receive(sink)?;
         for token in &fired {
             if let Some(peer) = self.by_sender.get(token).and_then(|worker| self.peers.get_mut(worker)) {
@@ -271,8 +278,21 @@ impl MacroPort for SharedMemoryMacroPort {
         if events > 0 || wait.is_zero() {
             return Ok(events);
         }
-        self.watch.wait(wait)?;
-        self.drain(sink)
+        let end = Instant::now().checked_add(wait);
+        loop {
+            let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
+            let server = self.server.as_ref().expect("the server lives until drop");
+            // An error shows in the drain that follows.
+            let awake = self.watchman.look(left, || server.has_requests().unwrap_or(true));
+            if !awake {
+                self.watch.wait(left)?;
+                self.watchman.has_slept();
+            }
+            let events = self.drain(sink)?;
+            if events > 0 || !awake || left.is_zero() {
+                return Ok(events);
+            }
+        }
     }
 
     fn send_control(&mut self, worker: WorkerId, message: &ToWorker) -> Result<(), TransportError> {

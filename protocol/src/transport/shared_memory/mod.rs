@@ -6,7 +6,7 @@
 //! request reaches all servers and a queue of work must reach one worker. Each request is at the same time an uplink
 //! message and the permission for one downlink message: a worker keeps a few requests open, the macro answers them in
 //! the order in which they came. No permission, no message: nobody can be flooded, and no send ever blocks. Two event
-//! services wake the sides; both wait in the kernel and burn no core.
+//! services wake the sides; both wait in the kernel and burn no core, unless the run asks for another [`Waiting`].
 //!
 //! # Life and death
 //!
@@ -19,15 +19,20 @@ mod janitor;
 mod macro_port;
 mod run_directory;
 pub(crate) mod services;
+mod waiting;
 mod watch;
 mod worker_port;
 
 pub use macro_port::SharedMemoryMacroPort;
 pub use run_directory::{ChannelLimits, RunDirectory, RunError, RunListing, RunRecord};
+pub use waiting::Waiting;
 pub use worker_port::SharedMemoryWorkerPort;
 
 use super::TransportError;
 use std::fmt::Debug;
+
+/// The version of iceoryx2 that Cargo pins; every process of a run needs exactly this one.
+pub const ICEORYX2_VERSION: &str = "0.10.0";
 
 /// Requests that a worker keeps open: two job slices in its queue and two control messages never wait for a permission.
 pub(crate) const CREDITS: usize = 4;
@@ -43,4 +48,18 @@ fn refused<E: Debug>(action: &'static str) -> impl FnOnce(E) -> TransportError {
 /// Wraps a refusal of the operating system.
 fn system<E: Into<std::io::Error>>(action: &'static str) -> impl FnOnce(E) -> TransportError {
     move |error| TransportError::System { action, source: error.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ICEORYX2_VERSION;
+
+    /// The name that processes compare is the version that they were built with.
+    #[test]
+    fn the_version_is_the_one_in_the_lock_file() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.lock");
+        let lock = std::fs::read_to_string(path).unwrap();
+        let package = lock.split("[[package]]").find(|package| package.contains("name = \"iceoryx2\"\n")).unwrap();
+        assert!(package.contains(&format!("version = \"{ICEORYX2_VERSION}\"\n")), "{package}");
+    }
 }

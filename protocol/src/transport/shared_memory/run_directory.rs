@@ -4,7 +4,8 @@
 //! root. Names of shared-memory segments do not contain the root, so each run also has its own prefix; root and prefix
 //! together make runs invisible to each other. Directories are private to the user.
 
-use super::services::ICEORYX2_VERSION;
+use super::ICEORYX2_VERSION;
+use super::waiting::Waiting;
 use crate::{ContentId, PROTOCOL_VERSION};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, DirBuilder};
@@ -76,18 +77,21 @@ pub enum RunError {
     },
 }
 
-/// How much a run's channel carries. Memory is reserved by address and used only as touched.
+/// How much a run's channel carries, and how its ends wait. Memory is reserved by address and used only as touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChannelLimits {
     /// Largest message, bytes: a job slice or its replies with all snapshots.
     pub message_bytes: u64,
     /// Workers at the same time, the not yet cleaned up dead ones included.
     pub workers: u32,
+    /// How both ends wait for messages.
+    #[serde(default)]
+    pub waiting: Waiting,
 }
 
 impl Default for ChannelLimits {
     fn default() -> Self {
-        Self { message_bytes: 4 << 20, workers: 64 }
+        Self { message_bytes: 4 << 20, workers: 64, waiting: Waiting::default() }
     }
 }
 

@@ -9,9 +9,6 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::{event, request_response};
 use iceoryx2::{active_request, pending_response};
 
-/// The version that Cargo pins; every process of a run needs exactly this one.
-pub(crate) const ICEORYX2_VERSION: &str = "0.10.0";
-
 pub(super) type Service = ipc::Service;
 pub(super) type Exchange = request_response::PortFactory<Service, [u8], (), [u8], ()>;
 pub(super) type Wake = event::PortFactory<Service>;

@@ -2,6 +2,7 @@
 
 use super::run_directory::{RunDirectory, RunError, RunRecord, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
+use super::waiting::Watchman;
 use super::watch::Watch;
 use super::{CREDITS, WINDOW, refused};
 use crate::control::{FromWorker, ToWorker};
@@ -42,6 +43,7 @@ pub struct SharedMemoryWorkerPort {
     told_lost: bool,
     /// None when macro and worker are threads of one process.
     _macro_process: Option<OwnedFd>,
+    watchman: Watchman,
     watch: Watch,
     client: Client,
     to_macro: Notifier,
@@ -98,6 +100,7 @@ impl SharedMemoryWorkerPort {
             lost: None,
             told_lost: false,
             _macro_process: macro_process,
+            watchman: Watchman::new(record.limits.waiting),
             watch,
             client,
             to_macro,
@@ -115,9 +118,11 @@ impl SharedMemoryWorkerPort {
     }
 
     fn drain(&mut self, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
-        self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
-        if self.watch.fired()?.contains(&MACRO) {
-            self.lost.get_or_insert_with(|| "the macro's process has ended".to_owned());
+        if self.watchman.asks_kernel() {
+            self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
+            if self.watch.fired()?.contains(&MACRO) {
+                self.lost.get_or_insert_with(|| "the macro's process has ended".to_owned());
+            }
         }
         let mut events = self.receive(sink)?;
         if self.lost.is_none() {
@@ -222,8 +227,20 @@ impl WorkerPort for SharedMemoryWorkerPort {
         if events > 0 || wait.is_zero() {
             return Ok(events);
         }
-        self.watch.wait(wait)?;
-        self.drain(sink)
+        let end = Instant::now().checked_add(wait);
+        loop {
+            let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
+            let open = &self.open;
+            let awake = self.watchman.look(left, || open.front().is_some_and(|oldest| oldest.has_response()));
+            if !awake {
+                self.watch.wait(left)?;
+                self.watchman.has_slept();
+            }
+            let events = self.drain(sink)?;
+            if events > 0 || !awake || left.is_zero() {
+                return Ok(events);
+            }
+        }
     }
 
     fn send_control(&mut self, message: &FromWorker) -> Result<(), TransportError> {
