@@ -21,7 +21,7 @@ const POINTS: usize = 8;
 type SharedPool = Pool<SharedMemoryMacroPort>;
 
 fn definition(options: &str) -> Definition {
-    let packing = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let packing: PackingFile = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
     let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5").unwrap();
     let options: RveOptions = toml::from_str(options).unwrap();
     GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()

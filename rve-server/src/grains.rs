@@ -3,6 +3,7 @@
 use crate::definition::GrainDefinition;
 use crate::engine::opened;
 use crate::plane::Plane;
+use crate::space::{Discs, Space};
 use protocol::{Definition, RveError};
 
 /// Grains of one state, for pictures.
@@ -23,9 +24,9 @@ pub struct Grains {
 /// # Errors
 /// [`RveError::Definition`] or [`RveError::Snapshot`].
 pub fn grains_of_snapshot(definition: &Definition, bytes: &[u8]) -> Result<Grains, RveError> {
-    let parsed =
-        GrainDefinition::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
-    let radii: Vec<f64> = parsed.packing.grains.iter().map(|grain| grain[2]).collect();
+    let parsed = GrainDefinition::<Discs>::from_protocol(definition)
+        .map_err(|error| RveError::Definition(error.to_string()))?;
+    let radii: Vec<f64> = parsed.packing.grains.iter().map(Discs::radius).collect();
     let state = opened(bytes, definition.id(), radii.len())?;
     let positions = state.positions.iter().map(|position| state.cell.wrapped(*position).0).collect();
     Ok(Grains { cell: state.cell.rows, positions, radii, rotations: state.rotations })

@@ -1,4 +1,4 @@
-//! The grain side: a periodic cell of discs, its quasi-static solver, homogenization, tangent operators, packings.
+//! The grain side: a periodic cell of discs or spheres, its quasi-static solver, homogenization, tangent operators, packings.
 
 pub mod cell;
 pub mod definition;
@@ -13,5 +13,6 @@ pub mod pairs;
 pub mod plane;
 mod relaxation;
 pub mod server;
+pub mod space;
 pub mod state;
 pub mod tangent;

@@ -4,6 +4,7 @@ use crate::cell::Cell;
 use crate::definition::{GrainDefinition, NormalStiffness, Rotations, RveOptions};
 use crate::pairs::PairKey;
 use crate::relaxation::kernel::LinearLaw;
+use crate::space::{Components, Space};
 use crate::state::{ContactRecord, GrainState};
 use protocol::RveError;
 
@@ -28,10 +29,10 @@ impl GrainModel {
     ///
     /// # Errors
     /// [`RveError::Definition`] if the contact table is not valid after all.
-    pub fn new(definition: &GrainDefinition) -> Result<Self, RveError> {
+    pub fn new<S: Space>(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
         let contact = &definition.contact;
         Ok(Self {
-            radii: definition.packing.grains.iter().map(|grain| grain[2]).collect(),
+            radii: definition.packing.grains.iter().map(S::radius).collect(),
             thickness: definition.packing.thickness,
             normal: contact.normal().map_err(|error| RveError::Definition(error.to_string()))?,
             rotations: contact.rotations,
@@ -47,26 +48,28 @@ impl GrainModel {
     /// The state that the packing describes: nothing has moved, listed contacts carry their tangential force. A listed
     /// force on a pair that does not touch is dropped and one above the Coulomb limit is cut to it at the first
     /// evaluation.
-    pub fn initial_state(&self, definition: &GrainDefinition) -> GrainState {
+    pub fn initial_state<S: Space>(&self, definition: &GrainDefinition<S>) -> GrainState<S> {
         let packing = &definition.packing;
         let cell = Cell { rows: packing.periodicity };
-        let mut contacts: Vec<ContactRecord> = packing
+        let mut contacts: Vec<ContactRecord<S>> = packing
             .contacts
             .iter()
             .map(|listed| {
-                let PairKey { origin, end, shift } = PairKey::canonical(listed.0, listed.1, [listed.2, listed.3]);
-                // The component along t is the same seen from either grain: e, t and the force all change sign.
-                ContactRecord { origin, end, shift, tangential_force: listed.4 }
+                let key = PairKey::<S>::canonical(listed.origin, listed.end, listed.shift);
+                let PairKey { origin, end, shift } = key;
+                let is_swapped = (origin, shift) != (listed.origin, listed.shift);
+                let tangential_force = S::seen_from(listed.tangential_force, is_swapped);
+                ContactRecord { origin, end, shift, tangential_force }
             })
             .collect();
         contacts.sort_unstable_by_key(ContactRecord::key);
         GrainState {
             cell,
-            positions: packing.grains.iter().map(|grain| [grain[0], grain[1]]).collect(),
-            rotations: vec![0.0; packing.grains.len()],
+            positions: packing.grains.iter().map(S::centre).collect(),
+            rotations: vec![S::Spin::ZERO; packing.grains.len()],
             contacts,
             dissipation: 0.0,
-            initial_area: cell.area(),
+            initial_measure: cell.measure(),
             unbalanced: 0.0,
         }
     }

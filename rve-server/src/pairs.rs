@@ -5,90 +5,88 @@
 //! touches its own images.
 
 use crate::cell::Cell;
+use crate::space::{Components, Discs, Space};
 
 /// Identity of a pair: origin grain, end grain, cell shift of the end grain relative to the stored (never re-wrapped)
 /// positions. Of the two ways to name a pair only `origin < end`, or the lexicographically positive shift when both are
 /// one grain, is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct PairKey {
+pub struct PairKey<S: Space = Discs> {
     /// Origin grain O.
     pub origin: u32,
     /// End grain E.
     pub end: u32,
-    /// Cell shifts of the end grain along Y1 and Y2.
-    pub shift: [i32; 2],
+    /// Cell shifts of the end grain along the periodicity vectors.
+    pub shift: S::Shift,
 }
 
-impl PairKey {
+impl<S: Space> PairKey<S> {
     /// The one name of the pair that `origin`, `end`, `shift` describe.
-    pub fn canonical(origin: u32, end: u32, shift: [i32; 2]) -> Self {
-        if origin < end || (origin == end && shift > [0, 0]) {
+    pub fn canonical(origin: u32, end: u32, shift: S::Shift) -> Self {
+        if origin < end || (origin == end && shift > S::Shift::default()) {
             Self { origin, end, shift }
         } else {
-            Self { origin: end, end: origin, shift: [-shift[0], -shift[1]] }
+            Self { origin: end, end: origin, shift: S::shift(|axis| -shift[axis]) }
         }
     }
 }
 
-/// Finds near pairs by sorting wrapped grains into bins of the fractional square.
+/// Finds near pairs by sorting wrapped grains into bins of the fractional square or cube.
 #[derive(Clone, Debug, Default)]
-pub struct PairFinder {
-    wrapped: Vec<([f64; 2], [i32; 2])>,
-    bin_of: Vec<[i32; 2]>,
+pub struct PairFinder<S: Space = Discs> {
+    wrapped: Vec<(S::Vector, S::Shift)>,
+    bin_of: Vec<S::Shift>,
     bin_start: Vec<u32>,
     members: Vec<u32>,
-    found: Vec<PairKey>,
+    found: Vec<PairKey<S>>,
 }
 
-impl PairFinder {
+impl<S: Space> PairFinder<S> {
     /// Fills `pairs` with every pair closer than the sum of its radii plus `skin`, sorted by key.
     pub fn find(
         &mut self,
-        cell: &Cell,
-        positions: impl Iterator<Item = [f64; 2]>,
+        cell: &Cell<S>,
+        positions: impl Iterator<Item = S::Vector>,
         radii: &[f64],
         skin: f64,
-        pairs: &mut Vec<PairKey>,
+        pairs: &mut Vec<PairKey<S>>,
     ) {
         pairs.clear();
         let largest = radii.iter().fold(0.0, |largest: f64, radius| largest.max(*radius));
         let range = 2.0 * largest + skin;
         let widths = cell.widths();
-        let bins = [bin_count(widths[0], range), bin_count(widths[1], range)];
+        let bins = S::shift(|axis| bin_count(widths[axis], range));
         // How many bins away a partner can be; more than one only in cells smaller than the range.
-        let reach = [
-            (range * f64::from(bins[0]) / widths[0]).ceil() as i32,
-            (range * f64::from(bins[1]) / widths[1]).ceil() as i32,
-        ];
+        let reach = S::shift(|axis| (range * f64::from(bins[axis]) / widths[axis]).ceil() as i32);
+        let neighbours: i32 = (0..S::DIMENSION).map(|axis| 2 * reach[axis] + 1).product();
         self.sort_into_bins(cell, positions, bins);
 
         for origin in 0..radii.len() {
             self.found.clear();
             let (here, wraps) = self.wrapped[origin];
             let home = self.bin_of[origin];
-            for step_1 in -reach[0]..=reach[0] {
-                let (image_1, bin_1) = periodic(home[0] + step_1, bins[0]);
-                for step_2 in -reach[1]..=reach[1] {
-                    let (image_2, bin_2) = periodic(home[1] + step_2, bins[1]);
-                    let translation = cell.translation([image_1, image_2]);
-                    let bin = (bin_1 * bins[1] + bin_2) as usize;
-                    let (from, to) = (self.bin_start[bin] as usize, self.bin_start[bin + 1] as usize);
-                    for &end in &self.members[from..to] {
-                        if (end as usize) < origin {
-                            continue;
-                        }
-                        let (there, end_wraps) = self.wrapped[end as usize];
-                        let branch = [there[0] + translation[0] - here[0], there[1] + translation[1] - here[1]];
-                        let limit = radii[origin] + radii[end as usize] + skin;
-                        if branch[0] * branch[0] + branch[1] * branch[1] >= limit * limit {
-                            continue;
-                        }
-                        let shift = [image_1 + wraps[0] - end_wraps[0], image_2 + wraps[1] - end_wraps[1]];
-                        if end as usize == origin && shift <= [0, 0] {
-                            continue;
-                        }
-                        self.found.push(PairKey { origin: origin as u32, end, shift });
+            for neighbour in 0..neighbours {
+                let step = step_of::<S>(neighbour, reach);
+                let image = S::shift(|axis| (home[axis] + step[axis]).div_euclid(bins[axis]));
+                let place = S::shift(|axis| (home[axis] + step[axis]).rem_euclid(bins[axis]));
+                let translation = cell.translation(image);
+                let bin = bin_number::<S>(place, bins);
+                let (from, to) = (self.bin_start[bin] as usize, self.bin_start[bin + 1] as usize);
+                for &end in &self.members[from..to] {
+                    if (end as usize) < origin {
+                        continue;
                     }
+                    let (there, end_wraps) = self.wrapped[end as usize];
+                    let branch = there.plus(translation).minus(here);
+                    let limit = radii[origin] + radii[end as usize] + skin;
+                    if branch.dot(branch) >= limit * limit {
+                        continue;
+                    }
+                    let shift = S::shift(|axis| image[axis] + wraps[axis] - end_wraps[axis]);
+                    if end as usize == origin && shift <= S::Shift::default() {
+                        continue;
+                    }
+                    self.found.push(PairKey { origin: origin as u32, end, shift });
                 }
             }
             self.found.sort_unstable();
@@ -96,18 +94,18 @@ impl PairFinder {
         }
     }
 
-    fn sort_into_bins(&mut self, cell: &Cell, positions: impl Iterator<Item = [f64; 2]>, bins: [i32; 2]) {
+    fn sort_into_bins(&mut self, cell: &Cell<S>, positions: impl Iterator<Item = S::Vector>, bins: S::Shift) {
         self.wrapped.clear();
         self.bin_of.clear();
         self.bin_start.clear();
-        self.bin_start.resize((bins[0] * bins[1] + 1) as usize, 0);
+        let count: i32 = (0..S::DIMENSION).map(|axis| bins[axis]).product();
+        self.bin_start.resize(count as usize + 1, 0);
         for position in positions {
             let (inside, shift) = cell.wrapped(position);
             let fraction = cell.fractional(inside);
-            let bin =
-                |axis: usize| ((fraction[axis] * f64::from(bins[axis])).floor() as i32).clamp(0, bins[axis] - 1);
-            let home = [bin(0), bin(1)];
-            self.bin_start[(home[0] * bins[1] + home[1] + 1) as usize] += 1;
+            let home =
+                S::shift(|axis| ((fraction[axis] * f64::from(bins[axis])).floor() as i32).clamp(0, bins[axis] - 1));
+            self.bin_start[bin_number::<S>(home, bins) + 1] += 1;
             self.wrapped.push((inside, shift));
             self.bin_of.push(home);
         }
@@ -118,8 +116,7 @@ impl PairFinder {
         self.members.clear();
         self.members.resize(self.wrapped.len(), 0);
         for grain in (0..self.wrapped.len()).rev() {
-            let home = self.bin_of[grain];
-            let bin = (home[0] * bins[1] + home[1] + 1) as usize;
+            let bin = bin_number::<S>(self.bin_of[grain], bins) + 1;
             self.bin_start[bin] -= 1;
             self.members[self.bin_start[bin] as usize] = grain as u32;
         }
@@ -129,19 +126,38 @@ impl PairFinder {
     }
 }
 
+/// Most bins along one side: a cell that is huge against its grains must not need a huge table.
+const MOST_BINS: f64 = 1024.0;
+
 /// Bins along one side, each at least one range wide. The tiny margin keeps rounding at a bin's edge harmless.
 fn bin_count(width: f64, range: f64) -> i32 {
-    ((width / (range * (1.0 + 1e-9))).floor() as i32).max(1)
+    ((width / (range * (1.0 + 1e-9))).floor().min(MOST_BINS) as i32).max(1)
 }
 
-/// Periodic image and bin of a bin number that may lie outside the cell.
-fn periodic(bin: i32, count: i32) -> (i32, i32) {
-    (bin.div_euclid(count), bin.rem_euclid(count))
+/// Number of a bin in the table.
+fn bin_number<S: Space>(place: S::Shift, bins: S::Shift) -> usize {
+    let mut number = place[0];
+    for axis in 1..S::DIMENSION {
+        number = number * bins[axis] + place[axis];
+    }
+    number as usize
+}
+
+/// Steps along each axis from a bin to one of its neighbours, which are numbered from 0.
+fn step_of<S: Space>(neighbour: i32, reach: S::Shift) -> S::Shift {
+    let mut rest = neighbour;
+    S::shift(|axis| {
+        let sides = 2 * reach[axis] + 1;
+        let step = rest % sides - reach[axis];
+        rest /= sides;
+        step
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::Spheres;
     use proptest::prelude::*;
 
     fn brute_force(cell: &Cell, positions: &[[f64; 2]], radii: &[f64], skin: f64) -> Vec<PairKey> {
@@ -176,25 +192,80 @@ mod tests {
             side in 0.5..9.0f64, height in 0.5..9.0f64, skew in -2.0..2.0f64,
             points in proptest::collection::vec((-2.0..3.0f64, -2.0..3.0f64, 0.2..0.6f64), 1..12),
         ) {
-            let cell = Cell { rows: [[side, 0.1], [skew, height]] };
-            prop_assume!(cell.area() > 0.3);
+            let cell = Cell::<Discs> { rows: [[side, 0.1], [skew, height]] };
+            prop_assume!(cell.measure() > 0.3);
             let positions: Vec<[f64; 2]> = points
                 .iter()
                 .map(|p| [p.0 * side + p.1 * skew, p.1 * height])
                 .collect();
             let radii: Vec<f64> = points.iter().map(|p| p.2).collect();
             let mut pairs = Vec::new();
-            PairFinder::default().find(&cell, positions.iter().copied(), &radii, 0.07, &mut pairs);
+            PairFinder::<Discs>::default().find(&cell, positions.iter().copied(), &radii, 0.07, &mut pairs);
             prop_assert_eq!(pairs, brute_force(&cell, &positions, &radii, 0.07));
         }
     }
 
     #[test]
     fn one_grain_of_a_triangular_lattice_has_three_pairs_with_itself() {
-        let cell = Cell { rows: [[1.0, 0.0], [0.5, 0.75f64.sqrt()]] };
+        let cell = Cell::<Discs> { rows: [[1.0, 0.0], [0.5, 0.75f64.sqrt()]] };
         let mut pairs = Vec::new();
-        PairFinder::default().find(&cell, std::iter::once([0.3, 0.2]), &[0.51], 0.01, &mut pairs);
+        PairFinder::<Discs>::default().find(&cell, std::iter::once([0.3, 0.2]), &[0.51], 0.01, &mut pairs);
         let shifts: Vec<[i32; 2]> = pairs.iter().map(|pair| pair.shift).collect();
         assert_eq!(shifts, [[0, 1], [1, -1], [1, 0]]);
+    }
+
+    fn brute_force_in_space(
+        cell: &Cell<Spheres>,
+        positions: &[[f64; 3]],
+        radii: &[f64],
+        skin: f64,
+    ) -> Vec<PairKey<Spheres>> {
+        let mut pairs = Vec::new();
+        for i in 0..positions.len() {
+            for j in i..positions.len() {
+                for number in 0..15 * 15 * 15 {
+                    let shift = [number / 225 - 7, number / 15 % 15 - 7, number % 15 - 7];
+                    if i == j && shift <= [0; 3] {
+                        continue;
+                    }
+                    let branch = positions[j].plus(cell.translation(shift)).minus(positions[i]);
+                    if branch.norm() < radii[i] + radii[j] + skin {
+                        pairs.push(PairKey { origin: i as u32, end: j as u32, shift });
+                    }
+                }
+            }
+        }
+        pairs.sort_unstable();
+        pairs
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn bins_find_what_brute_force_finds_in_space(
+            sides in proptest::array::uniform3(0.9..5.0f64), skews in proptest::array::uniform3(-1.0..1.0f64),
+            points in proptest::collection::vec((proptest::array::uniform3(-1.0..2.0f64), 0.2..0.6f64), 1..6),
+        ) {
+            let cell =
+                Cell::<Spheres> { rows: [[sides[0], 0.1, 0.0], [skews[0], sides[1], -0.1], [skews[1], skews[2], sides[2]]] };
+            prop_assume!(cell.widths().iter().all(|width| *width > 0.6));
+            let positions: Vec<[f64; 3]> = points
+                .iter()
+                .map(|(p, _)| (0..3).fold([0.0; 3], |sum, row| sum.plus(cell.rows[row].times(p[row]))))
+                .collect();
+            let radii: Vec<f64> = points.iter().map(|(_, radius)| *radius).collect();
+            let mut pairs = Vec::new();
+            PairFinder::default().find(&cell, positions.iter().copied(), &radii, 0.07, &mut pairs);
+            prop_assert_eq!(pairs, brute_force_in_space(&cell, &positions, &radii, 0.07));
+        }
+    }
+
+    #[test]
+    fn one_sphere_of_a_face_centred_lattice_has_six_pairs_with_itself() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let cell = Cell::<Spheres> { rows: [[0.0, half, half], [half, 0.0, half], [half, half, 0.0]] };
+        let mut pairs = Vec::new();
+        PairFinder::default().find(&cell, std::iter::once([0.3, 0.2, 0.1]), &[0.51], 0.01, &mut pairs);
+        assert_eq!(pairs.len(), 6);
     }
 }

@@ -1,4 +1,9 @@
-//! Plane tensors as `[[f64; 2]; 2]`, row-major: the few closed forms that a periodic cell needs.
+//! Plane tensors as `[[f64; 2]; 2]`, row-major: what is special to two axes. The operations that are not come from
+//! [`crate::space`] and are found here too.
+
+pub use crate::space::{
+    add_scaled, apply, determinant, inverse, largest_component, norm, product, rotated, transpose,
+};
 
 /// A plane second-order tensor, row-major.
 pub type Plane = [[f64; 2]; 2];
@@ -6,68 +11,10 @@ pub type Plane = [[f64; 2]; 2];
 /// The unit tensor.
 pub const IDENTITY: Plane = [[1.0, 0.0], [0.0, 1.0]];
 
-/// Determinant.
-pub fn determinant(a: &Plane) -> f64 {
-    a[0][0] * a[1][1] - a[0][1] * a[1][0]
-}
-
-/// Inverse; the caller knows that the determinant is not zero.
-pub fn inverse(a: &Plane) -> Plane {
-    let scale = 1.0 / determinant(a);
-    [[a[1][1] * scale, -a[0][1] * scale], [-a[1][0] * scale, a[0][0] * scale]]
-}
-
-/// Matrix product `a b`.
-pub fn product(a: &Plane, b: &Plane) -> Plane {
-    let mut c = [[0.0; 2]; 2];
-    for (i, row) in c.iter_mut().enumerate() {
-        for (j, value) in row.iter_mut().enumerate() {
-            *value = a[i][0] * b[0][j] + a[i][1] * b[1][j];
-        }
-    }
-    c
-}
-
-/// Transpose.
-pub fn transpose(a: &Plane) -> Plane {
-    [[a[0][0], a[1][0]], [a[0][1], a[1][1]]]
-}
-
-/// Matrix times column vector.
-pub fn apply(a: &Plane, v: [f64; 2]) -> [f64; 2] {
-    [a[0][0] * v[0] + a[0][1] * v[1], a[1][0] * v[0] + a[1][1] * v[1]]
-}
-
-/// Component-wise sum `a + scale b`.
-pub fn add_scaled(a: &Plane, scale: f64, b: &Plane) -> Plane {
-    let mut c = *a;
-    for (row, other) in c.iter_mut().zip(b) {
-        for (value, addend) in row.iter_mut().zip(other) {
-            *value += scale * addend;
-        }
-    }
-    c
-}
-
-/// Largest absolute component.
-pub fn largest_component(a: &Plane) -> f64 {
-    a.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
-}
-
-/// Frobenius norm.
-pub fn norm(a: &Plane) -> f64 {
-    a.iter().flatten().map(|value| value * value).sum::<f64>().sqrt()
-}
-
 /// Rotation by `angle`, counter-clockwise.
 pub fn rotation(angle: f64) -> Plane {
     let (sine, cosine) = angle.sin_cos();
     [[cosine, -sine], [sine, cosine]]
-}
-
-/// `R a R^T` for a rotation `R`.
-pub fn rotated(a: &Plane, rotation: &Plane) -> Plane {
-    product(&product(rotation, a), &transpose(rotation))
 }
 
 /// Rotation and stretch of a deformation gradient, `F = I + H = R U`.

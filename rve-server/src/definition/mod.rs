@@ -7,6 +7,7 @@ pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations};
 pub use options::{Accuracy, Criterion, Damping, RveOptions};
 
 use crate::packing::PackingFile;
+use crate::space::{Discs, Space};
 use protocol::Definition;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -32,10 +33,10 @@ fn not_negative(key: &str, value: f64) -> Result<(), DefinitionError> {
 
 /// All that this engine needs to build an RVE.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GrainDefinition {
+#[serde(deny_unknown_fields, bound = "")]
+pub struct GrainDefinition<S: Space = Discs> {
     /// Packing, checked.
-    pub packing: PackingFile,
+    pub packing: PackingFile<S>,
     /// Contact law.
     pub contact: ContactTable,
     /// Solver options.
@@ -43,7 +44,7 @@ pub struct GrainDefinition {
     pub options: RveOptions,
 }
 
-impl GrainDefinition {
+impl<S: Space> GrainDefinition<S> {
     /// Checks all three parts.
     ///
     /// # Errors
@@ -83,7 +84,7 @@ mod tests {
 
     #[test]
     fn definition_survives_the_wire_and_forgets_provenance() {
-        let packing = PackingFile {
+        let packing = PackingFile::<Discs> {
             format: PackingFile::FORMAT.into(),
             version: 1,
             dimension: 2,
@@ -101,6 +102,6 @@ mod tests {
             ..named.clone()
         };
         assert_eq!(named.to_protocol(), bare.to_protocol());
-        assert_eq!(GrainDefinition::from_protocol(&named.to_protocol()).unwrap(), bare);
+        assert_eq!(GrainDefinition::<Discs>::from_protocol(&named.to_protocol()).unwrap(), bare);
     }
 }

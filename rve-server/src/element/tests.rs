@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::packing::PackingFile;
+use crate::space::Discs;
 use protocol::TangentKind;
 use std::path::Path;
 
@@ -18,7 +19,7 @@ fn lattice_pressure(spacing: f64) -> f64 {
 
 fn lattice_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let packing = PackingFile {
+    let packing = PackingFile::<Discs> {
         format: PackingFile::FORMAT.into(),
         version: PackingFile::VERSION,
         dimension: 2,

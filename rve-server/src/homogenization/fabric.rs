@@ -1,8 +1,8 @@
 //! What the contact network looks like: coordination, fabric, sliding, overlap.
 
 use crate::network::ContactNetwork;
-use crate::plane::Plane;
 use crate::relaxation::kernel::AT_LIMIT;
+use crate::space::{Components, Space, Tensor};
 
 /// Contacts without those of rattlers, and the grains that carry them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,11 +13,11 @@ pub struct Backbone {
     pub contacts: usize,
 }
 
-impl ContactNetwork {
-    /// Void area over grain area. Overlaps count twice as grain area, as is usual.
+impl<S: Space> ContactNetwork<S> {
+    /// Void area or volume over that of the grains. Overlaps count twice as grain, as is usual.
     pub fn void_ratio(&self) -> f64 {
-        let solid: f64 = self.radii.iter().map(|radius| std::f64::consts::PI * radius * radius).sum();
-        (self.area() - solid) / solid
+        let solid: f64 = self.radii.iter().map(|radius| S::grain_measure(*radius)).sum();
+        (self.measure() - solid) / solid
     }
 
     /// 2 x contacts over grains.
@@ -71,19 +71,19 @@ impl ContactNetwork {
     }
 
     /// Contact fabric `1/C sum n x n`; zero without contacts.
-    pub fn fabric(&self) -> Plane {
-        let mut sum = [[0.0; 2]; 2];
+    pub fn fabric(&self) -> S::Tensor {
+        let mut sum = S::Tensor::ZERO;
         for contact in &self.contacts {
             let branch = self.branch(contact);
-            let square = branch[0] * branch[0] + branch[1] * branch[1];
-            for (row, first) in sum.iter_mut().zip(branch) {
-                for (value, second) in row.iter_mut().zip(branch) {
-                    *value += first * second / square;
+            let square = branch.dot(branch);
+            for i in 0..S::DIMENSION {
+                for j in 0..S::DIMENSION {
+                    sum[i][j] += branch[i] * branch[j] / square;
                 }
             }
         }
         let scale = 1.0 / (self.contacts.len().max(1)) as f64;
-        sum.map(|row| row.map(|value| value * scale))
+        S::Tensor::from_fn(|i, j| sum[i][j] * scale)
     }
 
     /// Share of contacts at the Coulomb limit `mu (k_n C - f_n)` for the cohesive force `k_n C` of each contact.
@@ -93,7 +93,7 @@ impl ContactNetwork {
             .iter()
             .filter(|contact| {
                 let limit = self.friction * (contact.normal_stiffness * cohesion - contact.normal_force);
-                contact.tangential_force.abs() >= AT_LIMIT * limit
+                contact.tangential_force.norm() >= AT_LIMIT * limit
             })
             .count();
         sliding as f64 / self.contacts.len().max(1) as f64
@@ -104,7 +104,7 @@ impl ContactNetwork {
         self.contacts.iter().fold(0.0, |largest: f64, contact| {
             let branch = self.branch(contact);
             let (o, e) = (self.radii[contact.origin as usize], self.radii[contact.end as usize]);
-            largest.max((o + e - (branch[0] * branch[0] + branch[1] * branch[1]).sqrt()) / (2.0 * o.min(e)))
+            largest.max((o + e - branch.norm()) / (2.0 * o.min(e)))
         })
     }
 
@@ -116,20 +116,56 @@ impl ContactNetwork {
                 let adhesion = contact.normal_stiffness * cohesion;
                 let square = contact.normal_force * contact.normal_force - adhesion * adhesion;
                 let stored = 0.5 * square / contact.normal_stiffness;
-                if contact.tangential_force == 0.0 {
+                let force = contact.tangential_force;
+                if force == S::Tangential::ZERO {
                     return stored;
                 }
-                stored + 0.5 * contact.tangential_force * contact.tangential_force / contact.tangential_stiffness
+                stored + 0.5 * force.dot(force) / contact.tangential_stiffness
             })
             .sum()
     }
 }
 
 /// Anisotropy of a fabric tensor: major over minor principal value, minus 1; 0 for a zero tensor.
-pub fn anisotropy(fabric: &Plane) -> f64 {
-    let mean = 0.5 * (fabric[0][0] + fabric[1][1]);
-    let shear = 0.5 * (fabric[0][1] + fabric[1][0]);
-    let radius = (0.5 * (fabric[0][0] - fabric[1][1])).hypot(shear);
+pub fn anisotropy<T: Tensor>(fabric: &T) -> f64 {
+    let [minor, major] = extreme_principal_values(fabric);
     // All contacts in one direction leave no minor value; the number must stay finite on the wire.
-    if mean <= radius { 0.0 } else { (mean + radius) / (mean - radius) - 1.0 }
+    if minor <= 0.0 { 0.0 } else { major / minor - 1.0 }
+}
+
+/// Smallest and largest principal value of the symmetric part of a tensor.
+fn extreme_principal_values<T: Tensor>(a: &T) -> [f64; 2] {
+    let symmetric = T::from_fn(|i, j| 0.5 * (a[i][j] + a[j][i]));
+    let deviation = |i: usize, j: usize, mean: f64| if i == j { symmetric[i][j] - mean } else { symmetric[i][j] };
+    let mean = (0..T::DIMENSION).map(|i| symmetric[i][i]).sum::<f64>() / T::DIMENSION as f64;
+    if T::DIMENSION == 2 {
+        let radius = (0.5 * (symmetric[0][0] - symmetric[1][1])).hypot(symmetric[0][1]);
+        return [mean - radius, mean + radius];
+    }
+    // Trigonometric roots of the characteristic cubic of the deviator.
+    let deviator = T::from_fn(|i, j| deviation(i, j, mean));
+    let half_square = 0.5 * deviator.components().map(|value| value * value).sum::<f64>();
+    if half_square == 0.0 {
+        return [mean, mean];
+    }
+    let radius = 2.0 * (half_square / 3.0).sqrt();
+    let cosine = (4.0 * deviator.determinant() / radius.powi(3)).clamp(-1.0, 1.0);
+    let angle = cosine.acos() / 3.0;
+    [mean + radius * (angle + std::f64::consts::TAU / 3.0).cos(), mean + radius * angle.cos()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn principal_values_in_space_are_those_of_the_definition() {
+        let fabric = [[0.5, 0.1, -0.05], [0.1, 0.3, 0.02], [-0.05, 0.02, 0.2]];
+        let values = nalgebra::Matrix3::from_fn(|i, j| fabric[i][j]).symmetric_eigenvalues();
+        assert!((anisotropy(&fabric) - (values.max() / values.min() - 1.0)).abs() < 1e-13);
+        assert!(anisotropy(&[[1.0 / 3.0, 0.0, 0.0], [0.0, 1.0 / 3.0, 0.0], [0.0, 0.0, 1.0 / 3.0]]).abs() < 1e-15);
+        assert_eq!(anisotropy(&[[1.0, 0.0, 0.0], [0.0; 3], [0.0; 3]]), 0.0);
+        assert_eq!(anisotropy(&[[0.0; 3]; 3]), 0.0);
+        assert!((anisotropy(&[[0.6, 0.0], [0.0, 0.4]]) - 0.5).abs() < 1e-15);
+    }
 }

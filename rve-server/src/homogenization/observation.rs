@@ -4,6 +4,7 @@ use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::network::ContactNetwork;
 use crate::plane::Plane;
+use crate::space::{Discs, Space};
 use crate::state::GrainState;
 use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
 
@@ -17,7 +18,7 @@ pub(crate) fn scalars(network: &ContactNetwork, state: &GrainState) -> Scalars {
         coordination_number: network.coordination_number(),
         unbalanced_force_ratio: state.unbalanced,
         max_overlap_ratio: network.max_overlap_ratio(),
-        volume_ratio: network.area() / state.initial_area,
+        volume_ratio: network.measure() / state.initial_measure,
     }
 }
 
@@ -46,12 +47,12 @@ pub(crate) fn observe(
         observed.sliding_fraction = network.sliding_fraction(cohesion);
     }
     if wanted.contains(Observables::ENERGY) {
-        let volume = network.area() * network.thickness;
+        let volume = network.volume();
         observed.elastic_energy = network.elastic_energy(cohesion) / volume;
         observed.frictional_dissipation = state.dissipation / volume;
     }
     if wanted.contains(Observables::ROTATION) {
-        observed.mean_rotation[2] = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
+        observed.mean_rotation = Discs::spin_in_space(state.mean_rotation());
     }
     observed
 }

@@ -8,6 +8,8 @@ use crate::homogenization::fabric::anisotropy;
 use crate::packing::recipe::PackingRecipe;
 use crate::packing::{ListedContact, PackingError, PackingFile};
 use crate::plane::{self, Plane};
+use crate::space::Discs;
+use crate::state::ContactRecord;
 use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -198,10 +200,10 @@ impl<'a> Preparation<'a> {
             [x, y, *radius]
         });
         let contacts = state.contacts.iter().filter(|contact| contact.tangential_force != 0.0).map(|contact| {
-            let [first, second] = contact.shift;
-            ListedContact(contact.origin, contact.end, first, second, contact.tangential_force)
+            let ContactRecord { origin, end, shift, tangential_force } = *contact;
+            ListedContact { origin, end, shift, tangential_force }
         });
-        PackingFile {
+        PackingFile::<Discs> {
             format: PackingFile::FORMAT.into(),
             version: PackingFile::VERSION,
             dimension: 2,
@@ -261,7 +263,7 @@ fn scattered(recipe: &PackingRecipe) -> Result<PackingFile, PackingError> {
             })?;
         placed.push([place[0], place[1], radius]);
     }
-    Ok(PackingFile {
+    Ok(PackingFile::<Discs> {
         format: PackingFile::FORMAT.into(),
         version: PackingFile::VERSION,
         dimension: 2,

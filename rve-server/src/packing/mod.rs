@@ -2,8 +2,10 @@
 
 pub mod file;
 pub mod generate;
+pub mod listed_contact;
 pub mod recipe;
 
-pub use file::{ListedContact, PackingError, PackingFile};
+pub use file::{Packing, PackingError, PackingFile};
 pub use generate::{PackingProgress, PackingReport, generate};
+pub use listed_contact::ListedContact;
 pub use recipe::{Grading, PackingRecipe};

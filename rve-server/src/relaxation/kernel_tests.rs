@@ -7,6 +7,7 @@ use crate::definition::{ContactTable, GrainDefinition, RveOptions};
 use crate::model::GrainModel;
 use crate::packing::PackingFile;
 use crate::plane;
+use crate::space::Discs;
 use proptest::prelude::*;
 
 const LAW: LinearLaw = LinearLaw { stiffness_ratio: 0.6, friction: 0.4, cohesion: 0.0 };
@@ -176,7 +177,7 @@ fn crystal(rows: [[f64; 2]; 2], stiffness_ratio: f64) -> (GrainModel, Assembly) 
     let overlap = 1e-5;
     let at = |i: usize, j: usize, axis: usize| (i as f64) * rows[0][axis] + (j as f64) * rows[1][axis];
     let grains = (0..16).map(|k| [at(k / 4, k % 4, 0), at(k / 4, k % 4, 1), 0.5 + 0.5 * overlap]).collect();
-    let packing = PackingFile {
+    let packing = PackingFile::<Discs> {
         format: PackingFile::FORMAT.into(),
         version: PackingFile::VERSION,
         dimension: 2,

@@ -112,7 +112,7 @@ impl Relaxation {
                 })
                 .collect(),
             dissipation: self.assembly.dissipation,
-            initial_area: state.initial_area,
+            initial_measure: state.initial_measure,
             unbalanced,
         }
     }

@@ -4,6 +4,7 @@ use crate::samples::{hundred_discs, trial};
 use protocol::{Ask, Observables, RveEngine, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
 use rve_server::definition::{Criterion, Damping, RveOptions};
 use rve_server::engine::{GrainEngine, GrainRve, grains_of_snapshot};
+use rve_server::space::Discs;
 
 const FIRST: [[f64; 2]; 2] = [[2e-4, 1e-4], [-5e-5, -4e-4]];
 const SECOND: [[f64; 2]; 2] = [[-1e-4, 3e-4], [0.0, -1e-4]];
@@ -182,7 +183,7 @@ fn grains_of_a_snapshot_are_inside_the_cell() {
     cell.snapshot(&mut bytes);
     let grains = grains_of_snapshot(&definition, &bytes).unwrap();
     assert_eq!((grains.positions.len(), grains.radii.len(), grains.rotations.len()), (100, 100, 100));
-    let inside = rve_server::cell::Cell { rows: grains.cell };
+    let inside = rve_server::cell::Cell::<Discs> { rows: grains.cell };
     for position in &grains.positions {
         assert!(inside.fractional(*position).iter().all(|f| (-1e-12..1.0 + 1e-12).contains(f)));
     }

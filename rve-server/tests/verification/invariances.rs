@@ -6,7 +6,6 @@ use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::homogenization::stress::first_piola;
 use rve_server::network::{ContactNetwork, NetworkContact};
-use rve_server::packing::ListedContact;
 use rve_server::plane::{self, IDENTITY, Plane};
 
 const PRESSURE: f64 = 1e5;
@@ -93,7 +92,7 @@ fn contact_work_is_stress_work() {
             (0..2).map(|axis| 0.5 * (f0[axis] + f1[axis]) * (end[axis] - start[axis])).sum::<f64>()
         })
         .sum::<f64>()
-        / (before.area() * before.thickness);
+        / before.volume();
     let f = plane::add_scaled(&IDENTITY, 1.0, &h);
     let (p0, p1) = (before.stress(), first_piola(&after.stress(), &f));
     let stress_work: f64 = (0..4).map(|k| 0.5 * (p0[k / 2][k % 2] + p1[k / 2][k % 2]) * h[k / 2][k % 2]).sum();
@@ -131,7 +130,7 @@ fn basis_origin_and_numbering_do_not_matter() {
     basis.packing.periodicity[1] = [rows[1][0] + rows[0][0], rows[1][1] + rows[0][1]];
     // Y2' = Y1 + Y2, so s1 Y1 + s2 Y2 = (s1 - s2) Y1 + s2 Y2'.
     for contact in &mut basis.packing.contacts {
-        contact.2 -= contact.3;
+        contact.shift[0] -= contact.shift[1];
     }
     let mut origin = plain.clone();
     for grain in &mut origin.packing.grains {
@@ -141,8 +140,8 @@ fn basis_origin_and_numbering_do_not_matter() {
     let mut numbers = plain.clone();
     numbers.packing.grains.reverse();
     let last = numbers.packing.grains.len() as u32 - 1;
-    for ListedContact(i, j, ..) in &mut numbers.packing.contacts {
-        (*i, *j) = (last - *i, last - *j);
+    for contact in &mut numbers.packing.contacts {
+        (contact.origin, contact.end) = (last - contact.origin, last - contact.end);
     }
     for (name, changed) in [("basis", basis), ("origin", origin), ("numbering", numbers)] {
         let error = difference(&stress_after(&changed, &h), &expected);

@@ -5,6 +5,7 @@ use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions
 use rve_server::engine::GrainRve;
 use rve_server::packing::PackingFile;
 use rve_server::plane::{self, Plane};
+use rve_server::space::Discs;
 use std::path::Path;
 
 /// Options for checks against closed forms.
@@ -30,7 +31,7 @@ pub(crate) fn hundred_discs(options: RveOptions) -> GrainDefinition {
 
 /// One grain of unit diameter per primitive cell, pressed together by `overlap`.
 pub(crate) fn lattice(rows: Plane, overlap: f64, contact: ContactTable) -> GrainDefinition {
-    let packing = PackingFile {
+    let packing = PackingFile::<Discs> {
         format: PackingFile::FORMAT.into(),
         version: PackingFile::VERSION,
         dimension: 2,
