@@ -1,0 +1,41 @@
+"""Write an RVE engine in Python: one class, and it serves a Grainspan run as a worker.
+
+A user subclasses :class:`Rve` and ends the module with ``main(MyRve)``. Everything else, that is joining the run,
+shared memory, messages, states, faults, lies behind it. ``docs/external-engines.md`` in the repository is the tutorial,
+``grainspan_worker.engines.reference`` the smallest complete engine.
+"""
+
+from .answer import Answer, Ask
+from .definition import Definition
+from .errors import (
+    DefinitionRefused,
+    EngineFault,
+    NotFinite,
+    RveError,
+    SnapshotRefused,
+    TargetInverted,
+    TargetNotFinite,
+    TargetTooLarge,
+    Unsupported,
+)
+from .command_line import main
+from .rve import Rve
+
+__all__ = [
+    "Answer",
+    "Ask",
+    "Definition",
+    "DefinitionRefused",
+    "EngineFault",
+    "NotFinite",
+    "Rve",
+    "RveError",
+    "SnapshotRefused",
+    "TargetInverted",
+    "TargetNotFinite",
+    "TargetTooLarge",
+    "Unsupported",
+    "main",
+]
+
+__version__ = "0.1.0"

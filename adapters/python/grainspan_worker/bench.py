@@ -1,0 +1,178 @@
+"""Where jobs are done: the RVEs built so far, the states at hand, and the engine behind a guard.
+
+An answer depends on the job alone, never on what was done before it; an engine that raises costs one failed answer, not
+the worker; no number that is not finite leaves.
+"""
+
+import time
+import traceback
+from collections import OrderedDict
+
+import msgpack
+import numpy
+
+from . import answer as answers
+from .answer import Ask
+from .content import NONE, name_of, short
+from .definition import Definition
+from .errors import (
+    DefinitionRefused,
+    EngineFault,
+    NotFinite,
+    RveError,
+    SnapshotRefused,
+    TargetInverted,
+    TargetNotFinite,
+    Unsupported,
+)
+from .keeper import PathKeeper, SnapshotKeeper
+from .layout import REPLY, STATUSES, TANGENT_NAMES, TANGENTS
+
+
+class StateCache:
+    """A bounded set of snapshots by name; the least recently used one leaves first."""
+
+    def __init__(self, capacity):
+        self._capacity, self._kept = max(capacity, 1), OrderedDict()
+
+    def get(self, name):
+        """The snapshot, or None; counts as a use."""
+        if name in self._kept:
+            self._kept.move_to_end(name)
+        return self._kept.get(name)
+
+    def keep(self, name, content):
+        """Keeps a snapshot; counts as a use."""
+        self._kept[name] = content
+        self._kept.move_to_end(name)
+        while len(self._kept) > self._capacity:
+            self._kept.popitem(last=False)
+
+
+class Bench:
+    """Does jobs with one engine."""
+
+    def __init__(self, rve_class, state_cache=64, replay=False, most_alive=64):
+        self._rve_class = rve_class
+        self._by_path = replay or not rve_class.has_snapshots()
+        self._most_alive = most_alive
+        self._keepers, self._states = {}, StateCache(state_cache)
+        #: Jobs answered.
+        self.jobs = 0
+
+    def define(self, content):
+        """Builds an RVE; one that is already known is left alone. Raises an :class:`RveError`."""
+        name = name_of(content)
+        if name in self._keepers:
+            return
+        definition = Definition.read(content)
+        if definition.dimension not in self._rve_class.dimensions:
+            raise DefinitionRefused(
+                f"engine `{self._rve_class.engine}` does not serve {definition.dimension} dimensions"
+            )
+        if definition.law not in self._rve_class.laws:
+            raise DefinitionRefused(f"engine `{self._rve_class.engine}` does not serve the law `{definition.law}`")
+        try:
+            if self._by_path:
+                self._keepers[name] = PathKeeper(self._rve_class, definition, self._most_alive)
+            else:
+                self._keepers[name] = SnapshotKeeper(self._rve_class, definition)
+        except RveError:
+            raise
+        except Exception as error:
+            raise _fault(error) from error
+
+    def answer(self, job, carried=b""):
+        """Does one job; returns the wire record and its (state, error) bytes."""
+        begun = time.perf_counter_ns()
+        try:
+            reply, state, error = self._try(job, carried)
+        except RveError as refusal:
+            reply, state, error = bare(job, "failed"), b"", msgpack.packb(refusal.wire())
+        reply["state_length"], reply["error_length"] = len(state), len(error)
+        solving = int(reply["cost.solve_nanoseconds"]) + int(reply["cost.tangent_nanoseconds"])
+        reply["overhead_nanoseconds"] = max(0, time.perf_counter_ns() - begun - solving)
+        self.jobs += 1
+        return reply, (state, error)
+
+    def close(self):
+        """Releases every RVE."""
+        for keeper in self._keepers.values():
+            keeper.close()
+
+    @property
+    def replayed(self):
+        """Trials solved again to rebuild states."""
+        return sum(getattr(keeper, "replayed", 0) for keeper in self._keepers.values())
+
+    def _try(self, job, carried):
+        ask = self._ask(job)
+        gradient = _checked(job["target"])
+        wanted = job["state"].tobytes()
+        if carried:
+            if name_of(carried) != wanted:
+                raise SnapshotRefused(f"the snapshot sent for state {short(wanted)} was damaged on its way")
+            self._states.keep(wanted, carried)
+        keeper = self._keepers.get(job["definition"].tobytes())
+        if keeper is None:
+            return bare(job, "need_definition"), b"", b""
+        if wanted in (NONE, keeper.initial_name):
+            wanted, content = keeper.initial_name, keeper.initial
+        else:
+            content = self._states.get(wanted)
+        if content is None:
+            return bare(job, "need_state"), b"", b""
+        begun = time.perf_counter_ns()
+        try:
+            answer, state = keeper.solve(wanted, content, gradient, ask)
+        except RveError:
+            raise
+        except Exception as error:
+            raise _fault(error) from error
+        if not answer.solve_nanoseconds:
+            answer.solve_nanoseconds = max(0, time.perf_counter_ns() - begun - answer.tangent_nanoseconds)
+        return self._done(job, ask, answer, state), state, b""
+
+    def _done(self, job, ask, answer, state):
+        reply = bare(job, "done")
+        answer.write(reply)
+        if not answers.finite(reply):
+            raise NotFinite(answer.force_evaluations)
+        if ask.tangent != "none":
+            if answer.tangent is None:
+                raise EngineFault(f"the tangent `{ask.tangent}` was asked for and did not come")
+            reply["tangent_kind"] = TANGENTS[answer.tangent_kind or ask.tangent]
+        name = name_of(state)
+        reply["state"] = numpy.frombuffer(name, "u1")
+        self._states.keep(name, state)
+        return reply
+
+    def _ask(self, job):
+        tangent = TANGENT_NAMES.get(int(job["tangent"]))
+        if tangent is None:
+            raise Unsupported(f"tangent kind number {int(job['tangent'])}")
+        if tangent != "none" and tangent not in self._rve_class.tangents:
+            raise Unsupported(f"the tangent `{tangent}`")
+        return Ask(tangent, int(job["ramp_steps"]), int(job["observables"]))
+
+
+def bare(job, status):
+    """An empty reply with a status."""
+    reply = numpy.zeros((), REPLY)
+    reply["job"], reply["point"], reply["status"] = job["job"], job["point"], STATUSES[status]
+    return reply
+
+
+def _checked(target):
+    gradient = numpy.array(target, dtype=float).reshape(3, 3)
+    if not numpy.isfinite(gradient).all():
+        raise TargetNotFinite()
+    determinant = numpy.linalg.det(numpy.eye(3) + gradient)
+    if determinant <= 0.0:
+        raise TargetInverted(determinant)
+    return gradient
+
+
+def _fault(error):
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return EngineFault(f"{type(error).__name__}: {error} ({place.filename}:{place.lineno})")

@@ -1,0 +1,1 @@
+"""Engines that ship with this package; each module is a worker: ``python -m grainspan_worker.engines.NAME``."""
