@@ -6,6 +6,7 @@ pub mod element;
 pub mod engine;
 pub mod grains;
 pub mod homogenization;
+pub mod lanes;
 pub mod model;
 pub mod network;
 pub mod packing;

@@ -1,0 +1,433 @@
+//! One explicit step of one cell, or of several cells side by side: kick, move, contact forces and all sums. Nearly all
+//! time is spent here.
+//!
+//! Pairs are visited in key order and forces are added in that order, grains are summed in their order, accumulators
+//! start at +0.0 (so that the +0.0 of a pair that does not touch changes nothing). The bits of a lane therefore depend on its own
+//! contacts alone: not on the pairs that are listed beside them, not on the other lanes. Nothing allocates.
+
+use super::kinematics::Kinematics;
+use super::law::{ContactLaw, ContactMotion};
+use super::real::{Mask, Real};
+use super::tuple::Tuple;
+
+/// Squared motion per step, m2 or rad2, below which a grain is put to rest: products of numbers so small become
+/// subnormal, and those cost a hundred times more.
+const REST: f64 = 1e-280;
+
+/// One grain in all lanes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Grain<K: Kinematics, R: Real> {
+    /// Centre, m.
+    pub position: K::Vector<R>,
+    /// Motion against the affine motion of the cell in the last step, m.
+    pub velocity: K::Vector<R>,
+    /// Rotation in the last step, rad.
+    pub spin: K::Axial<R>,
+    /// Sum of all rotations, rad.
+    pub turned: K::Axial<R>,
+    /// Sum of contact forces, N.
+    pub force: K::Vector<R>,
+    /// Sum of their moments about the centre, N m.
+    pub moment: K::Axial<R>,
+}
+
+/// What a grain is in all lanes: the cells of a batch share their packing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GrainConstants {
+    /// Inertia of translation per unit of the lane's mass.
+    pub mass: f64,
+    /// 1 / `mass`.
+    pub inverse_mass: f64,
+    /// Inertia of rotation, m2, per unit of the lane's mass; 0 for blocked grains.
+    pub rotation: f64,
+    /// 1 / `rotation`; 0 for blocked grains.
+    pub inverse_rotation: f64,
+    /// 1 / radius, 1/m; 0 for blocked grains.
+    pub inverse_radius: f64,
+}
+
+/// A listed pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ListedPair {
+    /// Origin grain.
+    pub origin: u32,
+    /// End grain.
+    pub end: u32,
+    /// Row of the table of image translations.
+    pub image: u32,
+}
+
+/// What a pair is in all lanes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairConstants<K: Kinematics, C: ContactLaw<K>> {
+    /// Radii of origin and end grain, m.
+    pub radii: [f64; 2],
+    /// No pair whose branch vector has a larger square than this touches, m2.
+    pub near_square: f64,
+    /// Constants of the law.
+    pub law: C::Constants<f64>,
+}
+
+/// History of one pair in all lanes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Contact<K: Kinematics, C: ContactLaw<K>, R: Real> {
+    /// Unit vector from origin to end at the last evaluation; zero if the pair did not touch then.
+    pub direction: K::Vector<R>,
+    /// Tangential force as an axial vector, N.
+    pub tangential_force: K::Axial<R>,
+    /// What the law remembers.
+    pub memory: C::Memory<R>,
+}
+
+/// How the lanes move in one step.
+#[derive(Clone, Copy, Debug)]
+pub struct Steering<K: Kinematics, R: Real> {
+    /// Rows of the affine motion of the cell in this step; rows beyond the dimension are not used.
+    pub affine: [K::Vector<R>; 3],
+    /// Factor of the old velocity.
+    pub keep: R,
+    /// Factor of force over relative mass, 1 / N per unit.
+    pub push: R,
+    /// Coefficient of local damping, 0 for none.
+    pub local: f64,
+}
+
+/// Which extras an evaluation sums up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Count the evaluations at the friction limit.
+    pub limit_counts: bool,
+    /// Sum the squares of the contact forces.
+    pub contact_force_square: bool,
+    /// Sum the stored energy.
+    pub elastic_energy: bool,
+    /// Sum the work of the old forces on the step just made.
+    pub old_power: bool,
+}
+
+/// Sums over the contacts and grains of one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepSums<R: Real> {
+    /// Square of the longest motion against the affine motion, m2.
+    pub farthest_square: R,
+    /// Sum of force before the step times motion in the step, J; only if wanted.
+    pub old_power: R,
+    /// Number of touching pairs.
+    pub contacts: R,
+    /// Sum of |f_n|, N.
+    pub normal_force: R,
+    /// Work lost to friction during the step, J.
+    pub dissipation: R,
+    /// Tangential energy lost by contacts that opened in the step, J.
+    pub opening_loss: R,
+    /// Sum of squared contact forces, N2; only if wanted.
+    pub contact_force_square: R,
+    /// Energy stored in the contacts, J; only if wanted.
+    pub elastic_energy: R,
+    /// Largest of |F|^2 and (M / R)^2, N2.
+    pub largest_force_square: R,
+    /// Sum of |F|^2 + (M / R)^2, N2.
+    pub force_square: R,
+    /// Sum of F.v + M.w, J.
+    pub power: R,
+    /// Sum of |F|^2 / m + |M|^2 / I per unit of the lane's mass.
+    pub scaled_force_square: R,
+    /// Sum of m |v|^2 + I |w|^2 per unit of the lane's mass: twice the kinetic energy.
+    pub motion_square: R,
+}
+
+/// Everything that one step reads and writes.
+#[derive(Debug)]
+pub struct StepData<'a, K: Kinematics, C: ContactLaw<K>, R: Real> {
+    /// The contact law.
+    pub law: &'a C,
+    /// What the grains are.
+    pub grain_constants: &'a [GrainConstants],
+    /// The grains.
+    pub grains: &'a mut [Grain<K, R>],
+    /// Listed pairs in key order.
+    pub pairs: &'a [ListedPair],
+    /// What the pairs are.
+    pub pair_constants: &'a [PairConstants<K, C>],
+    /// Histories of the pairs.
+    pub contacts: &'a mut [Contact<K, C, R>],
+    /// Whether a pair has a history in some lane.
+    pub live: &'a mut [bool],
+    /// Evaluations at the friction limit per pair, weighted.
+    pub limit_counts: &'a mut [R],
+    /// What an evaluation at the limit counts in each lane: 1 while sampling, else 0.
+    pub sampling: R,
+    /// Translations of the periodic images, m.
+    pub images: &'a [K::Vector<R>],
+    /// Extras to sum up.
+    pub wanted: Wanted,
+}
+
+impl<K: Kinematics, C: ContactLaw<K>> PairConstants<K, C> {
+    /// Those of two grains with these radii, m.
+    pub fn new(law: &C, radii: [f64; 2]) -> Self {
+        let range = radii[0] + radii[1];
+        // A touch more than the square: whether a pair touches is decided by its overlap alone.
+        Self { radii, near_square: range * range * (1.0 + 1e-14), law: law.constants(radii) }
+    }
+}
+
+impl<K: Kinematics, C: ContactLaw<K>, R: Real> Contact<K, C, R> {
+    /// A pair that does not touch.
+    pub fn none() -> Self {
+        Self { direction: Tuple::zero(), tangential_force: Tuple::zero(), memory: Tuple::zero() }
+    }
+}
+
+/// Moves one grain by `affine x + v` after its velocities have been kicked by its loads, and clears the loads.
+#[inline(always)]
+pub(super) fn kick_grain<K: Kinematics, R: Real>(
+    grain: &mut Grain<K, R>,
+    constants: &GrainConstants,
+    steering: &Steering<K, R>,
+    old_power: bool,
+    sums: &mut StepSums<R>,
+) {
+    let (mut force, mut moment) = (grain.force, grain.moment);
+    if steering.local != 0.0 {
+        force = locally_damped(steering.local, force, grain.velocity);
+        moment = locally_damped(steering.local, moment, grain.spin);
+    }
+    let push = steering.push * R::splat(constants.inverse_mass);
+    let velocity = at_rest(force.scaled_plus(push, grain.velocity.scaled(steering.keep)));
+    let torque = steering.push * R::splat(constants.inverse_rotation);
+    let spin = at_rest(moment.scaled_plus(torque, grain.spin.scaled(steering.keep)));
+    let old = grain.position;
+    let position = K::Vector::build(
+        #[inline(always)]
+        |i| {
+            let (x, v) = (old.as_ref()[i], velocity.as_ref()[i]);
+            x + (steering.affine[i].dot(old) + v)
+        },
+    );
+    if old_power {
+        sums.old_power += grain.force.dot(velocity) + grain.moment.dot(spin);
+    }
+    sums.farthest_square = sums.farthest_square.larger(velocity.dot(velocity));
+    grain.position = position;
+    grain.velocity = velocity;
+    grain.spin = spin;
+    grain.turned = grain.turned.plus(spin);
+    grain.force = Tuple::zero();
+    grain.moment = Tuple::zero();
+}
+
+#[inline(always)]
+fn at_rest<R: Real, T: Tuple<R>>(motion: T) -> T {
+    motion.where_or(R::splat(REST).less(motion.dot(motion)), T::zero())
+}
+
+/// Each component loses a share of its size against the sign of its velocity.
+#[inline(always)]
+fn locally_damped<R: Real, T: Tuple<R>>(coefficient: f64, load: T, velocity: T) -> T {
+    let zero = R::default();
+    load.zip(
+        velocity,
+        #[inline(always)]
+        |force, motion| {
+            let loss = force.abs() * R::splat(coefficient);
+            let loss = R::select(motion.less(zero), -loss, R::select(zero.less(motion), loss, zero));
+            force - loss
+        },
+    )
+}
+
+/// Pairs whose geometry is worked out before any of their forces. Two passes instead of one: each has a short chain of
+/// dependent operations, so the processor overlaps many pairs; the chain through square root, quotient and law would
+/// let it overlap one.
+const BLOCK: usize = 32;
+
+/// Geometry of the pairs of one block that may touch.
+#[derive(Clone, Copy)]
+struct Near<K: Kinematics, R: Real> {
+    index: usize,
+    branch: K::Vector<R>,
+    length: R,
+    reciprocal: R,
+}
+
+/// Forces of all contacts, in key order.
+#[inline(always)]
+pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    data: &mut StepData<'_, K, C, R>,
+    sums: &mut StepSums<R>,
+) {
+    let mut near = [Near { index: 0, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() }; BLOCK];
+    let mut local = ContactSums::default();
+    let mut start = 0;
+    while start < data.pairs.len() {
+        let stop = (start + BLOCK).min(data.pairs.len());
+        let count = find_near(data, start, stop, &mut near, &mut local.opening_loss);
+        for pair in &near[..count] {
+            load_pair(data, pair, &mut local);
+        }
+        start = stop;
+    }
+    sums.contacts = local.contacts;
+    sums.normal_force = local.normal_force;
+    sums.dissipation = local.dissipation;
+    sums.opening_loss = local.opening_loss;
+    sums.contact_force_square = local.contact_force_square;
+    sums.elastic_energy = local.elastic_energy;
+}
+
+/// Sums over contacts, see [`StepSums`].
+#[derive(Clone, Copy, Debug, Default)]
+struct ContactSums<R: Real> {
+    contacts: R,
+    normal_force: R,
+    dissipation: R,
+    opening_loss: R,
+    contact_force_square: R,
+    elastic_energy: R,
+}
+
+/// Lists the pairs `start..stop` that touch in some lane and lets go of the others. Returns their number.
+#[inline(always)]
+fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    data: &mut StepData<'_, K, C, R>,
+    start: usize,
+    stop: usize,
+    near: &mut [Near<K, R>; BLOCK],
+    opening_loss: &mut R,
+) -> usize {
+    let mut count = 0;
+    let listed = data.pairs[start..stop].iter().zip(&data.pair_constants[start..stop]);
+    for (offset, (pair, constants)) in listed.enumerate() {
+        let (origin, end) = (&data.grains[pair.origin as usize], &data.grains[pair.end as usize]);
+        let branch = end.position.minus(origin.position).plus(data.images[pair.image as usize]);
+        let square = branch.dot(branch);
+        let index = start + offset;
+        if square.less(R::splat(constants.near_square)).any() {
+            let length = square.sqrt();
+            near[count] = Near { index, branch, length, reciprocal: R::splat(1.0) / length };
+            count += 1;
+        } else if data.live[index] {
+            let contact = &mut data.contacts[index];
+            *opening_loss += loss_of(data.law, constants, contact);
+            *contact = Contact::none();
+            data.live[index] = false;
+        }
+    }
+    count
+}
+
+/// What the history of a contact would lose if it opened now; zero in lanes that have none.
+#[inline(always)]
+fn loss_of<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    law: &C,
+    constants: &PairConstants<K, C>,
+    contact: &Contact<K, C, R>,
+) -> R {
+    law.opening_loss(&spread::<K, C, R>(constants), contact.tangential_force, &contact.memory)
+}
+
+#[inline(always)]
+fn spread<K: Kinematics, C: ContactLaw<K>, R: Real>(constants: &PairConstants<K, C>) -> C::Constants<R> {
+    <C::Constants<R>>::build(
+        #[inline(always)]
+        |i| R::splat(constants.law.as_ref()[i]),
+    )
+}
+
+/// Force, history and loads of one pair.
+#[inline(always)]
+fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    data: &mut StepData<'_, K, C, R>,
+    near: &Near<K, R>,
+    sums: &mut ContactSums<R>,
+) {
+    let Near { index, branch, length, reciprocal } = *near;
+    let (pair, constants, contact) = (data.pairs[index], &data.pair_constants[index], &mut data.contacts[index]);
+    let (origin, end) = (&data.grains[pair.origin as usize], &data.grains[pair.end as usize]);
+    let direction = branch.scaled(reciprocal);
+    let overlap = R::splat(constants.radii[0] + constants.radii[1]) - length;
+    let touching = R::default().less(overlap);
+    let half = R::splat(0.5) * overlap;
+    let arms = [R::splat(constants.radii[0]) - half, R::splat(constants.radii[1]) - half];
+    let law_constants = spread::<K, C, R>(constants);
+    let before = contact.direction;
+    let touched = R::splat(0.5).less(before.dot(before));
+    let opened = touched & !touching;
+    if opened.any() {
+        sums.opening_loss += R::select(opened, loss_of(data.law, constants, contact), R::default());
+    }
+    // The branch's own turn is measured as an angle, not as a chord: a rigidly rotating pair then slips by exactly
+    // nothing. arcsin by its series; the next term is below rounding for turns under 0.02 rad.
+    let sine = K::cross(before, direction);
+    let sine_square = sine.dot(sine);
+    let series = sine_square.mul_add(R::splat(0.075), R::splat(1.0 / 6.0)).mul_add(sine_square, R::splat(1.0));
+    let spins = origin.spin.scaled(arms[0]).plus(end.spin.scaled(arms[1]));
+    let mean_spin = origin.spin.plus(end.spin).scaled(R::splat(0.5));
+    let motion = ContactMotion::<K, R> {
+        overlap,
+        length,
+        touched,
+        carried: K::carried(contact.tangential_force, sine, sine_square, direction, mean_spin),
+        slip: K::across(sine.scaled(length * series).minus(spins), direction),
+        rolling: origin.spin.minus(end.spin),
+    };
+    let mut memory = contact.memory;
+    let response = data.law.respond(&law_constants, &motion, &mut memory);
+
+    // From here on everything is zero in lanes that do not touch.
+    let direction = direction.where_or(touching, Tuple::zero());
+    let tangential = response.tangential_force.where_or(touching, Tuple::zero());
+    let normal = R::select(touching, response.normal_force, R::default());
+    *contact = Contact { direction, tangential_force: tangential, memory: memory.where_or(touching, Tuple::zero()) };
+    data.live[index] = true;
+    let force = direction.scaled_plus(normal, K::turn(tangential, direction));
+    let mut moments = [tangential.scaled(arms[0]), tangential.scaled(arms[1])];
+    if let Some(couple) = response.couple {
+        let couple = couple.where_or(touching, Tuple::zero());
+        moments = [moments[0].plus(couple), moments[1].minus(couple)];
+    }
+    let origin = &mut data.grains[pair.origin as usize];
+    origin.force = origin.force.plus(force);
+    origin.moment = origin.moment.plus(moments[0]);
+    let end = &mut data.grains[pair.end as usize];
+    end.force = end.force.minus(force);
+    end.moment = end.moment.plus(moments[1]);
+
+    sums.contacts += R::select(touching, R::splat(1.0), R::default());
+    sums.normal_force += normal.abs();
+    sums.dissipation += R::select(touching, response.dissipation, R::default());
+    if data.wanted.limit_counts {
+        data.limit_counts[index] += R::select(touching & response.at_limit, data.sampling, R::default());
+    }
+    if data.wanted.contact_force_square {
+        sums.contact_force_square += normal.mul_add(normal, tangential.dot(tangential));
+    }
+    if data.wanted.elastic_energy {
+        let energy = data.law.energy(&law_constants, overlap, K::length(tangential));
+        sums.elastic_energy += R::select(touching, energy, R::default());
+    }
+}
+
+#[inline(always)]
+pub(super) fn sum_grain<K: Kinematics, R: Real>(
+    grain: &Grain<K, R>,
+    constants: &GrainConstants,
+    sums: &mut StepSums<R>,
+) {
+    let force_square = grain.force.dot(grain.force);
+    let moment_square = grain.moment.dot(grain.moment);
+    let per_radius = R::splat(constants.inverse_radius);
+    let turning = moment_square * (per_radius * per_radius);
+    sums.largest_force_square = sums.largest_force_square.larger(force_square).larger(turning);
+    sums.force_square += force_square + turning;
+    sums.power += grain.force.dot(grain.velocity) + grain.moment.dot(grain.spin);
+    sums.scaled_force_square +=
+        force_square.mul_add(R::splat(constants.inverse_mass), moment_square * R::splat(constants.inverse_rotation));
+    sums.motion_square += grain
+        .velocity
+        .dot(grain.velocity)
+        .mul_add(R::splat(constants.mass), grain.spin.dot(grain.spin) * R::splat(constants.rotation));
+}

@@ -1,0 +1,27 @@
+//! Numbers in lanes: the same arithmetic on one number or on several at once, and the choice of the processor's
+//! instructions at run time.
+//!
+//! Formulas are written once over [`Real`]. `f64` is the canonical number; [`Lanes`] does the same operations on `L`
+//! numbers that never see each other, so lane `k` of a result has the bits that `f64` would have given. What makes that
+//! true: only IEEE operations that every back end rounds alike (sum, product, quotient, square root, fused
+//! multiply-add), no reassociation, no approximate reciprocal, decisions by [`Real::select`] and never by a
+//! multiplication with zero.
+
+mod array;
+pub mod backend;
+mod kernel;
+mod kinematics;
+mod law;
+mod linear;
+mod real;
+#[cfg(test)]
+mod tests;
+mod tuple;
+
+pub use array::{LaneMask, Lanes};
+pub use kernel::{Contact, Grain, GrainConstants, ListedPair, PairConstants, Steering, StepData, StepSums, Wanted};
+pub use kinematics::{Discs, Kinematics, Spheres};
+pub use law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse};
+pub use linear::LinearLaw;
+pub use real::{Mask, Real};
+pub use tuple::Tuple;
