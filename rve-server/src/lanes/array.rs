@@ -137,6 +137,17 @@ impl<const L: usize> Mask for LaneMask<L> {
 
 impl<const L: usize> Real for Lanes<L> {
     type Mask = LaneMask<L>;
+    const LANES: usize = L;
+
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> f64 {
+        self.0[lane]
+    }
+
+    #[inline(always)]
+    fn set_lane(&mut self, lane: usize, value: f64) {
+        self.0[lane] = value;
+    }
 
     #[inline(always)]
     fn splat(value: f64) -> Self {

@@ -3,7 +3,9 @@
 //! The step is written once. This file stamps it out per instruction set, inside functions that are allowed to use that
 //! set; the only `unsafe` of the engine is the call of such a function, guarded by the check that the processor has it.
 
-use super::kernel::{Grain, GrainConstants, Steering, StepData, StepSums, kick_grain, load_pairs, sum_grain};
+use super::kernel::{
+    Grain, GrainConstants, MoveSums, Steering, StepData, StepSums, kick_grain, load_pairs, sum_grain,
+};
 use super::kinematics::Kinematics;
 use super::law::ContactLaw;
 use super::real::Real;
@@ -58,27 +60,40 @@ impl Backend {
         }
     }
 
-    /// Kicks and moves all grains by `steering`, if given, and evaluates all contacts. A back end that this processor
-    /// lacks is replaced by the plain one.
+    /// Kicks and moves all grains. A back end that this processor lacks is replaced by the plain one.
     #[expect(unsafe_code, reason = "functions for an instruction set may only be called where the processor has it")]
-    pub fn step<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    pub fn advance<K: Kinematics, C: ContactLaw<K>, R: Real>(
         self,
         data: &mut StepData<'_, K, C, R>,
-        steering: Option<&Steering<K, R>>,
-    ) -> StepSums<R> {
+        steering: &Steering<K, R>,
+    ) -> MoveSums<R> {
         match self {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `is_available` has just found every feature that the function is compiled with.
-            Self::Avx512 if self.is_available() => unsafe { avx512::step(data, steering) },
+            Self::Avx512 if self.is_available() => unsafe { avx512::advance(data, steering) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            Self::Avx2 if self.is_available() => unsafe { avx2::step(data, steering) },
-            _ => plain::step(data, steering),
+            Self::Avx2 if self.is_available() => unsafe { avx2::advance(data, steering) },
+            _ => plain::advance(data, steering),
+        }
+    }
+
+    /// Evaluates all contacts. A back end that this processor lacks is replaced by the plain one.
+    #[expect(unsafe_code, reason = "functions for an instruction set may only be called where the processor has it")]
+    pub fn evaluate<K: Kinematics, C: ContactLaw<K>, R: Real>(self, data: &mut StepData<'_, K, C, R>) -> StepSums<R> {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `is_available` has just found every feature that the function is compiled with.
+            Self::Avx512 if self.is_available() => unsafe { avx512::evaluate(data) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Self::Avx2 if self.is_available() => unsafe { avx2::evaluate(data) },
+            _ => plain::evaluate(data),
         }
     }
 }
 
-/// One step for one instruction set. The bodies per grain and per row stay functions of their own: inlined into the
+/// Moves and evaluations for one instruction set. The bodies per grain stay functions of their own: inlined into the
 /// loop, the compiler turns to vectorising across grains, with gathers, and takes three times as long.
 macro_rules! step_functions {
     ($module:ident $(, $features:literal)?) => {
@@ -92,7 +107,7 @@ macro_rules! step_functions {
                 constants: &GrainConstants,
                 steering: &Steering<K, R>,
                 old_power: bool,
-                sums: &mut StepSums<R>,
+                sums: &mut MoveSums<R>,
             ) {
                 kick_grain(grain, constants, steering, old_power, sums);
             }
@@ -108,16 +123,22 @@ macro_rules! step_functions {
             }
 
             $(#[target_feature(enable = $features)])?
-            pub(super) fn step<K: Kinematics, C: ContactLaw<K>, R: Real>(
+            pub(super) fn advance<K: Kinematics, C: ContactLaw<K>, R: Real>(
                 data: &mut StepData<'_, K, C, R>,
-                steering: Option<&Steering<K, R>>,
+                steering: &Steering<K, R>,
+            ) -> MoveSums<R> {
+                let mut sums = MoveSums::default();
+                for (grain, constants) in data.grains.iter_mut().zip(data.grain_constants) {
+                    kick(grain, constants, steering, data.wanted.old_power, &mut sums);
+                }
+                sums
+            }
+
+            $(#[target_feature(enable = $features)])?
+            pub(super) fn evaluate<K: Kinematics, C: ContactLaw<K>, R: Real>(
+                data: &mut StepData<'_, K, C, R>,
             ) -> StepSums<R> {
                 let mut sums = StepSums::default();
-                if let Some(steering) = steering {
-                    for (grain, constants) in data.grains.iter_mut().zip(data.grain_constants) {
-                        kick(grain, constants, steering, data.wanted.old_power, &mut sums);
-                    }
-                }
                 load_pairs(data, &mut sums);
                 for (grain, constants) in data.grains.iter().zip(data.grain_constants) {
                     grain_sums(grain, constants, &mut sums);

@@ -19,15 +19,15 @@ const REST: f64 = 1e-280;
 #[repr(C)]
 pub struct Grain<K: Kinematics, R: Real> {
     /// Centre, m.
-    pub position: K::Vector<R>,
+    pub position: K::Coordinates<R>,
     /// Motion against the affine motion of the cell in the last step, m.
-    pub velocity: K::Vector<R>,
+    pub velocity: K::Coordinates<R>,
     /// Rotation in the last step, rad.
     pub spin: K::Axial<R>,
     /// Sum of all rotations, rad.
     pub turned: K::Axial<R>,
     /// Sum of contact forces, N.
-    pub force: K::Vector<R>,
+    pub force: K::Coordinates<R>,
     /// Sum of their moments about the centre, N m.
     pub moment: K::Axial<R>,
 }
@@ -74,7 +74,7 @@ pub struct PairConstants<K: Kinematics, C: ContactLaw<K>> {
 #[repr(C)]
 pub struct Contact<K: Kinematics, C: ContactLaw<K>, R: Real> {
     /// Unit vector from origin to end at the last evaluation; zero if the pair did not touch then.
-    pub direction: K::Vector<R>,
+    pub direction: K::Coordinates<R>,
     /// Tangential force as an axial vector, N.
     pub tangential_force: K::Axial<R>,
     /// What the law remembers.
@@ -85,7 +85,7 @@ pub struct Contact<K: Kinematics, C: ContactLaw<K>, R: Real> {
 #[derive(Clone, Copy, Debug)]
 pub struct Steering<K: Kinematics, R: Real> {
     /// Rows of the affine motion of the cell in this step; rows beyond the dimension are not used.
-    pub affine: [K::Vector<R>; 3],
+    pub affine: [K::Coordinates<R>; 3],
     /// Factor of the old velocity.
     pub keep: R,
     /// Factor of force over relative mass, 1 / N per unit.
@@ -107,13 +107,18 @@ pub struct Wanted {
     pub old_power: bool,
 }
 
-/// Sums over the contacts and grains of one step.
+/// Sums over the grains of one move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StepSums<R: Real> {
+pub struct MoveSums<R: Real> {
     /// Square of the longest motion against the affine motion, m2.
     pub farthest_square: R,
-    /// Sum of force before the step times motion in the step, J; only if wanted.
+    /// Sum of force before the move times motion in the move, J; only if wanted.
     pub old_power: R,
+}
+
+/// Sums over the contacts and grains of one evaluation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepSums<R: Real> {
     /// Number of touching pairs.
     pub contacts: R,
     /// Sum of |f_n|, N.
@@ -126,6 +131,8 @@ pub struct StepSums<R: Real> {
     pub contact_force_square: R,
     /// Energy stored in the contacts, J; only if wanted.
     pub elastic_energy: R,
+    /// Number of pairs that have begun to touch.
+    pub births: R,
     /// Largest of |F|^2 and (M / R)^2, N2.
     pub largest_force_square: R,
     /// Sum of |F|^2 + (M / R)^2, N2.
@@ -138,7 +145,7 @@ pub struct StepSums<R: Real> {
     pub motion_square: R,
 }
 
-/// Everything that one step reads and writes.
+/// Everything that a move or an evaluation reads and writes.
 #[derive(Debug)]
 pub struct StepData<'a, K: Kinematics, C: ContactLaw<K>, R: Real> {
     /// The contact law.
@@ -155,14 +162,34 @@ pub struct StepData<'a, K: Kinematics, C: ContactLaw<K>, R: Real> {
     pub contacts: &'a mut [Contact<K, C, R>],
     /// Whether a pair has a history in some lane.
     pub live: &'a mut [bool],
-    /// Evaluations at the friction limit per pair, weighted.
+    /// Evaluations at the friction limit per pair, weighted; begins anew when a contact opens.
     pub limit_counts: &'a mut [R],
     /// What an evaluation at the limit counts in each lane: 1 while sampling, else 0.
     pub sampling: R,
     /// Translations of the periodic images, m.
-    pub images: &'a [K::Vector<R>],
+    pub images: &'a [K::Coordinates<R>],
     /// Extras to sum up.
     pub wanted: Wanted,
+}
+
+impl<R: Real> StepSums<R> {
+    /// The sums of one lane.
+    pub fn lane(&self, lane: usize) -> StepSums<f64> {
+        StepSums {
+            contacts: self.contacts.lane(lane),
+            normal_force: self.normal_force.lane(lane),
+            dissipation: self.dissipation.lane(lane),
+            opening_loss: self.opening_loss.lane(lane),
+            contact_force_square: self.contact_force_square.lane(lane),
+            elastic_energy: self.elastic_energy.lane(lane),
+            births: self.births.lane(lane),
+            largest_force_square: self.largest_force_square.lane(lane),
+            force_square: self.force_square.lane(lane),
+            power: self.power.lane(lane),
+            scaled_force_square: self.scaled_force_square.lane(lane),
+            motion_square: self.motion_square.lane(lane),
+        }
+    }
 }
 
 impl<K: Kinematics, C: ContactLaw<K>> PairConstants<K, C> {
@@ -188,7 +215,7 @@ pub(super) fn kick_grain<K: Kinematics, R: Real>(
     constants: &GrainConstants,
     steering: &Steering<K, R>,
     old_power: bool,
-    sums: &mut StepSums<R>,
+    sums: &mut MoveSums<R>,
 ) {
     let (mut force, mut moment) = (grain.force, grain.moment);
     if steering.local != 0.0 {
@@ -200,7 +227,7 @@ pub(super) fn kick_grain<K: Kinematics, R: Real>(
     let torque = steering.push * R::splat(constants.inverse_rotation);
     let spin = at_rest(moment.scaled_plus(torque, grain.spin.scaled(steering.keep)));
     let old = grain.position;
-    let position = K::Vector::build(
+    let position = K::Coordinates::build(
         #[inline(always)]
         |i| {
             let (x, v) = (old.as_ref()[i], velocity.as_ref()[i]);
@@ -248,7 +275,7 @@ const BLOCK: usize = 32;
 #[derive(Clone, Copy)]
 struct Near<K: Kinematics, R: Real> {
     index: usize,
-    branch: K::Vector<R>,
+    branch: K::Coordinates<R>,
     length: R,
     reciprocal: R,
 }
@@ -276,6 +303,7 @@ pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
     sums.opening_loss = local.opening_loss;
     sums.contact_force_square = local.contact_force_square;
     sums.elastic_energy = local.elastic_energy;
+    sums.births = local.births;
 }
 
 /// Sums over contacts, see [`StepSums`].
@@ -287,6 +315,7 @@ struct ContactSums<R: Real> {
     opening_loss: R,
     contact_force_square: R,
     elastic_energy: R,
+    births: R,
 }
 
 /// Lists the pairs `start..stop` that touch in some lane and lets go of the others. Returns their number.
@@ -313,6 +342,7 @@ fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
             let contact = &mut data.contacts[index];
             *opening_loss += loss_of(data.law, constants, contact);
             *contact = Contact::none();
+            data.limit_counts[index] = R::default();
             data.live[index] = false;
         }
     }
@@ -358,6 +388,11 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     let opened = touched & !touching;
     if opened.any() {
         sums.opening_loss += R::select(opened, loss_of(data.law, constants, contact), R::default());
+        data.limit_counts[index] = R::select(opened, R::default(), data.limit_counts[index]);
+    }
+    let born = touching & !touched;
+    if born.any() {
+        sums.births += R::select(born, R::splat(1.0), R::default());
     }
     // The branch's own turn is measured as an angle, not as a chord: a rigidly rotating pair then slips by exactly
     // nothing. arcsin by its series; the next term is below rounding for turns under 0.02 rad.

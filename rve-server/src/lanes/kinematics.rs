@@ -7,27 +7,30 @@
 
 use super::real::Real;
 use super::tuple::Tuple;
-use std::fmt::Debug;
+use crate::space::{Discs, Space, Spheres};
 
 /// Discs in the plane, or spheres in space.
-pub trait Kinematics: Copy + Clone + Debug + Default + PartialEq + Send + Sync + 'static {
-    /// Number of space dimensions.
-    const DIMENSION: usize;
-
-    /// Vectors.
-    type Vector<R: Real>: Tuple<R>;
+pub trait Kinematics: Space {
+    /// Vectors, component by component those of the space.
+    type Coordinates<R: Real>: Tuple<R>;
 
     /// Axial vectors: moments, spins, tangential forces.
     type Axial<R: Real>: Tuple<R>;
 
+    /// The axial vector of a tangential force on a contact with this direction.
+    fn axial_of(tangential: Self::Tangential, direction: Self::Vector) -> Self::Axial<f64>;
+
+    /// The tangential force of an axial vector on a contact with this direction.
+    fn tangential_of(axial: Self::Axial<f64>, direction: Self::Vector) -> Self::Tangential;
+
     /// `a x b`.
-    fn cross<R: Real>(a: Self::Vector<R>, b: Self::Vector<R>) -> Self::Axial<R>;
+    fn cross<R: Real>(a: Self::Coordinates<R>, b: Self::Coordinates<R>) -> Self::Axial<R>;
 
     /// `w x n`.
-    fn turn<R: Real>(w: Self::Axial<R>, n: Self::Vector<R>) -> Self::Vector<R>;
+    fn turn<R: Real>(w: Self::Axial<R>, n: Self::Coordinates<R>) -> Self::Coordinates<R>;
 
     /// The part of `w` perpendicular to `n`: all of it in the plane.
-    fn across<R: Real>(w: Self::Axial<R>, n: Self::Vector<R>) -> Self::Axial<R>;
+    fn across<R: Real>(w: Self::Axial<R>, n: Self::Coordinates<R>) -> Self::Axial<R>;
 
     /// Carries a tangential force along when the normal turns from `before` to `n` with `sine = before x n`, and when
     /// both grains spin about the normal. Lengths are kept.
@@ -35,7 +38,7 @@ pub trait Kinematics: Copy + Clone + Debug + Default + PartialEq + Send + Sync +
         tau: Self::Axial<R>,
         sine: Self::Axial<R>,
         sine_square: R,
-        n: Self::Vector<R>,
+        n: Self::Coordinates<R>,
         mean_spin: Self::Axial<R>,
     ) -> Self::Axial<R>;
 
@@ -46,18 +49,17 @@ pub trait Kinematics: Copy + Clone + Debug + Default + PartialEq + Send + Sync +
     fn shortened<R: Real>(w: Self::Axial<R>, limit: R) -> Self::Axial<R>;
 }
 
-/// Discs in the plane.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Discs;
-
-/// Spheres in space.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Spheres;
-
 impl Kinematics for Discs {
-    const DIMENSION: usize = 2;
-    type Vector<R: Real> = [R; 2];
+    type Coordinates<R: Real> = [R; 2];
     type Axial<R: Real> = [R; 1];
+
+    fn axial_of(tangential: f64, _: [f64; 2]) -> [f64; 1] {
+        [tangential]
+    }
+
+    fn tangential_of([axial]: [f64; 1], _: [f64; 2]) -> f64 {
+        axial
+    }
 
     #[inline(always)]
     fn cross<R: Real>(a: [R; 2], b: [R; 2]) -> [R; 1] {
@@ -92,9 +94,16 @@ impl Kinematics for Discs {
 }
 
 impl Kinematics for Spheres {
-    const DIMENSION: usize = 3;
-    type Vector<R: Real> = [R; 3];
+    type Coordinates<R: Real> = [R; 3];
     type Axial<R: Real> = [R; 3];
+
+    fn axial_of(tangential: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        Self::cross(direction, tangential)
+    }
+
+    fn tangential_of(axial: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        Self::cross(axial, direction)
+    }
 
     #[inline(always)]
     fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {

@@ -52,6 +52,9 @@ pub trait ContactLaw<K: Kinematics>: Copy + Debug + PartialEq + Send + Sync + 's
     /// What a contact remembers beside its direction and tangential force; zero for a new contact.
     type Memory<R: Real>: Tuple<R>;
 
+    /// What a contact of this overlap remembers if it has been there before: all that follows from its geometry.
+    fn recalled(&self, constants: &Self::Constants<f64>, overlap: f64) -> Self::Memory<f64>;
+
     /// Constants of a pair of grains with these radii, m.
     fn constants(&self, radii: [f64; 2]) -> Self::Constants<f64>;
 

@@ -29,6 +29,10 @@ impl<K: Kinematics> ContactLaw<K> for LinearLaw {
     type Constants<R: Real> = [R; 5];
     type Memory<R: Real> = [R; 0];
 
+    fn recalled(&self, _: &[f64; 5], _: f64) -> [f64; 0] {
+        []
+    }
+
     fn constants(&self, [first, second]: [f64; 2]) -> [f64; 5] {
         let normal = self.normal.of(first, second);
         let tangential = self.stiffness_ratio * normal;

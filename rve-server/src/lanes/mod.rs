@@ -19,8 +19,10 @@ mod tests;
 mod tuple;
 
 pub use array::{LaneMask, Lanes};
-pub use kernel::{Contact, Grain, GrainConstants, ListedPair, PairConstants, Steering, StepData, StepSums, Wanted};
-pub use kinematics::{Discs, Kinematics, Spheres};
+pub use kernel::{
+    Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, Steering, StepData, StepSums, Wanted,
+};
+pub use kinematics::Kinematics;
 pub use law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse};
 pub use linear::LinearLaw;
 pub use real::{Mask, Real};

@@ -35,6 +35,15 @@ pub trait Real:
     /// Outcome of comparisons.
     type Mask: Mask;
 
+    /// How many numbers there are.
+    const LANES: usize;
+
+    /// The number of one lane.
+    fn lane(&self, lane: usize) -> f64;
+
+    /// Replaces the number of one lane.
+    fn set_lane(&mut self, lane: usize, value: f64);
+
     /// The same number in every lane.
     fn splat(value: f64) -> Self;
 
@@ -89,6 +98,17 @@ impl Mask for bool {
 
 impl Real for f64 {
     type Mask = bool;
+    const LANES: usize = 1;
+
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        *self
+    }
+
+    #[inline(always)]
+    fn set_lane(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
 
     #[inline(always)]
     fn splat(value: f64) -> Self {

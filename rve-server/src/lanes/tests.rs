@@ -1,6 +1,7 @@
 //! Lanes do what single numbers do, bit for bit, with every set of instructions.
 
 use super::*;
+use crate::space::Spheres;
 use proptest::prelude::*;
 
 proptest! {
