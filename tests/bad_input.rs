@@ -131,7 +131,7 @@ fn a_condition_on_a_set_that_does_not_exist_lists_those_that_do() {
     desk.refused(
         &["run", "scene.toml", "--set", "pressure.1.set=north"],
         &[
-            "--set pressure.1.set=north: the mesh has no edge set 'north'",
+            "--set pressure.1.set=north: the mesh has no side set 'north'",
             "hint: use one of: bottom, left, right, top",
         ],
     );

@@ -32,15 +32,15 @@ fn definition() -> Definition {
 struct Sample {
     step_gradient: Tensor2,
     stress: Tensor2,
-    area: f64,
+    volume: f64,
 }
 
 /// Keeps what the checks need.
 #[derive(Default)]
 struct Recorder {
     samples: Vec<Vec<Sample>>,
-    displacements: Vec<Vec<[f64; 2]>>,
-    forces: Vec<Vec<[f64; 2]>>,
+    displacements: Vec<Vec<[f64; 3]>>,
+    forces: Vec<Vec<[f64; 3]>>,
     top_reaction: Vec<f64>,
     width: Vec<f64>,
 }
@@ -50,11 +50,11 @@ impl Observer for Recorder {
         let sample = |point: &macro_solver::observer::PointFields| Sample {
             step_gradient: point.step_gradient,
             stress: point.stress,
-            area: point.area,
+            volume: point.volume,
         };
         self.samples.push(fields.points.iter().map(sample).collect());
         self.displacements.push(fields.displacements.to_vec());
-        let total = |(reaction, load): (&[f64; 2], &[f64; 2])| [reaction[0] + load[0], reaction[1] + load[1]];
+        let total = |(reaction, load): (&[f64; 3], &[f64; 3])| std::array::from_fn(|axis| reaction[axis] + load[axis]);
         self.forces.push(fields.reactions.iter().zip(fields.loads).map(total).collect());
         let top = &fields.mesh.node_sets["top"];
         self.top_reaction.push(top.iter().map(|node| fields.reactions[*node][1]).sum());
@@ -70,14 +70,15 @@ impl Observer for Recorder {
 /// Biaxial compression of a block of Q4 elements, 1 m by 1 m, to the axial strain given. `strain_per_step` 0 lets each cell
 /// choose its ramp from its own target, so that a cell driven alone chooses the same.
 fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_per_step: f64) -> (Outcome, Recorder) {
-    let mesh = Block { width: 1.0, height: 1.0, columns, rows, kind: ElementKind::Q4 }.mesh().unwrap();
+    let mesh = Block::plane([1.0, 1.0], [columns, rows], ElementKind::Q4).mesh().unwrap();
     let platen = |nodes: &str, displacement: f64| Condition::Platen {
         nodes: nodes.into(),
         contact: Platen::Smooth,
+        axis: Axis::Y,
         displacement,
     };
     let pressure =
-        |edges: &str| Condition::Pressure { edges: edges.into(), value: PRESSURE, kind: PressureKind::Follower };
+        |sides: &str| Condition::Pressure { sides: sides.into(), value: PRESSURE, kind: PressureKind::Follower };
     let conditions = vec![
         platen("bottom", 0.0),
         platen("top", -strain),
@@ -168,7 +169,7 @@ fn boundary_work_is_stress_work() {
             .map(|(after, before)| {
                 let mean: f64 = (0..9)
                     .map(|k| {
-                        0.5 * (after.stress.0[k] * after.area + before.stress.0[k] * before.area)
+                        0.5 * (after.stress.0[k] * after.volume + before.stress.0[k] * before.volume)
                             * after.step_gradient.0[k]
                     })
                     .sum();

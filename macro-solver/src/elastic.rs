@@ -5,8 +5,9 @@
 
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
-use nalgebra::{Matrix2, Matrix4};
-use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
+use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
+use nalgebra::Matrix3;
+use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
 
 /// Law between total deformation gradient `F` and Cauchy stress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,37 +18,48 @@ pub enum ElasticLaw {
     SaintVenant,
 }
 
-/// Plane isotropic elasticity at every point.
+/// Isotropic elasticity at every point. In the plane strain has no component along z, so the law is plane strain;
+/// the stress along z is answered too.
 #[derive(Clone, Debug)]
 pub struct ElasticMaterial {
     law: ElasticLaw,
     lambda: f64,
     shear: f64,
-    initial_stress: Matrix2<f64>,
+    initial_stress: Matrix3<f64>,
     largest_target: Option<f64>,
-    committed: Vec<Matrix2<f64>>,
-    trials: Vec<Option<Matrix2<f64>>>,
+    committed: Vec<Matrix3<f64>>,
+    trials: Vec<Option<Matrix3<f64>>>,
 }
 
 impl ElasticMaterial {
-    /// `points` undeformed points with the two-dimensional bulk modulus `bulk` (mean stress of `xx` and `yy` over
-    /// areal strain) and shear modulus `shear`, Pa.
+    /// `points` undeformed points of a plane body with the two-dimensional bulk modulus `bulk` (mean stress of `xx`
+    /// and `yy` over areal strain) and shear modulus `shear`, Pa.
     pub fn new(law: ElasticLaw, bulk: f64, shear: f64, points: usize) -> Self {
+        Self::with_lame(law, bulk - shear, shear, points)
+    }
+
+    /// `points` undeformed points of a spatial body with bulk modulus `bulk` (mean stress over volumetric strain) and
+    /// shear modulus `shear`, Pa.
+    pub fn spatial(law: ElasticLaw, bulk: f64, shear: f64, points: usize) -> Self {
+        Self::with_lame(law, bulk - 2.0 / 3.0 * shear, shear, points)
+    }
+
+    fn with_lame(law: ElasticLaw, lambda: f64, shear: f64, points: usize) -> Self {
         Self {
             law,
-            lambda: bulk - shear,
+            lambda,
             shear,
-            initial_stress: Matrix2::zeros(),
+            initial_stress: Matrix3::zeros(),
             largest_target: None,
-            committed: vec![Matrix2::identity(); points],
+            committed: vec![Matrix3::identity(); points],
             trials: vec![None; points],
         }
     }
 
     /// Starts with a stress, Pa, tension positive.
     #[must_use]
-    pub fn with_initial_stress(mut self, stress: [[f64; 2]; 2]) -> Self {
-        self.initial_stress = Matrix2::from_fn(|i, j| stress[i][j]);
+    pub fn with_initial_stress(mut self, stress: [[f64; 3]; 3]) -> Self {
+        self.initial_stress = Matrix3::from_fn(|i, j| stress[i][j]);
         self
     }
 
@@ -59,26 +71,26 @@ impl ElasticMaterial {
     }
 
     /// Cauchy stress at total deformation gradient `total`, Pa.
-    pub fn stress(&self, total: &Matrix2<f64>) -> Matrix2<f64> {
+    pub fn stress(&self, total: &Matrix3<f64>) -> Matrix3<f64> {
         match self.law {
             ElasticLaw::SmallStrain => {
-                let gradient = total - Matrix2::identity();
+                let gradient = total - Matrix3::identity();
                 self.initial_stress + self.linear(&(0.5 * (gradient + gradient.transpose())))
             }
             ElasticLaw::SaintVenant => {
-                let strain = 0.5 * (total.transpose() * total - Matrix2::identity());
+                let strain = 0.5 * (total.transpose() * total - Matrix3::identity());
                 let second_piola = self.initial_stress + self.linear(&strain);
                 total * second_piola * total.transpose() / total.determinant()
             }
         }
     }
 
-    fn linear(&self, strain: &Matrix2<f64>) -> Matrix2<f64> {
-        Matrix2::identity() * (self.lambda * strain.trace()) + strain * (2.0 * self.shear)
+    fn linear(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
+        Matrix3::identity() * (self.lambda * strain.trace()) + strain * (2.0 * self.shear)
     }
 
     /// Change of the stress for the change `rate` of the displacement gradient in the current configuration.
-    fn stress_change(&self, total: &Matrix2<f64>, rate: &Matrix2<f64>) -> Matrix2<f64> {
+    fn stress_change(&self, total: &Matrix3<f64>, rate: &Matrix3<f64>) -> Matrix3<f64> {
         let stretching = 0.5 * (rate + rate.transpose());
         match self.law {
             ElasticLaw::SmallStrain => {
@@ -95,30 +107,24 @@ impl ElasticMaterial {
         }
     }
 
-    fn tangent(&self, total: &Matrix2<f64>) -> Matrix4<f64> {
-        let mut tangent = Matrix4::zeros();
-        for column in 0..4 {
-            let mut rate = Matrix2::zeros();
-            rate[(column / 2, column % 2)] = 1.0;
-            let change = self.stress_change(total, &rate);
-            for row in 0..4 {
-                tangent[(row, column)] = change[(row / 2, row % 2)];
-            }
+    fn tangent(&self, total: &Matrix3<f64>) -> Operator {
+        let mut tangent = Operator::zeros();
+        for pair in 0..9 {
+            tangent.set_column(pair, &column(&self.stress_change(total, &unit(pair))));
         }
         tangent
     }
 
-    fn trial(&self, trial: &PointTrial) -> Result<(Matrix2<f64>, TrialAnswer), RveError> {
+    fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialAnswer), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
-        let plane = trial.target.plane();
-        let gradient = Matrix2::from_fn(|i, j| plane[i][j]);
+        let gradient = matrix(&trial.target);
         let norm = gradient.amax();
         if let Some(limit) = self.largest_target.filter(|limit| norm > *limit) {
             return Err(RveError::TargetTooLarge { norm, limit });
         }
-        let step = Matrix2::identity() + gradient;
+        let step = Matrix3::identity() + gradient;
         if step.determinant() <= 0.0 {
             return Err(RveError::TargetInverted { determinant: step.determinant() });
         }
@@ -126,15 +132,11 @@ impl ElasticMaterial {
         Ok((total, self.answer(&total, &trial.ask)))
     }
 
-    fn answer(&self, total: &Matrix2<f64>, ask: &Ask) -> TrialAnswer {
+    fn answer(&self, total: &Matrix3<f64>, ask: &Ask) -> TrialAnswer {
         let stress = self.stress(total);
-        let tangent = (ask.tangent != TangentKind::None).then(|| {
-            let tangent = self.tangent(total);
-            let rows: [[f64; 4]; 4] = std::array::from_fn(|row| std::array::from_fn(|column| tangent[(row, column)]));
-            Box::new(Tensor4::from_plane(rows))
-        });
+        let tangent = (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(total))));
         TrialAnswer {
-            stress: Tensor2::from_plane([[stress[(0, 0)], stress[(0, 1)]], [stress[(1, 0)], stress[(1, 1)]]]),
+            stress: tensor(&stress),
             tangent,
             scalars: Scalars { volume_ratio: total.determinant(), ..Scalars::default() },
             observed: Observed::default(),
@@ -170,16 +172,16 @@ impl PointMaterial for ElasticMaterial {
     }
 
     fn save(&self, archive: &mut Archive) {
-        let committed: Vec<&[f64]> = self.committed.iter().map(Matrix2::as_slice).collect();
-        archive.put("elastic", 1, &committed);
+        let committed: Vec<&[f64]> = self.committed.iter().map(Matrix3::as_slice).collect();
+        archive.put("elastic", 2, &committed);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        let committed: Vec<Vec<f64>> = archive.get("elastic", 1)?;
-        if committed.len() != self.committed.len() || committed.iter().any(|total| total.len() != 4) {
+        let committed: Vec<Vec<f64>> = archive.get("elastic", 2)?;
+        if committed.len() != self.committed.len() || committed.iter().any(|total| total.len() != 9) {
             return Err(CheckpointError::unfit("elastic", "the number of points or of their components differs"));
         }
-        self.committed = committed.iter().map(|total| Matrix2::from_column_slice(total)).collect();
+        self.committed = committed.iter().map(|total| Matrix3::from_column_slice(total)).collect();
         self.trials.fill(None);
         Ok(())
     }
@@ -191,29 +193,35 @@ mod tests {
 
     #[test]
     fn tangent_is_the_derivative_of_the_stress() {
-        let start = Matrix2::new(1.1, 0.2, -0.1, 0.9);
+        let start = Matrix3::new(1.1, 0.2, 0.1, -0.1, 0.9, 0.05, 0.03, -0.2, 1.05);
+        let initial = [[-0.5, 0.1, 0.2], [0.1, -0.7, 0.0], [0.2, 0.0, -0.3]];
         for law in [ElasticLaw::SmallStrain, ElasticLaw::SaintVenant] {
-            let material = ElasticMaterial::new(law, 3.0, 1.0, 1).with_initial_stress([[-0.5, 0.1], [0.1, -0.7]]);
+            let material = ElasticMaterial::spatial(law, 3.0, 1.0, 1).with_initial_stress(initial);
             let tangent = material.tangent(&start);
-            for column in 0..4 {
-                let stress = |size: f64| {
-                    let mut step = Matrix2::<f64>::identity();
-                    step[(column / 2, column % 2)] += size;
-                    material.stress(&(step * start))
-                };
-                let difference = (stress(1e-6) - stress(-1e-6)) / 2e-6;
-                for row in 0..4 {
-                    let error = difference[(row / 2, row % 2)] - tangent[(row, column)];
-                    assert!(error.abs() < 1e-8, "{law:?} {row} {column}: {error:e}");
-                }
+            for pair in 0..9 {
+                let stress = |size: f64| material.stress(&((Matrix3::identity() + size * unit(pair)) * start));
+                let difference = column(&((stress(1e-6) - stress(-1e-6)) / 2e-6));
+                let error = (difference - tangent.column(pair)).amax();
+                assert!(error < 1e-8, "{law:?} {pair}: {error:e}");
             }
         }
     }
 
     #[test]
+    fn bulk_moduli_mean_what_they_say() {
+        let strain = 1e-3;
+        let plane = ElasticMaterial::new(ElasticLaw::SmallStrain, 3.0, 1.0, 1);
+        let stress = plane.stress(&Matrix3::from_diagonal(&[1.0 + strain, 1.0 + strain, 1.0].into()));
+        assert!((0.5 * (stress[(0, 0)] + stress[(1, 1)]) - 3.0 * 2.0 * strain).abs() < 1e-15);
+        let spatial = ElasticMaterial::spatial(ElasticLaw::SmallStrain, 3.0, 1.0, 1);
+        let stress = spatial.stress(&(Matrix3::identity() * (1.0 + strain)));
+        assert!((stress.trace() / 3.0 - 3.0 * 3.0 * strain).abs() < 1e-15);
+    }
+
+    #[test]
     fn trials_leave_the_committed_state_alone() {
         let mut material = ElasticMaterial::new(ElasticLaw::SaintVenant, 3.0, 1.0, 1);
-        let target = Tensor2::from_plane([[0.01, 0.0], [0.0, -0.02]]);
+        let target = tensor(&Matrix3::from_diagonal(&[0.01, -0.02, 0.0].into()));
         let trial = PointTrial { point: 0, target, ask: Ask::default() };
         let first = material.evaluate(&[trial]).unwrap();
         assert_eq!(material.evaluate(&[trial]).unwrap(), first);

@@ -1,4 +1,4 @@
-//! Implicit quasi-static solution by Newton's method on an updated geometry.
+//! Implicit quasi-static solution by Newton's method.
 //!
 //! A load step starts from the last committed configuration and asks every Gauss point for its answer to the total
 //! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
@@ -12,7 +12,6 @@ mod constraints;
 mod fields;
 mod linear_solver;
 mod loads;
-mod moduli;
 mod newton;
 mod points;
 mod safeguard;
@@ -108,7 +107,7 @@ impl<'a> Solver<'a> {
         problem.validate()?;
         let constraints = Constraints::new(problem.prescribed_displacements()?);
         let loads = Loads::new(problem)?;
-        let body = Body::new(problem.mesh.clone());
+        let body = Body::new(problem.mesh.clone(), problem.formulation);
         let block_dofs = body.block_dofs(&loads);
         let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints);
         let empty = Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new() };

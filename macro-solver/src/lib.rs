@@ -1,8 +1,9 @@
-//! The finite-element side: mesh, elements, implicit solver, worker pool, outputs. It never sees a grain.
+//! The finite-element side: mesh, elements, formulations, implicit solver, worker pool, outputs. It never sees a grain.
 
 pub mod checkpoint;
 pub mod elastic;
 pub mod element;
+pub mod formulation;
 pub mod implicit;
 pub mod material;
 pub mod mesh;

@@ -162,17 +162,18 @@ impl FlagCounts {
 pub struct PointFields {
     /// Element, from 0.
     pub element: usize,
-    /// Gauss point of the element, 0 to 3.
+    /// Gauss point of the element, from 0.
     pub local: usize,
     /// Initial position, m.
-    pub initial_position: [f64; 2],
+    pub initial_position: [f64; 3],
     /// Current position, m.
-    pub position: [f64; 2],
-    /// Current area of the point (weight times Jacobian), m2; the volume per metre of thickness.
-    pub area: f64,
+    pub position: [f64; 3],
+    /// Current volume of the point (weight times Jacobian), m3; in the plane per metre of thickness.
+    pub volume: f64,
     /// Total deformation gradient since the start of the run.
     pub deformation: Tensor2,
-    /// Displacement gradient of this step, relative to the configuration at its start.
+    /// Displacement gradient of this step, relative to the configuration at its start (the initial one for small
+    /// strain).
     pub step_gradient: Tensor2,
     /// Cauchy stress, Pa, tension positive.
     pub stress: Tensor2,
@@ -198,11 +199,11 @@ pub struct FieldsView<'a> {
     /// The mesh as given, with initial positions.
     pub mesh: &'a Mesh,
     /// Displacements since the start, m.
-    pub displacements: &'a [[f64; 2]],
-    /// Force that supports exert on each node, N per metre of thickness; zero at free components.
-    pub reactions: &'a [[f64; 2]],
-    /// Force of the pressures on each node, N per metre of thickness.
-    pub loads: &'a [[f64; 2]],
+    pub displacements: &'a [[f64; 3]],
+    /// Force that supports exert on each node, N, in the plane per metre of thickness; zero at free components.
+    pub reactions: &'a [[f64; 3]],
+    /// Force of the loads on each node, N, in the plane per metre of thickness.
+    pub loads: &'a [[f64; 3]],
     /// Gauss points, by [`crate::material::PointId`].
     pub points: &'a [PointFields],
     /// Counts and times so far.

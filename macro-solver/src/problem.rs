@@ -3,27 +3,34 @@
 //! A [`Problem`] is plain data. [`Problem::validate`] finds everything that can be wrong with it before a single
 //! Gauss point is asked; the solver refuses a problem that does not validate.
 
+use crate::formulation::Formulation;
 use crate::mesh::{Mesh, MeshError};
 use protocol::{Observables, TangentKind};
 use thiserror::Error;
 
 mod validation;
 
-/// A space direction of a plane problem.
+/// A space direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Axis {
     /// Horizontal.
     X,
     /// Vertical.
     Y,
+    /// Out of the plane; only in space.
+    Z,
 }
 
 impl Axis {
-    /// 0 for x, 1 for y.
+    /// The axes of the plane, then the third one of space.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// 0 for x, 1 for y, 2 for z.
     pub fn index(self) -> usize {
         match self {
             Self::X => 0,
             Self::Y => 1,
+            Self::Z => 2,
         }
     }
 }
@@ -31,19 +38,19 @@ impl Axis {
 /// Whether a pressure turns and stretches with the boundary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PressureKind {
-    /// Acts on the current edge along its current normal, as cell water does on a membrane.
+    /// Acts on the current side along its current normal, as cell water does on a membrane.
     #[default]
     Follower,
-    /// The force on the initial edge, kept in size and direction.
+    /// The force on the initial side, kept in size and direction.
     Dead,
 }
 
 /// How a platen holds the ends of a specimen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Platen {
-    /// Prescribes the vertical displacement only.
+    /// Prescribes the displacement across the platen only.
     Smooth,
-    /// Prescribes the vertical displacement and forbids the horizontal one.
+    /// Prescribes the displacement across the platen and forbids those along it.
     Rough,
 }
 
@@ -59,30 +66,40 @@ pub enum Condition {
         /// Value at load 1, m.
         value: f64,
     },
-    /// A rigid platen on a node set, moved vertically by `displacement x load`.
+    /// A rigid platen on a node set, moved along its normal by `displacement x load`.
     Platen {
         /// Node set.
         nodes: String,
         /// Smooth or rough.
         contact: Platen,
-        /// Vertical displacement at load 1, m, upward positive.
+        /// Normal of the platen.
+        axis: Axis,
+        /// Displacement along the axis at load 1, m.
         displacement: f64,
     },
-    /// A pressure on an edge set, constant over the stage.
+    /// A pressure on a side set, constant over the stage.
     Pressure {
-        /// Edge set.
-        edges: String,
+        /// Side set.
+        sides: String,
         /// Pressure, Pa, **compression positive**.
         value: f64,
         /// Follower or dead.
         kind: PressureKind,
     },
-    /// A force per initial area of an edge set, `value x load`, kept in direction.
+    /// A force per initial area of a side set, `value x load`, kept in direction.
     Traction {
-        /// Edge set.
-        edges: String,
+        /// Side set.
+        sides: String,
         /// Value at load 1, Pa.
-        value: [f64; 2],
+        value: [f64; 3],
+    },
+    /// A force per initial volume of an element set, `value x load`, kept in direction: weight is mass density times
+    /// the acceleration of gravity.
+    BodyForce {
+        /// Element set.
+        elements: String,
+        /// Value at load 1, N/m3.
+        value: [f64; 3],
     },
 }
 
@@ -200,7 +217,7 @@ impl Default for Strategy {
     }
 }
 
-/// A plane boundary-value problem of one load stage, per metre of thickness.
+/// A boundary-value problem of one load stage; in the plane per metre of thickness.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     /// Geometry and named sets.
@@ -213,6 +230,8 @@ pub struct Problem {
     pub tolerances: Tolerances,
     /// Path to the answer.
     pub strategy: Strategy,
+    /// What motion means for the points, and which stress is integrated where.
+    pub formulation: Formulation,
     /// Optional results asked of every point in every evaluation.
     pub observables: Observables,
     /// Strain that a point applies in one ramp increment: a step fixes each point's number of increments to its
@@ -230,14 +249,15 @@ impl Problem {
             control: StepControl::default(),
             tolerances: Tolerances::default(),
             strategy: Strategy::default(),
+            formulation: Formulation::default(),
             observables: Observables::NONE,
             strain_per_step: 0.0,
         }
     }
 
-    /// Number of Gauss points: points are numbered `element * 4 + local`.
+    /// Number of Gauss points, numbered through as in [`Mesh::first_points`].
     pub fn point_count(&self) -> usize {
-        self.mesh.elements.len() * crate::mesh::POINTS_PER_ELEMENT
+        self.mesh.point_count()
     }
 }
 
@@ -255,14 +275,25 @@ pub enum ProblemError {
         /// What there is.
         available: String,
     },
-    /// A condition names an edge set that the mesh lacks.
-    #[error("no edge set '{name}'; the mesh has: {available}")]
-    UnknownEdgeSet {
+    /// A condition names a side set that the mesh lacks.
+    #[error("no side set '{name}'; the mesh has: {available}")]
+    UnknownSideSet {
         /// As written.
         name: String,
         /// What there is.
         available: String,
     },
+    /// A condition names an element set that the mesh lacks.
+    #[error("no element set '{name}'; the mesh has: {available}")]
+    UnknownElementSet {
+        /// As written.
+        name: String,
+        /// What there is.
+        available: String,
+    },
+    /// A condition acts along z on a plane mesh.
+    #[error("a plane problem has no direction z: displacements and forces along it must be left out")]
+    NoThirdAxis,
     /// Two conditions prescribe different values for one component of one node.
     #[error("node {node} is given two different displacements along {axis:?}: {first:.6e} m and {second:.6e} m")]
     Contradiction {

@@ -3,6 +3,7 @@
 use super::exit::{Exit, Failure};
 use super::stdout::print;
 use crate::scene::Scene;
+use macro_solver::mesh::ElementKind;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -44,13 +45,13 @@ fn overview(scene: &Scene) -> String {
         (
             "mesh",
             format!(
-                "{} {:?} elements, {} nodes",
+                "{} elements ({}), {} nodes",
                 problem.mesh.elements.len(),
-                problem.mesh.kind,
+                problem.mesh.kinds_present().into_iter().map(ElementKind::keyword).collect::<Vec<_>>().join(", "),
                 problem.mesh.nodes.len()
             ),
         ),
-        ("degrees of freedom", format!("{} of which {} are prescribed", 2 * problem.mesh.nodes.len(), prescribed)),
+        ("degrees of freedom", format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed)),
         ("Gauss points", points.to_string()),
         ("packing", format!("{} grains in {}", packing.grains.len(), scene.packing_path.display())),
         (
@@ -63,6 +64,7 @@ fn overview(scene: &Scene) -> String {
                 options.criterion.keyword()
             ),
         ),
+        ("formulation", problem.formulation.keyword().to_owned()),
         ("tangent", problem.strategy.tangent.keyword().to_owned()),
         ("steps", format!("{steps} if nothing is cut back")),
         ("evaluations", format!("about {} to {}", evaluations[0], evaluations[1])),

@@ -3,17 +3,17 @@
 
 use super::document::Document;
 use super::input_error::InputError;
+use super::mesh::mesh;
 use super::probes::probes;
 use super::schema::{
-    BoundaryTable, Element, Generator, LoadingTable, MeshTable, ObservableKeyword, OutputTable, PlatenKind,
-    PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable,
+    BodyForceTable, BoundaryTable, FormulationKeyword, LoadingTable, ObservableKeyword, OutputTable, PlatenKind,
+    PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable, TractionTable,
 };
 use super::sets::Sets;
-use macro_solver::mesh::block::Block;
-use macro_solver::mesh::{ElementKind, Mesh};
+use macro_solver::formulation::Formulation;
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
-    Axis, Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy,
+    Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy,
     Tolerances,
 };
 use protocol::{Observables, TangentKind};
@@ -62,9 +62,10 @@ impl Scene {
             conditions.push(pressure_condition(&document, &sets, pressure.get_ref())?);
         }
         for traction in &file.traction {
-            let components = traction.get_ref().value;
-            let value = [components.x.unwrap_or(0.0), components.y.unwrap_or(0.0)];
-            conditions.push(Condition::Traction { edges: sets.edge_set(&document, &traction.get_ref().set)?, value });
+            conditions.push(traction_condition(&document, &sets, traction.get_ref())?);
+        }
+        for body_force in &file.body_force {
+            conditions.push(body_force_condition(&document, &sets, body_force.get_ref())?);
         }
         if conditions.is_empty() {
             return Err(document
@@ -80,6 +81,7 @@ impl Scene {
         problem.control = step_control(&file.loading);
         problem.tolerances = tolerances(&file.solver);
         problem.strategy = strategy(&document, &file.solver)?;
+        problem.formulation = formulation(file.solver.formulation);
         problem.observables = observables;
         problem.strain_per_step = definition.options.strain_per_step();
         problem.validate().map_err(|error| problem_error(&document, &error))?;
@@ -133,31 +135,6 @@ fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, 
     Ok(given.get_ref().clone())
 }
 
-fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Mesh, InputError> {
-    let keys = table.get_ref();
-    let [width, height] = *keys.size.get_ref();
-    let [columns, rows] = *keys.elements.get_ref();
-    let kind = match keys.element {
-        Element::Q4 => ElementKind::Q4,
-        Element::Q8 => ElementKind::Q8,
-    };
-    if !(width > 0.0 && height > 0.0) {
-        return Err(document
-            .error_at(keys.size.span(), format!("a block of {width} m x {height} m turns its elements inside out"))
-            .hint("give size = [width, height] as two positive lengths in m"));
-    }
-    if columns == 0 || rows == 0 {
-        return Err(document
-            .error_at(keys.elements.span(), format!("a block of {columns} x {rows} elements is empty"))
-            .hint("give elements = [along x, along y], at least one each way"));
-    }
-    match keys.generator {
-        Generator::Block => Block { width, height, columns, rows, kind }
-            .mesh()
-            .map_err(|error| document.error_at(table.span(), error)),
-    }
-}
-
 fn boundary_conditions(
     document: &Document,
     sets: &Sets<'_>,
@@ -166,7 +143,8 @@ fn boundary_conditions(
     let nodes = sets.node_set(document, &boundary.set)?;
     let components = *boundary.displacement.get_ref();
     let Some(platen) = boundary.platen else {
-        let conditions: Vec<Condition> = [(Axis::X, components.x), (Axis::Y, components.y)]
+        let conditions: Vec<Condition> = components
+            .by_axis()
             .into_iter()
             .filter_map(|(axis, value)| Some(Condition::Displacement { nodes: nodes.clone(), axis, value: value? }))
             .collect();
@@ -177,16 +155,17 @@ fn boundary_conditions(
         }
         return Ok(conditions);
     };
-    let (None, Some(displacement)) = (components.x, components.y) else {
+    let given: Vec<_> = components.by_axis().into_iter().filter_map(|(axis, value)| Some((axis, value?))).collect();
+    let [(axis, displacement)] = given[..] else {
         return Err(document
-            .error_at(boundary.displacement.span(), "a platen moves vertically")
-            .hint("write displacement = { y = ... } only; platen = \"rough\" also holds x"));
+            .error_at(boundary.displacement.span(), "a platen moves along one axis, its normal")
+            .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
     };
     let contact = match platen {
         PlatenKind::Smooth => Platen::Smooth,
         PlatenKind::Rough => Platen::Rough,
     };
-    Ok(vec![Condition::Platen { nodes, contact, displacement }])
+    Ok(vec![Condition::Platen { nodes, contact, axis, displacement }])
 }
 
 fn pressure_condition(
@@ -198,7 +177,34 @@ fn pressure_condition(
         PressureKeyword::Follower => PressureKind::Follower,
         PressureKeyword::Dead => PressureKind::Dead,
     };
-    Ok(Condition::Pressure { edges: sets.edge_set(document, &pressure.set)?, value: pressure.value, kind })
+    Ok(Condition::Pressure { sides: sets.side_set(document, &pressure.set)?, value: pressure.value, kind })
+}
+
+fn traction_condition(
+    document: &Document,
+    sets: &Sets<'_>,
+    traction: &TractionTable,
+) -> Result<Condition, InputError> {
+    let value = traction.value.by_axis().map(|(_, component)| component.unwrap_or(0.0));
+    Ok(Condition::Traction { sides: sets.side_set(document, &traction.set)?, value })
+}
+
+fn body_force_condition(
+    document: &Document,
+    sets: &Sets<'_>,
+    body_force: &BodyForceTable,
+) -> Result<Condition, InputError> {
+    let value = body_force.value.by_axis().map(|(_, component)| component.unwrap_or(0.0));
+    Ok(Condition::BodyForce { elements: sets.element_set(document, &body_force.set)?, value })
+}
+
+fn formulation(keyword: FormulationKeyword) -> Formulation {
+    match keyword {
+        FormulationKeyword::SmallStrain => Formulation::SmallStrain,
+        FormulationKeyword::TotalLagrangian => Formulation::TotalLagrangian,
+        FormulationKeyword::Updated => Formulation::Updated,
+        FormulationKeyword::Corotational => Formulation::Corotational,
+    }
 }
 
 fn step_control(table: &LoadingTable) -> StepControl {

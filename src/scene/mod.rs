@@ -3,6 +3,7 @@
 mod build;
 mod document;
 mod input_error;
+mod mesh;
 mod probes;
 mod schema;
 mod sets;

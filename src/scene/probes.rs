@@ -4,6 +4,7 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{ProbeKind, ProbeTable};
 use super::sets::Sets;
+use macro_solver::mesh::Dimension;
 use macro_solver::output::{Probe, Quantity};
 use macro_solver::problem::Axis;
 use toml::Spanned;
@@ -120,18 +121,21 @@ impl Keys<'_> {
         match component.get_ref().as_str() {
             "x" => Ok(Axis::X),
             "y" => Ok(Axis::Y),
-            other => Err(self.wrong_component(component, other, "\"x\" or \"y\"")),
+            "z" if self.sets.mesh.dimension == Dimension::Space => Ok(Axis::Z),
+            other => Err(self.wrong_component(component, other, "\"x\" or \"y\", in space also \"z\"")),
         }
     }
 
     fn stress_component(&self) -> Result<(usize, usize), InputError> {
         let component = self.component("yy")?;
-        match component.get_ref().as_str() {
-            "xx" => Ok((0, 0)),
-            "xy" => Ok((0, 1)),
-            "yx" => Ok((1, 0)),
-            "yy" => Ok((1, 1)),
-            other => Err(self.wrong_component(component, other, "\"xx\", \"xy\", \"yx\" or \"yy\"")),
+        let axes: Vec<usize> = component.get_ref().chars().filter_map(|letter| "xyz".find(letter)).collect();
+        let known = component.get_ref().chars().count() == 2;
+        match axes[..] {
+            [row, column] if known && row.max(column) < self.sets.mesh.dimension.count() => Ok((row, column)),
+            _ => {
+                let choices = "two of the letters x and y, in space also z, for example \"xx\" or \"xy\"";
+                Err(self.wrong_component(component, component.get_ref(), choices))
+            }
         }
     }
 

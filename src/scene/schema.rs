@@ -1,5 +1,6 @@
 //! Keys of the scene file, exactly as `docs/scene.md` lists them. What they mean together is in `build`.
 
+use macro_solver::problem::Axis;
 use protocol::TangentKind;
 use rve_server::definition::{ContactTable, RveOptions};
 use serde::Deserialize;
@@ -23,6 +24,8 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) traction: Vec<Spanned<TractionTable>>,
     #[serde(default)]
+    pub(crate) body_force: Vec<Spanned<BodyForceTable>>,
+    #[serde(default)]
     pub(crate) loading: LoadingTable,
     #[serde(default)]
     pub(crate) solver: SolverTable,
@@ -38,10 +41,11 @@ pub(crate) struct SceneFile {
 pub(crate) struct MeshTable {
     #[serde(default)]
     pub(crate) generator: Generator,
-    pub(crate) size: Spanned<[f64; 2]>,
-    pub(crate) elements: Spanned<[usize; 2]>,
+    pub(crate) size: Spanned<Vec<f64>>,
+    pub(crate) elements: Spanned<Vec<usize>>,
+    pub(crate) grading: Option<Spanned<Vec<f64>>>,
     #[serde(default)]
-    pub(crate) element: Element,
+    pub(crate) element: ElementKeyword,
 }
 
 /// Mesh generators.
@@ -55,10 +59,18 @@ pub(crate) enum Generator {
 /// Element kinds.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Element {
+pub(crate) enum ElementKeyword {
     Q4,
     #[default]
     Q8,
+    Q8Full,
+    T3,
+    T6,
+    H8,
+    H20,
+    H20Full,
+    T4,
+    T10,
 }
 
 /// `[[boundary]]`.
@@ -76,6 +88,14 @@ pub(crate) struct BoundaryTable {
 pub(crate) struct Components {
     pub(crate) x: Option<f64>,
     pub(crate) y: Option<f64>,
+    pub(crate) z: Option<f64>,
+}
+
+impl Components {
+    /// By axis.
+    pub(crate) fn by_axis(self) -> [(Axis, Option<f64>); 3] {
+        [(Axis::X, self.x), (Axis::Y, self.y), (Axis::Z, self.z)]
+    }
 }
 
 /// Platens.
@@ -113,6 +133,19 @@ pub(crate) struct TractionTable {
     pub(crate) value: Components,
 }
 
+/// `[[body_force]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BodyForceTable {
+    #[serde(default = "all")]
+    pub(crate) set: Spanned<String>,
+    pub(crate) value: Components,
+}
+
+fn all() -> Spanned<String> {
+    Spanned::new(0..0, "all".to_owned())
+}
+
 /// `[loading]`; what is left out takes the solver's default.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -130,6 +163,7 @@ pub(crate) struct LoadingTable {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SolverTable {
+    pub(crate) formulation: FormulationKeyword,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,
     pub(crate) displacement_tolerance: Option<Spanned<f64>>,
@@ -138,6 +172,17 @@ pub(crate) struct SolverTable {
     pub(crate) tangent_floor: Option<Spanned<f64>>,
     pub(crate) capped_change: Option<Spanned<f64>>,
     pub(crate) keep_unchanged: Option<bool>,
+}
+
+/// Formulations.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum FormulationKeyword {
+    SmallStrain,
+    TotalLagrangian,
+    #[default]
+    Updated,
+    Corotational,
 }
 
 /// Predictors.

@@ -1,4 +1,4 @@
-//! Names of node and edge sets, checked where they are written.
+//! Names of node, side and element sets, checked where they are written.
 
 use super::document::Document;
 use super::input_error::InputError;
@@ -19,12 +19,20 @@ impl Sets<'_> {
         check(document, name, "node set", self.mesh.node_sets.keys())
     }
 
-    /// The name, if the mesh has such an edge set.
+    /// The name, if the mesh has such a side set.
     ///
     /// # Errors
     /// No such set, with the sets there are.
-    pub(super) fn edge_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
-        check(document, name, "edge set", self.mesh.edge_sets.keys())
+    pub(super) fn side_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+        check(document, name, "side set", self.mesh.side_sets.keys())
+    }
+
+    /// The name, if the mesh has such an element set.
+    ///
+    /// # Errors
+    /// No such set, with the sets there are.
+    pub(super) fn element_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+        check(document, name, "element set", self.mesh.element_sets.keys())
     }
 }
 

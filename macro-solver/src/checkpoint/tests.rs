@@ -149,15 +149,15 @@ fn a_reproducer_reads_back_and_damage_is_noticed() {
 
 /// Rough enough to need several iterations and a cut-back: a pressed block under a follower load.
 fn problem() -> Problem {
-    let mesh = Block { width: 1.0, height: 2.0, columns: 2, rows: 3, kind: ElementKind::Q8 }.mesh().unwrap();
+    let mesh = Block::plane([1.0, 2.0], [2, 3], ElementKind::Q8).mesh().unwrap();
     let mut problem = Problem::new(
         mesh,
         vec![
             Condition::fixed("bottom_left", Axis::X),
-            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, displacement: 0.0 },
-            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, displacement: -0.2 },
-            Condition::Pressure { edges: "left".into(), value: 1.0e5, kind: PressureKind::Dead },
-            Condition::Pressure { edges: "right".into(), value: 1.0e5, kind: PressureKind::Follower },
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
+            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement: -0.2 },
+            Condition::Pressure { sides: "left".into(), value: 1.0e5, kind: PressureKind::Dead },
+            Condition::Pressure { sides: "right".into(), value: 1.0e5, kind: PressureKind::Follower },
         ],
     );
     problem.control.increments = 6;
@@ -167,7 +167,7 @@ fn problem() -> Problem {
 
 fn law(problem: &Problem) -> ElasticMaterial {
     let law = ElasticMaterial::new(ElasticLaw::SaintVenant, 2.0e7, 1.0e7, problem.point_count());
-    law.with_initial_stress([[-0.9e5, 0.0], [0.0, 0.0]])
+    law.with_initial_stress([[-0.9e5, 0.0, 0.0], [0.0; 3], [0.0; 3]])
 }
 
 /// Keeps every archive.
@@ -228,7 +228,7 @@ fn an_archive_of_another_mesh_is_refused_before_anything_is_solved() {
     let small = problem();
     solve_kept(&small, &mut law(&small), &mut Silent, &mut shelf);
     let mut other = problem();
-    other.mesh = Block { width: 1.0, height: 2.0, columns: 2, rows: 4, kind: ElementKind::Q8 }.mesh().unwrap();
+    other.mesh = Block::plane([1.0, 2.0], [2, 4], ElementKind::Q8).mesh().unwrap();
     let mut keeper = Shelf { earlier: shelf.kept.pop(), kept: Vec::new() };
     let run = solve_kept(&other, &mut law(&other), &mut Silent, &mut keeper);
     let Outcome::Stopped(request) = run.outcome else { panic!("{:?}", run.outcome) };

@@ -1,26 +1,33 @@
-//! The specimen: committed geometry, kinematics relative to it, and the balance of forces on the current geometry.
+//! The specimen: committed geometry, kinematics relative to it, and the balance of forces.
 //!
-//! The reference of a step is the last committed configuration. Cauchy stress is integrated over the current one, and
-//! the tangent is its exact derivative; tensors refer to the fixed axes.
+//! Which configuration gradients refer to and which one stresses are integrated on is the formulation's choice; the
+//! tangent is the exact derivative of the forces. Tensors refer to the fixed axes.
 
 use super::linear_solver::Block;
 use super::loads::{Loads, degrees_of_freedom};
 use super::points::Point;
-use crate::element::{GAUSS_POINTS, PointGeometry, point_geometry, shape};
-use crate::mesh::{Mesh, POINTS_PER_ELEMENT};
-use nalgebra::{Matrix2, Matrix4};
+use crate::element::{PointGeometry, point_geometry, shapes_at_points};
+use crate::formulation::{Configuration, Formulation, Operator};
+use crate::mesh::Mesh;
+use nalgebra::Matrix3;
 
 /// Geometry that moves.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     mesh: Mesh,
+    formulation: Formulation,
+    /// Element of every point.
+    elements: Vec<usize>,
+    first_points: Vec<usize>,
     extent: f64,
     /// Committed displacements since the start, m, by degree of freedom.
     pub(super) displacements: Vec<f64>,
-    reference: Vec<PointGeometry>,
+    initial: Vec<PointGeometry>,
+    /// Of the configuration that step gradients refer to; the initial one when empty.
+    committed: Vec<PointGeometry>,
 }
 
-/// Forces and stiffness of one iterate. Vectors run over all degrees of freedom, N per metre.
+/// Forces and stiffness of one iterate. Vectors run over all degrees of freedom; N, in the plane per metre.
 #[derive(Clone, Debug)]
 pub(super) struct Balance {
     /// Nodal forces of the stresses.
@@ -37,7 +44,7 @@ impl Balance {
         self.internal.iter().zip(&self.external).map(|(internal, external)| internal - external).collect()
     }
 
-    /// Largest diagonal entry of any block, N/m per metre.
+    /// Largest diagonal entry of any block, N/m, in the plane per metre.
     pub(super) fn largest_diagonal(&self) -> f64 {
         let diagonal = |block: &Block| {
             let width = block.dofs.len();
@@ -63,23 +70,49 @@ impl Balance {
 
 impl Body {
     /// An undeformed body.
-    pub(super) fn new(mesh: Mesh) -> Self {
-        let extent = (0..2)
+    pub(super) fn new(mesh: Mesh, formulation: Formulation) -> Self {
+        let extent = (0..3)
             .map(|axis| {
                 let of =
                     |pick: fn(f64, f64) -> f64, start| mesh.nodes.iter().map(|node| node[axis]).fold(start, pick);
                 of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
             })
             .fold(0.0, f64::max);
-        let displacements = vec![0.0; 2 * mesh.nodes.len()];
-        let mut body = Self { mesh, extent, displacements, reference: Vec::new() };
-        body.reference = body.geometry(&body.zero());
+        let displacements = vec![0.0; mesh.degrees_of_freedom()];
+        let first_points = mesh.first_points();
+        let elements = mesh
+            .kinds
+            .iter()
+            .enumerate()
+            .flat_map(|(element, kind)| std::iter::repeat_n(element, kind.point_count()))
+            .collect();
+        let mut body = Self {
+            mesh,
+            formulation,
+            elements,
+            first_points,
+            extent,
+            displacements,
+            initial: Vec::new(),
+            committed: Vec::new(),
+        };
+        body.initial = body.geometry_at(&body.mesh.nodes);
         body
     }
 
     /// The mesh as given.
     pub(super) fn mesh(&self) -> &Mesh {
         &self.mesh
+    }
+
+    /// Element of a point.
+    pub(super) fn element_of(&self, point: usize) -> usize {
+        self.elements[point]
+    }
+
+    /// Number of a point within its element.
+    pub(super) fn local_number(&self, point: usize) -> usize {
+        point - self.first_points[self.elements[point]]
     }
 
     /// Largest initial side, m.
@@ -93,81 +126,104 @@ impl Body {
     }
 
     /// Node positions after `increment` from the committed configuration, m.
-    pub(super) fn positions(&self, increment: &[f64]) -> Vec<[f64; 2]> {
-        let moved = |node: usize, axis: usize| {
-            self.mesh.nodes[node][axis] + (self.displacements[2 * node + axis] + increment[2 * node + axis])
-        };
-        (0..self.mesh.nodes.len()).map(|node| [moved(node, 0), moved(node, 1)]).collect()
+    pub(super) fn positions(&self, increment: &[f64]) -> Vec<[f64; 3]> {
+        let dimension = self.mesh.dimension.count();
+        let mut positions = self.mesh.nodes.clone();
+        for (node, position) in positions.iter_mut().enumerate() {
+            for (axis, coordinate) in position.iter_mut().enumerate().take(dimension) {
+                let dof = dimension * node + axis;
+                *coordinate += self.displacements[dof] + increment[dof];
+            }
+        }
+        positions
     }
 
-    /// Every point's displacement gradient relative to the committed configuration.
-    pub(super) fn gradients(&self, increment: &[f64]) -> Vec<Matrix2<f64>> {
-        let of_point = |(number, geometry): (usize, &PointGeometry)| {
-            let mut gradient = Matrix2::zeros();
-            for (&node, slope) in self.mesh.elements[number / POINTS_PER_ELEMENT].iter().zip(&geometry.gradients) {
-                for i in 0..2 {
-                    for j in 0..2 {
-                        gradient[(i, j)] += increment[2 * node + i] * slope[j];
+    /// Every point's displacement gradient relative to the formulation's reference.
+    pub(super) fn gradients(&self, increment: &[f64]) -> Vec<Matrix3<f64>> {
+        let dimension = self.mesh.dimension.count();
+        let reference = if self.committed.is_empty() { &self.initial } else { &self.committed };
+        let of_point = |(&element, geometry): (&usize, &PointGeometry)| {
+            let mut gradient = Matrix3::zeros();
+            for (&node, slope) in self.mesh.elements[element].iter().zip(&geometry.gradients) {
+                for i in 0..dimension {
+                    for j in 0..dimension {
+                        gradient[(i, j)] += increment[dimension * node + i] * slope[j];
                     }
                 }
             }
             gradient
         };
-        self.reference.iter().enumerate().map(of_point).collect()
+        self.elements.iter().zip(reference).map(of_point).collect()
     }
 
     /// Geometry of every point after `increment`.
     pub(super) fn geometry(&self, increment: &[f64]) -> Vec<PointGeometry> {
-        let positions = self.positions(increment);
-        let mut geometry = Vec::with_capacity(self.mesh.elements.len() * POINTS_PER_ELEMENT);
-        for nodes in &self.mesh.elements {
-            let corners: Vec<[f64; 2]> = nodes.iter().map(|&node| positions[node]).collect();
-            geometry.extend((0..POINTS_PER_ELEMENT).map(|local| point_geometry(self.mesh.kind, &corners, local)));
+        self.geometry_at(&self.positions(increment))
+    }
+
+    fn geometry_at(&self, positions: &[[f64; 3]]) -> Vec<PointGeometry> {
+        let mut geometry = Vec::with_capacity(self.elements.len());
+        let mut nodes_at = Vec::new();
+        for (nodes, &kind) in self.mesh.elements.iter().zip(&self.mesh.kinds) {
+            nodes_at.clear();
+            nodes_at.extend(nodes.iter().map(|&node| positions[node]));
+            geometry.extend((0..kind.point_count()).map(|local| point_geometry(kind, &nodes_at, local)));
         }
         geometry
     }
 
-    /// Initial and, for given node positions, current place of a point, m.
-    pub(super) fn place(&self, point: usize, positions: &[[f64; 2]]) -> [f64; 2] {
-        let values = shape(self.mesh.kind, GAUSS_POINTS[point % POINTS_PER_ELEMENT]).values;
-        let mut place = [0.0; 2];
-        for (&node, value) in self.mesh.elements[point / POINTS_PER_ELEMENT].iter().zip(&values) {
-            place[0] += value * positions[node][0];
-            place[1] += value * positions[node][1];
+    /// Place of a point for given node positions, m.
+    pub(super) fn place(&self, point: usize, positions: &[[f64; 3]]) -> [f64; 3] {
+        let element = self.elements[point];
+        let values = shapes_at_points(self.mesh.kinds[element])[self.local_number(point)].values;
+        let mut place = [0.0; 3];
+        for (&node, value) in self.mesh.elements[element].iter().zip(&values) {
+            (0..3).for_each(|axis| place[axis] += value * positions[node][axis]);
         }
         place
     }
 
     /// The first point whose deformation from the committed configuration, or whose element, is turned inside out.
-    pub(super) fn inverted_point(&self, gradients: &[Matrix2<f64>], geometry: &[PointGeometry]) -> Option<usize> {
+    pub(super) fn inverted_point(&self, gradients: &[Matrix3<f64>], geometry: &[PointGeometry]) -> Option<usize> {
         // Negated comparisons so that NaN counts as inverted.
         (0..gradients.len()).find(|&point| {
-            let determinant = (Matrix2::identity() + gradients[point]).determinant();
-            !(determinant > 0.0 && geometry[point].area > 0.0)
+            let determinant = (Matrix3::identity() + gradients[point]).determinant();
+            !(determinant > 0.0 && geometry[point].volume > 0.0)
         })
     }
 
     /// Degrees of freedom of all stiffness blocks, in the order of [`Balance::blocks`].
     pub(super) fn block_dofs(&self, loads: &Loads) -> Vec<Vec<usize>> {
-        self.mesh.elements.iter().map(|nodes| degrees_of_freedom(nodes)).chain(loads.block_dofs()).collect()
+        let dimension = self.mesh.dimension.count();
+        let elements = self.mesh.elements.iter().map(|nodes| degrees_of_freedom(dimension, nodes));
+        elements.chain(loads.block_dofs()).collect()
     }
 
     /// Balance after `increment` at a load factor, from the points' latest stresses and moduli.
     pub(super) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, load: f64) -> Balance {
-        let geometry = self.geometry(increment);
+        let dimension = self.mesh.dimension.count();
+        let positions = self.positions(increment);
+        let current;
+        let geometry = match self.formulation.integration() {
+            Configuration::Initial => &self.initial,
+            Configuration::Committed | Configuration::Current => {
+                current = self.geometry_at(&positions);
+                &current
+            }
+        };
         let mut internal = self.zero();
         let mut blocks = Vec::with_capacity(self.mesh.elements.len());
         for (element, nodes) in self.mesh.elements.iter().enumerate() {
-            let mut block = Block::zero(degrees_of_freedom(nodes));
-            let first = element * POINTS_PER_ELEMENT;
-            for number in first..first + POINTS_PER_ELEMENT {
-                add_force(&geometry[number], nodes, &points[number].stress, &mut internal);
-                add_stiffness(&geometry[number], nodes.len(), &points[number].moduli, &mut block);
+            let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+            for number in self.first_points[element]..self.first_points[element + 1] {
+                let (stress, moduli) = points[number].integrand(self.formulation);
+                add_force(dimension, &geometry[number], nodes, &stress, &mut internal);
+                add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block);
             }
             blocks.push(block);
         }
-        blocks.extend(loads.stiffness());
-        Balance { internal, external: loads.force(&self.positions(increment), load), blocks }
+        blocks.extend(loads.stiffness(&positions));
+        Balance { internal, external: loads.force(&positions, load), blocks }
     }
 
     /// Makes the configuration after `increment` the reference of the next step.
@@ -180,31 +236,41 @@ impl Body {
 
     /// Makes the configuration of the displacements the reference of the next step.
     pub(super) fn settle(&mut self) {
-        self.reference = self.geometry(&self.zero());
+        if self.formulation.reference() == Configuration::Committed {
+            self.committed = self.geometry(&self.zero());
+        }
     }
 }
 
-/// Adds `f_ai = sigma_ij dN_a/dx_j dv`.
-fn add_force(geometry: &PointGeometry, nodes: &[usize], stress: &Matrix2<f64>, force: &mut [f64]) {
+/// Adds `f_ai = s_ij dN_a/dx_j dv`.
+fn add_force(dimension: usize, geometry: &PointGeometry, nodes: &[usize], stress: &Matrix3<f64>, force: &mut [f64]) {
     for (&node, slope) in nodes.iter().zip(&geometry.gradients) {
-        for i in 0..2 {
-            force[2 * node + i] += geometry.area * (stress[(i, 0)] * slope[0] + stress[(i, 1)] * slope[1]);
+        for i in 0..dimension {
+            let traction: f64 = (0..dimension).map(|j| stress[(i, j)] * slope[j]).sum();
+            force[dimension * node + i] += geometry.volume * traction;
         }
     }
 }
 
 /// Adds `K_aibk = dN_a/dx_j A_ijkl dN_b/dx_l dv`.
-fn add_stiffness(geometry: &PointGeometry, nodes: usize, moduli: &Matrix4<f64>, block: &mut Block) {
-    let width = 2 * nodes;
+fn add_stiffness(dimension: usize, geometry: &PointGeometry, nodes: usize, moduli: &Operator, block: &mut Block) {
+    let width = dimension * nodes;
     for b in 0..nodes {
-        for k in 0..2 {
-            let slope = &geometry.gradients[b];
-            let change = moduli.column(2 * k) * slope[0] + moduli.column(2 * k + 1) * slope[1];
+        let slope = &geometry.gradients[b];
+        for k in 0..dimension {
+            // change_ij = A_ijkl dN_b/dx_l dv.
+            let mut change = [[0.0; 3]; 3];
+            for (i, row) in change.iter_mut().enumerate().take(dimension) {
+                for (j, entry) in row.iter_mut().enumerate().take(dimension) {
+                    let sum: f64 = (0..dimension).map(|l| moduli[(3 * i + j, 3 * k + l)] * slope[l]).sum();
+                    *entry = geometry.volume * sum;
+                }
+            }
             for a in 0..nodes {
                 let test = &geometry.gradients[a];
-                for i in 0..2 {
-                    block.matrix[(2 * a + i) * width + 2 * b + k] +=
-                        geometry.area * (test[0] * change[2 * i] + test[1] * change[2 * i + 1]);
+                for (i, row) in change.iter().enumerate().take(dimension) {
+                    let entry: f64 = (0..dimension).map(|j| test[j] * row[j]).sum();
+                    block.matrix[(dimension * a + i) * width + dimension * b + k] += entry;
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Which displacement components are prescribed, and the numbering of the rest.
 //!
-//! Degrees of freedom are numbered `2 * node + axis`. Prescribed ones are eliminated: unknowns are the free ones in
+//! Degrees of freedom are numbered `dimension * node + axis`. Prescribed ones are eliminated: unknowns are the free ones in
 //! ascending order.
 
 /// Split of the degrees of freedom.

@@ -1,49 +1,49 @@
 //! The committed state in the form that observers get.
 
 use super::Solver;
-use super::moduli::{full, full_deformation};
-use crate::mesh::POINTS_PER_ELEMENT;
+use crate::formulation::tensor::tensor;
 use crate::observer::PointFields;
-use nalgebra::Matrix2;
+use nalgebra::Matrix3;
 
 /// Arrays behind a [`crate::observer::FieldsView`].
 pub(super) struct Fields {
-    pub(super) displacements: Vec<[f64; 2]>,
-    pub(super) reactions: Vec<[f64; 2]>,
-    pub(super) loads: Vec<[f64; 2]>,
+    pub(super) displacements: Vec<[f64; 3]>,
+    pub(super) reactions: Vec<[f64; 3]>,
+    pub(super) loads: Vec<[f64; 3]>,
     pub(super) points: Vec<PointFields>,
 }
 
 impl Solver<'_> {
     /// Collects the committed state; `gradients` are those of the step that led to it.
-    pub(super) fn fields(&self, gradients: &[Matrix2<f64>]) -> Fields {
+    pub(super) fn fields(&self, gradients: &[Matrix3<f64>]) -> Fields {
         let mut reactions = self.committed_balance.residual();
         for &dof in self.constraints.free() {
             reactions[dof] = 0.0;
         }
+        let dimension = self.body.mesh().dimension.count();
         Fields {
-            displacements: by_node(&self.body.displacements),
-            reactions: by_node(&reactions),
-            loads: by_node(&self.committed_balance.external),
+            displacements: by_node(dimension, &self.body.displacements),
+            reactions: by_node(dimension, &reactions),
+            loads: by_node(dimension, &self.committed_balance.external),
             points: self.point_fields(gradients),
         }
     }
 
-    fn point_fields(&self, gradients: &[Matrix2<f64>]) -> Vec<PointFields> {
+    fn point_fields(&self, gradients: &[Matrix3<f64>]) -> Vec<PointFields> {
         let still = self.body.zero();
         let (positions, geometry) = (self.body.positions(&still), self.body.geometry(&still));
         let mut fields = Vec::with_capacity(gradients.len());
         for (number, point) in self.points.all().iter().enumerate() {
             let answer = point.answer.as_ref().expect("every point is evaluated before a state is accepted");
             fields.push(PointFields {
-                element: number / POINTS_PER_ELEMENT,
-                local: number % POINTS_PER_ELEMENT,
+                element: self.body.element_of(number),
+                local: self.body.local_number(number),
                 initial_position: self.body.place(number, &self.body.mesh().nodes),
                 position: self.body.place(number, &positions),
-                area: geometry[number].area,
-                deformation: full_deformation(&point.deformation),
-                step_gradient: full(&gradients[number]),
-                stress: answer.stress,
+                volume: geometry[number].volume,
+                deformation: tensor(&point.deformation),
+                step_gradient: tensor(&gradients[number]),
+                stress: tensor(&point.response.stress),
                 scalars: answer.scalars,
                 observed: answer.observed,
                 flags: answer.flags,
@@ -57,6 +57,7 @@ impl Solver<'_> {
     }
 }
 
-fn by_node(values: &[f64]) -> Vec<[f64; 2]> {
-    values.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+fn by_node(dimension: usize, values: &[f64]) -> Vec<[f64; 3]> {
+    let padded = |node: &[f64]| std::array::from_fn(|axis| node.get(axis).copied().unwrap_or(0.0));
+    values.chunks_exact(dimension).map(padded).collect()
 }

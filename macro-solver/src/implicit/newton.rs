@@ -7,7 +7,7 @@ use super::safeguard::Safeguard;
 use super::{Failure, Session, Solver, timed};
 use crate::observer::IterationReport;
 use crate::problem::Predictor;
-use nalgebra::Matrix2;
+use nalgebra::Matrix3;
 
 /// A converged step, not yet committed.
 #[derive(Clone, Debug)]
@@ -26,9 +26,9 @@ pub(super) struct Converged {
 pub(super) struct Evaluated {
     /// Points evaluated.
     pub(super) asked: u64,
-    /// Norm of the out-of-balance force at free degrees of freedom, N per metre.
+    /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
     pub(super) residual: f64,
-    /// Norm of the forces that it is compared with, N per metre.
+    /// Norm of the forces that it is compared with, N, in the plane per metre.
     pub(super) scale: f64,
 }
 
@@ -125,7 +125,7 @@ impl Solver<'_> {
     ) -> Result<Evaluated, Failure> {
         let gradients = self.body.gradients(increment);
         if let Some(point) = self.body.inverted_point(&gradients, &self.body.geometry(increment)) {
-            let element = point / crate::mesh::POINTS_PER_ELEMENT;
+            let element = self.body.element_of(point);
             return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
         }
         let mut waiting = 0;
@@ -214,8 +214,8 @@ impl Solver<'_> {
 }
 
 /// Largest component of any of the displacement gradients.
-fn largest_component(gradients: &[Matrix2<f64>]) -> f64 {
-    gradients.iter().map(Matrix2::amax).fold(0.0, f64::max)
+fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
+    gradients.iter().map(Matrix3::amax).fold(0.0, f64::max)
 }
 
 /// A ratio that is 0 when nothing is left to correct.

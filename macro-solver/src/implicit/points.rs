@@ -8,23 +8,25 @@ mod record;
 pub(super) use record::{PointRecord, copy};
 
 use super::Failure;
-use super::moduli::{full, plane, plane_operator, spatial_moduli};
 use super::secant::{Sample, Yardstick, corrected, floored};
+use crate::formulation::tensor::{matrix, operator, tensor};
+use crate::formulation::{Formulation, Operator, Response};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::mesh::Dimension;
 use crate::observer::{FlagCounts, Outcome, Statistics};
 use crate::problem::{Problem, SecantGates};
-use nalgebra::{Matrix2, Matrix4};
-use protocol::{Ask, Cost, Observables, TangentKind, Tensor2, TrialAnswer};
+use nalgebra::Matrix3;
+use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     /// Committed total deformation gradient.
-    pub(super) deformation: Matrix2<f64>,
-    /// Cauchy stress of the latest evaluation, Pa.
-    pub(super) stress: Matrix2<f64>,
-    /// Moduli at the end of the latest evaluation, secant correction included, Pa.
-    pub(super) moduli: Matrix4<f64>,
+    pub(super) deformation: Matrix3<f64>,
+    /// Stress and moduli of the latest evaluation, secant correction included.
+    pub(super) response: Response,
+    /// Total deformation gradient at the latest evaluation.
+    trial_deformation: Matrix3<f64>,
     /// Latest answer.
     pub(super) answer: Option<TrialAnswer>,
     /// Evaluations in this step.
@@ -35,30 +37,38 @@ pub(super) struct Point {
     pub(super) step_cost: Cost,
     /// Cost since the start.
     pub(super) cost: Cost,
-    tangent: Matrix4<f64>,
+    tangent: Operator,
     yardstick: Option<Yardstick>,
     ramp_steps: u32,
-    held: Option<Tensor2>,
+    /// Gradient whose answer stands.
+    held: Option<Matrix3<f64>>,
     last_sample: Option<Sample>,
 }
 
 impl Point {
     fn new() -> Self {
         Self {
-            deformation: Matrix2::identity(),
-            stress: Matrix2::zeros(),
-            moduli: Matrix4::zeros(),
+            deformation: Matrix3::identity(),
+            response: Response { stress: Matrix3::zeros(), moduli: Operator::zeros() },
+            trial_deformation: Matrix3::identity(),
             answer: None,
             step_evaluations: 0,
             evaluations: 0,
             step_cost: Cost::default(),
             cost: Cost::default(),
-            tangent: Matrix4::zeros(),
+            tangent: Operator::zeros(),
             yardstick: None,
             ramp_steps: 0,
             held: None,
             last_sample: None,
         }
+    }
+
+    /// Stress and moduli of the latest evaluation as the element integrals need them.
+    pub(super) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
+        formulation
+            .integrand(&self.trial_deformation, &self.response)
+            .expect("a point that is turned inside out is never evaluated")
     }
 }
 
@@ -66,6 +76,8 @@ impl Point {
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     points: Vec<Point>,
+    dimension: Dimension,
+    formulation: Formulation,
     observables: Observables,
     strain_per_step: f64,
     tangent_floor: Option<f64>,
@@ -78,6 +90,8 @@ impl Points {
     pub(super) fn new(problem: &Problem) -> Self {
         Self {
             points: vec![Point::new(); problem.point_count()],
+            dimension: problem.mesh.dimension,
+            formulation: problem.formulation,
             observables: problem.observables,
             strain_per_step: problem.strain_per_step,
             tangent_floor: problem.strategy.tangent_floor,
@@ -92,7 +106,7 @@ impl Points {
     }
 
     /// Fixes every point's ramp for the coming attempt from its predicted displacement gradient.
-    pub(super) fn fix_ramps(&mut self, predicted: &[Matrix2<f64>]) {
+    pub(super) fn fix_ramps(&mut self, predicted: &[Matrix3<f64>]) {
         if self.strain_per_step == 0.0 {
             return;
         }
@@ -113,21 +127,24 @@ impl Points {
     /// [`Failure::Attempt`] if a smaller step may help, otherwise the end of the run.
     pub(super) fn evaluate(
         &mut self,
-        gradients: &[Matrix2<f64>],
+        gradients: &[Matrix3<f64>],
         tangent: TangentKind,
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
     ) -> Result<Sweep, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
         for (number, (point, gradient)) in self.points.iter_mut().zip(gradients).enumerate() {
-            let target = full(gradient);
-            if self.keep_unchanged && point.held == Some(target) {
+            if self.keep_unchanged && point.held.as_ref() == Some(gradient) {
                 continue;
             }
+            let target = self
+                .formulation
+                .target(&point.deformation, gradient)
+                .ok_or_else(|| Failure::Attempt(format!("Gauss point {number} is turned inside out")))?;
             // Until its answer is in, the material's latest trial of this point is unknown.
             point.held = None;
             let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
-            trials.push(PointTrial { point: number, target, ask });
+            trials.push(PointTrial { point: number, target: tensor(&target), ask });
         }
         let sweep = Sweep { asked: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
         statistics.skipped += sweep.skipped;
@@ -158,7 +175,7 @@ impl Points {
     fn take(
         &mut self,
         trial: &PointTrial,
-        gradient: &Matrix2<f64>,
+        gradient: &Matrix3<f64>,
         answer: TrialAnswer,
         statistics: &mut Statistics,
     ) -> Result<(), Failure> {
@@ -169,25 +186,27 @@ impl Points {
                 trial.point
             )));
         }
-        let (tangent_floor, secant) = (self.tangent_floor, self.secant);
+        let (dimension, formulation) = (self.dimension, self.formulation);
         let point = &mut self.points[trial.point];
-        point.stress = plane(&answer.stress);
         if let Some(tangent) = &answer.tangent {
-            point.tangent = plane_operator(tangent);
+            point.tangent = operator(tangent);
         }
         let yardstick =
-            *point.yardstick.get_or_insert(Yardstick { norm: point.tangent.norm(), vertical: point.tangent[(3, 3)] });
-        point.moduli = spatial_moduli(&point.tangent, &point.stress);
-        if let Some(moduli) = tangent_floor.and_then(|floor| floored(&point.moduli, &yardstick, floor)) {
-            point.moduli = moduli;
+            *point.yardstick.get_or_insert(Yardstick { norm: point.tangent.norm(), vertical: point.tangent[(4, 4)] });
+        let mut response = formulation
+            .response(&point.deformation, gradient, &matrix(&answer.stress), &point.tangent)
+            .ok_or_else(|| Failure::Attempt(format!("Gauss point {} is turned inside out", trial.point)))?;
+        let floor = self.tangent_floor.and_then(|floor| floored(dimension, &response.moduli, &yardstick, floor));
+        if let Some(moduli) = floor {
+            response.moduli = moduli;
             statistics.floored_tangents += 1;
         }
-        if let Some(gates) = secant {
-            let sample = Sample::new(*gradient, &point.stress);
+        if let Some(gates) = self.secant {
+            let sample = Sample::new(formulation, gradient, &response.stress);
             if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
-                match corrected(&point.moduli, last, sample, &yardstick, &gates) {
+                match corrected(dimension, &response.moduli, last, sample, &yardstick, &gates) {
                     Some(moduli) => {
-                        point.moduli = moduli;
+                        response.moduli = moduli;
                         statistics.secant_corrections += 1;
                     }
                     None => statistics.secant_refusals += 1,
@@ -195,15 +214,17 @@ impl Points {
             }
             point.last_sample = sample;
         }
-        point.held = Some(trial.target);
+        point.response = response;
+        point.trial_deformation = formulation.deformation(&point.deformation, gradient);
+        point.held = Some(*gradient);
         point.answer = Some(answer);
         Ok(())
     }
 
     /// The latest targets have become the committed states.
-    pub(super) fn commit(&mut self, gradients: &[Matrix2<f64>]) {
+    pub(super) fn commit(&mut self, gradients: &[Matrix3<f64>]) {
         for (point, gradient) in self.points.iter_mut().zip(gradients) {
-            point.deformation = (Matrix2::identity() + gradient) * point.deformation;
+            point.deformation = self.formulation.deformation(&point.deformation, gradient);
         }
         self.forget_trials();
     }

@@ -21,8 +21,8 @@ struct Recorder {
     iterations: Vec<IterationReport>,
     steps: Vec<StepReport>,
     cut_backs: Vec<CutBack>,
-    displacements: Vec<[f64; 2]>,
-    reactions: Vec<[f64; 2]>,
+    displacements: Vec<[f64; 3]>,
+    reactions: Vec<[f64; 3]>,
     points: Vec<PointFields>,
 }
 
@@ -95,16 +95,16 @@ impl PointMaterial for Spy {
 const TIGHT: Tolerances = Tolerances { force: 1e-9, displacement: 1e-9 };
 
 fn block(kind: ElementKind, columns: usize, rows: usize) -> Mesh {
-    Block { width: columns as f64, height: rows as f64, columns, rows, kind }.mesh().unwrap()
+    Block::plane([columns as f64, rows as f64], [columns, rows], kind).mesh().unwrap()
 }
 
 /// Adds a node set for every node, so that each can get its own displacement.
-fn prescribe_field(problem: &mut Problem, nodes: &[usize], field: impl Fn([f64; 2]) -> [f64; 2]) {
+fn prescribe_field(problem: &mut Problem, nodes: &[usize], field: impl Fn([f64; 3]) -> [f64; 3]) {
     for &node in nodes {
         let name = format!("node {node}");
         let value = field(problem.mesh.nodes[node]);
         problem.mesh.node_sets.insert(name.clone(), vec![node]);
-        for (axis, value) in [Axis::X, Axis::Y].into_iter().zip(value) {
+        for (axis, value) in Axis::ALL.into_iter().zip(value).take(problem.mesh.dimension.count()) {
             problem.conditions.push(Condition::Displacement { nodes: name.clone(), axis, value });
         }
     }

@@ -1,151 +1,189 @@
-//! A structured rectangle of elements with named sides and corners.
+//! A structured rectangle or box of elements with named sides, edges and corners, evenly spaced or graded.
 
-use super::{Edge, ElementKind, Mesh, MeshError};
-use std::collections::BTreeMap;
+use super::lattice::{Lattice, LatticeMesh};
+use super::{Dimension, ElementKind, Mesh, MeshError};
 
-/// A rectangle with its lower left corner at the origin.
+/// A rectangle or box with its lowest corner at the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Extent along x, m.
-    pub width: f64,
-    /// Extent along y, m.
-    pub height: f64,
-    /// Elements along x.
-    pub columns: usize,
-    /// Elements along y.
-    pub rows: usize,
+    /// Extent along x, y and z, m; z is not used in the plane.
+    pub size: [f64; 3],
+    /// Cells along x, y and z; triangles and tetrahedra share a cell. z is not used in the plane.
+    pub elements: [usize; 3],
+    /// Length of the last cell along an axis over that of the first; 1 spaces evenly.
+    pub grading: [f64; 3],
     /// Kind of the elements.
     pub kind: ElementKind,
 }
 
+/// Words for the lower and upper end of each axis.
+const ENDS: [[&str; 2]; 3] = [["left", "right"], ["bottom", "top"], ["back", "front"]];
+
+/// Order of words in names of edges and corners: `bottom_left`, `bottom_left_back`.
+const NAMING: [usize; 3] = [1, 0, 2];
+
 impl Block {
-    /// Generates the mesh. Elements are numbered row by row from the lower left.
+    /// An evenly spaced rectangle.
+    pub fn plane(size: [f64; 2], elements: [usize; 2], kind: ElementKind) -> Self {
+        Self { size: [size[0], size[1], 0.0], elements: [elements[0], elements[1], 0], grading: [1.0; 3], kind }
+    }
+
+    /// An evenly spaced box.
+    pub fn space(size: [f64; 3], elements: [usize; 3], kind: ElementKind) -> Self {
+        Self { size, elements, grading: [1.0; 3], kind }
+    }
+
+    /// Generates the mesh. Cells are numbered from the lowest corner, x fastest.
     ///
-    /// Node sets: `left`, `right`, `bottom`, `top`, `bottom_left`, `bottom_right`, `top_left`, `top_right`, `all`.
-    /// Edge sets: `left`, `right`, `bottom`, `top`.
+    /// Side sets: `left` and `right` (x), `bottom` and `top` (y), in space `back` and `front` (z). Node sets: the same,
+    /// their edges and corners (`bottom_left`, `left_back`, `bottom_left_back`, ...) and `all`. Element set: `all`.
     ///
     /// # Errors
-    /// [`MeshError::Block`] for sizes that are not positive and finite or counts of zero.
+    /// [`MeshError::Block`] for sizes or gradings that are not positive and finite or counts of zero.
     pub fn mesh(&self) -> Result<Mesh, MeshError> {
-        let sound = |length: f64| length.is_finite() && length > 0.0;
-        if !sound(self.width) || !sound(self.height) || self.columns == 0 || self.rows == 0 {
+        let axes = self.kind.dimension().count();
+        let sound = |value: f64| value.is_finite() && value > 0.0;
+        if !(0..axes).all(|axis| sound(self.size[axis]) && sound(self.grading[axis]) && self.elements[axis] > 0) {
             return Err(MeshError::Block {
-                width: self.width,
-                height: self.height,
-                columns: self.columns,
-                rows: self.rows,
+                size: join(&self.size[..axes]),
+                elements: join(&self.elements[..axes]),
             });
         }
-        let lattice = Lattice::new(self);
-        Ok(Mesh {
-            nodes: lattice.positions(self),
-            elements: lattice.elements(self),
-            kind: self.kind,
-            node_sets: lattice.node_sets(),
-            edge_sets: self.edge_sets(),
-        })
+        let boundaries = std::array::from_fn(|axis| match (self.kind.dimension(), axis) {
+            (Dimension::Plane, 2) => Vec::new(),
+            _ => graded(0.0, self.size[axis], self.elements[axis], self.grading[axis]),
+        });
+        let mut lattice = Lattice { kind: self.kind, boundaries }.mesh(|_| true);
+        self.name_sets(&mut lattice, axes);
+        Ok(lattice.mesh)
     }
 
-    fn edge_sets(&self) -> BTreeMap<String, Vec<Edge>> {
-        let row = |row: usize, local: usize| {
-            (0..self.columns).map(|column| Edge { element: row * self.columns + column, local }).collect()
-        };
-        let column = |column: usize, local: usize| {
-            (0..self.rows).map(|row| Edge { element: row * self.columns + column, local }).collect()
-        };
-        BTreeMap::from([
-            ("bottom".to_owned(), row(0, 0)),
-            ("right".to_owned(), column(self.columns - 1, 1)),
-            ("top".to_owned(), row(self.rows - 1, 2)),
-            ("left".to_owned(), column(0, 3)),
-        ])
+    fn name_sets(&self, lattice: &mut LatticeMesh, axes: usize) {
+        let bounds: [[usize; 2]; 3] = self.elements.map(|count| [0, 2 * count]);
+        for ends in end_choices(axes) {
+            let words: Vec<&str> =
+                NAMING.iter().filter_map(|&axis| ends[axis].map(|end| ENDS[axis][end])).collect();
+            let on = |place: [usize; 3]| {
+                (0..3).all(|axis| ends[axis].is_none_or(|end| place[axis] == bounds[axis][end]))
+            };
+            let name = if words.is_empty() { "all".to_owned() } else { words.join("_") };
+            let nodes = lattice.nodes(on);
+            if words.len() == 1 {
+                let sides = lattice.sides(on);
+                lattice.mesh.side_sets.insert(name.clone(), sides);
+            }
+            lattice.mesh.node_sets.insert(name, nodes);
+        }
+        let all = (0..lattice.mesh.elements.len()).collect();
+        lattice.mesh.element_sets.insert("all".to_owned(), all);
     }
 }
 
-/// The grid of possible node places: one per half element for Q8 (without the element centres), per element for Q4.
-struct Lattice {
-    columns: usize,
-    rows: usize,
-    stride: usize,
-    numbers: Vec<Option<usize>>,
+/// Every way to choose the lower end, the upper end or neither along each axis.
+fn end_choices(axes: usize) -> Vec<[Option<usize>; 3]> {
+    let mut choices = vec![[None; 3]];
+    for axis in 0..axes {
+        for choice in choices.clone() {
+            for end in 0..2 {
+                let mut next = choice;
+                next[axis] = Some(end);
+                choices.push(next);
+            }
+        }
+    }
+    choices
 }
 
-impl Lattice {
-    fn new(block: &Block) -> Self {
-        let stride = match block.kind {
-            ElementKind::Q4 => 1,
-            ElementKind::Q8 => 2,
-        };
-        let (columns, rows) = (stride * block.columns + 1, stride * block.rows + 1);
-        let mut next = 0;
-        let numbers = (0..columns * rows)
-            .map(|place| {
-                let centre = stride == 2 && (place % columns) % 2 == 1 && (place / columns) % 2 == 1;
-                (!centre).then(|| {
-                    next += 1;
-                    next - 1
-                })
-            })
-            .collect();
-        Self { columns, rows, stride, numbers }
+/// Boundaries of `count` cells from `from` over `length`, whose lengths form a geometric series from the first to
+/// `ratio` times the first.
+pub(super) fn graded(from: f64, length: f64, count: usize, ratio: f64) -> Vec<f64> {
+    let cells = count as f64;
+    if ratio == 1.0 || count == 1 {
+        return (0..=count).map(|cell| from + length * cell as f64 / cells).collect();
+    }
+    let factor = ratio.powf(1.0 / (cells - 1.0));
+    let whole = factor.powf(cells) - 1.0;
+    let inner = (0..count).map(|cell| from + length * (factor.powf(cell as f64) - 1.0) / whole);
+    // The last boundary is exact, so that blocks meet.
+    inner.chain(std::iter::once(from + length)).collect()
+}
+
+fn join(values: &[impl ToString]) -> String {
+    values.iter().map(ToString::to_string).collect::<Vec<_>>().join(" x ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::point_geometry;
+    use crate::element::side::side_shapes;
+    use nalgebra::Vector3;
+
+    fn block(kind: ElementKind) -> Block {
+        match kind.dimension() {
+            Dimension::Plane => Block::plane([2.0, 3.0], [2, 3], kind),
+            Dimension::Space => Block::space([2.0, 3.0, 1.0], [2, 3, 2], kind),
+        }
     }
 
-    fn number(&self, column: usize, row: usize) -> usize {
-        self.numbers[row * self.columns + column].expect("element centres are never asked for")
-    }
-
-    fn positions(&self, block: &Block) -> Vec<[f64; 2]> {
-        let mut positions = Vec::new();
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                if self.numbers[row * self.columns + column].is_some() {
-                    let x = block.width * column as f64 / (self.columns - 1) as f64;
-                    let y = block.height * row as f64 / (self.rows - 1) as f64;
-                    positions.push([x, y]);
+    #[test]
+    fn blocks_of_every_kind_fill_their_volume_and_have_named_sides_that_bound_them() {
+        for kind in ElementKind::ALL {
+            let mut block = block(kind);
+            block.grading = [2.0, 0.5, 3.0];
+            let mesh = block.mesh().unwrap();
+            mesh.validate().unwrap();
+            let volume: f64 = (0..mesh.elements.len())
+                .flat_map(|element| (0..kind.point_count()).map(move |local| (element, local)))
+                .map(|(element, local)| point_geometry(kind, &mesh.element_positions(element), local).volume)
+                .sum();
+            assert!((volume - 6.0).abs() < 1e-12, "{kind:?}: {volume}");
+            for (axis, ends) in ENDS.iter().enumerate().take(kind.dimension().count()) {
+                for (end, name) in ends.iter().enumerate() {
+                    let mut area: Vector3<f64> = Vector3::zeros();
+                    for &side in &mesh.side_sets[*name] {
+                        let nodes = mesh.side_nodes(side);
+                        assert!(nodes.iter().all(|node| mesh.node_sets[*name].contains(node)));
+                        for shape in side_shapes(kind.side_kind()) {
+                            let [first, second] = shape.tangents(nodes.iter().map(|&node| mesh.nodes[node]));
+                            area += first.cross(&second) * shape.weight;
+                        }
+                    }
+                    let full: f64 = [3.0, 2.0, 6.0][axis];
+                    let mut exact = Vector3::zeros();
+                    exact[axis] = if end == 0 { -full } else { full };
+                    assert!((area - exact).norm() < 1e-12, "{kind:?} {name}: {area}");
                 }
             }
         }
-        positions
     }
 
-    fn elements(&self, block: &Block) -> Vec<Vec<usize>> {
-        let corners = [(0, 0), (2, 0), (2, 2), (0, 2)];
-        let sides = [(1, 0), (2, 1), (1, 2), (0, 1)];
-        let mut elements = Vec::with_capacity(block.columns * block.rows);
-        for row in 0..block.rows {
-            for column in 0..block.columns {
-                let node = |&(right, up): &(usize, usize)| {
-                    let half = 2 / self.stride;
-                    self.number(self.stride * column + right / half, self.stride * row + up / half)
-                };
-                let mut nodes: Vec<usize> = corners.iter().map(node).collect();
-                if block.kind == ElementKind::Q8 {
-                    nodes.extend(sides.iter().map(node));
-                }
-                elements.push(nodes);
-            }
+    #[test]
+    fn nodes_are_numbered_row_by_row_and_corners_are_named() {
+        for (kind, nodes, side) in [(ElementKind::Q4, 12, 4), (ElementKind::Q8, 29, 7), (ElementKind::T6, 35, 7)] {
+            let mesh = block(kind).mesh().unwrap();
+            assert_eq!(mesh.nodes.len(), nodes);
+            assert_eq!(mesh.node_sets["left"].len(), side);
+            assert!(mesh.node_sets["top"].iter().all(|&node| mesh.nodes[node][1] == 3.0));
+            assert_eq!(mesh.nodes[mesh.node_sets["bottom_right"][0]], [2.0, 0.0, 0.0]);
         }
-        elements
+        let solid = block(ElementKind::H20).mesh().unwrap();
+        assert_eq!(solid.nodes[solid.node_sets["top_left_front"][0]], [0.0, 3.0, 1.0]);
+        assert_eq!(solid.node_sets["bottom_back"].len(), 5);
+        assert_eq!(block(ElementKind::T4).mesh().unwrap().elements.len(), 72);
     }
 
-    fn node_sets(&self) -> BTreeMap<String, Vec<usize>> {
-        let (right, top) = (self.columns - 1, self.rows - 1);
-        let select = |keep: &dyn Fn(usize, usize) -> bool| -> Vec<usize> {
-            (0..self.columns * self.rows)
-                .filter(|place| keep(place % self.columns, place / self.columns))
-                .filter_map(|place| self.numbers[place])
-                .collect()
-        };
-        BTreeMap::from([
-            ("all".to_owned(), select(&|_, _| true)),
-            ("left".to_owned(), select(&|column, _| column == 0)),
-            ("right".to_owned(), select(&|column, _| column == right)),
-            ("bottom".to_owned(), select(&|_, row| row == 0)),
-            ("top".to_owned(), select(&|_, row| row == top)),
-            ("bottom_left".to_owned(), select(&|column, row| column == 0 && row == 0)),
-            ("bottom_right".to_owned(), select(&|column, row| column == right && row == 0)),
-            ("top_left".to_owned(), select(&|column, row| column == 0 && row == top)),
-            ("top_right".to_owned(), select(&|column, row| column == right && row == top)),
-        ])
+    #[test]
+    fn graded_cells_grow_by_the_ratio() {
+        let boundaries = graded(1.0, 7.0, 3, 4.0);
+        assert!((boundaries[1] - 2.0).abs() + (boundaries[2] - 4.0).abs() < 1e-14 && boundaries[3] == 8.0);
+    }
+
+    #[test]
+    fn impossible_blocks_are_refused() {
+        let flat = Block::plane([0.0, 1.0], [1, 1], ElementKind::Q4);
+        assert!(matches!(flat.mesh(), Err(MeshError::Block { .. })));
+        let empty = Block::space([1.0; 3], [1, 1, 0], ElementKind::H8);
+        assert_eq!(empty.mesh().unwrap_err().to_string(), "a block of 1 x 1 x 1 m with 1 x 1 x 0 elements is not possible");
     }
 }

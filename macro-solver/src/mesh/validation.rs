@@ -1,7 +1,7 @@
 //! Everything that can be wrong with a mesh, found before the first evaluation.
 
-use super::{Mesh, MeshError, POINTS_PER_ELEMENT};
-use crate::element::point_geometry;
+use super::{Dimension, Mesh, MeshError};
+use crate::element::{geometry_of_shape, node_places, point_geometry, shape};
 
 impl Mesh {
     /// Checks numbers, references and the mapping of every element.
@@ -12,29 +12,23 @@ impl Mesh {
         if self.elements.is_empty() {
             return Err(MeshError::Empty);
         }
+        if self.kinds.len() != self.elements.len() {
+            return Err(MeshError::KindCount { elements: self.elements.len(), kinds: self.kinds.len() });
+        }
         self.check_references()?;
         self.check_sets()?;
-        if let Some(node) = self.nodes.iter().position(|position| !position.iter().all(|x| x.is_finite())) {
-            return Err(MeshError::NotFinite { node });
-        }
+        self.check_positions()?;
         self.check_mapping()?;
         self.check_loose_nodes()
     }
 
-    /// Positions of the nodes of one element, m.
-    pub fn element_positions(&self, element: usize) -> Vec<[f64; 2]> {
-        self.elements[element].iter().map(|&node| self.nodes[node]).collect()
-    }
-
     fn check_references(&self) -> Result<(), MeshError> {
-        for (element, nodes) in self.elements.iter().enumerate() {
-            if nodes.len() != self.kind.node_count() {
-                return Err(MeshError::NodeCount {
-                    element,
-                    found: nodes.len(),
-                    expected: self.kind.node_count(),
-                    kind: self.kind,
-                });
+        for (element, (nodes, &kind)) in self.elements.iter().zip(&self.kinds).enumerate() {
+            if kind.dimension() != self.dimension {
+                return Err(MeshError::MixedDimensions { element, kind, dimension: self.dimension.count() });
+            }
+            if nodes.len() != kind.node_count() {
+                return Err(MeshError::NodeCount { element, found: nodes.len(), expected: kind.node_count(), kind });
             }
             self.check_nodes(nodes, || format!("element {element}"))?;
         }
@@ -54,25 +48,61 @@ impl Mesh {
         for (name, nodes) in &self.node_sets {
             self.check_nodes(nodes, || format!("node set '{name}'"))?;
         }
-        for (name, edges) in &self.edge_sets {
-            if let Some(edge) = edges.iter().find(|edge| edge.element >= self.elements.len() || edge.local > 3) {
-                return Err(MeshError::NoSuchEdge { set: name.clone(), element: edge.element, local: edge.local });
+        for (name, sides) in &self.side_sets {
+            let exists = |element: usize, local| self.kinds.get(element).is_some_and(|kind| local < kind.side_count());
+            if let Some(side) = sides.iter().find(|side| !exists(side.element, side.local)) {
+                return Err(MeshError::NoSuchSide { set: name.clone(), element: side.element, local: side.local });
+            }
+        }
+        for (name, elements) in &self.element_sets {
+            if let Some(&element) = elements.iter().find(|&&element| element >= self.elements.len()) {
+                return Err(MeshError::NoSuchElement { set: name.clone(), element });
             }
         }
         Ok(())
     }
 
+    fn check_positions(&self) -> Result<(), MeshError> {
+        if let Some(node) = self.nodes.iter().position(|position| !position.iter().all(|x| x.is_finite())) {
+            return Err(MeshError::NotFinite { node });
+        }
+        let plane = self.dimension == Dimension::Plane;
+        match self.nodes.iter().position(|position| plane && position[2] != 0.0) {
+            Some(node) => Err(MeshError::OutOfPlane { node, height: self.nodes[node][2] }),
+            None => Ok(()),
+        }
+    }
+
     fn check_mapping(&self) -> Result<(), MeshError> {
-        for element in 0..self.elements.len() {
+        for (element, &kind) in self.kinds.iter().enumerate() {
             let positions = self.element_positions(element);
-            for point in 0..POINTS_PER_ELEMENT {
-                let determinant = point_geometry(self.kind, &positions, point).area;
+            for point in 0..kind.point_count() {
+                let determinant = point_geometry(kind, &positions, point).volume;
                 if determinant.is_nan() || determinant <= 0.0 {
                     return Err(MeshError::Inverted { element, point, determinant });
                 }
             }
+            self.check_corners(element, &positions)?;
         }
         Ok(())
+    }
+
+    /// A quadratic element can be folded at a corner although all its Gauss points are sound. Collapsed corners, where
+    /// the determinant vanishes up to round-off, are allowed.
+    fn check_corners(&self, element: usize, positions: &[[f64; 3]]) -> Result<(), MeshError> {
+        let kind = self.kinds[element];
+        let places = &node_places(kind)[..kind.corner_count()];
+        let determinants: Vec<f64> =
+            places.iter().map(|&place| geometry_of_shape(kind, &shape(kind, place), positions).volume).collect();
+        let round_off = -1e-12 * determinants.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        match determinants.iter().position(|determinant| *determinant < round_off) {
+            Some(corner) => Err(MeshError::Folded {
+                element,
+                node: self.elements[element][corner],
+                determinant: determinants[corner],
+            }),
+            None => Ok(()),
+        }
     }
 
     fn check_loose_nodes(&self) -> Result<(), MeshError> {
@@ -92,43 +122,24 @@ mod tests {
     use crate::mesh::block::Block;
 
     fn block(kind: ElementKind) -> Mesh {
-        Block { width: 2.0, height: 3.0, columns: 2, rows: 3, kind }.mesh().unwrap()
-    }
-
-    #[test]
-    fn blocks_have_named_sides_that_bound_them() {
-        for (kind, nodes, side) in [(ElementKind::Q4, 12, 4), (ElementKind::Q8, 29, 7)] {
-            let mesh = block(kind);
-            mesh.validate().unwrap();
-            assert_eq!(mesh.nodes.len(), nodes);
-            assert_eq!(mesh.node_sets["left"].len(), side);
-            assert!(mesh.node_sets["top"].iter().all(|&node| mesh.nodes[node][1] == 3.0));
-            assert_eq!(mesh.nodes[mesh.node_sets["bottom_right"][0]], [2.0, 0.0]);
-            for (name, normal) in
-                [("left", [-3.0, 0.0]), ("right", [3.0, 0.0]), ("bottom", [0.0, -2.0]), ("top", [0.0, 2.0])]
-            {
-                let mut sum = [0.0; 2];
-                for &edge in &mesh.edge_sets[name] {
-                    let nodes = crate::element::edge::edge_nodes(&mesh, edge);
-                    let (from, to) = (mesh.nodes[nodes[0]], mesh.nodes[nodes[1]]);
-                    sum[0] += to[1] - from[1];
-                    sum[1] -= to[0] - from[0];
-                    assert!(nodes.iter().all(|node| mesh.node_sets[name].contains(node)));
-                }
-                assert!((sum[0] - normal[0]).abs() + (sum[1] - normal[1]).abs() < 1e-14, "{name}");
-            }
+        match kind.dimension() {
+            Dimension::Plane => Block::plane([2.0, 3.0], [2, 3], kind).mesh().unwrap(),
+            Dimension::Space => Block::space([2.0, 3.0, 1.0], [2, 3, 1], kind).mesh().unwrap(),
         }
     }
 
     #[test]
-    fn an_inverted_element_is_named() {
-        let mut mesh = block(ElementKind::Q4);
-        mesh.elements[4].swap(0, 1);
-        match mesh.validate() {
-            Err(error @ MeshError::Inverted { element: 4, .. }) => {
-                assert!(error.to_string().contains("element 4 is inverted"));
+    fn an_inverted_element_of_any_kind_is_named() {
+        for kind in ElementKind::ALL {
+            let mut mesh = block(kind);
+            mesh.elements[4].swap(0, 1);
+            match mesh.validate() {
+                Err(error @ MeshError::Inverted { element: 4, .. }) => {
+                    assert!(error.to_string().contains("element 4 is inverted"));
+                }
+                Err(MeshError::Folded { element: 4, .. }) if kind.is_quadratic() => {}
+                other => panic!("{kind:?}: {other:?}"),
             }
-            other => panic!("{other:?}"),
         }
     }
 
@@ -141,12 +152,25 @@ mod tests {
         mesh.nodes[3][1] = f64::NAN;
         assert_eq!(mesh.validate(), Err(MeshError::NotFinite { node: 3 }));
         let mut mesh = block(ElementKind::Q4);
-        mesh.nodes.push([9.0, 9.0]);
+        mesh.nodes.push([9.0, 9.0, 0.0]);
         assert_eq!(mesh.validate(), Err(MeshError::LooseNode { node: 12 }));
         let mut mesh = block(ElementKind::Q4);
-        mesh.edge_sets.get_mut("top").unwrap()[0].local = 4;
-        assert!(matches!(mesh.validate(), Err(MeshError::NoSuchEdge { local: 4, .. })));
-        let flat = Block { width: 0.0, height: 1.0, columns: 1, rows: 1, kind: ElementKind::Q4 };
-        assert!(matches!(flat.mesh(), Err(MeshError::Block { .. })));
+        mesh.side_sets.get_mut("top").unwrap()[0].local = 4;
+        assert!(matches!(mesh.validate(), Err(MeshError::NoSuchSide { local: 4, .. })));
+        let mut mesh = block(ElementKind::T4);
+        mesh.element_sets.get_mut("all").unwrap().push(999);
+        assert!(matches!(mesh.validate(), Err(MeshError::NoSuchElement { element: 999, .. })));
+    }
+
+    #[test]
+    fn plane_and_spatial_parts_do_not_mix() {
+        let mut mesh = block(ElementKind::Q4);
+        mesh.nodes[2][2] = 0.1;
+        assert_eq!(mesh.validate(), Err(MeshError::OutOfPlane { node: 2, height: 0.1 }));
+        let mut mesh = block(ElementKind::H8);
+        mesh.kinds[1] = ElementKind::Q8;
+        assert!(matches!(mesh.validate(), Err(MeshError::MixedDimensions { element: 1, .. })));
+        mesh.kinds.pop();
+        assert_eq!(mesh.validate(), Err(MeshError::KindCount { elements: 6, kinds: 5 }));
     }
 }

@@ -1,6 +1,7 @@
 //! Fields on the finite-element mesh as `.vtu`, and the `.pvd` that strings them into a film for ParaView.
 
 use super::{OutputError, write_atomically};
+use crate::mesh::ElementKind;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vtkio::model::{
@@ -24,10 +25,9 @@ impl Field {
         Self { name: name.to_owned(), components: 1, values }
     }
 
-    /// Plane vectors; ParaView wants three components.
-    pub fn plane_vector(name: &str, values: &[[f64; 2]]) -> Self {
-        let values = values.iter().flat_map(|&[x, y]| [x, y, 0.0]).collect();
-        Self { name: name.to_owned(), components: 3, values }
+    /// Vectors.
+    pub fn vector(name: &str, values: &[[f64; 3]]) -> Self {
+        Self { name: name.to_owned(), components: 3, values: values.as_flattened().to_vec() }
     }
 
     /// Tensors, row by row.
@@ -37,20 +37,35 @@ impl Field {
     }
 }
 
-/// A plane mesh of quadrilaterals as it is drawn.
+/// A mesh as it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldGrid<'a> {
     /// Node positions, m.
-    pub nodes: &'a [[f64; 2]],
-    /// Node numbers of every element: 4 corners counter-clockwise, or 4 corners and then the 4 mid-side nodes that
-    /// follow them (side 0-1, 1-2, 2-3, 3-0).
+    pub nodes: &'a [[f64; 3]],
+    /// Node numbers of every element, in the order of its kind, which is that of VTK.
     pub elements: &'a [Vec<usize>],
+    /// Kind of every element.
+    pub kinds: &'a [ElementKind],
+}
+
+/// The cell type of VTK.
+fn cell_type(kind: ElementKind) -> CellType {
+    match kind {
+        ElementKind::Q4 | ElementKind::Q4Single => CellType::Quad,
+        ElementKind::Q8 | ElementKind::Q8Full => CellType::QuadraticQuad,
+        ElementKind::T3 => CellType::Triangle,
+        ElementKind::T6 => CellType::QuadraticTriangle,
+        ElementKind::H8 | ElementKind::H8Single => CellType::Hexahedron,
+        ElementKind::H20 | ElementKind::H20Full => CellType::QuadraticHexahedron,
+        ElementKind::T4 => CellType::Tetra,
+        ElementKind::T10 => CellType::QuadraticTetra,
+    }
 }
 
 /// Writes one `.vtu` with fields on nodes and on elements.
 ///
 /// # Errors
-/// [`OutputError::Encode`] when a field does not fit the mesh or an element is neither Q4 nor Q8;
+/// [`OutputError::Encode`] when a field does not fit the mesh or an element does not have the nodes of its kind;
 /// [`OutputError::Write`].
 pub fn write_grid(
     path: &Path,
@@ -61,12 +76,14 @@ pub fn write_grid(
     let mut connectivity = Vec::new();
     let mut offsets = Vec::new();
     let mut types = Vec::new();
-    for element in grid.elements {
-        types.push(match element.len() {
-            4 => CellType::Quad,
-            8 => CellType::QuadraticQuad,
-            count => return Err(OutputError::encode(path, format!("an element with {count} nodes"))),
-        });
+    if grid.kinds.len() != grid.elements.len() {
+        return Err(OutputError::encode(path, "elements and element kinds differ in number"));
+    }
+    for (element, &kind) in grid.elements.iter().zip(grid.kinds) {
+        if element.len() != kind.node_count() {
+            return Err(OutputError::encode(path, format!("a {kind:?} with {} nodes", element.len())));
+        }
+        types.push(cell_type(kind));
         connectivity.extend(element.iter().map(|&node| node as u64));
         offsets.push(connectivity.len() as u64);
     }
@@ -74,7 +91,7 @@ pub fn write_grid(
         fields.iter().map(|field| as_attribute(path, field, entries)).collect::<Result<Vec<_>, _>>()
     };
     let piece = UnstructuredGridPiece {
-        points: grid.nodes.iter().flat_map(|&[x, y]| [x, y, 0.0]).collect::<Vec<f64>>().into(),
+        points: grid.nodes.as_flattened().to_vec().into(),
         cells: Cells { cell_verts: VertexNumbers::XML { connectivity, offsets }, types },
         data: Attributes {
             point: attributes(on_nodes, grid.nodes.len())?,
@@ -163,52 +180,47 @@ mod tests {
     use super::*;
     use protocol::Tensor2;
 
-    fn one_q8() -> (Vec<[f64; 2]>, Vec<Vec<usize>>) {
-        let nodes =
-            vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.0], [1.0, 0.5], [0.5, 1.0], [0.0, 0.5]];
-        (nodes, vec![(0..8).collect()])
-    }
-
+    /// Every kind's natural element with a displacement and a stress that no symmetry hides.
     #[test]
-    fn a_quadratic_element_and_its_fields_read_back() {
+    fn elements_of_every_kind_and_their_fields_read_back() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("step-0001.vtu");
-        let (nodes, elements) = one_q8();
-        let displacement: Vec<[f64; 2]> = nodes.iter().map(|&[x, y]| [0.1 * x, -0.2 * y]).collect();
-        let stress = Tensor2::from_plane([[-1.0, 0.5], [0.5, -2.0]]);
-        write_grid(
-            &path,
-            FieldGrid { nodes: &nodes, elements: &elements },
-            &[Field::plane_vector("displacement", &displacement)],
-            &[Field::tensor("stress", &[stress]), Field::scalar("void ratio", vec![0.2])],
-        )
-        .unwrap();
-
-        let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(&path).unwrap().data else {
-            panic!("not an unstructured grid")
-        };
-        let piece = pieces[0].load_piece_data(None).unwrap();
-        assert_eq!(piece.cells.types, vec![CellType::QuadraticQuad]);
-        assert_eq!(piece.num_points(), 8);
         let values = |attribute: &Attribute| match attribute {
             Attribute::DataArray(array) => array.data.cast_into::<f64>().unwrap(),
             Attribute::Field { .. } => panic!("expected an array"),
         };
-        assert_eq!(values(&piece.data.point[0])[3..6], [0.1, 0.0, 0.0]);
-        assert_eq!(values(&piece.data.cell[0]), stress.0);
-        assert_eq!(piece.data.cell[1].name(), "void ratio");
+        let stress = Tensor2([-1.0, 0.5, 0.1, 0.4, -2.0, 0.2, 0.3, 0.6, -3.0]);
+        for kind in ElementKind::ALL {
+            let path = folder.path().join("step-0001.vtu");
+            let nodes = crate::element::node_places(kind).to_vec();
+            let elements = vec![(0..nodes.len()).collect::<Vec<_>>()];
+            let displacement: Vec<[f64; 3]> = nodes.iter().map(|&[x, y, z]| [0.1 * x, -0.2 * y, z]).collect();
+            let grid = FieldGrid { nodes: &nodes, elements: &elements, kinds: &[kind] };
+            let on_elements = [Field::tensor("stress", &[stress]), Field::scalar("void ratio", vec![0.2])];
+            write_grid(&path, grid, &[Field::vector("displacement", &displacement)], &on_elements).unwrap();
+
+            let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(&path).unwrap().data else {
+                panic!("not an unstructured grid")
+            };
+            let piece = pieces[0].load_piece_data(None).unwrap();
+            assert_eq!(piece.cells.types, vec![cell_type(kind)]);
+            assert_eq!(piece.num_points(), nodes.len());
+            assert_eq!(values(&piece.data.point[0]), displacement.as_flattened());
+            assert_eq!(values(&piece.data.cell[0]), stress.0);
+            assert_eq!(piece.data.cell[1].name(), "void ratio");
+        }
     }
 
     #[test]
-    fn fields_that_do_not_fit_and_unknown_elements_are_refused() {
+    fn fields_that_do_not_fit_and_incomplete_elements_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bad.vtu");
-        let (nodes, elements) = one_q8();
-        let grid = FieldGrid { nodes: &nodes, elements: &elements };
+        let nodes = crate::element::node_places(ElementKind::Q8).to_vec();
+        let elements = vec![(0..8).collect::<Vec<_>>()];
+        let grid = FieldGrid { nodes: &nodes, elements: &elements, kinds: &[ElementKind::Q8] };
         let error = write_grid(&path, grid, &[Field::scalar("short", vec![0.0; 7])], &[]).unwrap_err();
         assert!(error.to_string().contains("field short has 7 numbers, not 8"), "{error}");
-        let triangle = [vec![0, 1, 2]];
-        assert!(write_grid(&path, FieldGrid { nodes: &nodes, elements: &triangle }, &[], &[]).is_err());
+        assert!(write_grid(&path, FieldGrid { kinds: &[ElementKind::T3], ..grid }, &[], &[]).is_err());
+        assert!(write_grid(&path, FieldGrid { kinds: &[], ..grid }, &[], &[]).is_err());
         assert!(!path.exists());
     }
 

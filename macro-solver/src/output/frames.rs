@@ -1,12 +1,14 @@
 //! One frame of the field film: what of an accepted step goes into `.vtu`, and how points become elements.
 //!
 //! Nodes carry displacement, reaction and applied load on the initial mesh (warp by displacement in ParaView).
-//! Elements carry means over their Gauss points, weighted with the current area; costs are sums.
+//! Elements carry means over their Gauss points, weighted with the current volume; costs are sums.
 
 use super::fields::{Field, FieldGrid, write_grid};
 use super::{OutputError, write_particles};
-use crate::mesh::POINTS_PER_ELEMENT;
+use crate::formulation::tensor::{matrix, tensor};
+use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
+use nalgebra::Matrix3;
 use protocol::{Observables, Tensor2};
 use std::path::Path;
 
@@ -16,12 +18,13 @@ use std::path::Path;
 /// [`OutputError::Write`].
 pub fn write_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Result<(), OutputError> {
     let on_nodes = [
-        Field::plane_vector("displacement", view.displacements),
-        Field::plane_vector("reaction", view.reactions),
-        Field::plane_vector("load", view.loads),
+        Field::vector("displacement", view.displacements),
+        Field::vector("reaction", view.reactions),
+        Field::vector("load", view.loads),
     ];
-    let grid = FieldGrid { nodes: &view.mesh.nodes, elements: &view.mesh.elements };
-    write_grid(path, grid, &on_nodes, &element_fields(view.points, asked))
+    let mesh = view.mesh;
+    let grid = FieldGrid { nodes: &mesh.nodes, elements: &mesh.elements, kinds: &mesh.kinds };
+    write_grid(path, grid, &on_nodes, &element_fields(mesh.dimension, view.points, asked))
 }
 
 /// Writes the Gauss points of an accepted step as a cloud at their current positions.
@@ -29,17 +32,17 @@ pub fn write_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Re
 /// # Errors
 /// [`OutputError::Write`].
 pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Result<(), OutputError> {
-    let positions: Vec<[f64; 2]> = view.points.iter().map(|point| point.position).collect();
-    let mut fields = quantities(asked).iter().map(|quantity| quantity.of_points(view.points)).collect::<Vec<_>>();
+    let positions: Vec<[f64; 3]> = view.points.iter().map(|point| point.position).collect();
+    let mut fields = quantities(view.mesh.dimension, asked).iter().map(|quantity| quantity.of_points(view.points)).collect::<Vec<_>>();
     fields.push(Field::scalar("element", view.points.iter().map(|point| point.element as f64).collect()));
-    fields.push(Field::scalar("area", view.points.iter().map(|point| point.area).collect()));
+    fields.push(Field::scalar("volume", view.points.iter().map(|point| point.volume).collect()));
     write_particles(path, &positions, &fields)
 }
 
-fn element_fields(points: &[PointFields], asked: Observables) -> Vec<Field> {
-    let mut fields: Vec<Field> = quantities(asked).iter().map(|quantity| quantity.of_elements(points)).collect();
+fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observables) -> Vec<Field> {
+    let mut fields: Vec<Field> = quantities(dimension, asked).iter().map(|quantity| quantity.of_elements(points)).collect();
     let sums = |value: fn(&PointFields) -> u64| {
-        points.chunks(POINTS_PER_ELEMENT).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
+        by_element(points).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
     };
     fields.push(Field::scalar("step_evaluations", sums(|point| point.step_evaluations)));
     fields.push(Field::scalar("evaluations", sums(|point| point.evaluations)));
@@ -47,6 +50,11 @@ fn element_fields(points: &[PointFields], asked: Observables) -> Vec<Field> {
     fields.push(Field::scalar("force_evaluations", sums(|point| point.cost.force_evaluations)));
     fields.push(Field::scalar("flagged_points", sums(|point| u64::from(point.flags.0 != 0))));
     fields
+}
+
+/// The points of each element.
+fn by_element(points: &[PointFields]) -> impl Iterator<Item = &[PointFields]> {
+    points.chunk_by(|one, next| one.element == next.element)
 }
 
 /// A quantity of a Gauss point that is averaged over elements.
@@ -63,16 +71,16 @@ impl Quantity {
     }
 
     fn of_elements(&self, points: &[PointFields]) -> Field {
-        let values = points.chunks(POINTS_PER_ELEMENT).flat_map(|element| self.mean(element)).collect();
+        let values = by_element(points).flat_map(|element| self.mean(element)).collect();
         Field { name: self.name.to_owned(), components: self.components, values }
     }
 
     fn mean(&self, element: &[PointFields]) -> Vec<f64> {
-        let area: f64 = element.iter().map(|point| point.area).sum();
+        let volume: f64 = element.iter().map(|point| point.volume).sum();
         let mut mean = vec![0.0; self.components];
         for point in element {
             for (sum, value) in mean.iter_mut().zip((self.value)(point)) {
-                *sum += value * point.area / area;
+                *sum += value * point.volume / volume;
             }
         }
         mean
@@ -83,11 +91,14 @@ fn scalar(name: &'static str, value: fn(&PointFields) -> Vec<f64>) -> Quantity {
     Quantity { name, components: 1, value }
 }
 
-fn quantities(asked: Observables) -> Vec<Quantity> {
+fn quantities(dimension: Dimension, asked: Observables) -> Vec<Quantity> {
     let mut quantities = vec![
         Quantity { name: "stress", components: 9, value: |point| point.stress.0.to_vec() },
         Quantity { name: "strain", components: 9, value: |point| green_lagrange(&point.deformation).0.to_vec() },
-        scalar("shear_strain", |point| vec![shear_strain(&point.deformation)]),
+        match dimension {
+            Dimension::Plane => scalar("shear_strain", |point| vec![plane_shear_strain(&point.deformation)]),
+            Dimension::Space => scalar("shear_strain", |point| vec![spatial_shear_strain(&point.deformation)]),
+        },
         scalar("void_ratio", |point| vec![point.scalars.void_ratio]),
         scalar("coordination_number", |point| vec![point.scalars.coordination_number]),
         scalar("unbalanced_force_ratio", |point| vec![point.scalars.unbalanced_force_ratio]),
@@ -111,17 +122,22 @@ fn quantities(asked: Observables) -> Vec<Quantity> {
     quantities
 }
 
-/// `E = (F^T F - I) / 2`, plane part.
+/// `E = (F^T F - I) / 2`.
 fn green_lagrange(deformation: &Tensor2) -> Tensor2 {
-    let [[a, b], [c, d]] = deformation.plane();
-    let shear = 0.5 * (a * b + c * d);
-    Tensor2::from_plane([[0.5 * (a * a + c * c - 1.0), shear], [shear, 0.5 * (b * b + d * d - 1.0)]])
+    let deformation = matrix(deformation);
+    tensor(&(0.5 * (deformation.transpose() * deformation - Matrix3::identity())))
 }
 
-/// Difference of the principal values of the Green-Lagrange strain: what shows a shear band.
-fn shear_strain(deformation: &Tensor2) -> f64 {
+/// Difference of the principal values of the Green-Lagrange strain in the plane: what shows a shear band.
+fn plane_shear_strain(deformation: &Tensor2) -> f64 {
     let [[xx, xy], [_, yy]] = green_lagrange(deformation).plane();
     (xx - yy).hypot(2.0 * xy)
+}
+
+/// Largest minus smallest principal value of the Green-Lagrange strain.
+fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
+    let principal = matrix(&green_lagrange(deformation)).symmetric_eigenvalues();
+    principal.max() - principal.min()
 }
 
 #[cfg(test)]
@@ -131,8 +147,13 @@ mod tests {
     #[test]
     fn strain_of_a_rotation_is_zero_and_of_simple_shear_its_shear() {
         let (sin, cos) = 0.4_f64.sin_cos();
-        assert!(shear_strain(&Tensor2::from_plane([[cos, -sin], [sin, cos]])) < 1e-15);
-        let sheared = Tensor2::from_plane([[1.0, 1e-4], [0.0, 1.0]]);
-        assert!((shear_strain(&sheared) - 1e-4).abs() < 1e-8);
+        let turned = Tensor2([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);
+        assert!(plane_shear_strain(&turned) < 1e-15 && spatial_shear_strain(&turned) < 1e-15);
+        for place in [1, 2, 5] {
+            let mut sheared = Tensor2::IDENTITY;
+            sheared.0[place] = 1e-4;
+            assert!((spatial_shear_strain(&sheared) - 1e-4).abs() < 1e-8);
+            assert!((plane_shear_strain(&sheared) - 1e-4).abs() < 1e-8 || place > 1);
+        }
     }
 }

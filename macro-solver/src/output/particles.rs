@@ -9,11 +9,11 @@ use vtkio::model::{Attributes, DataSet, PolyDataPiece, VertexNumbers};
 ///
 /// # Errors
 /// [`OutputError::Encode`] when a field's length does not fit; [`OutputError::Write`].
-pub fn write_particles(path: &Path, centres: &[[f64; 2]], fields: &[Field]) -> Result<(), OutputError> {
+pub fn write_particles(path: &Path, centres: &[[f64; 3]], fields: &[Field]) -> Result<(), OutputError> {
     let point = fields.iter().map(|field| as_attribute(path, field, centres.len())).collect::<Result<Vec<_>, _>>()?;
     let count = centres.len() as u64;
     let piece = PolyDataPiece {
-        points: centres.iter().flat_map(|&[x, y]| [x, y, 0.0]).collect::<Vec<f64>>().into(),
+        points: centres.as_flattened().to_vec().into(),
         verts: Some(VertexNumbers::XML { connectivity: (0..count).collect(), offsets: (1..=count).collect() }),
         data: Attributes { point, cell: Vec::new() },
         ..PolyDataPiece::default()
@@ -30,11 +30,11 @@ mod tests {
     fn particles_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("point-0007.vtp");
-        let centres = [[0.25, 0.5], [1.0, -2.0]];
+        let centres = [[0.25, 0.5, 0.0], [1.0, -2.0, 0.5]];
         write_particles(&path, &centres, &[Field::scalar("radius", vec![0.1, 0.2])]).unwrap();
         let DataSet::PolyData { pieces, .. } = Vtk::import(&path).unwrap().data else { panic!("not poly data") };
         let piece = pieces[0].load_piece_data(None).unwrap();
-        assert_eq!(piece.points.cast_into::<f64>().unwrap(), vec![0.25, 0.5, 0.0, 1.0, -2.0, 0.0]);
+        assert_eq!(piece.points.cast_into::<f64>().unwrap(), centres.as_flattened());
         assert_eq!(piece.verts.unwrap().num_cells(), 2);
         assert_eq!(piece.data.point[0].name(), "radius");
     }

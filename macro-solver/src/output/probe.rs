@@ -1,5 +1,6 @@
 //! Probes: one number per accepted step, a column of `history.csv` each.
 
+use crate::formulation::tensor::matrix;
 use crate::mesh::Mesh;
 use crate::observer::{FieldsView, PointFields};
 use crate::problem::Axis;
@@ -14,11 +15,11 @@ pub struct Probe {
     pub quantity: Quantity,
 }
 
-/// What a probe measures. Averages over the body are weighted with the current area. Tension positive throughout,
+/// What a probe measures. Averages over the body are weighted with the current volume. Tension positive throughout,
 /// except the quantities that say compression.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Quantity {
-    /// Sum of the support forces on a node set, N per metre of thickness; the force that the support exerts on the
+    /// Sum of the support forces on a node set, N, in the plane per metre of thickness; the force that the support exerts on the
     /// body, positive along the axis.
     Reaction {
         /// Node set.
@@ -51,18 +52,19 @@ pub enum Quantity {
         /// Direction.
         axis: Axis,
     },
-    /// Current over initial area of the body, minus 1; dilation positive.
+    /// Current over initial volume of the body, minus 1; dilation positive.
     VolumeChange,
     /// Mean Cauchy stress component, Pa.
     MeanStress {
-        /// Row, 0 = x, 1 = y.
+        /// Row, 0 = x, 1 = y, 2 = z.
         row: usize,
-        /// Column, 0 = x, 1 = y.
+        /// Column, 0 = x, 1 = y, 2 = z.
         column: usize,
     },
     /// Mean `sigma_yy` over mean `sigma_xx`, dimensionless.
     StressRatio,
-    /// `p`: minus the mean of the two principal values of the mean stress, Pa, **compression positive**.
+    /// `p`: minus the mean of the principal values of the mean stress, the two of the plane or all three, Pa,
+    /// **compression positive**.
     MeanPressure,
     /// `q`: mean `sigma_xx` minus mean `sigma_yy`, Pa, positive in vertical **compression**.
     Deviator,
@@ -70,9 +72,9 @@ pub enum Quantity {
     VoidRatio,
     /// Mean coordination number.
     CoordinationNumber,
-    /// Stored contact energy of the body, J per metre of thickness; needs the observable `energy`.
+    /// Stored contact energy of the body, J, in the plane per metre of thickness; needs the observable `energy`.
     ElasticEnergy,
-    /// Work lost to friction since the start, J per metre of thickness; needs the observable `energy`.
+    /// Work lost to friction since the start, J, in the plane per metre of thickness; needs the observable `energy`.
     FrictionalDissipation,
 }
 
@@ -88,14 +90,18 @@ impl Quantity {
             // Subtracted, not negated: an undeformed body has 0, not -0, in its history.
             Self::Compression { from, to, axis } => 0.0 - elongation(view, from, to, *axis),
             Self::VolumeChange => {
-                let initial: f64 = view.points.iter().map(|point| point.area / determinant(&point.deformation)).sum();
-                body_area(view) / initial - 1.0
+                let initial: f64 = view.points.iter().map(|point| point.volume / determinant(&point.deformation)).sum();
+                body_volume(view) / initial - 1.0
             }
             Self::MeanStress { row, column } => mean(view, |point| point.stress.get(*row, *column)),
             Self::StressRatio => {
                 mean(view, |point| point.stress.get(1, 1)) / mean(view, |point| point.stress.get(0, 0))
             }
-            Self::MeanPressure => -0.5 * mean(view, |point| point.stress.get(0, 0) + point.stress.get(1, 1)),
+            Self::MeanPressure => {
+                let axes = view.mesh.dimension.count();
+                let trace = |point: &PointFields| (0..axes).map(|axis| point.stress.get(axis, axis)).sum::<f64>();
+                -mean(view, trace) / axes as f64
+            }
             Self::Deviator => mean(view, |point| point.stress.get(0, 0) - point.stress.get(1, 1)),
             Self::VoidRatio => mean(view, |point| point.scalars.void_ratio),
             Self::CoordinationNumber => mean(view, |point| point.scalars.coordination_number),
@@ -114,7 +120,7 @@ fn nodes<'a>(mesh: &'a Mesh, set: &str) -> &'a [usize] {
     mesh.node_sets.get(set).map_or(&[], Vec::as_slice)
 }
 
-fn mean_over(mesh: &Mesh, set: &str, values: &[[f64; 2]], axis: Axis) -> f64 {
+fn mean_over(mesh: &Mesh, set: &str, values: &[[f64; 3]], axis: Axis) -> f64 {
     let nodes = nodes(mesh, set);
     nodes.iter().map(|&node| values[node][axis.index()]).sum::<f64>() / nodes.len() as f64
 }
@@ -122,25 +128,24 @@ fn mean_over(mesh: &Mesh, set: &str, values: &[[f64; 2]], axis: Axis) -> f64 {
 /// Change of the mean distance of two node sets over its initial value.
 fn elongation(view: &FieldsView<'_>, from: &str, to: &str, axis: Axis) -> f64 {
     let distance =
-        |values: &[[f64; 2]]| mean_over(view.mesh, to, values, axis) - mean_over(view.mesh, from, values, axis);
+        |values: &[[f64; 3]]| mean_over(view.mesh, to, values, axis) - mean_over(view.mesh, from, values, axis);
     distance(view.displacements) / distance(&view.mesh.nodes)
 }
 
-fn body_area(view: &FieldsView<'_>) -> f64 {
-    view.points.iter().map(|point| point.area).sum()
+fn body_volume(view: &FieldsView<'_>) -> f64 {
+    view.points.iter().map(|point| point.volume).sum()
 }
 
 fn body_sum(view: &FieldsView<'_>, density: impl Fn(&PointFields) -> f64) -> f64 {
-    view.points.iter().map(|point| point.area * density(point)).sum()
+    view.points.iter().map(|point| point.volume * density(point)).sum()
 }
 
 fn mean(view: &FieldsView<'_>, value: impl Fn(&PointFields) -> f64) -> f64 {
-    body_sum(view, value) / body_area(view)
+    body_sum(view, value) / body_volume(view)
 }
 
 fn determinant(deformation: &Tensor2) -> f64 {
-    let [[xx, xy], [yx, yy]] = deformation.plane();
-    xx * yy - xy * yx
+    matrix(deformation).determinant()
 }
 
 #[cfg(test)]
@@ -151,18 +156,18 @@ mod tests {
     use crate::observer::Statistics;
     use protocol::{Cost, Observed, Scalars, TrialFlags};
 
-    /// Two elements of unequal size would hide a missing weight, so the two halves get different areas.
-    fn point(area: f64, stress: [[f64; 2]; 2], jacobian: f64) -> PointFields {
+    /// Two elements of unequal size would hide a missing weight, so the two halves get different volumes.
+    fn point(volume: f64, stress: [[f64; 2]; 2], jacobian: f64) -> PointFields {
         PointFields {
             element: 0,
             local: 0,
-            initial_position: [0.0; 2],
-            position: [0.0; 2],
-            area,
-            deformation: Tensor2::from_plane([[jacobian, 0.0], [0.0, 1.0]]),
+            initial_position: [0.0; 3],
+            position: [0.0; 3],
+            volume,
+            deformation: Tensor2([jacobian, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
             step_gradient: Tensor2::ZERO,
             stress: Tensor2::from_plane(stress),
-            scalars: Scalars { void_ratio: area, ..Scalars::default() },
+            scalars: Scalars { void_ratio: volume, ..Scalars::default() },
             observed: Observed { elastic_energy: 3.0, ..Observed::default() },
             flags: TrialFlags::default(),
             step_evaluations: 0,
@@ -173,12 +178,12 @@ mod tests {
     }
 
     #[test]
-    fn averages_are_weighted_with_the_area_and_signs_are_as_promised() {
-        let mesh = Block { width: 1.0, height: 2.0, columns: 1, rows: 1, kind: ElementKind::Q4 }.mesh().unwrap();
+    fn averages_are_weighted_with_the_volume_and_signs_are_as_promised() {
+        let mesh = Block::plane([1.0, 2.0], [1, 1], ElementKind::Q4).mesh().unwrap();
         let points = [point(3.0, [[-1.0, 0.0], [0.0, -4.0]], 1.5), point(1.0, [[-5.0, 0.0], [0.0, -8.0]], 0.5)];
-        let displacements: Vec<[f64; 2]> = mesh.nodes.iter().map(|&[x, y]| [0.1 * x, -0.25 * y]).collect();
-        let reactions = vec![[0.0, 7.0]; mesh.nodes.len()];
-        let loads = vec![[0.0; 2]; mesh.nodes.len()];
+        let displacements: Vec<[f64; 3]> = mesh.nodes.iter().map(|&[x, y, _]| [0.1 * x, -0.25 * y, 0.0]).collect();
+        let reactions = vec![[0.0, 7.0, 0.0]; mesh.nodes.len()];
+        let loads = vec![[0.0; 3]; mesh.nodes.len()];
         let view = FieldsView {
             mesh: &mesh,
             displacements: &displacements,

@@ -1,8 +1,8 @@
 //! Everything that can be wrong with a problem, found before the first evaluation.
 
 use super::{Axis, Condition, Platen, Problem, ProblemError, Tolerances};
-use crate::mesh::{Edge, Mesh};
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use crate::mesh::{Dimension, Mesh, Side};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 impl Problem {
     /// Checks the mesh, every number, every set that a condition names, and that no part can move as a rigid body.
@@ -13,45 +13,69 @@ impl Problem {
         self.mesh.validate()?;
         self.check_numbers()?;
         for condition in &self.conditions {
-            if let Condition::Pressure { edges, .. } | Condition::Traction { edges, .. } = condition {
-                self.edges(edges)?;
+            match condition {
+                Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
+                    self.sides(sides)?;
+                }
+                Condition::BodyForce { elements, .. } => {
+                    self.elements(elements)?;
+                }
+                Condition::Displacement { .. } | Condition::Platen { .. } => {}
             }
         }
         let prescribed = self.prescribed_displacements()?;
         check_rigid_motion(&self.mesh, &prescribed)
     }
 
-    /// Value at load 1 of every prescribed displacement component, m, by `2 * node + axis`; `None` where free.
+    /// Value at load 1 of every prescribed displacement component, m, by degree of freedom; `None` where free.
     ///
     /// # Errors
-    /// A node set that does not exist, or two different values for one component.
+    /// A node set that does not exist, z in the plane, or two different values for one component.
     pub fn prescribed_displacements(&self) -> Result<Vec<Option<f64>>, ProblemError> {
-        let mut prescribed = vec![None; 2 * self.mesh.nodes.len()];
+        let mut prescribed = vec![None; self.mesh.degrees_of_freedom()];
         for condition in &self.conditions {
             match condition {
                 Condition::Displacement { nodes, axis, value } => {
                     self.prescribe(&mut prescribed, nodes, *axis, *value)?;
                 }
-                Condition::Platen { nodes, contact, displacement } => {
-                    self.prescribe(&mut prescribed, nodes, Axis::Y, *displacement)?;
+                Condition::Platen { nodes, contact, axis, displacement } => {
+                    self.prescribe(&mut prescribed, nodes, *axis, *displacement)?;
                     if *contact == Platen::Rough {
-                        self.prescribe(&mut prescribed, nodes, Axis::X, 0.0)?;
+                        for along in self.axes().filter(|along| along != axis) {
+                            self.prescribe(&mut prescribed, nodes, along, 0.0)?;
+                        }
                     }
                 }
-                Condition::Pressure { .. } | Condition::Traction { .. } => {}
+                Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => {}
             }
         }
         Ok(prescribed)
     }
 
-    /// The named edge set.
+    /// The directions in which the body moves.
+    fn axes(&self) -> impl Iterator<Item = Axis> + use<> {
+        Axis::ALL.into_iter().take(self.mesh.dimension.count())
+    }
+
+    /// The named side set.
     ///
     /// # Errors
-    /// [`ProblemError::UnknownEdgeSet`], naming what there is.
-    pub fn edges(&self, name: &str) -> Result<&[Edge], ProblemError> {
-        self.mesh.edge_sets.get(name).map(Vec::as_slice).ok_or_else(|| ProblemError::UnknownEdgeSet {
+    /// [`ProblemError::UnknownSideSet`], naming what there is.
+    pub fn sides(&self, name: &str) -> Result<&[Side], ProblemError> {
+        self.mesh.side_sets.get(name).map(Vec::as_slice).ok_or_else(|| ProblemError::UnknownSideSet {
             name: name.to_owned(),
-            available: names(self.mesh.edge_sets.keys()),
+            available: names(self.mesh.side_sets.keys()),
+        })
+    }
+
+    /// The named element set.
+    ///
+    /// # Errors
+    /// [`ProblemError::UnknownElementSet`], naming what there is.
+    pub fn elements(&self, name: &str) -> Result<&[usize], ProblemError> {
+        self.mesh.element_sets.get(name).map(Vec::as_slice).ok_or_else(|| ProblemError::UnknownElementSet {
+            name: name.to_owned(),
+            available: names(self.mesh.element_sets.keys()),
         })
     }
 
@@ -66,8 +90,12 @@ impl Problem {
             name: set.to_owned(),
             available: names(self.mesh.node_sets.keys()),
         })?;
+        let dimension = self.mesh.dimension.count();
+        if axis.index() >= dimension {
+            return Err(ProblemError::NoThirdAxis);
+        }
         for &node in nodes {
-            match prescribed[2 * node + axis.index()].replace(value) {
+            match prescribed[dimension * node + axis.index()].replace(value) {
                 Some(first) if first != value => {
                     return Err(ProblemError::Contradiction { node, axis, first, second: value });
                 }
@@ -112,12 +140,27 @@ impl Problem {
                 Condition::Traction { value, .. } => {
                     checks.extend(value.map(|value| ("traction", value, "a finite number", true)));
                 }
+                Condition::BodyForce { value, .. } => {
+                    checks.extend(value.map(|value| ("body_force", value, "a finite number", true)));
+                }
             }
         }
+        self.check_third_axis()?;
         match checks.into_iter().find(|(_, value, _, sound)| !(*sound && value.is_finite())) {
             Some((what, value, requirement, _)) => Err(ProblemError::Number { what, requirement, value }),
             None => Ok(()),
         }
+    }
+
+    fn check_third_axis(&self) -> Result<(), ProblemError> {
+        let acts_along_z = |condition: &Condition| match condition {
+            Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
+            _ => false,
+        };
+        if self.mesh.dimension == Dimension::Plane && self.conditions.iter().any(acts_along_z) {
+            return Err(ProblemError::NoThirdAxis);
+        }
+        Ok(())
     }
 }
 
@@ -125,22 +168,21 @@ fn names<'a>(keys: impl Iterator<Item = &'a String>) -> String {
     keys.map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// Every connected part must have its two translations and its rotation suppressed by prescribed displacements;
-/// otherwise the equations are singular for any material.
+/// Every connected part must have its translations and rotations suppressed by prescribed displacements; otherwise
+/// the equations are singular for any material.
 fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<f64>]) -> Result<(), ProblemError> {
     for (element, nodes) in parts(mesh) {
         let count = nodes.len() as f64;
-        let centre = [0, 1].map(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
-        let extent = nodes
-            .iter()
-            .map(|&node| (mesh.nodes[node][0] - centre[0]).hypot(mesh.nodes[node][1] - centre[1]))
-            .fold(0.0, f64::max);
-        let mut gram = Matrix3::zeros();
+        let centre: [f64; 3] =
+            std::array::from_fn(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
+        let arm = |node: usize| -> [f64; 3] { std::array::from_fn(|i| mesh.nodes[node][i] - centre[i]) };
+        let extent = nodes.iter().map(|&node| arm(node).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt();
+        let words = motion_words(mesh.dimension);
+        let mut gram = DMatrix::zeros(words.len(), words.len());
         for &node in &nodes {
-            let arm = [0, 1].map(|i| (mesh.nodes[node][i] - centre[i]) / extent);
-            let motions = [Vector3::new(1.0, 0.0, -arm[1]), Vector3::new(0.0, 1.0, arm[0])];
+            let motions = rigid_motions(mesh.dimension, arm(node).map(|x| x / extent));
             for (axis, motion) in motions.iter().enumerate() {
-                if prescribed[2 * node + axis].is_some() {
+                if prescribed[mesh.dimension.count() * node + axis].is_some() {
                     gram += motion * motion.transpose();
                 }
             }
@@ -148,20 +190,33 @@ fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<f64>]) -> Result<(), Pro
         let eigen = SymmetricEigen::new(gram);
         let weakest = eigen.eigenvalues.imin();
         if eigen.eigenvalues[weakest] < 1e-10 {
-            return Err(ProblemError::RigidMotion {
-                element,
-                motion: describe(&eigen.eigenvectors.column(weakest).into()),
-            });
+            let free = eigen.eigenvectors.column(weakest);
+            let involved: Vec<&str> =
+                words.iter().zip(free.iter()).filter(|(_, share)| share.abs() > 1e-6).map(|(word, _)| *word).collect();
+            return Err(ProblemError::RigidMotion { element, motion: involved.join(" and ") });
         }
     }
     Ok(())
 }
 
-fn describe(motion: &Vector3<f64>) -> String {
-    let words = ["move along x", "move along y", "rotate"];
-    let involved: Vec<&str> =
-        words.iter().zip(motion.iter()).filter(|(_, share)| share.abs() > 1e-6).map(|(word, _)| *word).collect();
-    involved.join(" and ")
+/// Displacement along each axis, as a row over the rigid motions, of a node at `arm` from the centre.
+fn rigid_motions(dimension: Dimension, [x, y, z]: [f64; 3]) -> Vec<DVector<f64>> {
+    let rows: &[&[f64]] = match dimension {
+        Dimension::Plane => &[&[1.0, 0.0, -y], &[0.0, 1.0, x]],
+        Dimension::Space => {
+            &[&[1.0, 0.0, 0.0, 0.0, z, -y], &[0.0, 1.0, 0.0, -z, 0.0, x], &[0.0, 0.0, 1.0, y, -x, 0.0]]
+        }
+    };
+    rows.iter().map(|row| DVector::from_row_slice(row)).collect()
+}
+
+fn motion_words(dimension: Dimension) -> &'static [&'static str] {
+    match dimension {
+        Dimension::Plane => &["move along x", "move along y", "rotate"],
+        Dimension::Space => {
+            &["move along x", "move along y", "move along z", "rotate about x", "rotate about y", "rotate about z"]
+        }
+    }
 }
 
 /// First element and sorted nodes of every connected part of the mesh.
@@ -198,14 +253,14 @@ mod tests {
     use crate::mesh::block::Block;
 
     fn problem(conditions: Vec<Condition>) -> Problem {
-        let mesh = Block { width: 1.0, height: 2.0, columns: 2, rows: 2, kind: ElementKind::Q4 }.mesh().unwrap();
+        let mesh = Block::plane([1.0, 2.0], [2, 2], ElementKind::Q4).mesh().unwrap();
         Problem::new(mesh, conditions)
     }
 
     fn supported() -> Vec<Condition> {
         vec![
             Condition::fixed("bottom_left", Axis::X),
-            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, displacement: 0.0 },
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
         ]
     }
 
@@ -226,16 +281,18 @@ mod tests {
     fn a_loose_second_part_is_found() {
         let mut problem = problem(supported());
         let first = problem.mesh.nodes.len();
-        problem.mesh.nodes.extend([[5.0, 0.0], [6.0, 0.0], [6.0, 1.0], [5.0, 1.0]]);
+        let corners = [[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 1.0, 0.0], [5.0, 1.0, 0.0]];
+        problem.mesh.nodes.extend(corners);
+        problem.mesh.kinds.push(ElementKind::Q4);
         problem.mesh.elements.push((first..first + 4).collect());
         assert!(matches!(problem.validate(), Err(ProblemError::RigidMotion { element: 4, .. })));
     }
 
     #[test]
     fn missing_sets_contradictions_and_bad_numbers_are_refused() {
-        let pressure = Condition::Pressure { edges: "lid".into(), value: 1.0, kind: Default::default() };
+        let pressure = Condition::Pressure { sides: "lid".into(), value: 1.0, kind: Default::default() };
         let error = problem([supported(), vec![pressure]].concat()).validate().unwrap_err();
-        assert_eq!(error.to_string(), "no edge set 'lid'; the mesh has: bottom, left, right, top");
+        assert_eq!(error.to_string(), "no side set 'lid'; the mesh has: bottom, left, right, top");
         let moved = Condition::Displacement { nodes: "bottom".into(), axis: Axis::Y, value: 0.1 };
         let error = problem([supported(), vec![moved]].concat()).validate().unwrap_err();
         assert!(matches!(error, ProblemError::Contradiction { node: 0, axis: Axis::Y, .. }));
@@ -243,8 +300,27 @@ mod tests {
         bad.control.cut = f64::NAN;
         assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "cut", .. })));
         let bad = problem(
-            [supported(), vec![Condition::Traction { edges: "top".into(), value: [0.0, f64::NAN] }]].concat(),
+            [supported(), vec![Condition::Traction { sides: "top".into(), value: [0.0, f64::NAN, 0.0] }]].concat(),
         );
         assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "traction", .. })));
+    }
+
+    #[test]
+    fn a_solid_needs_six_supports_and_the_plane_has_no_third_axis() {
+        let mesh = Block::space([1.0, 2.0, 1.0], [1, 2, 1], ElementKind::H8).mesh().unwrap();
+        let bottom = Condition::fixed("bottom", Axis::Y);
+        let held = |more: &[(&str, Axis)]| {
+            let more = more.iter().map(|(set, axis)| Condition::fixed(*set, *axis));
+            Problem::new(mesh.clone(), std::iter::once(bottom.clone()).chain(more).collect()).validate()
+        };
+        held(&[("left", Axis::X), ("back", Axis::Z)]).unwrap();
+        match held(&[("bottom_left_back", Axis::X), ("bottom_left_back", Axis::Z)]) {
+            Err(ProblemError::RigidMotion { motion, .. }) => assert!(motion.contains("rotate about y"), "{motion}"),
+            other => panic!("{other:?}"),
+        }
+        let lifted = problem([supported(), vec![Condition::fixed("left", Axis::Z)]].concat());
+        assert_eq!(lifted.validate(), Err(ProblemError::NoThirdAxis));
+        let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 0.0, 1.0] };
+        assert_eq!(problem([supported(), vec![pulled]].concat()).validate(), Err(ProblemError::NoThirdAxis));
     }
 }

@@ -1,4 +1,4 @@
-//! The energy ledger of a run: what was put in, stored and lost, J per metre of thickness.
+//! The energy ledger of a run: what was put in, stored and lost, J, in the plane per metre of thickness.
 
 use macro_solver::observer::{FieldsView, Observer, PointFields, StepReport, StopRequest};
 use std::collections::BTreeMap;
@@ -15,8 +15,8 @@ pub(super) struct EnergyLedger {
 
 #[derive(Debug)]
 struct Last {
-    displacements: Vec<[f64; 2]>,
-    forces: Vec<[f64; 2]>,
+    displacements: Vec<[f64; 3]>,
+    forces: Vec<[f64; 3]>,
 }
 
 impl EnergyLedger {
@@ -35,19 +35,19 @@ impl EnergyLedger {
 impl Observer for EnergyLedger {
     fn accepted(&mut self, _report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
         let total = |density: fn(&PointFields) -> f64| -> f64 {
-            view.points.iter().map(|point| point.area * density(point)).sum()
+            view.points.iter().map(|point| point.volume * density(point)).sum()
         };
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
-        let forces: Vec<[f64; 2]> =
-            view.reactions.iter().zip(view.loads).map(|(r, l)| [r[0] + l[0], r[1] + l[1]]).collect();
+        let forces: Vec<[f64; 3]> =
+            view.reactions.iter().zip(view.loads).map(|(r, l)| std::array::from_fn(|i| r[i] + l[i])).collect();
         match &self.last {
             None => self.initial_elastic = self.elastic,
             Some(last) => {
                 for (node, force) in forces.iter().enumerate() {
-                    let (before, path) =
-                        (last.forces[node], moved(last.displacements[node], view.displacements[node]));
-                    self.external_work += 0.5 * ((force[0] + before[0]) * path[0] + (force[1] + before[1]) * path[1]);
+                    let before = last.forces[node];
+                    let path = moved(last.displacements[node], view.displacements[node]);
+                    self.external_work += (0..3).map(|i| 0.5 * (force[i] + before[i]) * path[i]).sum::<f64>();
                 }
             }
         }
@@ -56,6 +56,6 @@ impl Observer for EnergyLedger {
     }
 }
 
-fn moved(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
-    [to[0] - from[0], to[1] - from[1]]
+fn moved(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| to[i] - from[i])
 }

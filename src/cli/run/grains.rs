@@ -137,5 +137,6 @@ fn write_grains(path: &Path, cell: &mut GrainRve) -> Result<(), OutputError> {
         Field::scalar("contacts", contacts),
         Field::scalar("rattler", rattlers),
     ];
-    write_particles(path, &network.positions, &fields)
+    let centres: Vec<[f64; 3]> = network.positions.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+    write_particles(path, &centres, &fields)
 }

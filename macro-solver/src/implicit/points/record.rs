@@ -58,8 +58,8 @@ impl Point {
     fn record(&self) -> PointRecord {
         PointRecord {
             deformation: self.deformation.as_slice().to_vec(),
-            stress: self.stress.as_slice().to_vec(),
-            moduli: self.moduli.as_slice().to_vec(),
+            stress: self.response.stress.as_slice().to_vec(),
+            moduli: self.response.moduli.as_slice().to_vec(),
             tangent: self.tangent.as_slice().to_vec(),
             yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical]),
             ramp_steps: self.ramp_steps,
@@ -77,8 +77,9 @@ impl Point {
 
     fn restore(&mut self, section: &str, record: PointRecord) -> Result<(), CheckpointError> {
         copy(section, self.deformation.as_mut_slice(), &record.deformation)?;
-        copy(section, self.stress.as_mut_slice(), &record.stress)?;
-        copy(section, self.moduli.as_mut_slice(), &record.moduli)?;
+        self.trial_deformation = self.deformation;
+        copy(section, self.response.stress.as_mut_slice(), &record.stress)?;
+        copy(section, self.response.moduli.as_mut_slice(), &record.moduli)?;
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
         self.yardstick = record.yardstick.map(|[norm, vertical]| Yardstick { norm, vertical });
         self.ramp_steps = record.ramp_steps;

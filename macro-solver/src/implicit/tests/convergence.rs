@@ -12,8 +12,8 @@ fn cook_membrane_deflects_as_published_for_equal_meshes() {
     for (count, published) in [(8, 22.079), (16, 23.430)] {
         let mut mesh = block(ElementKind::Q4, count, count);
         for node in &mut mesh.nodes {
-            let [along, up] = node.map(|x| x / count as f64);
-            *node = [48.0 * along, 44.0 * along + up * (44.0 - 28.0 * along)];
+            let [along, up, _] = node.map(|x| x / count as f64);
+            *node = [48.0 * along, 44.0 * along + up * (44.0 - 28.0 * along), 0.0];
         }
         let middle = mesh.node_sets["right"][count / 2];
         let mut problem = Problem::new(
@@ -21,7 +21,7 @@ fn cook_membrane_deflects_as_published_for_equal_meshes() {
             vec![
                 Condition::fixed("left", Axis::X),
                 Condition::fixed("left", Axis::Y),
-                Condition::Traction { edges: "right".into(), value: [0.0, SMALL / 16.0] },
+                Condition::Traction { sides: "right".into(), value: [0.0, SMALL / 16.0, 0.0] },
             ],
         );
         problem.control.increments = 1;
@@ -36,13 +36,13 @@ fn cook_membrane_deflects_as_published_for_equal_meshes() {
 }
 
 /// Exact field of a cantilever of length 4 and depth 2 under a parabolic end load (Timoshenko and Goodier).
-fn cantilever([x, y]: [f64; 2]) -> [f64; 2] {
+fn cantilever([x, y, _]: [f64; 3]) -> [f64; 3] {
     let (length, depth, poisson) = (4.0, 2.0, 0.25);
     let axial = (6.0 * length - 3.0 * x) * x + (2.0 + poisson) * (y * y - depth * depth / 4.0);
     let vertical = 3.0 * poisson * y * y * (length - x)
         + (4.0 + 5.0 * poisson) * depth * depth * x / 4.0
         + (3.0 * length - x) * x * x;
-    [-SMALL * y * axial / 100.0, SMALL * vertical / 100.0]
+    [-SMALL * y * axial / 100.0, SMALL * vertical / 100.0, 0.0]
 }
 
 /// Largest nodal error, over the largest deflection's scale; `skew` distorts the mesh smoothly inside the beam.
@@ -51,7 +51,7 @@ fn cantilever_error(kind: ElementKind, rows: usize, skew: f64) -> f64 {
     for node in &mut mesh.nodes {
         let [x, y] = [2.0 * node[0] / rows as f64, 2.0 * node[1] / rows as f64 - 1.0];
         let bow = (std::f64::consts::FRAC_PI_4 * x).sin();
-        *node = [x + skew * bow * y, y + skew * bow * (1.0 - y * y)];
+        *node = [x + skew * bow * y, y + skew * bow * (1.0 - y * y), 0.0];
     }
     let ends = [mesh.node_sets["left"].clone(), mesh.node_sets["right"].clone()].concat();
     let mut problem = Problem::new(mesh, Vec::new());
@@ -64,7 +64,7 @@ fn cantilever_error(kind: ElementKind, rows: usize, skew: f64) -> f64 {
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let errors = record.displacements.iter().zip(&problem.mesh.nodes).map(|(moved, place)| {
         let exact = cantilever(*place);
-        (moved[0] - exact[0]).hypot(moved[1] - exact[1]) / cantilever([4.0, 0.0])[1]
+        (moved[0] - exact[0]).hypot(moved[1] - exact[1]) / cantilever([4.0, 0.0, 0.0])[1]
     });
     errors.fold(0.0, f64::max)
 }

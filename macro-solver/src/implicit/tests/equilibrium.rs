@@ -7,13 +7,13 @@ use crate::problem::{Platen, PressureKind, ProblemError};
 const CONFINEMENT: f64 = 1e6;
 
 fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
-    let side = |edges: &str| Condition::Pressure { edges: edges.into(), value: CONFINEMENT, kind: pressure };
+    let side = |sides: &str| Condition::Pressure { sides: sides.into(), value: CONFINEMENT, kind: pressure };
     let mut problem = Problem::new(
         block(kind, 2, 3),
         vec![
             Condition::fixed("bottom_left", Axis::X),
-            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, displacement: 0.0 },
-            Condition::Platen { nodes: "top".into(), contact: Platen::Smooth, displacement: -0.3 },
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
+            Condition::Platen { nodes: "top".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: -0.3 },
             side("left"),
             side("right"),
         ],
@@ -24,13 +24,13 @@ fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
 }
 
 fn confined(problem: &Problem) -> ElasticMaterial {
-    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([[-CONFINEMENT, 0.0], [0.0, -CONFINEMENT]])
+    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([[-CONFINEMENT, 0.0, 0.0], [0.0, -CONFINEMENT, 0.0], [0.0; 3]])
 }
 
 /// Horizontal stretch at which the lateral stress balances the pressure, by bisection on the law itself.
 fn lateral_stretch(material: &ElasticMaterial, axial: f64, pressure: PressureKind) -> f64 {
     let excess = |lateral: f64| {
-        let stress = material.stress(&nalgebra::Matrix2::new(lateral, 0.0, 0.0, axial))[(0, 0)];
+        let stress = material.stress(&nalgebra::Matrix3::from_diagonal(&[lateral, axial, 1.0].into()))[(0, 0)];
         match pressure {
             PressureKind::Follower => stress + CONFINEMENT,
             PressureKind::Dead => stress * axial + CONFINEMENT,
@@ -54,7 +54,7 @@ fn biaxial_compression_follows_its_closed_form_under_follower_and_dead_pressure(
             assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
             assert_eq!(record.steps.len(), 6);
             let lateral = lateral_stretch(&confined(&problem), 0.9, pressure);
-            let exact = material.stress(&nalgebra::Matrix2::new(lateral, 0.0, 0.0, 0.9));
+            let exact = material.stress(&nalgebra::Matrix3::from_diagonal(&[lateral, 0.9, 1.0].into()));
             for point in &record.points {
                 let (stress, total) = (point.stress.plane(), point.deformation.plane());
                 assert!((stress[1][1] / exact[(1, 1)] - 1.0).abs() < 1e-8);
@@ -73,7 +73,7 @@ fn a_start_in_balance_is_accepted_untouched_and_one_out_of_balance_is_equilibrat
     problem.control.increments = 1;
     let (_, record) = run(&problem, &mut confined(&problem));
     assert_eq!((record.steps[0].step, record.steps[0].iterations, record.steps[0].load), (0, 0, 0.0));
-    let mut slack = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-0.9e6, 0.0], [0.0, -1e6]]);
+    let mut slack = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-0.9e6, 0.0, 0.0], [0.0, -1e6, 0.0], [0.0; 3]]);
     let mut spy = Recorder::default();
     let outcome = solve(&problem, &mut slack, &mut spy).outcome;
     assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");

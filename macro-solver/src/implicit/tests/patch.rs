@@ -1,116 +1,205 @@
 //! H-1 and H-2: constant strain on distorted elements, rigid motion.
 
 use super::*;
+use crate::element::node_places;
+use crate::formulation::tensor::matrix;
+use crate::mesh::Dimension;
 use crate::observer::Outcome;
+use nalgebra::{Matrix3, Vector3};
 
-/// Five irregular elements in the rectangle 0.24 x 0.12 (MacNeal and Harder 1985).
+/// Corners of the five irregular elements in the rectangle 0.24 x 0.12 (MacNeal and Harder 1985).
+const PLANE_CORNERS: [[f64; 2]; 8] =
+    [[0.0, 0.0], [0.24, 0.0], [0.24, 0.12], [0.0, 0.12], [0.04, 0.02], [0.18, 0.03], [0.16, 0.08], [0.08, 0.08]];
+const PLANE_ELEMENTS: [[usize; 4]; 5] = [[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5, 6, 7]];
+
+/// Inner corners of the seven irregular elements in the unit cube (MacNeal and Harder 1985), in the order of the
+/// corners of a hexahedron; the outer ones are the cube's.
+const INNER_CORNERS: [[f64; 3]; 8] = [
+    [0.249, 0.342, 0.192],
+    [0.826, 0.288, 0.288],
+    [0.850, 0.649, 0.263],
+    [0.273, 0.750, 0.230],
+    [0.320, 0.186, 0.643],
+    [0.677, 0.305, 0.683],
+    [0.788, 0.693, 0.644],
+    [0.165, 0.745, 0.702],
+];
+
+/// An irregular patch of one kind of elements.
 fn patch_mesh(kind: ElementKind) -> Mesh {
-    let mut nodes = vec![
-        [0.0, 0.0],
-        [0.24, 0.0],
-        [0.24, 0.12],
-        [0.0, 0.12],
-        [0.04, 0.02],
-        [0.18, 0.03],
-        [0.16, 0.08],
-        [0.08, 0.08],
-    ];
-    let mut elements = vec![vec![0, 1, 5, 4], vec![1, 2, 6, 5], vec![2, 3, 7, 6], vec![3, 0, 4, 7], vec![4, 5, 6, 7]];
-    if kind == ElementKind::Q8 {
-        let mut middles: Vec<([usize; 2], usize)> = Vec::new();
-        for element in &mut elements {
-            for side in 0..4 {
-                let mut ends = [element[side], element[(side + 1) % 4]];
-                ends.sort_unstable();
-                let found = middles.iter().find(|(known, _)| *known == ends).map(|(_, node)| *node);
-                let node = found.unwrap_or_else(|| {
-                    nodes.push([0, 1].map(|i| 0.5 * (nodes[ends[0]][i] + nodes[ends[1]][i])));
-                    middles.push((ends, nodes.len() - 1));
-                    nodes.len() - 1
-                });
-                element.push(node);
-            }
+    let (mut nodes, cells) = match kind.dimension() {
+        Dimension::Plane => {
+            let nodes: Vec<[f64; 3]> = PLANE_CORNERS.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+            (nodes, PLANE_ELEMENTS.iter().map(|corners| corners.to_vec()).collect::<Vec<_>>())
+        }
+        Dimension::Space => {
+            let outer = node_places(ElementKind::H8).iter().map(|place| place.map(|x| 0.5 + 0.5 * x));
+            let mut cells: Vec<Vec<usize>> = (0..6)
+                .map(|face| {
+                    let outside = ElementKind::H8.side(face);
+                    // Seen from outside a face runs counter-clockwise; a cell's first face is seen from inside.
+                    let base = outside.iter().rev();
+                    base.clone().copied().chain(base.map(|node| node + 8)).collect()
+                })
+                .collect();
+            cells.push((8..16).collect());
+            (outer.chain(INNER_CORNERS).collect(), cells)
+        }
+    };
+    let mut elements: Vec<Vec<usize>> = cells.iter().flat_map(|cell| cut(kind, cell)).collect();
+    let mut middles: Vec<([usize; 2], usize)> = Vec::new();
+    for element in &mut elements {
+        for &[from, to] in kind.middles() {
+            let mut ends = [element[from], element[to]];
+            ends.sort_unstable();
+            let found = middles.iter().find(|(known, _)| *known == ends).map(|(_, node)| *node);
+            let node = found.unwrap_or_else(|| {
+                nodes.push(std::array::from_fn(|i| 0.5 * (nodes[ends[0]][i] + nodes[ends[1]][i])));
+                middles.push((ends, nodes.len() - 1));
+                nodes.len() - 1
+            });
+            element.push(node);
         }
     }
-    Mesh { nodes, elements, kind, node_sets: Default::default(), edge_sets: Default::default() }
+    Mesh::uniform(kind, nodes, elements)
+}
+
+/// Corners of the elements of `kind` that fill a quadrilateral or hexahedron. Tetrahedra have all their diagonals
+/// through the corners of smallest number of every face, so that neighbours fit.
+fn cut(kind: ElementKind, cell: &[usize]) -> Vec<Vec<usize>> {
+    let pick = |locals: [usize; 3]| locals.iter().map(|&local| cell[local]).collect::<Vec<_>>();
+    match (kind.dimension(), kind.corner_count()) {
+        (Dimension::Plane, 3) => vec![pick([0, 1, 2]), pick([0, 2, 3])],
+        (Dimension::Space, 4) => {
+            // Pyramids from the corner of smallest number over the faces that do not touch it.
+            let apex = *cell.iter().min().expect("a cell has corners");
+            let far = (0..6).map(|face| ElementKind::H8.side(face).iter().map(|&local| cell[local]).collect::<Vec<_>>());
+            far.filter(|face| !face.contains(&apex))
+                .flat_map(|face| {
+                    let low = (0..4).min_by_key(|&corner| face[corner]).expect("four corners");
+                    let corner = |step: usize| face[(low + step) % 4];
+                    // Outward counter-clockwise faces are clockwise seen from the apex inside.
+                    [[corner(0), corner(2), corner(1), apex], [corner(0), corner(3), corner(2), apex]]
+                })
+                .map(|tetrahedron| tetrahedron.to_vec())
+                .collect()
+        }
+        _ => vec![cell.to_vec()],
+    }
 }
 
 fn boundary(mesh: &Mesh) -> Vec<usize> {
-    let outer = |p: [f64; 2]| p[0] == 0.0 || p[0] == 0.24 || p[1] == 0.0 || p[1] == 0.12;
-    (0..mesh.nodes.len()).filter(|&node| outer(mesh.nodes[node])).collect()
+    let size: &[f64] = match mesh.dimension {
+        Dimension::Plane => &[0.24, 0.12],
+        Dimension::Space => &[1.0; 3],
+    };
+    let outer = |p: &[f64; 3]| size.iter().zip(p).any(|(size, x)| *x == 0.0 || x == size);
+    (0..mesh.nodes.len()).filter(|&node| outer(&mesh.nodes[node])).collect()
+}
+
+/// Young's modulus 1e6 Pa, Poisson's ratio 0.25: plane stress in the plane.
+fn patch_material(law: ElasticLaw, mesh: &Mesh) -> ElasticMaterial {
+    match mesh.dimension {
+        Dimension::Plane => {
+            let (bulk, shear) = plane_stress_moduli(1e6, 0.25);
+            ElasticMaterial::new(law, bulk, shear, mesh.point_count())
+        }
+        Dimension::Space => ElasticMaterial::spatial(law, 1e6 / 1.5, 4e5, mesh.point_count()),
+    }
+}
+
+/// Affine fields: the published one, single normal strains, and a shear with rotation.
+fn modes(dimension: Dimension) -> Vec<Matrix3<f64>> {
+    let all = |m: [f64; 9]| Matrix3::from_row_slice(&m) * 1e-3;
+    match dimension {
+        Dimension::Plane => vec![
+            all([1.0, 0.5, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]),
+            all([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            all([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
+            all([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ],
+        Dimension::Space => vec![
+            all([1.0, 0.5, 0.5, 0.5, 1.0, 0.5, 0.5, 0.5, 1.0]),
+            all([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+            all([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            all([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]),
+        ],
+    }
 }
 
 /// H-1. Boundary nodes follow an affine field; inner nodes must find it and the stress must be the law's.
 #[test]
-fn irregular_patches_reproduce_every_constant_strain() {
-    let (bulk, shear) = plane_stress_moduli(1e6, 0.25);
-    let modes = [[1e-3, 5e-4, 5e-4, 1e-3], [1e-3, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1e-3], [0.0, 1e-3, 0.0, 0.0]];
-    for kind in [ElementKind::Q4, ElementKind::Q8] {
+fn irregular_patches_of_every_kind_reproduce_every_constant_strain() {
+    for kind in ElementKind::ALL.into_iter().filter(|kind| !kind.needs_hourglass_control()) {
+        let mesh = patch_mesh(kind);
+        mesh.validate().unwrap();
         for law in [ElasticLaw::SmallStrain, ElasticLaw::SaintVenant] {
-            for h in modes {
-                let mut problem = Problem::new(patch_mesh(kind), Vec::new());
+            for (number, mode) in modes(mesh.dimension).into_iter().enumerate() {
+                let mut problem = Problem::new(mesh.clone(), Vec::new());
                 problem.control.increments = 2;
                 problem.tolerances = Tolerances { force: 1e-12, displacement: 1e-12 };
-                let field = |p: [f64; 2]| [h[0] * p[0] + h[1] * p[1], h[2] * p[0] + h[3] * p[1]];
+                let field = |p: [f64; 3]| (mode * Vector3::from(p)).into();
                 let nodes = boundary(&problem.mesh);
                 prescribe_field(&mut problem, &nodes, field);
-                let mut material = ElasticMaterial::new(law, bulk, shear, problem.point_count());
-                let exact = material.stress(&nalgebra::Matrix2::new(1.0 + h[0], h[1], h[2], 1.0 + h[3]));
+                let mut material = patch_material(law, &mesh);
+                let exact = material.stress(&(Matrix3::identity() + mode));
                 let (run, record) = run(&problem, &mut material);
-                assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+                assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {:?}", run.outcome);
                 for (node, moved) in record.displacements.iter().enumerate() {
                     let wanted = field(problem.mesh.nodes[node]);
-                    assert!((moved[0] - wanted[0]).abs().max((moved[1] - wanted[1]).abs()) < 1e-10 * 1e-3 * 0.24);
+                    let error = (0..3).map(|i| (moved[i] - wanted[i]).abs()).fold(0.0, f64::max);
+                    assert!(error < 1e-10 * 1e-3 * 0.24, "{kind:?} {law:?} mode {number}: {error:e}");
                 }
                 for point in &record.points {
-                    let stress = point.stress.plane();
-                    for i in 0..2 {
-                        for j in 0..2 {
-                            assert!((stress[i][j] - exact[(i, j)]).abs() < 1e-10 * exact.norm(), "{kind:?} {law:?}");
-                        }
-                    }
+                    let error = (matrix(&point.stress) - exact).amax();
+                    assert!(error < 1e-10 * exact.norm(), "{kind:?} {law:?} mode {number}: {error:e}");
                 }
-                if law == ElasticLaw::SmallStrain && h == modes[0] {
-                    let stress = record.points[0].stress.plane();
-                    assert!((stress[0][0] - 4000.0 / 3.0).abs() < 1e-7 && (stress[0][1] - 400.0).abs() < 1e-7);
+                if law == ElasticLaw::SmallStrain && number == 0 {
+                    let normal = if mesh.dimension == Dimension::Plane { 4000.0 / 3.0 } else { 2000.0 };
+                    let stress = record.points[0].stress;
+                    assert!((stress.get(0, 0) - normal).abs() < 1e-6 && (stress.get(0, 1) - 400.0).abs() < 1e-6);
                 }
             }
         }
     }
 }
 
-/// H-2. A quarter turn in nine steps leaves no stress and no nodal force, Q8 hourglass modes included.
+/// H-2. A quarter turn in nine steps leaves no stress and no nodal force, hourglass modes included.
 #[test]
 fn a_quarter_turn_and_a_translation_leave_no_stress() {
-    for kind in [ElementKind::Q4, ElementKind::Q8] {
+    for kind in ElementKind::ALL.into_iter().filter(|kind| !kind.needs_hourglass_control()) {
         let mesh = patch_mesh(kind);
-        let mut material = ElasticMaterial::new(ElasticLaw::SaintVenant, 2e7, 1e7, 4 * mesh.elements.len());
+        let mut material = patch_material(ElasticLaw::SaintVenant, &mesh);
         let mut turned = mesh.clone();
+        let axis = match mesh.dimension {
+            Dimension::Plane => Vector3::z_axis(),
+            Dimension::Space => nalgebra::Unit::new_normalize(Vector3::new(1.0, -0.5, 2.0)),
+        };
+        let goal = |step: u32, place: [f64; 3]| {
+            let turn = nalgebra::Rotation3::from_axis_angle(&axis, f64::from(10 * step).to_radians());
+            turn * Vector3::from(place) + Vector3::new(0.01 * f64::from(step), 0.0, 0.0)
+        };
         for step in 1..=9 {
             // A displacement that is linear in load cannot turn; so each step is its own problem on the turned mesh.
-            let angle = f64::from(10 * step).to_radians();
-            let (sin, cos) = angle.sin_cos();
-            let goal = |p: [f64; 2]| [cos * p[0] - sin * p[1] + 0.01 * f64::from(step), sin * p[0] + cos * p[1]];
             let mut problem = Problem::new(turned.clone(), Vec::new());
             problem.control.increments = 1;
             problem.tolerances = Tolerances { force: 1e-6, displacement: 1e-12 };
             for node in boundary(&mesh) {
-                let (from, to) = (turned.nodes[node], goal(mesh.nodes[node]));
-                prescribe_field(&mut problem, &[node], |_| [to[0] - from[0], to[1] - from[1]]);
+                let moved = goal(step, mesh.nodes[node]) - Vector3::from(turned.nodes[node]);
+                prescribe_field(&mut problem, &[node], |_| moved.into());
             }
             let (run, record) = run(&problem, &mut material);
-            assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+            assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {:?}", run.outcome);
             for (position, moved) in turned.nodes.iter_mut().zip(&record.displacements) {
-                position[0] += moved[0];
-                position[1] += moved[1];
+                (0..3).for_each(|i| position[i] += moved[i]);
             }
             let stress = record.points.iter().flat_map(|point| point.stress.0).fold(0.0, |a: f64, b| a.max(b.abs()));
             let force = record.reactions.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
-            assert!(stress < 1e-10 * 2e7 && force < 1e-10 * 2e7 * 0.24, "{kind:?} {step}: {stress:e} {force:e}");
+            assert!(stress < 1e-10 * 1e6 && force < 1e-10 * 1e6, "{kind:?} {step}: {stress:e} {force:e}");
         }
         for (node, position) in turned.nodes.iter().enumerate() {
-            let start = mesh.nodes[node];
-            assert!((position[0] - (0.09 - start[1])).abs() + (position[1] - start[0]).abs() < 1e-12);
+            let error = (goal(9, mesh.nodes[node]) - Vector3::from(*position)).norm();
+            assert!(error < 1e-11, "{kind:?}: {error:e}");
         }
     }
 }

@@ -11,8 +11,8 @@ fn compression(displacement: f64) -> Problem {
     let mut problem = Problem::new(
         block(ElementKind::Q8, 2, 2),
         vec![
-            Condition::Platen { nodes: "bottom".into(), contact: Platen::Rough, displacement: 0.0 },
-            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, displacement },
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Rough, axis: Axis::Y, displacement: 0.0 },
+            Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement },
         ],
     );
     problem.control.increments = 4;
@@ -138,9 +138,10 @@ fn an_observer_can_stop_the_run() {
 fn unchanged_targets_are_skipped_without_changing_a_bit() {
     let mut problem = compression(-0.4);
     let first = problem.mesh.nodes.len();
-    problem.mesh.nodes.extend([[5.0, 0.0], [6.0, 0.0], [6.0, 1.0], [5.0, 1.0]]);
-    problem.mesh.nodes.extend([[5.5, 0.0], [6.0, 0.5], [5.5, 1.0], [5.0, 0.5]]);
+    problem.mesh.nodes.extend([[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 1.0, 0.0], [5.0, 1.0, 0.0]]);
+    problem.mesh.nodes.extend([[5.5, 0.0, 0.0], [6.0, 0.5, 0.0], [5.5, 1.0, 0.0], [5.0, 0.5, 0.0]]);
     problem.mesh.elements.push((first..first + 8).collect());
+    problem.mesh.kinds.push(problem.mesh.kinds[0]);
     problem.mesh.node_sets.insert("still".into(), (first..first + 8).collect());
     problem.conditions.extend([Condition::fixed("still", Axis::X), Condition::fixed("still", Axis::Y)]);
     let (thrifty, kept) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));

@@ -12,12 +12,12 @@ fn pressed(kind: ElementKind) -> Problem {
         node[0] += 0.06 * (number as f64 * 1.7).sin();
         node[1] += 0.06 * (number as f64 * 2.9).cos();
     }
-    let pressure = |edges: &str, kind| Condition::Pressure { edges: edges.into(), value: 3.0e6, kind };
+    let pressure = |sides: &str, kind| Condition::Pressure { sides: sides.into(), value: 3.0e6, kind };
     Problem::new(
         mesh,
         vec![
             Condition::fixed("bottom_left", Axis::X),
-            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, displacement: 0.0 },
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
             pressure("right", PressureKind::Follower),
             pressure("top", PressureKind::Follower),
             pressure("left", PressureKind::Dead),
@@ -30,7 +30,7 @@ fn stiffness_with_follower_pressure_is_the_derivative_of_the_residual() {
     for kind in [ElementKind::Q4, ElementKind::Q8] {
         let problem = pressed(kind);
         let mut material =
-            elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 2.0e5], [2.0e5, -1.0e6]]);
+            elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 2.0e5, 0.0], [2.0e5, -1.0e6, 0.0], [0.0; 3]]);
         let mut solver = Solver::new(&problem).unwrap();
         let mut session = Session { material: &mut material, observer: &mut Silent, keeper: &mut NoKeeper };
         let count = 2 * problem.mesh.nodes.len();
@@ -64,10 +64,10 @@ fn stiffness_with_follower_pressure_is_the_derivative_of_the_residual() {
 #[test]
 fn newton_converges_quadratically_on_a_smooth_law() {
     let mut problem = pressed(ElementKind::Q8);
-    problem.conditions.push(Condition::Platen { nodes: "top".into(), contact: Platen::Rough, displacement: -0.3 });
+    problem.conditions.push(Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement: -0.3 });
     problem.control.increments = 1;
     problem.tolerances = Tolerances { force: 1e-11, displacement: 1e-11 };
-    let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 0.0], [0.0, -3.0e6]]);
+    let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 0.0, 0.0], [0.0, -3.0e6, 0.0], [0.0; 3]]);
     let (run, record) = run(&problem, &mut material);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let ratios: Vec<f64> =

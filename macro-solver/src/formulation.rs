@@ -1,0 +1,169 @@
+//! Between the kinematics of a point and its material: what strain is sent, and what the answer means for the body.
+//!
+//! A material answers a target `H`, relative to its committed state, with a Cauchy stress and, if asked, `C = d sigma /
+//! d F` relative to the end of the trial. A [`Formulation`] says which `H` a motion means and turns the answer into
+//! the stress and the moduli that the elements integrate. Motion is given by two tensors: the deformation gradient
+//! `F_n` of the committed configuration, and the displacement gradient `G` of the step, taken on the configuration of
+//! [`Formulation::reference`]. Nothing here depends on a time integrator: implicit and explicit solvers share it.
+
+pub mod conversion;
+pub mod corotation;
+mod small_strain;
+pub mod tensor;
+
+use conversion::{first_piola, piola_moduli, spatial_moduli};
+use corotation::Corotation;
+use nalgebra::Matrix3;
+use small_strain::small_strain_moduli;
+pub use tensor::Operator;
+
+/// How motion becomes strain, and which stress is integrated where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Formulation {
+    /// Strain is the symmetric part of the displacement gradient on the initial geometry, on which the Cauchy stress
+    /// is integrated. Rotations are not seen.
+    SmallStrain,
+    /// `F` and the first Piola stress on the initial geometry, as in [Liu2018] section 2.1.
+    TotalLagrangian,
+    /// The step's displacement gradient on the committed geometry and the Cauchy stress on the current one, as in
+    /// [Argilaga2018] section 2. The same equations as the total Lagrangian form.
+    #[default]
+    Updated,
+    /// The rate form of [Liu2015] section 2.3.3: the symmetric gradient of the step on the midpoint geometry, turned
+    /// into the corotated frame by the polar decomposition of `F`; the Cauchy stress is turned out of the frame and
+    /// integrated on the current geometry. Second-order accurate in the step; the material never sees a rotation.
+    Corotational,
+}
+
+/// A geometry of the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Configuration {
+    /// As meshed.
+    Initial,
+    /// After the last committed step.
+    Committed,
+    /// At the iterate.
+    Current,
+}
+
+/// What an answer means for the body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Cauchy stress in the fixed axes, Pa, tension positive.
+    pub stress: Matrix3<f64>,
+    /// Change of the nominal stress with the displacement gradient, both on the current configuration (on the
+    /// initial one for small strain), Pa.
+    pub moduli: Operator,
+}
+
+impl Formulation {
+    /// All formulations.
+    pub const ALL: [Self; 4] = [Self::SmallStrain, Self::TotalLagrangian, Self::Updated, Self::Corotational];
+
+    /// The keyword of scene files.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::SmallStrain => "small_strain",
+            Self::TotalLagrangian => "total_lagrangian",
+            Self::Updated => "updated",
+            Self::Corotational => "corotational",
+        }
+    }
+
+    /// The configuration on which the step's displacement gradient is taken.
+    pub fn reference(self) -> Configuration {
+        match self {
+            Self::SmallStrain => Configuration::Initial,
+            Self::TotalLagrangian | Self::Updated | Self::Corotational => Configuration::Committed,
+        }
+    }
+
+    /// The configuration on which stresses are integrated.
+    pub fn integration(self) -> Configuration {
+        match self {
+            Self::SmallStrain | Self::TotalLagrangian => Configuration::Initial,
+            Self::Updated | Self::Corotational => Configuration::Current,
+        }
+    }
+
+    /// The target `H` to send for the step gradient `gradient` from the committed deformation gradient `committed`;
+    /// `None` if the motion turns the point inside out.
+    pub fn target(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        match self {
+            Self::SmallStrain => Some(0.5 * (gradient + gradient.transpose())),
+            Self::TotalLagrangian | Self::Updated => Some(*gradient),
+            Self::Corotational => Corotation::of_step(committed, gradient).map(|corotation| corotation.strain),
+        }
+    }
+
+    /// Deformation gradient after a step.
+    pub fn deformation(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
+        match self {
+            Self::SmallStrain => committed + gradient,
+            _ => (Matrix3::identity() + gradient) * committed,
+        }
+    }
+
+    /// What a point's answer to [`Formulation::target`] means; `None` if the motion turns the point inside out.
+    pub fn response(
+        self,
+        committed: &Matrix3<f64>,
+        gradient: &Matrix3<f64>,
+        stress: &Matrix3<f64>,
+        tangent: &Operator,
+    ) -> Option<Response> {
+        match self {
+            Self::SmallStrain => {
+                Some(Response { stress: *stress, moduli: small_strain_moduli(gradient, tangent)? })
+            }
+            Self::TotalLagrangian | Self::Updated => {
+                Some(Response { stress: *stress, moduli: spatial_moduli(tangent, stress) })
+            }
+            Self::Corotational => {
+                let corotation = Corotation::of_step(committed, gradient)?;
+                let turned = corotation.out_of_frame(stress);
+                let change = corotation.stress_change(stress, tangent)?;
+                Some(Response { moduli: spatial_moduli(&change, &turned), stress: turned })
+            }
+        }
+    }
+
+    /// Stress and moduli as the element integrals need them: conjugate to gradients on [`Formulation::integration`].
+    pub fn integrand(self, deformation: &Matrix3<f64>, response: &Response) -> Option<(Matrix3<f64>, Operator)> {
+        match self {
+            Self::TotalLagrangian => {
+                let inverse = deformation.try_inverse()?;
+                let stress = first_piola(deformation.determinant(), &inverse, &response.stress);
+                Some((stress, piola_moduli(deformation.determinant(), &inverse, &response.moduli)))
+            }
+            _ => Some((response.stress, response.moduli)),
+        }
+    }
+
+    /// As [`Formulation::integrand`], without moduli: for solvers that need forces alone.
+    pub fn nominal_stress(self, deformation: &Matrix3<f64>, stress: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        match self {
+            Self::TotalLagrangian => {
+                Some(first_piola(deformation.determinant(), &deformation.try_inverse()?, stress))
+            }
+            _ => Some(*stress),
+        }
+    }
+
+    /// Cauchy stress in the fixed axes from a material's answer, for solvers that ask for no tangent; `None` if the
+    /// motion turns the point inside out.
+    pub fn cauchy(
+        self,
+        committed: &Matrix3<f64>,
+        gradient: &Matrix3<f64>,
+        answer: &Matrix3<f64>,
+    ) -> Option<Matrix3<f64>> {
+        match self {
+            Self::Corotational => Some(Corotation::of_step(committed, gradient)?.out_of_frame(answer)),
+            _ => Some(*answer),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
