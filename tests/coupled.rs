@@ -54,7 +54,8 @@ impl Observer for Recorder {
         };
         self.samples.push(fields.points.iter().map(sample).collect());
         self.displacements.push(fields.displacements.to_vec());
-        let total = |(reaction, load): (&[f64; 3], &[f64; 3])| std::array::from_fn(|axis| reaction[axis] + load[axis]);
+        let total =
+            |(reaction, load): (&[f64; 3], &[f64; 3])| std::array::from_fn(|axis| reaction[axis] + load[axis]);
         self.forces.push(fields.reactions.iter().zip(fields.loads).map(total).collect());
         let top = &fields.mesh.node_sets["top"];
         self.top_reaction.push(top.iter().map(|node| fields.reactions[*node][1]).sum());

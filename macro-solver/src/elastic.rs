@@ -4,8 +4,8 @@
 //! the tangent is `d sigma_ij / d F_kl` relative to the end of the trial. The state is the total deformation gradient.
 
 use crate::checkpoint::{Archive, CheckpointError};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
+use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
 

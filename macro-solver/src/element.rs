@@ -99,7 +99,8 @@ pub fn geometry_of_shape(kind: ElementKind, shape: &Shape, positions: &[[f64; 3]
     if let Some(inverse) = jacobian.try_inverse() {
         for (spatial, natural) in gradients.iter_mut().zip(&shape.gradients).take(positions.len()) {
             for (j, component) in spatial.iter_mut().enumerate() {
-                *component = natural[0] * inverse[(0, j)] + natural[1] * inverse[(1, j)] + natural[2] * inverse[(2, j)];
+                *component =
+                    natural[0] * inverse[(0, j)] + natural[1] * inverse[(1, j)] + natural[2] * inverse[(2, j)];
             }
         }
     }

@@ -113,9 +113,7 @@ impl Formulation {
         tangent: &Operator,
     ) -> Option<Response> {
         match self {
-            Self::SmallStrain => {
-                Some(Response { stress: *stress, moduli: small_strain_moduli(gradient, tangent)? })
-            }
+            Self::SmallStrain => Some(Response { stress: *stress, moduli: small_strain_moduli(gradient, tangent)? }),
             Self::TotalLagrangian | Self::Updated => {
                 Some(Response { stress: *stress, moduli: spatial_moduli(tangent, stress) })
             }

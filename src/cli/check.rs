@@ -51,7 +51,10 @@ fn overview(scene: &Scene) -> String {
                 problem.mesh.nodes.len()
             ),
         ),
-        ("degrees of freedom", format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed)),
+        (
+            "degrees of freedom",
+            format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed),
+        ),
         ("Gauss points", points.to_string()),
         ("packing", format!("{} grains in {}", packing.grains.len(), scene.packing_path.display())),
         (

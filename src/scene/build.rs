@@ -13,8 +13,7 @@ use super::sets::Sets;
 use macro_solver::formulation::Formulation;
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
-    Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy,
-    Tolerances,
+    Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy, Tolerances,
 };
 use protocol::{Observables, TangentKind};
 use rve_server::definition::GrainDefinition;

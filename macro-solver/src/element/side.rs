@@ -98,12 +98,8 @@ fn edge_shape(quadratic: bool, xi: f64) -> SideShape {
 }
 
 fn face_shape(plane: &super::Shape, count: usize, weight: f64) -> SideShape {
-    let mut shape = SideShape {
-        values: [0.0; MAX_SIDE_NODES],
-        gradients: [[0.0; 2]; MAX_SIDE_NODES],
-        weight,
-        is_edge: false,
-    };
+    let mut shape =
+        SideShape { values: [0.0; MAX_SIDE_NODES], gradients: [[0.0; 2]; MAX_SIDE_NODES], weight, is_edge: false };
     for node in 0..count {
         shape.values[node] = plane.values[node];
         shape.gradients[node] = [plane.gradients[node][0], plane.gradients[node][1]];

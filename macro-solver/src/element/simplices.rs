@@ -63,7 +63,8 @@ fn quadratic(barycentric: &[f64], slopes: &[[f64; 3]], edges: &[[usize; 2]]) -> 
         shape.set(corner, value * (2.0 * value - 1.0), slope.map(|component| (4.0 * value - 1.0) * component));
     }
     for (edge, &[from, to]) in edges.iter().enumerate() {
-        let gradient = std::array::from_fn(|i| 4.0 * (barycentric[from] * slopes[to][i] + barycentric[to] * slopes[from][i]));
+        let gradient =
+            std::array::from_fn(|i| 4.0 * (barycentric[from] * slopes[to][i] + barycentric[to] * slopes[from][i]));
         shape.set(barycentric.len() + edge, 4.0 * barycentric[from] * barycentric[to], gradient);
     }
     shape

@@ -129,4 +129,3 @@ fn polar_decomposition_is_exact_for_large_stretches_and_refuses_reflections() {
     assert_eq!(Polar::of(&-Matrix3::identity()), None);
     assert_eq!(Polar::of(&(Matrix3::identity() * f64::NAN)), None);
 }
-

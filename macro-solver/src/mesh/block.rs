@@ -44,10 +44,7 @@ impl Block {
         let axes = self.kind.dimension().count();
         let sound = |value: f64| value.is_finite() && value > 0.0;
         if !(0..axes).all(|axis| sound(self.size[axis]) && sound(self.grading[axis]) && self.elements[axis] > 0) {
-            return Err(MeshError::Block {
-                size: join(&self.size[..axes]),
-                elements: join(&self.elements[..axes]),
-            });
+            return Err(MeshError::Block { size: join(&self.size[..axes]), elements: join(&self.elements[..axes]) });
         }
         let boundaries = std::array::from_fn(|axis| match (self.kind.dimension(), axis) {
             (Dimension::Plane, 2) => Vec::new(),
@@ -61,11 +58,9 @@ impl Block {
     fn name_sets(&self, lattice: &mut LatticeMesh, axes: usize) {
         let bounds: [[usize; 2]; 3] = self.elements.map(|count| [0, 2 * count]);
         for ends in end_choices(axes) {
-            let words: Vec<&str> =
-                NAMING.iter().filter_map(|&axis| ends[axis].map(|end| ENDS[axis][end])).collect();
-            let on = |place: [usize; 3]| {
-                (0..3).all(|axis| ends[axis].is_none_or(|end| place[axis] == bounds[axis][end]))
-            };
+            let words: Vec<&str> = NAMING.iter().filter_map(|&axis| ends[axis].map(|end| ENDS[axis][end])).collect();
+            let on =
+                |place: [usize; 3]| (0..3).all(|axis| ends[axis].is_none_or(|end| place[axis] == bounds[axis][end]));
             let name = if words.is_empty() { "all".to_owned() } else { words.join("_") };
             let nodes = lattice.nodes(on);
             if words.len() == 1 {
@@ -184,6 +179,9 @@ mod tests {
         let flat = Block::plane([0.0, 1.0], [1, 1], ElementKind::Q4);
         assert!(matches!(flat.mesh(), Err(MeshError::Block { .. })));
         let empty = Block::space([1.0; 3], [1, 1, 0], ElementKind::H8);
-        assert_eq!(empty.mesh().unwrap_err().to_string(), "a block of 1 x 1 x 1 m with 1 x 1 x 0 elements is not possible");
+        assert_eq!(
+            empty.mesh().unwrap_err().to_string(),
+            "a block of 1 x 1 x 1 m with 1 x 1 x 0 elements is not possible"
+        );
     }
 }

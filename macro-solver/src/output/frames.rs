@@ -33,14 +33,18 @@ pub fn write_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Re
 /// [`OutputError::Write`].
 pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Result<(), OutputError> {
     let positions: Vec<[f64; 3]> = view.points.iter().map(|point| point.position).collect();
-    let mut fields = quantities(view.mesh.dimension, asked).iter().map(|quantity| quantity.of_points(view.points)).collect::<Vec<_>>();
+    let mut fields = quantities(view.mesh.dimension, asked)
+        .iter()
+        .map(|quantity| quantity.of_points(view.points))
+        .collect::<Vec<_>>();
     fields.push(Field::scalar("element", view.points.iter().map(|point| point.element as f64).collect()));
     fields.push(Field::scalar("volume", view.points.iter().map(|point| point.volume).collect()));
     write_particles(path, &positions, &fields)
 }
 
 fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observables) -> Vec<Field> {
-    let mut fields: Vec<Field> = quantities(dimension, asked).iter().map(|quantity| quantity.of_elements(points)).collect();
+    let mut fields: Vec<Field> =
+        quantities(dimension, asked).iter().map(|quantity| quantity.of_elements(points)).collect();
     let sums = |value: fn(&PointFields) -> u64| {
         by_element(points).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
     };

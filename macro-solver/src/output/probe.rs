@@ -90,7 +90,8 @@ impl Quantity {
             // Subtracted, not negated: an undeformed body has 0, not -0, in its history.
             Self::Compression { from, to, axis } => 0.0 - elongation(view, from, to, *axis),
             Self::VolumeChange => {
-                let initial: f64 = view.points.iter().map(|point| point.volume / determinant(&point.deformation)).sum();
+                let initial: f64 =
+                    view.points.iter().map(|point| point.volume / determinant(&point.deformation)).sum();
                 body_volume(view) / initial - 1.0
             }
             Self::MeanStress { row, column } => mean(view, |point| point.stress.get(*row, *column)),

@@ -176,7 +176,8 @@ fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<f64>]) -> Result<(), Pro
         let centre: [f64; 3] =
             std::array::from_fn(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
         let arm = |node: usize| -> [f64; 3] { std::array::from_fn(|i| mesh.nodes[node][i] - centre[i]) };
-        let extent = nodes.iter().map(|&node| arm(node).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt();
+        let extent =
+            nodes.iter().map(|&node| arm(node).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt();
         let words = motion_words(mesh.dimension);
         let mut gram = DMatrix::zeros(words.len(), words.len());
         for &node in &nodes {
@@ -191,8 +192,12 @@ fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<f64>]) -> Result<(), Pro
         let weakest = eigen.eigenvalues.imin();
         if eigen.eigenvalues[weakest] < 1e-10 {
             let free = eigen.eigenvectors.column(weakest);
-            let involved: Vec<&str> =
-                words.iter().zip(free.iter()).filter(|(_, share)| share.abs() > 1e-6).map(|(word, _)| *word).collect();
+            let involved: Vec<&str> = words
+                .iter()
+                .zip(free.iter())
+                .filter(|(_, share)| share.abs() > 1e-6)
+                .map(|(word, _)| *word)
+                .collect();
             return Err(ProblemError::RigidMotion { element, motion: involved.join(" and ") });
         }
     }

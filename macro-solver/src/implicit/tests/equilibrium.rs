@@ -24,7 +24,11 @@ fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
 }
 
 fn confined(problem: &Problem) -> ElasticMaterial {
-    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([[-CONFINEMENT, 0.0, 0.0], [0.0, -CONFINEMENT, 0.0], [0.0; 3]])
+    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([
+        [-CONFINEMENT, 0.0, 0.0],
+        [0.0, -CONFINEMENT, 0.0],
+        [0.0; 3],
+    ])
 }
 
 /// Horizontal stretch at which the lateral stress balances the pressure, by bisection on the law itself.
@@ -73,7 +77,11 @@ fn a_start_in_balance_is_accepted_untouched_and_one_out_of_balance_is_equilibrat
     problem.control.increments = 1;
     let (_, record) = run(&problem, &mut confined(&problem));
     assert_eq!((record.steps[0].step, record.steps[0].iterations, record.steps[0].load), (0, 0, 0.0));
-    let mut slack = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-0.9e6, 0.0, 0.0], [0.0, -1e6, 0.0], [0.0; 3]]);
+    let mut slack = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([
+        [-0.9e6, 0.0, 0.0],
+        [0.0, -1e6, 0.0],
+        [0.0; 3],
+    ]);
     let mut spy = Recorder::default();
     let outcome = solve(&problem, &mut slack, &mut spy).outcome;
     assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");

@@ -73,7 +73,8 @@ fn cut(kind: ElementKind, cell: &[usize]) -> Vec<Vec<usize>> {
         (Dimension::Space, 4) => {
             // Pyramids from the corner of smallest number over the faces that do not touch it.
             let apex = *cell.iter().min().expect("a cell has corners");
-            let far = (0..6).map(|face| ElementKind::H8.side(face).iter().map(|&local| cell[local]).collect::<Vec<_>>());
+            let far =
+                (0..6).map(|face| ElementKind::H8.side(face).iter().map(|&local| cell[local]).collect::<Vec<_>>());
             far.filter(|face| !face.contains(&apex))
                 .flat_map(|face| {
                     let low = (0..4).min_by_key(|&corner| face[corner]).expect("four corners");

@@ -29,8 +29,11 @@ fn pressed(kind: ElementKind) -> Problem {
 fn stiffness_with_follower_pressure_is_the_derivative_of_the_residual() {
     for kind in [ElementKind::Q4, ElementKind::Q8] {
         let problem = pressed(kind);
-        let mut material =
-            elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 2.0e5, 0.0], [2.0e5, -1.0e6, 0.0], [0.0; 3]]);
+        let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([
+            [-3.0e6, 2.0e5, 0.0],
+            [2.0e5, -1.0e6, 0.0],
+            [0.0; 3],
+        ]);
         let mut solver = Solver::new(&problem).unwrap();
         let mut session = Session { material: &mut material, observer: &mut Silent, keeper: &mut NoKeeper };
         let count = 2 * problem.mesh.nodes.len();
@@ -64,10 +67,19 @@ fn stiffness_with_follower_pressure_is_the_derivative_of_the_residual() {
 #[test]
 fn newton_converges_quadratically_on_a_smooth_law() {
     let mut problem = pressed(ElementKind::Q8);
-    problem.conditions.push(Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement: -0.3 });
+    problem.conditions.push(Condition::Platen {
+        nodes: "top".into(),
+        contact: Platen::Rough,
+        axis: Axis::Y,
+        displacement: -0.3,
+    });
     problem.control.increments = 1;
     problem.tolerances = Tolerances { force: 1e-11, displacement: 1e-11 };
-    let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([[-3.0e6, 0.0, 0.0], [0.0, -3.0e6, 0.0], [0.0; 3]]);
+    let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([
+        [-3.0e6, 0.0, 0.0],
+        [0.0, -3.0e6, 0.0],
+        [0.0; 3],
+    ]);
     let (run, record) = run(&problem, &mut material);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let ratios: Vec<f64> =
