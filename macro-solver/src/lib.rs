@@ -1,6 +1,7 @@
 //! The finite-element side: mesh, elements, formulations, implicit solver, worker pool, outputs. It never sees a grain.
 
 pub mod checkpoint;
+pub mod difference;
 pub mod elastic;
 pub mod element;
 pub mod formulation;
