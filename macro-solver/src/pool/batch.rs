@@ -1,7 +1,7 @@
 //! The questions of one evaluation as jobs: built, waiting, answered.
 
 use super::points::{PointState, PointTable};
-use super::queue::{Queue, Ticket};
+use super::queue::{Queues, Ticket};
 use crate::material::{PointId, PointTrial};
 use protocol::transport::WorkerId;
 use protocol::wire::TrialJob;
@@ -26,6 +26,8 @@ pub(super) struct Job {
     pub(super) trial: PointTrial,
     /// Index of the definition.
     pub(super) definition: usize,
+    /// Workers that may solve it.
+    pub(super) group: usize,
     /// Committed state to start from.
     pub(super) state: PointState,
     /// Expected force evaluations.
@@ -49,7 +51,7 @@ pub(super) struct Batch {
     pub(super) jobs: Vec<Job>,
     /// For each trial asked, the job that answers it.
     pub(super) job_of_trial: Vec<usize>,
-    pub(super) queue: Queue,
+    pub(super) queue: Queues,
     open: usize,
     lowest_failure: Option<PointId>,
 }
@@ -153,7 +155,13 @@ impl Batch {
 
     fn ticket(&self, index: usize) -> Ticket {
         let job = &self.jobs[index];
-        Ticket { job: index, expected: job.expected, definition: job.definition, suspect: job.blames > 0 }
+        Ticket {
+            job: index,
+            expected: job.expected,
+            definition: job.definition,
+            group: job.group,
+            suspect: job.blames > 0,
+        }
     }
 }
 
@@ -174,6 +182,7 @@ fn job(trial: &PointTrial, table: &PointTable, number: u64) -> Job {
         },
         trial: *trial,
         definition: record.definition,
+        group: table.groups[record.definition],
         state: record.committed.clone(),
         expected: record.forecast.expect(trial),
         blames: 0,

@@ -36,6 +36,8 @@ pub(super) enum Action {
     Refused(u32, String),
     /// Tell the supply that this process is gone.
     Gone(u32),
+    /// Tell the supply that this process has left in good order.
+    Left(u32),
 }
 
 /// A slice ready to be sent.
@@ -103,9 +105,11 @@ impl Desk {
             }
             FromWorker::Hello { protocol, run, pid, capabilities, state_cache } => {
                 let verdict = self.roster.admit(&self.settings, protocol, &run, &capabilities);
+                let group = *verdict.as_ref().unwrap_or(&0);
                 let standing = if verdict.is_ok() { Standing::Active } else { Standing::Refused };
                 let known = Worker {
                     pid,
+                    group,
                     standing,
                     cache: CacheMirror::new(state_cache as usize),
                     definitions: BTreeSet::new(),
@@ -115,7 +119,7 @@ impl Desk {
                 };
                 self.roster.workers.insert(worker, known);
                 match verdict {
-                    Ok(()) => {
+                    Ok(_) => {
                         tracing::info!(worker = worker.0, pid, "worker joined");
                         self.statistics.workers_joined += 1;
                         let figures = WorkerStatistics { worker: worker.0, pid, ..WorkerStatistics::default() };
@@ -249,7 +253,8 @@ impl Desk {
             tracing::warn!(worker = worker.0, pid, reason, "worker lost");
             self.statistics.workers_lost += u64::from(standing != Standing::Leaving);
             self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
-            self.actions.push(Action::Gone(pid));
+            let left = standing == Standing::Leaving;
+            self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid) });
         }
         if standing == Standing::Active {
             self.blame_head(worker, reason);
@@ -330,17 +335,26 @@ impl Desk {
 
     /// The next slice to send and to whom, already booked as sent; `None` when nothing waits or nobody is free.
     pub(super) fn next_shipment(&mut self, now: Instant) -> Option<Shipment> {
-        let waiting = self.batch.queue.len();
-        let active = self.roster.active();
-        if waiting == 0 || active == 0 {
+        self.batch.queue.groups().into_iter().find_map(|group| self.next_of_group(group, now))
+    }
+
+    fn next_of_group(&mut self, group: usize, now: Instant) -> Option<Shipment> {
+        let waiting = self.batch.queue.waiting(group);
+        let active = self.roster.active_in(group);
+        if active == 0 {
             return None;
         }
         // With few jobs left a second slice would wait behind a busy worker while another runs idle.
         let depth = if waiting > active { self.settings.window.get() } else { 1 };
-        let worker = self.roster.idlest(depth)?;
+        let worker = self.roster.idlest(group, depth)?;
         let most = self.settings.slice.get().min(waiting.div_ceil(active));
-        let indices = self.batch.queue.take(worker, most);
+        let indices = self.batch.queue.take(group, worker, most);
         Some(self.load(worker, &indices, now))
+    }
+
+    /// Whether every group that has points has a worker.
+    pub(super) fn is_served(&self) -> bool {
+        self.points.groups.iter().all(|&group| self.roster.active_in(group) > 0)
     }
 
     fn load(&mut self, worker: WorkerId, indices: &[usize], now: Instant) -> Shipment {

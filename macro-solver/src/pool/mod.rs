@@ -74,7 +74,8 @@ impl<P: MacroPort> Pool<P> {
         definitions: Vec<Definition>,
         made_of: &[usize],
     ) -> Self {
-        let desk = Desk::new(settings, PointTable::new(definitions, made_of));
+        let groups = settings.groups(definitions.len());
+        let desk = Desk::new(settings, PointTable::new(definitions, groups, made_of));
         let now = Instant::now();
         Self { desk, next_job: 0, deserted_since: Some(now), clock: now, interrupt, closed: false, supply, port }
     }
@@ -92,10 +93,10 @@ impl<P: MacroPort> Pool<P> {
     pub fn gather(&mut self, count: usize) -> Result<(), MaterialError> {
         let begin = Instant::now();
         self.deserted_since = None;
-        while self.desk.roster.active() < count {
+        while self.desk.roster.active() < count || !self.desk.is_served() {
             let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. })
                 && begin.elapsed() < self.desk.settings.patience;
-            if !more_may_come && self.desk.roster.active() > 0 {
+            if !more_may_come && self.desk.is_served() {
                 break;
             }
             self.listen()?;
@@ -234,6 +235,7 @@ impl<P: MacroPort> Pool<P> {
                 Action::Joined(pid) => self.supply.joined(pid),
                 Action::Refused(pid, reason) => self.supply.refused(pid, &reason),
                 Action::Gone(pid) => self.supply.lost(pid),
+                Action::Left(pid) => self.supply.left(pid),
             }
         }
     }
@@ -246,7 +248,7 @@ impl<P: MacroPort> Pool<P> {
         if let Some(deadline) = self.desk.roster.next_deadline() {
             wait = wait.min(deadline.saturating_duration_since(now));
         }
-        if self.desk.roster.active() > 0 {
+        if self.desk.is_served() {
             self.deserted_since = None;
         } else {
             let since = *self.deserted_since.get_or_insert(now);

@@ -50,12 +50,14 @@ pub(super) struct PointRecord {
 #[derive(Debug)]
 pub(super) struct PointTable {
     pub(super) definitions: Vec<(DefinitionId, Definition)>,
+    /// For each definition, the group of workers that solves it.
+    pub(super) groups: Vec<usize>,
     pub(super) records: Vec<PointRecord>,
 }
 
 impl PointTable {
-    /// `made_of[p]` is the index of point p's definition.
-    pub(super) fn new(definitions: Vec<Definition>, made_of: &[usize]) -> Self {
+    /// `made_of[p]` is the index of point p's definition, `groups[d]` the group of workers that solves definition d.
+    pub(super) fn new(definitions: Vec<Definition>, groups: Vec<usize>, made_of: &[usize]) -> Self {
         let initial = PointState::initial();
         let records = made_of
             .iter()
@@ -64,7 +66,7 @@ impl PointTable {
                 PointRecord { definition, committed: initial.clone(), trial: None, forecast: Forecast::default() }
             })
             .collect();
-        Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), records }
+        Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), groups, records }
     }
 
     /// Makes every trial the committed state.

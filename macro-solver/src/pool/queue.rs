@@ -12,6 +12,8 @@ pub(super) struct Ticket {
     pub(super) expected: u64,
     /// Definition of its point: one slice holds one definition.
     pub(super) definition: usize,
+    /// Which workers may solve it: see [`Queues`].
+    pub(super) group: usize,
     /// Whether it has ended a worker: such a job travels alone, so the next victim names the culprit.
     pub(super) suspect: bool,
 }
@@ -111,12 +113,51 @@ impl Queue {
     }
 }
 
+/// One queue per group of workers. A run on one engine has one group; where points are given to several engines, each
+/// engine's workers are a group and see only its points.
+#[derive(Debug, Default)]
+pub(super) struct Queues {
+    groups: BTreeMap<usize, Queue>,
+}
+
+impl Queues {
+    /// Number of waiting jobs of a group.
+    pub(super) fn waiting(&self, group: usize) -> usize {
+        self.groups.get(&group).map_or(0, Queue::len)
+    }
+
+    /// Groups with waiting jobs, in order.
+    pub(super) fn groups(&self) -> Vec<usize> {
+        self.groups.iter().filter(|(_, queue)| queue.len() > 0).map(|(group, _)| *group).collect()
+    }
+
+    /// Adds a job at its rank in its group.
+    pub(super) fn add(&mut self, home: Option<WorkerId>, ticket: Ticket) {
+        self.groups.entry(ticket.group).or_default().add(home, ticket);
+    }
+
+    /// See [`Queue::take`].
+    pub(super) fn take(&mut self, group: usize, worker: WorkerId, most: usize) -> Vec<usize> {
+        self.groups.get_mut(&group).map_or_else(Vec::new, |queue| queue.take(worker, most))
+    }
+
+    /// Makes the jobs of a lost worker homeless.
+    pub(super) fn disown(&mut self, worker: WorkerId) {
+        self.groups.values_mut().for_each(|queue| queue.disown(worker));
+    }
+
+    /// Removes all jobs for which `keep` is false and returns how many they were.
+    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) -> usize {
+        self.groups.values_mut().map(|queue| queue.retain(&keep)).sum()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn ticket(job: usize, expected: u64) -> Ticket {
-        Ticket { job, expected, definition: 0, suspect: false }
+        Ticket { job, expected, definition: 0, group: 0, suspect: false }
     }
 
     const FIRST: WorkerId = WorkerId(1);

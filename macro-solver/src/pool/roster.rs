@@ -34,6 +34,8 @@ pub(super) enum Standing {
 #[derive(Clone, Debug)]
 pub(super) struct Worker {
     pub(super) pid: u32,
+    /// Which jobs it gets: see [`super::queue::Queues`].
+    pub(super) group: usize,
     pub(super) standing: Standing,
     pub(super) cache: CacheMirror,
     /// Definitions it was sent.
@@ -79,8 +81,8 @@ impl Worker {
 #[derive(Debug, Default)]
 pub(super) struct Roster {
     pub(super) workers: BTreeMap<WorkerId, Worker>,
-    /// Engine and version of the first worker: bitwise equal answers need the same in all.
-    engine: Option<(String, String)>,
+    /// Engine and version of the first worker of each group: bitwise equal answers need the same in all.
+    engines: BTreeMap<usize, (String, String)>,
 }
 
 impl Roster {
@@ -94,11 +96,19 @@ impl Roster {
         self.workers.get(&worker).is_some_and(|known| known.standing == Standing::Active)
     }
 
-    /// The worker with fewest unanswered slices below `depth`; the lowest number among equals.
-    pub(super) fn idlest(&self, depth: usize) -> Option<WorkerId> {
+    /// Number of workers of a group that get jobs.
+    pub(super) fn active_in(&self, group: usize) -> usize {
+        let serves = |worker: &&Worker| worker.standing == Standing::Active && worker.group == group;
+        self.workers.values().filter(serves).count()
+    }
+
+    /// The worker of a group with fewest unanswered slices below `depth`; the lowest number among equals.
+    pub(super) fn idlest(&self, group: usize, depth: usize) -> Option<WorkerId> {
         self.workers
             .iter()
-            .filter(|(_, worker)| worker.standing == Standing::Active && worker.slices.len() < depth)
+            .filter(|(_, worker)| {
+                worker.standing == Standing::Active && worker.group == group && worker.slices.len() < depth
+            })
             .min_by_key(|(id, worker)| (worker.slices.len(), **id))
             .map(|(id, _)| *id)
     }
@@ -117,7 +127,7 @@ impl Roster {
             .collect()
     }
 
-    /// Checks a hello.
+    /// Checks a hello and returns the worker's group.
     ///
     /// # Errors
     /// Why the worker cannot take part, with the remedy.
@@ -127,7 +137,7 @@ impl Roster {
         protocol: u32,
         run: &str,
         capabilities: &Capabilities,
-    ) -> Result<(), String> {
+    ) -> Result<usize, String> {
         if protocol != PROTOCOL_VERSION {
             return Err(format!(
                 "the worker speaks protocol version {protocol}, this run version {PROTOCOL_VERSION}; start both from \
@@ -150,8 +160,14 @@ impl Roster {
                 missing.keyword()
             ));
         }
+        let Some(group) = settings.group_of(engine) else {
+            return Err(format!(
+                "engine `{engine}` solves no point of this run, whose engines are {}; start the worker with another",
+                settings.engines.join(", ")
+            ));
+        };
         let offered = (engine.clone(), capabilities.version.clone());
-        let expected = self.engine.get_or_insert_with(|| offered.clone());
+        let expected = self.engines.entry(group).or_insert_with(|| offered.clone());
         if *expected != offered {
             return Err(format!(
                 "engine `{} {}` does not equal `{} {}` of this run's first worker; results would depend on who solves \
@@ -159,6 +175,6 @@ impl Roster {
                 offered.0, offered.1, expected.0, expected.1
             ));
         }
-        Ok(())
+        Ok(group)
     }
 }

@@ -44,6 +44,8 @@ pub struct PoolSettings {
     pub run: String,
     /// Space dimensions that every worker must serve, 2 or 3.
     pub dimension: u32,
+    /// For each definition the engine whose workers solve it; empty = one engine for all, that of the first worker.
+    pub engines: Vec<String>,
     /// Tangent kinds that every worker must serve.
     pub tangents: Vec<TangentKind>,
     /// Trials per message.
@@ -61,11 +63,22 @@ pub struct PoolSettings {
 }
 
 impl PoolSettings {
+    /// The group of workers that solves each of `definitions` definitions: the place at which its engine is first named.
+    pub(super) fn groups(&self, definitions: usize) -> Vec<usize> {
+        (0..definitions).map(|one| self.engines.get(one).and_then(|name| self.group_of(name)).unwrap_or(0)).collect()
+    }
+
+    /// The group of an engine's workers; `None` when no point is given to this engine.
+    pub(super) fn group_of(&self, engine: &str) -> Option<usize> {
+        if self.engines.is_empty() { Some(0) } else { self.engines.iter().position(|name| name == engine) }
+    }
+
     /// The defaults for a plane problem of the run named `run`.
     pub fn new(run: impl Into<String>) -> Self {
         Self {
             run: run.into(),
             dimension: 2,
+            engines: Vec::new(),
             tangents: Vec::new(),
             slice: NonZeroUsize::MIN,
             window: NonZeroUsize::MIN.saturating_add(1),

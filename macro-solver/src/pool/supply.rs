@@ -25,6 +25,12 @@ pub trait WorkerSupply {
     /// The worker with this process id is gone and should be replaced.
     fn lost(&mut self, pid: u32);
 
+    /// The worker with this process id has said goodbye and closed its channel: its process is about to end by itself
+    /// and should be replaced. Nothing went wrong, so the replacement does not count against any limit.
+    fn left(&mut self, pid: u32) {
+        self.lost(pid);
+    }
+
     /// Called regularly while the pool waits: starts replacements that are due.
     fn tend(&mut self) -> Outlook;
 
