@@ -4,7 +4,7 @@ use super::exit::{Exit, Failure};
 use super::stdout::deliver;
 use crate::scene::Document;
 use indicatif::{ProgressBar, ProgressStyle};
-use rve_server::packing::{PackingProgress, PackingRecipe, PackingReport, generate};
+use rve_server::packing::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use std::time::Duration;
   grainspan pack packings/discs-400.toml --out packings/discs-400.json
   grainspan pack packings/discs-400.toml --set seed=7 --set contact.friction=0.2 --out loose.json")]
 pub(crate) struct Arguments {
-    /// Recipe: grading, number, pressure, preparation friction, seed
+    /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/packing.md
     #[arg(value_name = "PACKING.toml")]
     recipe: PathBuf,
     /// Packing file to write [default: standard output]
@@ -58,8 +58,9 @@ fn spinner() -> ProgressBar {
 }
 
 fn stage(progress: &PackingProgress) -> String {
+    let attempt = if progress.attempt > 0 { format!("packing {}: ", progress.attempt + 1) } else { String::new() };
     format!(
-        "{} {}: solid fraction {:.4}, pressure {:.3e} Pa, out of balance {:.1e}",
+        "{attempt}{} {}: solid fraction {:.4}, pressure {:.3e} Pa, out of balance {:.1e}",
         progress.stage,
         progress.increment,
         progress.solid_fraction,
@@ -68,26 +69,36 @@ fn stage(progress: &PackingProgress) -> String {
     )
 }
 
+/// The acceptance report for people: what was asked against what was got, then the state of the packing.
 fn summary(recipe: &PackingRecipe, report: &PackingReport) -> String {
-    format!(
-        "{} discs at {:e} Pa, seed {}\n  \
-         void ratio             {:.5}\n  \
-         coordination number    {:.4} ({:.4} without rattlers)\n  \
-         fabric anisotropy      {:.2e}\n  \
-         deviation from target  {:.1e} of the pressure, in the worst stress component\n  \
-         out of balance         {:.1e} of the mean contact force\n  \
-         largest overlap        {:.1e} of a diameter\n  \
-         cost                   {} force evaluations\n",
-        recipe.number,
-        recipe.pressure,
-        recipe.seed,
-        report.void_ratio,
-        report.coordination_number,
-        report.coordination_number_no_rattlers,
-        report.fabric_anisotropy,
-        report.stress_error,
-        report.unbalanced_force_ratio,
-        report.max_overlap_ratio,
-        report.force_evaluations
-    )
+    let kind = if report.dimension == 2 { "discs" } else { "spheres" };
+    let mut text = format!("{} {kind}, seed {}\n", report.grains, recipe.seed);
+    text += &format!("  {:<34} {:>15} {:>15} {:>10}\n", "asked for", "asked", "got", "within");
+    for Requirement { quantity, asked, got, tolerance } in &report.requirements {
+        text += &format!("  {quantity:<34} {asked:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
+    }
+    let state = [
+        ("void ratio", format!("{:.5} (porosity {:.5})", report.void_ratio, report.porosity)),
+        (
+            "coordination number",
+            format!(
+                "{:.4} ({:.4} without rattlers)",
+                report.coordination_number, report.coordination_number_no_rattlers
+            ),
+        ),
+        ("fabric anisotropy", format!("{:.3e}", report.fabric_anisotropy)),
+        ("largest overlap", format!("{:.1e} of a diameter", report.max_overlap_ratio)),
+        ("friction in preparation", format!("{}", report.friction)),
+        ("cost", format!("{} force evaluations", report.force_evaluations)),
+    ];
+    for (name, value) in state {
+        text += &format!("  {name:<34} {value}\n");
+    }
+    for attempt in &report.searches.friction {
+        text += &format!("  tried friction {:<19.6} {:.6}\n", attempt.friction, attempt.value);
+    }
+    for attempt in &report.searches.shear {
+        text += &format!("  tried shear {:<22.3e} anisotropy {:.5}\n", attempt.shear, attempt.anisotropy);
+    }
+    text
 }

@@ -1,11 +1,26 @@
 //! Packings: the JSON file that any source may write, and the generator that prepares one.
 
+mod bed;
 pub mod file;
+mod friction_search;
 pub mod generate;
+pub mod grading;
+mod journal;
 pub mod listed_contact;
+mod preshear;
 pub mod recipe;
+pub mod report;
+mod scatter;
+mod servo;
+mod stress_target;
 
 pub use file::{Packing, PackingError, PackingFile};
-pub use generate::{PackingProgress, PackingReport, generate};
+pub use friction_search::FrictionAttempt;
+pub use generate::{Searches, generate};
+pub use grading::Grading;
+pub use journal::PackingProgress;
 pub use listed_contact::ListedContact;
-pub use recipe::{Grading, PackingRecipe};
+pub use preshear::ShearAttempt;
+pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
+pub use report::{PackingReport, Requirement};
+pub use stress_target::StressTarget;

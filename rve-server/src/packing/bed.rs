@@ -1,0 +1,262 @@
+//! A cell in preparation: compressed, sheared, brought to a stress and written as a packing.
+
+use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+use crate::engine::GrainRve;
+use crate::packing::journal::{Journal, PackingProgress};
+use crate::packing::servo::{Response, aim, pressure};
+use crate::packing::stress_target::{Matrix, StressTarget, turned_in, turned_out};
+use crate::packing::{ListedContact, PackingError, PackingFile};
+use crate::plane;
+use crate::space::Discs;
+use crate::state::ContactRecord;
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer};
+
+/// First isotropic compression per increment; grains move by a hundredth of a radius or so.
+const FIRST_COMPRESSION: f64 = 5e-3;
+
+/// Share of the target pressure at which the compression hands over to the servo.
+const HANDOVER: [f64; 2] = [0.02, 0.2];
+
+/// Most increments of either stage.
+const MOST_INCREMENTS: u32 = 5_000;
+
+/// Strain whose only purpose is that the grains are brought to rest.
+const TOUCH: f64 = 1e-9;
+
+/// How far from the target a bed may end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tolerances {
+    /// Largest unbalanced force over mean normal contact force.
+    pub(crate) force: f64,
+    /// Largest deviation of a stress component over the target pressure.
+    pub(crate) stress: f64,
+}
+
+/// A cell with a target stress.
+pub(crate) struct Bed<'a> {
+    cell: GrainRve,
+    target: StressTarget,
+    tolerances: Tolerances,
+    journal: &'a Journal<'a>,
+}
+
+impl<'a> Bed<'a> {
+    /// Takes grains over, wherever they are.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn new(
+        packing: PackingFile,
+        contact: &ContactTable,
+        target: StressTarget,
+        tolerances: Tolerances,
+        journal: &'a Journal<'a>,
+    ) -> Result<Self, PackingError> {
+        let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
+        let cell = GrainRve::new(&definition).map_err(content)?;
+        Ok(Self { cell, target, tolerances, journal })
+    }
+
+    /// Isotropic compression until the grains carry load; increments that overshoot are taken back and halved.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] if no pressure is reached.
+    pub(crate) fn compress(&mut self) -> Result<(), PackingError> {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(2e-4),
+            tolerance: Some(1e-2),
+            max_steps: Some(2_000),
+            ..RveOptions::default()
+        });
+        let mut compression = FIRST_COMPRESSION;
+        for increment in 0..MOST_INCREMENTS {
+            let answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
+            let share = pressure(&answer.stress, self.target.dimension) / self.target.pressure;
+            if share > HANDOVER[1] {
+                self.cell.rollback();
+                compression *= 0.5;
+                continue;
+            }
+            self.cell.commit().map_err(content)?;
+            self.report("compression", increment, &answer);
+            if share > HANDOVER[0] {
+                return Ok(());
+            }
+        }
+        Err(PackingError::Content(format!("compression did not reach a pressure in {MOST_INCREMENTS} increments")))
+    }
+
+    /// Newton steps on all stress components with the network's own tangent, or with what the steps have taught.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] if the target is not reached.
+    pub(crate) fn servo(&mut self) -> Result<(), PackingError> {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(2e-6),
+            tolerance: Some(1e-4),
+            max_steps: Some(20_000),
+            ..RveOptions::default()
+        });
+        let mut response = Response::isotropic(100.0 * self.target.pressure, self.target.dimension);
+        let mut answer = self.trial(&self.isotropic(-TOUCH), self.tangent())?;
+        let mut refined = false;
+        for increment in 0..MOST_INCREMENTS {
+            self.cell.commit().map_err(content)?;
+            self.report("servo", increment, &answer);
+            let error = self.stress_error(&answer.stress);
+            if refined
+                && error <= self.tolerances.stress
+                && answer.scalars.unbalanced_force_ratio <= self.tolerances.force
+            {
+                return Ok(());
+            }
+            if error < 1e-2 && !refined {
+                refined = true;
+                self.refine(1e-6);
+            }
+            if let Some(operator) = &answer.tangent {
+                response.adopt(operator);
+            }
+            let deviator = turned_out(&self.target.deviator, &self.axes());
+            let strain = response.strain(&aim(&self.target, &deviator, &answer.stress), &answer.stress);
+            let next = self.trial(&strain, self.tangent())?;
+            if next.tangent.is_none() {
+                response.learn(&strain, &difference(&next.stress, &answer.stress));
+            }
+            answer = next;
+        }
+        Err(PackingError::Content(format!(
+            "the stress did not reach the target in {MOST_INCREMENTS} servo steps; loosen tolerance or stress_tolerance"
+        )))
+    }
+
+    /// Strains the cell by a symmetric tensor given in the cell's own axes.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn strain(&mut self, strain: &Matrix) -> Result<(), PackingError> {
+        self.refine(2e-6);
+        let answer = self.trial(&turned_out(strain, &self.axes()), TangentKind::None)?;
+        self.cell.commit().map_err(content)?;
+        self.report("shear", 0, &answer);
+        Ok(())
+    }
+
+    /// Contact fabric minus its mean part, in the cell's own axes.
+    pub(crate) fn fabric_deviator(&mut self) -> Matrix {
+        let fabric = self.cell.look(Observables::FABRIC).observed.fabric;
+        let mut deviator = turned_in(&rows(&fabric), &self.axes());
+        let mean = (0..self.target.dimension).map(|i| deviator[i][i]).sum::<f64>() / self.target.dimension as f64;
+        for (i, row) in deviator.iter_mut().enumerate().take(self.target.dimension) {
+            row[i] -= mean;
+        }
+        deviator
+    }
+
+    /// The committed state as a file, turned so that Y1 points along axis 1.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn packing(&self, provenance: serde_json::Value) -> Result<PackingFile, PackingError> {
+        let state = self.cell.committed();
+        let [first, second, _] = self.axes();
+        let back = [[first[0], first[1]], [second[0], second[1]]];
+        let mut rows = state.cell.deformed(&back).rows;
+        rows[0][1] = 0.0;
+        let radii = &self.cell.model().radii;
+        let grains = state.positions.iter().zip(radii).map(|(position, radius)| {
+            let [x, y] = plane::apply(&back, *position);
+            [x, y, *radius]
+        });
+        let contacts = state.contacts.iter().filter(|contact| contact.tangential_force != 0.0).map(|contact| {
+            let ContactRecord { origin, end, shift, tangential_force } = *contact;
+            ListedContact { origin, end, shift, tangential_force }
+        });
+        PackingFile::<Discs> {
+            format: PackingFile::FORMAT.into(),
+            version: PackingFile::VERSION,
+            dimension: 2,
+            thickness: self.cell.model().thickness,
+            periodicity: rows,
+            grains: grains.collect(),
+            contacts: contacts.collect(),
+            provenance,
+        }
+        .checked()
+    }
+
+    /// Largest deviation of a stress component from the target, over the target pressure.
+    fn stress_error(&self, stress: &Tensor2) -> f64 {
+        let deviator = turned_out(&self.target.deviator, &self.axes());
+        let mut largest = 0.0f64;
+        for (i, row) in deviator.iter().enumerate().take(self.target.dimension) {
+            for (j, value) in row.iter().enumerate().take(self.target.dimension) {
+                let mean = if i == j { self.target.pressure } else { 0.0 };
+                largest = largest.max((stress.get(i, j) + mean - value).abs());
+            }
+        }
+        largest / self.target.pressure
+    }
+
+    /// Axes of the committed cell as rows: the first along Y1, the second in the plane of Y1 and Y2.
+    fn axes(&self) -> Matrix {
+        let first = self.cell.committed().cell.rows[0];
+        let length = (first[0] * first[0] + first[1] * first[1]).sqrt();
+        let (cosine, sine) = (first[0] / length, first[1] / length);
+        [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]
+    }
+
+    fn isotropic(&self, strain: f64) -> Matrix {
+        let mut matrix = [[0.0; 3]; 3];
+        for (i, row) in matrix.iter_mut().enumerate().take(self.target.dimension) {
+            row[i] = strain;
+        }
+        matrix
+    }
+
+    fn refine(&mut self, strain_per_step: f64) {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(strain_per_step),
+            tolerance: Some(self.tolerances.force),
+            max_steps: Some(100_000),
+            ..RveOptions::default()
+        });
+    }
+
+    fn tangent(&self) -> TangentKind {
+        TangentKind::TrussLike
+    }
+
+    fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialAnswer, PackingError> {
+        let target = Tensor2(std::array::from_fn(|index| strain[index / 3][index % 3]));
+        let ask = Ask { tangent, ..Ask::default() };
+        let answer = self.cell.trial(&target, &ask).map_err(content)?;
+        self.journal.spend(answer.cost.force_evaluations);
+        Ok(answer)
+    }
+
+    fn report(&self, stage: &'static str, increment: u32, answer: &TrialAnswer) {
+        let stress_error = self.stress_error(&answer.stress);
+        self.journal.tell(PackingProgress {
+            attempt: 0,
+            stage,
+            increment,
+            solid_fraction: 1.0 / (1.0 + answer.scalars.void_ratio),
+            pressure: pressure(&answer.stress, self.target.dimension),
+            stress_error,
+            unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
+        });
+    }
+}
+
+pub(crate) fn rows(tensor: &Tensor2) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| tensor.get(i, j)))
+}
+
+fn difference(after: &Tensor2, before: &Tensor2) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| after.get(i, j) - before.get(i, j)))
+}
+
+pub(crate) fn content(error: RveError) -> PackingError {
+    PackingError::Content(error.to_string())
+}

@@ -1,0 +1,53 @@
+//! What a preparation tells while it runs, and what it has spent so far.
+
+use std::cell::{Cell, RefCell};
+
+/// How far a preparation has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackingProgress {
+    /// Packings made before this one in a search.
+    pub attempt: u32,
+    /// What is being done.
+    pub stage: &'static str,
+    /// Increments done in this stage.
+    pub increment: u32,
+    /// Solid volume over cell volume.
+    pub solid_fraction: f64,
+    /// Mean pressure, Pa, compression positive.
+    pub pressure: f64,
+    /// Largest deviation of a stress component from the target over the target pressure.
+    pub stress_error: f64,
+    /// Unbalanced force over mean normal force.
+    pub unbalanced_force_ratio: f64,
+}
+
+/// Shared by all beds of one preparation.
+pub(crate) struct Journal<'a> {
+    listener: RefCell<&'a mut dyn FnMut(&PackingProgress)>,
+    force_evaluations: Cell<u64>,
+    attempt: Cell<u32>,
+}
+
+impl<'a> Journal<'a> {
+    pub(crate) fn new(listener: &'a mut dyn FnMut(&PackingProgress)) -> Self {
+        Self { listener: RefCell::new(listener), force_evaluations: Cell::new(0), attempt: Cell::new(0) }
+    }
+
+    /// Another packing of a search begins.
+    pub(crate) fn next_attempt(&self) {
+        self.attempt.set(self.attempt.get() + 1);
+    }
+
+    pub(crate) fn spend(&self, force_evaluations: u64) {
+        self.force_evaluations.set(self.force_evaluations.get() + force_evaluations);
+    }
+
+    /// DEM steps spent so far.
+    pub(crate) fn spent(&self) -> u64 {
+        self.force_evaluations.get()
+    }
+
+    pub(crate) fn tell(&self, progress: PackingProgress) {
+        (self.listener.borrow_mut())(&PackingProgress { attempt: self.attempt.get(), ..progress });
+    }
+}
