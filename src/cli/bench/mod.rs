@@ -4,12 +4,16 @@
 //! writes them as CSV and SVG. Times are medians of several runs; ratios are taken within one round of alternating runs,
 //! so that a busy machine slows both sides alike.
 
+mod channel;
 mod chart;
 mod machine;
 mod repeat;
 mod report;
+mod scaling;
+mod schedule;
 mod self_test;
 mod table;
+mod workers;
 
 use super::exit::{Exit, Failure};
 use super::stdout::print;
@@ -28,11 +32,28 @@ struct Study {
 }
 
 /// All studies, in the order of `--list`.
-const STUDIES: &[Study] = &[Study {
-    name: "self-test",
-    about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
-    run: self_test::run,
-}];
+const STUDIES: &[Study] = &[
+    Study {
+        name: "self-test",
+        about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
+        run: self_test::run,
+    },
+    Study {
+        name: "channel",
+        about: "round trip and throughput against payload, cost of a call without grains, ways to wait",
+        run: channel::run,
+    },
+    Study {
+        name: "schedule",
+        about: "time of a batch of unequal jobs over the ideal: static split, in order, longest first; 2 to 4096 workers",
+        run: schedule::run,
+    },
+    Study {
+        name: "scaling",
+        about: "400 discs on 1, 2 and more workers: fixed work, work per worker, the serial part",
+        run: scaling::run,
+    },
+];
 
 /// How long a study may measure.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +78,7 @@ impl Effort {
 Measure with a release build on a quiet machine; the report says what it was.")]
 pub(crate) struct Arguments {
     /// Study to run
-    #[arg(value_name = "NAME", required_unless_present = "list")]
+    #[arg(value_name = "NAME", required_unless_present_any = ["list", "helper"])]
     name: Option<String>,
     /// List the studies
     #[arg(long)]
@@ -68,6 +89,9 @@ pub(crate) struct Arguments {
     /// Take seconds, not minutes: shows that the study works, not what things cost
     #[arg(long)]
     quick: bool,
+    /// Be the other side of a study: a role and an address
+    #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
+    helper: Option<Vec<String>>,
 }
 
 /// Runs one study, or lists them all.
@@ -75,6 +99,11 @@ pub(crate) struct Arguments {
 /// # Errors
 /// There is no such study, the folder cannot be written, or the study cannot run here.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    if let Some([role, address]) = arguments.helper.as_deref() {
+        workers::help(role, address)
+            .map_err(|error| Failure::new(Exit::WorkersLost, format!("helper: {error:#}")))?;
+        return Ok(Exit::Done);
+    }
     let Some(name) = arguments.name.as_ref().filter(|_| !arguments.list) else {
         print(list().as_bytes())?;
         return Ok(Exit::Done);

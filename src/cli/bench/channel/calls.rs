@@ -1,0 +1,68 @@
+//! What the channel adds to one RVE call: calls of RVEs without grains, beside calls of 400 discs, through the same pool
+//! to the same number of worker processes.
+
+use crate::cli::bench::Effort;
+use crate::cli::bench::repeat::{interleaved, median, ratio};
+use crate::cli::bench::report::Report;
+use crate::cli::bench::table::Table;
+use crate::cli::bench::workers::{EMPTY_SNAPSHOTS, Role, StudyPool, grain_definition, idle_definition};
+use anyhow::Context;
+use protocol::transport::shared_memory::Waiting;
+
+/// Rounds of a comparison of batches.
+const ROUNDS: usize = 7;
+
+pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    overhead(effort, report)?;
+    waits(effort, report)
+}
+
+/// P-5: calls of nothing beside calls of 400 discs, one worker.
+fn overhead(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let open = |role, definition, points| StudyPool::open(role, definition, 1, points, Waiting::Block);
+    let mut pools = Vec::new();
+    for snapshot in EMPTY_SNAPSHOTS {
+        pools.push(open(Some(Role::Idle), idle_definition(snapshot), effort.choose(512, 32))?);
+    }
+    pools.push(open(None, grain_definition()?, effort.choose(32, 2))?);
+    let calls = interleaved(effort.choose(ROUNDS, 1), pools.len(), |index| pools[index].round())?;
+    let grains = calls.last().context("grains were measured")?;
+    let names = EMPTY_SNAPSHOTS.map(|length| format!("no grains, snapshot of {length} B"));
+    let mut table = Table::new(["rve", "call_us", "share_of_grain_call_percent"]);
+    for (name, samples) in names.into_iter().chain(["400 discs, strain 1e-4, tangent".to_owned()]).zip(&calls) {
+        table.row([name.into(), median(samples).into(), (100.0 * ratio(samples, grains)).into()]);
+    }
+    report.table(
+        "calls",
+        "One RVE call, worker process and pool together, one worker, two calls under way",
+        &table,
+    )?;
+    let figures = pools.last().context("grains were measured")?.statistics();
+    let total = figures.rve_s + figures.tangent_s + figures.transport_s + figures.idle_s;
+    report.note(&format!(
+        "of the time of the worker that solved grains: {:.2} % transport (restoring, writing, checking and moving \
+         messages, macro's share included), {:.2} % waiting",
+        100.0 * figures.transport_s / total,
+        100.0 * figures.idle_s / total
+    ))?;
+    Ok(())
+}
+
+/// Whether another way to wait makes a batch of grains faster, with as many workers as cores.
+fn waits(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    let workers = cores.min(effort.choose(16, 1));
+    let points = effort.choose(16, 2) * workers;
+    // A spinning pool takes cores even while it idles, so each is opened for its own sample only.
+    let calls = interleaved(effort.choose(ROUNDS, 1), Waiting::ALL.len(), |index| -> anyhow::Result<f64> {
+        let mut pool = StudyPool::open(None, grain_definition()?, workers, points, Waiting::ALL[index])?;
+        pool.round()
+    })?;
+    let mut table = Table::new(["waiting", "workers", "call_us", "to_block"]);
+    for (waiting, samples) in Waiting::ALL.into_iter().zip(&calls) {
+        let to_block = ratio(samples, &calls[0]);
+        table.row([waiting.keyword().into(), workers.into(), median(samples).into(), to_block.into()]);
+    }
+    report.table("waits", "Ways to wait, 400 discs, as many workers as cores; wall time per call", &table)?;
+    Ok(())
+}
