@@ -61,7 +61,7 @@ fn stresses(pool: &mut SharedPool) -> Vec<[u64; 9]> {
 fn a_stopped_worker_is_ended_and_its_jobs_are_done_by_others() {
     let site = Site::new();
     let second = Duration::from_secs(1);
-    let hang = HangPolicy { floor: second, factor: 1.0, unknown: second };
+    let hang = HangPolicy { floor: second, factor: 1.0, unknown: second, stopped: second };
     let (mut pool, workers) = open(&site, "stop", 2, "accuracy = \"draft\"", Box::new(JoiningWorkers), hang);
     signal(workers[0].pid(), Signal::STOP);
     let disturbed = stresses(&mut pool);
@@ -87,7 +87,7 @@ impl WorkerSupply for NoReplacement {
 
     fn refused(&mut self, _pid: u32, _reason: &str) {}
 
-    fn lost(&mut self, _pid: u32) {
+    fn lost(&mut self, _pid: u32, _had_answered: bool) {
         self.lost = true;
     }
 

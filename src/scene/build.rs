@@ -10,6 +10,8 @@ use super::schema::{
     PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable, TractionTable,
 };
 use super::sets::Sets;
+use super::supervision::{PoolKeys, checkpoint_policy};
+use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::formulation::Formulation;
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
@@ -40,6 +42,10 @@ pub(crate) struct Scene {
     pub(crate) grains: Vec<usize>,
     /// Columns of the plot, x and y; `None` = no plot.
     pub(crate) plot: Option<(String, String)>,
+    /// When the state of the run is written.
+    pub(crate) checkpoint: CheckpointPolicy,
+    /// How the workers are led.
+    pub(crate) pool: PoolKeys,
 }
 
 impl Scene {
@@ -92,7 +98,9 @@ impl Scene {
             gauss_points: file.output.gauss_points,
             observables,
         };
-        Ok(Self { name, document, problem, definition, packing_path, record, grains, plot })
+        let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
+        let pool = PoolKeys::read(&document, &file.pool)?;
+        Ok(Self { name, document, problem, definition, packing_path, record, grains, plot, checkpoint, pool })
     }
 }
 

@@ -1,13 +1,16 @@
 //! The scene file: from TOML text to a problem, a definition of the grains, and what to write.
 
 mod build;
+mod changes;
 mod document;
 mod input_error;
 mod mesh;
 mod probes;
 mod schema;
 mod sets;
+mod supervision;
 
 pub(crate) use build::{Scene, read_packing};
+pub(crate) use changes::changes;
 pub(crate) use document::Document;
 pub(crate) use input_error::InputError;

@@ -33,6 +33,32 @@ pub(crate) struct SceneFile {
     pub(crate) output: OutputTable,
     #[serde(default)]
     pub(crate) probe: Vec<Spanned<ProbeTable>>,
+    #[serde(default)]
+    pub(crate) checkpoint: CheckpointTable,
+    #[serde(default)]
+    pub(crate) pool: PoolTable,
+}
+
+/// `[checkpoint]`: when the state of a run is written. Changes no result.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct CheckpointTable {
+    pub(crate) enabled: Option<bool>,
+    pub(crate) steps: Option<Spanned<u64>>,
+    pub(crate) seconds: Option<Spanned<f64>>,
+}
+
+/// `[pool]`: how the workers are led. Changes no result.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct PoolTable {
+    pub(crate) hang_floor: Option<Spanned<f64>>,
+    pub(crate) hang_factor: Option<Spanned<f64>>,
+    pub(crate) hang_unknown: Option<Spanned<f64>>,
+    pub(crate) stopped_limit: Option<Spanned<f64>>,
+    pub(crate) patience: Option<Spanned<f64>>,
+    pub(crate) restarts: Option<Spanned<u32>>,
+    pub(crate) quarantine_after: Option<Spanned<u32>>,
 }
 
 /// `[mesh]`.

@@ -104,7 +104,7 @@ impl WorkerProcesses {
     }
 
     /// Takes leave of a worker that has ended and arranges for its replacement.
-    fn bury(&mut self, place: usize, status: Option<ExitStatus>) {
+    fn bury(&mut self, place: usize, status: Option<ExitStatus>, had_answered: bool) {
         let ended = self.children.remove(place);
         let (pid, words) = (ended.child.id(), ended.words.text());
         let how = status.map_or_else(|| "ended".to_owned(), |status| status.to_string());
@@ -112,7 +112,7 @@ impl WorkerProcesses {
         tracing::info!(pid, text, "worker process ended");
         self.last_end = Some(format!("worker process {pid} {text}"));
         if self.refusal.is_none()
-            && let Some(pause) = self.back_off.ended(ended.joined)
+            && let Some(pause) = self.back_off.ended(had_answered)
         {
             self.due.push(Instant::now() + pause);
         }
@@ -121,7 +121,7 @@ impl WorkerProcesses {
     fn reap(&mut self) {
         for place in (0..self.children.len()).rev() {
             if let Ok(Some(status)) = self.children[place].child.try_wait() {
-                self.bury(place, Some(status));
+                self.bury(place, Some(status), false);
             }
         }
     }
@@ -180,13 +180,13 @@ impl WorkerSupply for WorkerProcesses {
         }
     }
 
-    fn lost(&mut self, pid: u32) {
+    fn lost(&mut self, pid: u32, had_answered: bool) {
         let Some(place) = self.place_of(pid) else { return };
         // Its channel is gone: whatever is left of the process must not linger.
         let one = &mut self.children[place];
         let _ = one.child.kill();
         let status = one.child.wait().ok();
-        self.bury(place, status);
+        self.bury(place, status, had_answered);
     }
 
     fn tend(&mut self) -> Outlook {

@@ -20,7 +20,7 @@ pub use history::{HistoryRow, HistoryWriter};
 pub use particles::write_particles;
 pub use probe::{Probe, Quantity};
 pub use recorder::{RecordPlan, Recorder};
-pub use summary::{RunStatus, Summary, TimeShares};
+pub use summary::{CheckpointSummary, RunStatus, Summary, TimeShares};
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -42,6 +42,23 @@ pub struct TimeShares {
     pub idle_s: f64,
 }
 
+/// What checkpoints have cost, over all processes of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CheckpointSummary {
+    /// Checkpoints written.
+    pub written: u64,
+    /// Checkpoints that could not be written.
+    pub failed: u64,
+    /// Size of the last one, bytes.
+    pub bytes: u64,
+    /// Time spent collecting and writing, s.
+    pub seconds: f64,
+    /// That time over the wall time.
+    pub share_of_wall: f64,
+    /// Times that the run was continued.
+    pub resumed: u64,
+}
+
 /// Content of `summary.json`; the keys are a contract with scripts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -71,6 +88,9 @@ pub struct Summary {
     pub skipped: BTreeMap<String, u64>,
     /// Where the time went.
     pub time: TimeShares,
+    /// What checkpoints have cost.
+    #[serde(default)]
+    pub checkpoint: CheckpointSummary,
     /// Energies at the end, J, by name.
     pub energy: BTreeMap<String, f64>,
     /// Versions of everything that can change a bit.
@@ -110,6 +130,7 @@ mod tests {
             fallbacks: BTreeMap::new(),
             skipped: BTreeMap::new(),
             time: TimeShares::default(),
+            checkpoint: CheckpointSummary::default(),
             energy: BTreeMap::new(),
             versions: BTreeMap::new(),
         };

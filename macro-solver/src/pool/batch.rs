@@ -32,8 +32,8 @@ pub(super) struct Job {
     pub(super) state: PointState,
     /// Expected force evaluations.
     pub(super) expected: u64,
-    /// Workers it has ended.
-    pub(super) blames: u32,
+    /// How the workers ended that were working on it.
+    pub(super) ends: Vec<String>,
     /// Whether the next issue carries the snapshot whatever the mirror says.
     pub(super) must_carry: bool,
     /// Whether the latest issue carried the snapshot.
@@ -42,6 +42,13 @@ pub(super) struct Job {
     pub(super) definition_misses: u32,
     /// Set once; stays empty for a job that became pointless while it waited.
     pub(super) outcome: Option<Outcome>,
+}
+
+impl Job {
+    /// Workers it has ended.
+    pub(super) fn blames(&self) -> u32 {
+        u32::try_from(self.ends.len()).unwrap_or(u32::MAX)
+    }
 }
 
 /// All jobs of one evaluation.
@@ -160,7 +167,7 @@ impl Batch {
             expected: job.expected,
             definition: job.definition,
             group: job.group,
-            suspect: job.blames > 0,
+            suspect: !job.ends.is_empty(),
         }
     }
 }
@@ -185,7 +192,7 @@ fn job(trial: &PointTrial, table: &PointTable, number: u64) -> Job {
         group: table.groups[record.definition],
         state: record.committed.clone(),
         expected: record.forecast.expect(trial),
-        blames: 0,
+        ends: Vec::new(),
         must_carry: false,
         carried: false,
         definition_misses: 0,

@@ -11,6 +11,8 @@ use super::points::{PointState, PointTable};
 use super::roster::{Roster, Slice, Standing, Worker};
 use super::settings::PoolSettings;
 use super::statistics::{PoolStatistics, WorkerStatistics};
+use super::vitals::Observation;
+use crate::checkpoint::Reproducer;
 use crate::material::MaterialError;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, MacroEvent, WorkerId};
@@ -34,8 +36,8 @@ pub(super) enum Action {
     Joined(u32),
     /// Tell the supply that this process was refused.
     Refused(u32, String),
-    /// Tell the supply that this process is gone.
-    Gone(u32),
+    /// Tell the supply that this process is gone, and whether it had answered anything.
+    Gone(u32, bool),
     /// Tell the supply that this process has left in good order.
     Left(u32),
 }
@@ -58,6 +60,8 @@ pub(super) struct Desk {
     pub(super) actions: Vec<Action>,
     /// Set when the run cannot go on.
     pub(super) fatal: Option<MaterialError>,
+    /// The question that has ended too many workers.
+    pub(super) quarantined: Option<Reproducer>,
     /// Why the last worker was refused or lost, for the message when none is left.
     pub(super) last_trouble: Option<String>,
     paces: Vec<Pace>,
@@ -75,6 +79,7 @@ impl Desk {
             statistics: PoolStatistics::default(),
             actions: Vec::new(),
             fatal: None,
+            quarantined: None,
             last_trouble: None,
             paces,
         }
@@ -115,6 +120,7 @@ impl Desk {
                     definitions: BTreeSet::new(),
                     slices: VecDeque::new(),
                     head_since: now,
+                    seen: Observation::default(),
                     tally: self.statistics.workers.len(),
                 };
                 self.roster.workers.insert(worker, known);
@@ -249,12 +255,13 @@ impl Desk {
     fn hear_loss(&mut self, worker: WorkerId, reason: &str) {
         let Some(known) = self.roster.workers.get(&worker) else { return };
         let (pid, standing) = (known.pid, known.standing);
+        let had_answered = self.statistics.workers.get(known.tally).is_some_and(|figures| figures.jobs > 0);
         if standing != Standing::Refused {
             tracing::warn!(worker = worker.0, pid, reason, "worker lost");
             self.statistics.workers_lost += u64::from(standing != Standing::Leaving);
             self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
             let left = standing == Standing::Leaving;
-            self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid) });
+            self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid, had_answered) });
         }
         if standing == Standing::Active {
             self.blame_head(worker, reason);
@@ -277,14 +284,28 @@ impl Desk {
     fn blame(&mut self, index: usize, reason: &str) {
         let limit = self.settings.blames_until_quarantine;
         let job = &mut self.batch.jobs[index];
-        job.blames += 1;
-        if job.blames >= limit {
+        job.ends.push(reason.to_owned());
+        if job.blames() >= limit && self.fatal.is_none() {
             let text = format!(
-                "Gauss point {} has ended {limit} workers with the same question (last: {reason}); displacement \
-                 gradient {:?} from state {}; the run stops before it ends more",
-                job.trial.point, job.trial.target.0, job.wire.state
+                "Gauss point {} has ended {} workers with the same question (last: {reason}); displacement gradient \
+                 {:?} from state {}; the run stops before it ends more",
+                job.trial.point,
+                job.blames(),
+                job.trial.target.0,
+                job.wire.state
             );
-            self.fatal.get_or_insert(MaterialError::WorkersLost(text));
+            self.quarantined = Some(Reproducer {
+                program: format!("grainspan {}", env!("CARGO_PKG_VERSION")),
+                point: job.wire.point,
+                ends: job.ends.clone(),
+                definition: self.points.definitions[job.definition].1.clone(),
+                state: job.state.bytes.to_vec(),
+                target: job.trial.target,
+                tangent: job.trial.ask.tangent,
+                ramp_steps: job.trial.ask.ramp_steps,
+                observables: job.trial.ask.observables,
+            });
+            self.fatal = Some(MaterialError::WorkersLost(text));
         }
     }
 
@@ -317,12 +338,12 @@ impl Desk {
         }
     }
 
-    /// Ends the workers that have been silent for too long.
+    /// Ends the workers that have been silent or stopped for too long.
     pub(super) fn end_hung(&mut self, now: Instant) {
-        for worker in self.roster.hung(now) {
-            tracing::error!(worker = worker.0, "worker does not answer and is ended");
+        for (worker, reason) in self.roster.hung(now, &self.settings.hang) {
+            tracing::error!(worker = worker.0, reason, "worker is ended");
             self.statistics.workers_hung += 1;
-            self.blame_head(worker, "no answer within the time allowed");
+            self.blame_head(worker, &reason);
             self.condemn(worker);
         }
     }
@@ -375,10 +396,11 @@ impl Desk {
             shipment.jobs.push((TrialJob { state_length: bytes.len() as u64, ..job.wire }, bytes));
             slice.jobs.push(job.wire.job);
             slice.allowance +=
-                self.settings.hang.allowance(self.paces[job.definition].duration(job.expected), job.blames);
+                self.settings.hang.allowance(self.paces[job.definition].duration(job.expected), job.blames());
         }
         if known.slices.is_empty() {
             known.head_since = now;
+            known.seen.begin_anew();
         }
         known.slices.push_back(slice);
         shipment

@@ -17,20 +17,23 @@ mod forecast;
 mod interrupt;
 mod points;
 mod queue;
+mod report;
 mod roster;
 mod settings;
 mod statistics;
 mod supply;
 #[cfg(test)]
 mod tests;
+mod vitals;
 
 pub use interrupt::Interrupt;
 pub use points::PointState;
+pub use report::{Reporter, WorkerReport};
 pub use settings::{HangPolicy, PoolSettings};
 pub use statistics::{PoolStatistics, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 
-use crate::checkpoint::{Archive, CheckpointError};
+use crate::checkpoint::{Archive, CheckpointError, Reproducer};
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use batch::{Batch, Outcome};
 use desk::{Action, Desk};
@@ -40,6 +43,13 @@ use protocol::transport::{LoadedJob, MacroPort, TransportError, Waker};
 use protocol::{Definition, DefinitionId, TrialAnswer};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use vitals::Vitals;
+
+/// Time between two looks at the processes of busy workers.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// The same while a worker is stopped, so that its end comes in time.
+const LOOK_CLOSELY: Duration = Duration::from_millis(50);
 
 /// Longest time between two looks at supply and deadlines.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
@@ -54,6 +64,10 @@ pub struct Pool<P: MacroPort> {
     /// Since when a wait goes on without any worker; nobody waits between evaluations, so that time does not count.
     deserted_since: Option<Instant>,
     clock: Instant,
+    /// When the busy workers were last looked at, and whether one of them was stopped.
+    looked: Instant,
+    any_stopped: bool,
+    reporter: Option<Reporter>,
     interrupt: Interrupt,
     closed: bool,
     // Dropped in this order: processes end before the channels they use are removed.
@@ -77,7 +91,19 @@ impl<P: MacroPort> Pool<P> {
         let groups = settings.groups(definitions.len());
         let desk = Desk::new(settings, PointTable::new(definitions, groups, made_of));
         let now = Instant::now();
-        Self { desk, next_job: 0, deserted_since: Some(now), clock: now, interrupt, closed: false, supply, port }
+        Self {
+            desk,
+            next_job: 0,
+            deserted_since: Some(now),
+            clock: now,
+            looked: now,
+            any_stopped: false,
+            reporter: None,
+            interrupt,
+            closed: false,
+            supply,
+            port,
+        }
     }
 
     /// A handle that interrupts waiting; raise the [`Interrupt`] first.
@@ -194,12 +220,37 @@ impl<P: MacroPort> Pool<P> {
         });
         heard.map_err(channel)?;
         self.desk.statistics.transport_s += handling.as_secs_f64();
+        self.look_at_workers();
         self.desk.end_hung(Instant::now());
         self.act();
         match self.desk.fatal.take() {
             Some(fatal) => Err(fatal),
             None => Ok(()),
         }
+    }
+
+    /// Now and then: what the kernel says about busy workers, and the report to whoever asked for one.
+    fn look_at_workers(&mut self) {
+        let now = Instant::now();
+        let pause = if self.any_stopped { LOOK_CLOSELY } else { LOOK };
+        if now.duration_since(self.looked) < pause {
+            return;
+        }
+        self.looked = now;
+        self.any_stopped = self.desk.roster.look(now, Vitals::of);
+        if let Some(reporter) = &mut self.reporter {
+            reporter(&report::of(&self.desk, now));
+        }
+    }
+
+    /// Lets `reporter` know about once a second, while the pool waits for answers, what every worker does.
+    pub fn report_to(&mut self, reporter: impl FnMut(&[WorkerReport]) + 'static) {
+        self.reporter = Some(Box::new(reporter));
+    }
+
+    /// The question that has ended too many workers, complete in itself.
+    pub fn quarantined(&self) -> Option<&Reproducer> {
+        self.desk.quarantined.as_ref()
     }
 
     fn dispatch(&mut self) -> Result<(), MaterialError> {
@@ -234,7 +285,7 @@ impl<P: MacroPort> Pool<P> {
                 Action::Kill(worker) => self.port.kill(worker),
                 Action::Joined(pid) => self.supply.joined(pid),
                 Action::Refused(pid, reason) => self.supply.refused(pid, &reason),
-                Action::Gone(pid) => self.supply.lost(pid),
+                Action::Gone(pid, had_answered) => self.supply.lost(pid, had_answered),
                 Action::Left(pid) => self.supply.left(pid),
             }
         }
@@ -263,6 +314,9 @@ impl<P: MacroPort> Pool<P> {
                 return Err(MaterialError::WorkersLost(text));
             }
             wait = wait.min(left);
+        }
+        if self.any_stopped {
+            wait = wait.min(LOOK_CLOSELY);
         }
         if let Outlook::Expected { check_again } = outlook {
             wait = wait.min(check_again);

@@ -1,7 +1,8 @@
 //! The workers of a run as the macro sees them.
 
 use super::cache::CacheMirror;
-use super::settings::PoolSettings;
+use super::settings::{HangPolicy, PoolSettings};
+use super::vitals::{Observation, Vitals};
 use protocol::transport::WorkerId;
 use protocol::{Capabilities, PROTOCOL_VERSION};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -44,6 +45,8 @@ pub(super) struct Worker {
     pub(super) slices: VecDeque<Slice>,
     /// When it began the first slice.
     pub(super) head_since: Instant,
+    /// What the kernel says about it while it has work.
+    pub(super) seen: Observation,
     /// Index of its figures in the statistics.
     pub(super) tally: usize,
 }
@@ -60,6 +63,7 @@ impl Worker {
             }
             // Any sign of work restarts the clock of the rest.
             self.head_since = now;
+            self.seen.begin_anew();
             return true;
         }
         false
@@ -70,10 +74,22 @@ impl Worker {
         self.slices.iter().flat_map(|slice| slice.jobs.iter().copied()).collect()
     }
 
-    /// When it counts as hung; `None` while it has nothing to do.
+    /// When it counts as hung; `None` while it has nothing to do. Time in which it got no processor does not count.
     pub(super) fn deadline(&self) -> Option<Instant> {
         let head = self.slices.front()?;
-        (self.standing == Standing::Active).then(|| self.head_since + head.allowance)
+        (self.standing == Standing::Active).then(|| self.head_since + head.allowance + self.seen.starved)
+    }
+
+    /// Why it is to be ended, if it is.
+    fn stuck(&self, now: Instant, hang: &HangPolicy) -> Option<String> {
+        let deadline = self.deadline()?;
+        if let Some(stopped) = self.seen.stopped(now).filter(|stopped| *stopped >= hang.stopped) {
+            return Some(format!("stopped for {:.1} s", stopped.as_secs_f64()));
+        }
+        (deadline <= now).then(|| {
+            let passed = now.saturating_duration_since(self.head_since).as_secs_f64();
+            format!("no answer for {passed:.1} s, longer than the job may take")
+        })
     }
 }
 
@@ -118,13 +134,22 @@ impl Roster {
         self.workers.values().filter_map(Worker::deadline).min()
     }
 
-    /// Workers that have been silent for too long.
-    pub(super) fn hung(&self, now: Instant) -> Vec<WorkerId> {
-        self.workers
-            .iter()
-            .filter(|(_, worker)| worker.deadline().is_some_and(|deadline| deadline <= now))
-            .map(|(id, _)| *id)
-            .collect()
+    /// Looks at the processes of the workers that have work; returns whether any of them is stopped.
+    pub(super) fn look(&mut self, now: Instant, vitals: impl Fn(u32) -> Option<Vitals>) -> bool {
+        let mut any_stopped = false;
+        let busy = |worker: &&mut Worker| worker.standing == Standing::Active && !worker.slices.is_empty();
+        for worker in self.workers.values_mut().filter(busy) {
+            if let Some(vitals) = vitals(worker.pid) {
+                worker.seen.take(&vitals, worker.head_since, now);
+                any_stopped |= vitals.stopped;
+            }
+        }
+        any_stopped
+    }
+
+    /// Workers that have been silent or stopped for too long, each with the reason.
+    pub(super) fn hung(&self, now: Instant, hang: &HangPolicy) -> Vec<(WorkerId, String)> {
+        self.workers.iter().filter_map(|(id, worker)| Some((*id, worker.stuck(now, hang)?))).collect()
     }
 
     /// Checks a hello and returns the worker's group.

@@ -14,11 +14,13 @@ pub struct HangPolicy {
     pub factor: f64,
     /// Allowance while nothing is known of the pace of an RVE definition.
     pub unknown: Duration,
+    /// How long a worker with work may be stopped (SIGSTOP, a debugger) before it is ended.
+    pub stopped: Duration,
 }
 
 impl Default for HangPolicy {
     fn default() -> Self {
-        Self { floor: Duration::from_secs(60), factor: 30.0, unknown: Duration::from_secs(600) }
+        Self { floor: Duration::from_secs(60), factor: 30.0, unknown: Duration::from_secs(600), stopped: Duration::from_secs(5) }
     }
 }
 

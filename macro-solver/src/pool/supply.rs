@@ -22,8 +22,8 @@ pub trait WorkerSupply {
     /// The worker with this process id was refused; another of its kind would be refused as well.
     fn refused(&mut self, pid: u32, reason: &str);
 
-    /// The worker with this process id is gone and should be replaced.
-    fn lost(&mut self, pid: u32);
+    /// The worker with this process id is gone and should be replaced; `had_answered` tells whether it was of any use.
+    fn lost(&mut self, pid: u32, had_answered: bool);
 
     /// The worker with this process id has said goodbye and closed its channel: its process is about to end by itself
     /// and should be replaced. Nothing went wrong, so the replacement does not count against any limit.
@@ -50,7 +50,7 @@ impl WorkerSupply for JoiningWorkers {
 
     fn refused(&mut self, _pid: u32, _reason: &str) {}
 
-    fn lost(&mut self, _pid: u32) {}
+    fn lost(&mut self, _pid: u32, _had_answered: bool) {}
 
     fn tend(&mut self) -> Outlook {
         Outlook::Expected { check_again: Duration::from_secs(1) }

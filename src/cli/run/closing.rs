@@ -1,7 +1,8 @@
 //! The end of a run: `summary.json`, and the same for people.
 
 use macro_solver::observer::{Outcome, Run, Statistics};
-use macro_solver::output::{RunStatus, Summary, TimeShares};
+use macro_solver::checkpoint::CheckpointFigures;
+use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
@@ -20,6 +21,10 @@ pub(super) struct Circumstances {
     pub(super) energy: BTreeMap<String, f64>,
     /// Content identity of the grains' definition.
     pub(super) definition: String,
+    /// What checkpoints have cost.
+    pub(super) checkpoints: CheckpointFigures,
+    /// Whether a part of the run was made by another build of this program.
+    pub(super) other_build: bool,
 }
 
 /// Puts the figures of solver and pool together.
@@ -37,7 +42,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,
         cutbacks: statistics.cut_backs,
-        fallbacks: fallbacks(statistics, pool),
+        fallbacks: fallbacks(statistics, pool, &about),
         skipped: named([
             ("unchanged_targets", statistics.skipped),
             ("equal_questions", pool.duplicates_skipped),
@@ -52,6 +57,14 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
             linear_solver_s: seconds(statistics.linear_solver_nanoseconds),
             // A worker waits while an evaluation is under way, and all of them while the macro does anything else.
             idle_s: pool.idle_s + (about.wall_s - pool.wall_s).max(0.0) * about.workers as f64,
+        },
+        checkpoint: CheckpointSummary {
+            written: about.checkpoints.written,
+            failed: about.checkpoints.failed,
+            bytes: about.checkpoints.bytes,
+            seconds: about.checkpoints.seconds,
+            share_of_wall: about.checkpoints.seconds / about.wall_s.max(f64::MIN_POSITIVE),
+            resumed: about.checkpoints.resumed,
         },
         energy: about.energy,
         versions: BTreeMap::from([
@@ -74,7 +87,7 @@ fn status(outcome: &Outcome) -> RunStatus {
     }
 }
 
-fn fallbacks(statistics: &Statistics, pool: &PoolStatistics) -> BTreeMap<String, u64> {
+fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstances) -> BTreeMap<String, u64> {
     let flags = &statistics.flags;
     named([
         ("not_equilibrated", flags.not_equilibrated),
@@ -89,6 +102,8 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics) -> BTreeMap<String,
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),
         ("messages_refused", pool.refused_messages),
+        ("checkpoints_failed", about.checkpoints.failed),
+        ("continued_by_another_build", u64::from(about.other_build)),
     ])
 }
 
@@ -122,6 +137,7 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         "macro time",
         format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
     );
+    line("checkpoints", checkpoints(&summary.checkpoint));
     line("fell short", shortfalls(summary));
     let saved: Vec<String> = nonzero(&summary.skipped);
     line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });
@@ -140,6 +156,19 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
         Outcome::Interrupted => format!("interrupted: {figures}"),
         Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
         Outcome::Stopped(_) | Outcome::Refused(_) => format!("stopped: {figures}"),
+    }
+}
+
+fn checkpoints(figures: &CheckpointSummary) -> String {
+    let share = 100.0 * figures.share_of_wall;
+    let size = figures.bytes as f64 / 1e6;
+    let resumed = match figures.resumed {
+        0 => String::new(),
+        count => format!(", continued {count} times"),
+    };
+    match figures.written {
+        0 => format!("none written, {:.3} s ({share:.2} %){resumed}", figures.seconds),
+        count => format!("{count} of {size:.2} MB, {:.3} s ({share:.2} %){resumed}", figures.seconds),
     }
 }
 

@@ -8,9 +8,11 @@ use super::journal::Journal;
 use super::observers::Chain;
 use super::plot;
 use super::progress::Progress;
+use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::implicit::solve;
+use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
+use macro_solver::implicit::solve_kept;
 use macro_solver::observer::{Observer, Outcome};
 use macro_solver::output::{Recorder, write_atomically};
 use macro_solver::pool::Pool;
@@ -25,6 +27,10 @@ pub(super) struct Manner<'a> {
     pub(super) begun: Instant,
     /// Whether to say nothing but errors.
     pub(super) quiet: bool,
+    /// What checkpoints say about the run.
+    pub(super) note: &'a RunNote,
+    /// Where to continue; `None`: from the start.
+    pub(super) continued: Option<Continued>,
     /// Listens beside the recorders.
     pub(super) beside: &'a mut dyn Observer,
 }
@@ -50,8 +56,23 @@ pub(super) fn drive<P: MacroPort>(
     // The recorders come first: what a person has been told is on the disk.
     let mut observers =
         Chain(vec![&mut recorder, &mut grains, &mut ledger, &mut journal, manner.beside, &mut progress]);
-    let run = solve(&scene.problem, &mut tap, &mut observers);
-    let wall_s = manner.begun.elapsed().as_secs_f64();
+    let (begun, note) = (manner.begun, manner.note);
+    let other_build = manner.continued.as_ref().is_some_and(|continued| continued.other_build);
+    let wall_before = manner.continued.as_ref().map_or(0.0, |continued| continued.note.wall_s);
+    let wall_s = || wall_before + begun.elapsed().as_secs_f64();
+    let file = CheckpointFile::in_folder(folder.path());
+    let about = |archive: &mut Archive, mark, figures: &CheckpointFigures| note.put(archive, mark, wall_s(), figures);
+    let (earlier, figures) = manner.continued.map_or((None, CheckpointFigures::default()), |continued| {
+        let figures = continued.note.figures;
+        (Some(continued.archive), CheckpointFigures { resumed: figures.resumed + 1, ..figures })
+    });
+    let mut keeper = PeriodicKeeper::new(file.clone(), scene.checkpoint, earlier, figures, about);
+    let run = solve_kept(&scene.problem, &mut tap, &mut observers, &mut keeper);
+    if !matches!(run.outcome, Outcome::Completed) {
+        keeper.flush();
+    }
+    let figures = keeper.figures().clone();
+    let wall_s = wall_s();
     let statistics = pool.statistics();
     pool.close();
     let about = Circumstances {
@@ -59,7 +80,9 @@ pub(super) fn drive<P: MacroPort>(
         workers: manner.workers,
         wall_s,
         energy: ledger.entries(),
-        definition: scene.definition.to_protocol().id().to_string(),
+        definition: note.definition.clone(),
+        checkpoints: figures,
+        other_build,
     };
     let summary = summary(&run, &statistics, about);
     // What went wrong with the run itself matters more than a summary that found no room any more.
@@ -70,7 +93,12 @@ pub(super) fn drive<P: MacroPort>(
         eprint!("{}", text(&summary, &run.outcome, run.statistics.cost.force_evaluations, &place));
     }
     match run.outcome {
-        Outcome::Completed => written.map(|()| Exit::Done),
+        Outcome::Completed => {
+            written?;
+            // Only now: a run that is killed before its summary is complete can still be continued.
+            file.remove().map_err(|error| Failure::new(Exit::BadInput, error))?;
+            Ok(Exit::Done)
+        }
         Outcome::DidNotConverge { reason } => Err(Failure::new(
             Exit::NotConverged,
             format!(
@@ -81,7 +109,11 @@ pub(super) fn drive<P: MacroPort>(
         )),
         Outcome::Interrupted => Err(Failure::new(
             Exit::Interrupted,
-            format!("interrupted at load {:.4}; everything up to the last accepted step is written", run.load),
+            format!(
+                "interrupted at load {:.4}; everything up to the last accepted step is written{}",
+                run.load,
+                if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
+            ),
         )),
         Outcome::WorkersLost { reason } => Err(Failure::new(Exit::WorkersLost, reason)),
         Outcome::Stopped(request) => Err(Failure::new(Exit::BadInput, request)),

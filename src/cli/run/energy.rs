@@ -1,10 +1,12 @@
 //! The energy ledger of a run: what was put in, stored and lost, J, in the plane per metre of thickness.
 
+use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::observer::{FieldsView, Observer, PointFields, StepReport, StopRequest};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Adds up external work by the trapezium rule and remembers stored and dissipated energy of the body.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct EnergyLedger {
     external_work: f64,
     last: Option<Last>,
@@ -13,7 +15,7 @@ pub(super) struct EnergyLedger {
     dissipation: f64,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Last {
     displacements: Vec<[f64; 3]>,
     forces: Vec<[f64; 3]>,
@@ -32,7 +34,21 @@ impl EnergyLedger {
     }
 }
 
+const SECTION: &str = "energy";
+
+/// Counts changes of [`EnergyLedger`].
+const VERSION: u32 = 1;
+
 impl Observer for EnergyLedger {
+    fn save(&self, archive: &mut Archive) {
+        archive.put(SECTION, VERSION, self);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        *self = archive.get(SECTION, VERSION)?;
+        Ok(())
+    }
+
     fn accepted(&mut self, _report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
         let total = |density: fn(&PointFields) -> f64| -> f64 {
             view.points.iter().map(|point| point.volume * density(point)).sum()

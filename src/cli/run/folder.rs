@@ -3,19 +3,24 @@
 use crate::cli::exit::Failure;
 use crate::scene::InputError;
 use macro_solver::output::{OutputError, write_atomically};
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Everything that a run writes; these names are replaced in a folder of an earlier run.
-const FILES: [&str; 8] = [
+/// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
+/// half emptied when the system fails must not look complete.
+const FILES: [&str; 12] = [
+    "summary.json",
+    "scene.toml",
+    "checkpoint.bin",
+    "checkpoint.previous.bin",
+    ".checkpoint.partial",
+    "quarantine.replay",
     "history.csv",
     "history.svg",
     "fields.pvd",
     "gauss_points.pvd",
-    "summary.json",
     "run.jsonl",
-    "scene.toml",
     "packing.json",
 ];
 
@@ -26,6 +31,8 @@ const FOLDERS: [&str; 2] = ["fields", "grains"];
 #[derive(Debug)]
 pub(super) struct OutputFolder {
     path: PathBuf,
+    /// Held as long as the run writes: two processes that continue one run would spoil it.
+    _lock: File,
 }
 
 impl OutputFolder {
@@ -37,7 +44,8 @@ impl OutputFolder {
     pub(super) fn prepare(path: &Path, scene: &str, packing: &str) -> Result<Self, Failure> {
         refuse_foreign(path)?;
         let is_new = !path.exists();
-        let folder = Self { path: path.to_owned() };
+        fs::create_dir_all(path).map_err(|source| OutputError::write(path, source))?;
+        let folder = Self { path: path.to_owned(), _lock: lock(path)? };
         let filled = folder.fill(scene, packing);
         if filled.is_err() && is_new {
             // The error that is reported is the one that matters; what cannot be removed was never made.
@@ -47,13 +55,25 @@ impl OutputFolder {
         Ok(folder)
     }
 
+    /// Takes the folder of a run that is continued as it is, without the traces of a write that was cut short.
+    ///
+    /// # Errors
+    /// Another process writes to it, or the system refuses.
+    pub(super) fn reopen(path: &Path) -> Result<Self, Failure> {
+        let folder = Self { path: path.to_owned(), _lock: lock(path)? };
+        remove_drafts(path)?;
+        for name in FOLDERS {
+            remove_drafts(&path.join(name))?;
+        }
+        Ok(folder)
+    }
+
     /// Where it lies.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
     fn fill(&self, scene: &str, packing: &str) -> Result<(), OutputError> {
-        fs::create_dir_all(&self.path).map_err(|source| OutputError::write(&self.path, source))?;
         for name in FILES {
             let file = self.path.join(name);
             absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
@@ -62,9 +82,40 @@ impl OutputFolder {
             let below = self.path.join(name);
             absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
         }
+        remove_drafts(&self.path)?;
         write_atomically(&self.path.join("packing.json"), packing.as_bytes())?;
         write_atomically(&self.path.join("scene.toml"), scene.as_bytes())
     }
+}
+
+/// The system releases the lock when the process ends, however it ends.
+fn lock(path: &Path) -> Result<File, Failure> {
+    let folder = File::open(path).map_err(|source| OutputError::write(path, source))?;
+    match folder.try_lock() {
+        // A file system without locks has no better to offer.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(folder),
+        Err(TryLockError::WouldBlock) => {
+            let problem = "another run writes to this folder now";
+            Err(InputError::at(format!("--out {}", path.display()), problem)
+                .hint("wait for its end, stop it (`grainspan status` shows its process), or name another folder")
+                .into())
+        }
+    }
+}
+
+/// Removes what a process left that ended while it wrote a file.
+fn remove_drafts(folder: &Path) -> Result<(), OutputError> {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if is_draft(&entry.file_name().to_string_lossy()) {
+            absent(fs::remove_file(entry.path())).map_err(|source| OutputError::write(&entry.path(), source))?;
+        }
+    }
+    Ok(())
+}
+
+/// Names that files have while they are written, see [`write_atomically`].
+fn is_draft(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".partial")
 }
 
 /// What is not there need not be removed.
@@ -83,7 +134,7 @@ fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
     for entry in entries.flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        if !FILES.contains(&name.as_str()) && !FOLDERS.contains(&name.as_str()) {
+        if !FILES.contains(&name.as_str()) && !FOLDERS.contains(&name.as_str()) && !is_draft(&name) {
             return Err(unusable(format!("the folder holds '{name}', which no run has written"))
                 .hint("name an empty or new folder; an earlier run's files would be replaced, others never are"));
         }
@@ -103,7 +154,13 @@ mod tests {
         fs::write(path.join("history.csv"), "old").unwrap();
         fs::create_dir(path.join("fields")).unwrap();
         fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
-        OutputFolder::prepare(&path, "a = 2", "{}").unwrap();
+        fs::write(path.join(".history.csv.99.partial"), "cut short").unwrap();
+        let second = OutputFolder::prepare(&path, "a = 2", "{}").unwrap();
+        assert!(!path.join(".history.csv.99.partial").exists());
+        let taken = OutputFolder::reopen(&path).unwrap_err();
+        assert!(taken.message.contains("another run writes"), "{}", taken.message);
+        drop(second);
+        OutputFolder::reopen(&path).unwrap();
         assert!(!path.join("history.csv").exists() && !path.join("fields").exists());
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 

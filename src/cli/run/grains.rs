@@ -3,6 +3,7 @@
 //! [`SnapshotTap`] sits between solver and pool and keeps the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
+use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
@@ -59,6 +60,16 @@ impl<P: MacroPort> PointMaterial for SnapshotTap<'_, P> {
     fn rollback(&mut self) {
         self.pool.rollback();
     }
+
+    fn save(&self, archive: &mut Archive) {
+        self.pool.save(archive);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        self.pool.restore(archive)?;
+        self.keep();
+        Ok(())
+    }
 }
 
 /// Writes the grains of the chosen points.
@@ -101,17 +112,39 @@ impl GrainWriter {
             let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
             write_grains(&self.folder.join(&name), &mut self.cell).map_err(stop)?;
             let folder = &self.folder;
-            let series = self
-                .series
-                .entry(point)
-                .or_insert_with(|| FieldSeries::new(&folder.join(format!("point-{point:04}.pvd"))));
+            let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
             series.add(report.load * self.duration, name).map_err(stop)?;
         }
         Ok(())
     }
 }
 
+fn series_of(folder: &Path, point: PointId) -> FieldSeries {
+    FieldSeries::new(&folder.join(format!("point-{point:04}.pvd")))
+}
+
+const SECTION: &str = "grains";
+
+/// Counts changes of what [`GrainWriter`] saves.
+const VERSION: u32 = 1;
+
 impl Observer for GrainWriter {
+    fn save(&self, archive: &mut Archive) {
+        let frames: BTreeMap<PointId, &[(f64, String)]> =
+            self.series.iter().map(|(&point, series)| (point, series.frames())).collect();
+        archive.put(SECTION, VERSION, &frames);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let frames: BTreeMap<PointId, Vec<(f64, String)>> = archive.get(SECTION, VERSION)?;
+        for (point, frames) in frames {
+            let mut series = series_of(&self.folder, point);
+            series.restore(frames).map_err(|error| CheckpointError::unfit(SECTION, error))?;
+            self.series.insert(point, series);
+        }
+        Ok(())
+    }
+
     fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         let wanted = self.every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(self.every));
         if wanted { self.write(report) } else { Ok(()) }

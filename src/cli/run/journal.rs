@@ -3,7 +3,7 @@
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
 use macro_solver::output::OutputError;
 use macro_solver::problem::Problem;
-use std::fs::File;
+use std::fs::OpenOptions;
 use std::path::Path;
 use std::sync::Mutex;
 use tracing::level_filters::LevelFilter;
@@ -12,12 +12,13 @@ use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
 /// Starts the journal of this process: everything from DEBUG on (the transport's own library from WARN on) goes to the
-/// file.
+/// file; a run that is continued goes on in the same file.
 ///
 /// # Errors
 /// The file cannot be made.
 pub(super) fn open(path: &Path) -> Result<(), OutputError> {
-    let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
+    let file = OpenOptions::new().create(true).append(true).open(path);
+    let file = file.map_err(|source| OutputError::write(path, source))?;
     let targets = Targets::new().with_default(LevelFilter::DEBUG).with_target("iceoryx2", LevelFilter::WARN);
     let layer = tracing_subscriber::fmt::layer()
         .json()

@@ -3,6 +3,7 @@
 use super::Arguments;
 use super::drive::{Manner, drive};
 use super::folder::OutputFolder;
+use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::Scene;
 use crate::workers::{LaunchPlan, Progress, RunBeacon, SignalWatch, WorkerProcesses, run_name};
@@ -23,7 +24,13 @@ const ENGINE: &str = "grains";
 ///
 /// # Errors
 /// Channels or workers cannot be started; whatever ends the run before its time.
-pub(super) fn run(scene: &Scene, folder: &OutputFolder, arguments: &Arguments) -> Result<Exit, Failure> {
+pub(super) fn run(
+    scene: &Scene,
+    folder: &OutputFolder,
+    arguments: &Arguments,
+    note: &RunNote,
+    continued: Option<Continued>,
+) -> Result<Exit, Failure> {
     let begun = Instant::now();
     let interrupt = Interrupt::new();
     let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
@@ -36,6 +43,7 @@ pub(super) fn run(scene: &Scene, folder: &OutputFolder, arguments: &Arguments) -
     let workers = workers(arguments);
     let mut settings = PoolSettings::new(name.clone());
     settings.tangents = vec![scene.problem.strategy.tangent];
+    scene.pool.apply(&mut settings);
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.patience = ATTACHED_PATIENCE;
         if !arguments.quiet {
@@ -53,7 +61,8 @@ pub(super) fn run(scene: &Scene, folder: &OutputFolder, arguments: &Arguments) -
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         error => Failure::new(Exit::WorkersLost, error),
     })?;
-    let manner = Manner { workers: pool.workers(), begun, quiet: arguments.quiet, beside: &mut beacon };
+    let workers = pool.workers();
+    let manner = Manner { workers, begun, quiet: arguments.quiet, note, continued, beside: &mut beacon };
     drive(scene, pool, folder, manner)
 }
 

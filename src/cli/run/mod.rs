@@ -10,6 +10,7 @@ mod launch;
 mod observers;
 mod plot;
 mod progress;
+mod resume;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +18,7 @@ use super::exit::{Exit, Failure};
 use crate::scene::Scene;
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
+use resume::{RunNote, Start};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -27,7 +29,9 @@ use std::path::PathBuf;
   grainspan run scenes/biaxial.toml --workers 2 --out out/fine --set rve.accuracy=tight
   grainspan run scenes/biaxial.toml --set loading.increments=40 --set boundary.2.displacement.y=-1e-3
 
-Ctrl-C ends a run in good order: everything up to the last accepted step is written.")]
+  grainspan run scenes/biaxial.toml --resume
+
+Ctrl-C ends a run in good order: everything up to the last accepted step is written, and --resume continues it.")]
 pub(crate) struct Arguments {
     /// Scene file
     #[arg(value_name = "SCENE.toml")]
@@ -44,6 +48,9 @@ pub(crate) struct Arguments {
     /// Output folder [default: out/NAME OF THE SCENE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Continue the run in the output folder from its last checkpoint; from the start if there is none yet
+    #[arg(long)]
+    resume: bool,
     /// Override a key of the scene; entries of [[lists]] are numbered from 0
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
@@ -90,7 +97,33 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     let as_run = scene.document.as_run(&[("packing", "packing.json")])?;
-    let folder = OutputFolder::prepare(&path, &as_run, &scene.definition.packing.to_json())?;
+    let note = RunNote::new(&as_run, &scene.definition.to_protocol().id().to_string());
+    let start = if arguments.resume { resume::start(&path, &note)? } else { Start::Anew };
+    let (folder, continued) = match start {
+        Start::Complete => {
+            say(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
+            return Ok(Exit::Done);
+        }
+        Start::From(continued) => {
+            let folder = OutputFolder::reopen(&path)?;
+            let (step, load) = (continued.note.step, continued.note.load);
+            say(arguments, &format!("continuing after step {step} at load {load:.4}"));
+            continued.remarks.iter().for_each(|remark| eprintln!("warning: {remark}"));
+            (folder, Some(*continued))
+        }
+        Start::Anew => {
+            if arguments.resume {
+                say(arguments, &format!("no checkpoint in {}: from the start", path.display()));
+            }
+            (OutputFolder::prepare(&path, &as_run, &scene.definition.packing.to_json())?, None)
+        }
+    };
     journal::open(&folder.path().join("run.jsonl"))?;
-    launch::run(&scene, &folder, arguments)
+    launch::run(&scene, &folder, arguments, &note, continued)
+}
+
+fn say(arguments: &Arguments, line: &str) {
+    if !arguments.quiet {
+        eprintln!("{line}");
+    }
 }

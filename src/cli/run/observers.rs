@@ -1,5 +1,6 @@
 //! Several observers in a row.
 
+use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
 use macro_solver::problem::Problem;
 
@@ -26,5 +27,13 @@ impl Observer for Chain<'_> {
 
     fn finished(&mut self, run: &Run) {
         self.0.iter_mut().for_each(|observer| observer.finished(run));
+    }
+
+    fn save(&self, archive: &mut Archive) {
+        self.0.iter().for_each(|observer| observer.save(archive));
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        self.0.iter_mut().try_for_each(|observer| observer.restore(archive))
     }
 }

@@ -101,6 +101,10 @@ fn a_deadly_point_is_named_after_three_workers() {
     let error = pool.evaluate(&questions(POINTS, 0)).unwrap_err();
     assert!(matches!(error, MaterialError::WorkersLost(_)) && !error.is_curable_by_smaller_step());
     assert!(error.to_string().contains("Gauss point 6 has ended 3 workers"), "{error}");
+    let case = pool.quarantined().unwrap();
+    let question = questions(POINTS, 0)[6];
+    assert_eq!((case.point, case.target, case.ask()), (6, question.target, question.ask));
+    assert!(case.state.is_empty() && case.ends.len() == 3 && case.definition.bytes == [1], "{case:?}");
     assert_eq!(pool.statistics().workers_lost, 3);
 }
 

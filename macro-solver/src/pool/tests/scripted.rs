@@ -350,7 +350,7 @@ impl WorkerSupply for Replacements {
         self.left = 0;
     }
 
-    fn lost(&mut self, _pid: u32) {
+    fn lost(&mut self, _pid: u32, _had_answered: bool) {
         self.due += 1;
     }
 
@@ -385,7 +385,8 @@ pub(super) struct Stage {
 impl Stage {
     pub(super) fn new(seed: u64) -> Self {
         let world = Rc::new(RefCell::new(World { random: seed, ..World::default() }));
-        let hang = HangPolicy { floor: Duration::from_millis(20), factor: 1.0, unknown: Duration::from_millis(20) };
+        let short = Duration::from_millis(20);
+        let hang = HangPolicy { floor: short, factor: 1.0, unknown: short, ..HangPolicy::default() };
         let settings = PoolSettings { patience: Duration::from_millis(50), hang, ..PoolSettings::new("test") };
         Self { world, interrupt: Interrupt::new(), settings, supply: None }
     }

@@ -1,0 +1,45 @@
+//! What the pool tells about its workers while a run goes, for people who watch.
+
+use super::desk::Desk;
+use super::roster::Standing;
+use std::time::Instant;
+
+/// Listens to the pool.
+pub type Reporter = Box<dyn FnMut(&[WorkerReport])>;
+
+/// One worker at this moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WorkerReport {
+    /// Number in the run.
+    pub worker: u32,
+    /// Process id.
+    pub pid: u32,
+    /// Jobs answered.
+    pub jobs: u64,
+    /// Time that it reported for these, s.
+    pub busy_s: f64,
+    /// Gauss point of the job that it is working on.
+    pub point: Option<u64>,
+    /// How long it has been working on it, s.
+    pub since_s: f64,
+}
+
+/// All workers that have not ended, by number.
+pub(super) fn of(desk: &Desk, now: Instant) -> Vec<WorkerReport> {
+    let known = desk.roster.workers.iter().filter(|(_, worker)| worker.standing != Standing::Refused);
+    known
+        .map(|(id, worker)| {
+            let figures = desk.statistics.workers.get(worker.tally);
+            let head = worker.slices.front().and_then(|slice| slice.jobs.first());
+            let job = head.and_then(|number| desk.batch.index_of(*number));
+            WorkerReport {
+                worker: id.0,
+                pid: worker.pid,
+                jobs: figures.map_or(0, |figures| figures.jobs),
+                busy_s: figures.map_or(0.0, |figures| figures.busy_s),
+                point: job.map(|index| desk.batch.jobs[index].wire.point),
+                since_s: job.map_or(0.0, |_| now.saturating_duration_since(worker.head_since).as_secs_f64()),
+            }
+        })
+        .collect()
+}

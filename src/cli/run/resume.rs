@@ -1,0 +1,144 @@
+//! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
+
+use crate::cli::exit::{Exit, Failure};
+use crate::scene::changes;
+use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
+use macro_solver::output::{RunStatus, Summary};
+use protocol::ContentId;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::path::Path;
+
+const SECTION: &str = "run";
+
+/// Counts changes of [`RunNote`].
+const VERSION: u32 = 1;
+
+/// What a checkpoint says about its run as a whole.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct RunNote {
+    /// The scene as run.
+    pub(super) scene: String,
+    /// Content identity of the grains' definition.
+    pub(super) definition: String,
+    /// The program that wrote it, see [`this_program`].
+    pub(super) program: String,
+    /// Accepted steps.
+    pub(super) step: u64,
+    /// Load factor reached, 0 to 1.
+    pub(super) load: f64,
+    /// Wall time of all processes so far, s.
+    pub(super) wall_s: f64,
+    /// What checkpoints have cost so far.
+    pub(super) figures: CheckpointFigures,
+}
+
+impl RunNote {
+    /// Puts the note into an archive.
+    pub(super) fn put(&self, archive: &mut Archive, mark: Mark, wall_s: f64, figures: &CheckpointFigures) {
+        let note = Self { step: mark.step, load: mark.load, wall_s, figures: figures.clone(), ..self.clone() };
+        archive.put(SECTION, VERSION, &note);
+    }
+
+    /// The note of a run that begins now.
+    pub(super) fn new(scene: &str, definition: &str) -> Self {
+        Self {
+            scene: scene.to_owned(),
+            definition: definition.to_owned(),
+            program: this_program(),
+            step: 0,
+            load: 0.0,
+            wall_s: 0.0,
+            figures: CheckpointFigures::default(),
+        }
+    }
+}
+
+/// Version and content of this executable: only the same one promises the same bits.
+fn this_program() -> String {
+    let content = std::env::current_exe().and_then(fs::read).map_or("unknown".to_owned(), |bytes| {
+        ContentId::of(&bytes).to_string()
+    });
+    format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
+}
+
+/// A run to be continued.
+pub(super) struct Continued {
+    /// Its state.
+    pub(super) archive: Archive,
+    /// What it says about itself.
+    pub(super) note: RunNote,
+    /// What a person should know.
+    pub(super) remarks: Vec<String>,
+    /// Whether another build of this program has written the checkpoint.
+    pub(super) other_build: bool,
+}
+
+/// Where to begin.
+pub(super) enum Start {
+    /// There is nothing to continue from.
+    Anew,
+    /// At the last checkpoint.
+    From(Box<Continued>),
+    /// The run has reached its end before.
+    Complete,
+}
+
+/// Looks for what a run of this scene has left in `folder`.
+///
+/// # Errors
+/// The folder belongs to a run of another scene, or its checkpoint cannot be used.
+pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
+    match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
+        Found::Archive(archive, trouble) => {
+            let earlier: RunNote = archive.get(SECTION, VERSION).map_err(unusable)?;
+            refuse_changes(folder, &earlier.scene, note)?;
+            if earlier.definition != note.definition {
+                return Err(refusal(folder, &["packing: the content of the packing file is not the same".to_owned()]));
+            }
+            let mut remarks: Vec<String> = trouble
+                .map(|error| format!("{error}; continuing from the checkpoint before it"))
+                .into_iter()
+                .collect();
+            let other_build = earlier.program != note.program;
+            if other_build {
+                remarks.push(format!(
+                    "the checkpoint was written by another build ({}, this is {}): the rest of the run may differ in \
+                     the last digits from a run in one piece",
+                    earlier.program, note.program
+                ));
+            }
+            Ok(Start::From(Box::new(Continued { archive: *archive, note: earlier, remarks, other_build })))
+        }
+        Found::Nothing => {
+            let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Anew) };
+            refuse_changes(folder, &before, note)?;
+            let summary = fs::read(folder.join("summary.json")).ok();
+            let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
+            let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
+            Ok(if complete { Start::Complete } else { Start::Anew })
+        }
+    }
+}
+
+fn refuse_changes(folder: &Path, before: &str, note: &RunNote) -> Result<(), Failure> {
+    match &changes(before, &note.scene)[..] {
+        [] => Ok(()),
+        found => Err(refusal(folder, found)),
+    }
+}
+
+fn refusal(folder: &Path, found: &[String]) -> Failure {
+    let text = format!(
+        "the run in {} cannot be continued with another scene:\n  {}\nhint: continue it with the scene as it was, \
+         {} with --out {0}, or start another run elsewhere",
+        folder.display(),
+        found.join("\n  "),
+        folder.join("scene.toml").display()
+    );
+    Failure::new(Exit::BadInput, text)
+}
+
+fn unusable(error: CheckpointError) -> Failure {
+    Failure::new(Exit::BadInput, error)
+}

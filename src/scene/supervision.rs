@@ -1,0 +1,104 @@
+//! The keys that supervise a run and change no result: `[checkpoint]` and `[pool]`.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{CheckpointTable, PoolTable};
+use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::pool::PoolSettings;
+use std::time::Duration;
+use toml::Spanned;
+
+/// Longest time that makes sense, s: a month.
+const LONGEST: f64 = 31.0 * 86_400.0;
+
+/// How the workers of a run are led; what is left out takes the pool's default.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PoolKeys {
+    hang_floor: Option<Duration>,
+    hang_factor: Option<f64>,
+    hang_unknown: Option<Duration>,
+    stopped_limit: Option<Duration>,
+    patience: Option<Duration>,
+    quarantine_after: Option<u32>,
+    /// Fruitless replacements in a row before a run gives up.
+    pub(crate) restarts: Option<u32>,
+}
+
+impl PoolKeys {
+    /// Reads the table.
+    ///
+    /// # Errors
+    /// A number out of range, with its place.
+    pub(super) fn read(document: &Document, table: &PoolTable) -> Result<Self, InputError> {
+        let seconds = |given: &Option<Spanned<f64>>| seconds(document, given);
+        if let Some(factor) = &table.hang_factor
+            && *factor.get_ref() < 1.0
+        {
+            return Err(document
+                .error_at(factor.span(), "a worker needs at least the time that it is expected to need")
+                .hint("give a factor of 1 or more"));
+        }
+        if let Some(after) = &table.quarantine_after
+            && *after.get_ref() == 0
+        {
+            return Err(document
+                .error_at(after.span(), "a job that has ended no worker cannot be held to be deadly")
+                .hint("give the number of workers that one job may end, at least 1"));
+        }
+        Ok(Self {
+            hang_floor: seconds(&table.hang_floor)?,
+            hang_factor: table.hang_factor.as_ref().map(|factor| *factor.get_ref()),
+            hang_unknown: seconds(&table.hang_unknown)?,
+            stopped_limit: seconds(&table.stopped_limit)?,
+            patience: seconds(&table.patience)?,
+            quarantine_after: table.quarantine_after.as_ref().map(|after| *after.get_ref()),
+            restarts: table.restarts.as_ref().map(|restarts| *restarts.get_ref()),
+        })
+    }
+
+    /// Replaces what is given.
+    pub(crate) fn apply(&self, settings: &mut PoolSettings) {
+        replace(&mut settings.hang.floor, self.hang_floor);
+        replace(&mut settings.hang.factor, self.hang_factor);
+        replace(&mut settings.hang.unknown, self.hang_unknown);
+        replace(&mut settings.hang.stopped, self.stopped_limit);
+        replace(&mut settings.patience, self.patience);
+        replace(&mut settings.blames_until_quarantine, self.quarantine_after);
+    }
+}
+
+/// When checkpoints are written.
+///
+/// # Errors
+/// A number out of range, with its place.
+pub(super) fn checkpoint_policy(document: &Document, table: &CheckpointTable) -> Result<CheckpointPolicy, InputError> {
+    let mut policy = CheckpointPolicy::default();
+    replace(&mut policy.enabled, table.enabled);
+    replace(&mut policy.pause, seconds(document, &table.seconds)?);
+    if let Some(steps) = &table.steps {
+        if *steps.get_ref() == 0 {
+            return Err(document
+                .error_at(steps.span(), "a checkpoint after every 0 steps is not possible")
+                .hint("give 1 or more, or checkpoint.enabled = false for none"));
+        }
+        policy.steps = Some(*steps.get_ref());
+    }
+    Ok(policy)
+}
+
+fn replace<T>(target: &mut T, given: Option<T>) {
+    if let Some(given) = given {
+        *target = given;
+    }
+}
+
+fn seconds(document: &Document, given: &Option<Spanned<f64>>) -> Result<Option<Duration>, InputError> {
+    let Some(given) = given else { return Ok(None) };
+    let value = *given.get_ref();
+    if (0.0..=LONGEST).contains(&value) {
+        return Ok(Some(Duration::from_secs_f64(value)));
+    }
+    Err(document
+        .error_at(given.span(), format!("{value} s is not a usable time"))
+        .hint(format!("give a time from 0 to {LONGEST} s")))
+}
