@@ -1,6 +1,7 @@
 //! `grainspan element TEST.toml`: one cell along a strain/stress path, in this process, without finite elements.
 
 use super::exit::{Exit, Failure};
+use super::replay;
 use super::stdout::{deliver, print};
 use crate::scene::{Document, InputError, read_packing};
 use protocol::TangentKind;
@@ -14,11 +15,15 @@ use std::rc::Rc;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan element scenes/element.toml > curve.csv
+  grainspan element --replay out/biaxial/quarantine.replay
   grainspan element scenes/element.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
-    #[arg(value_name = "TEST.toml")]
-    test: PathBuf,
+    #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
+    test: Option<PathBuf>,
+    /// Ask the one question again that a run has set aside because it ended its workers
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out"])]
+    replay: Option<PathBuf>,
     /// File to write [default: standard output, row by row]
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
@@ -46,7 +51,11 @@ fn tangent_kind(keyword: &str) -> Result<TangentKind, String> {
 /// A test that is not sound (exit code 2); a path that the cell or the stress control could not follow (exit code 1,
 /// the rows before are written).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let document = Document::read(&arguments.test, &arguments.overrides)?;
+    if let Some(file) = &arguments.replay {
+        return replay::run(file);
+    }
+    let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
+    let document = Document::read(path, &arguments.overrides)?;
     let test = checked(&document)?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
@@ -61,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             Ok(Exit::Done)
         }
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
-        Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", arguments.test.display()))),
+        Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", path.display()))),
     }
 }
 

@@ -7,6 +7,7 @@ mod completions;
 mod element;
 mod exit;
 mod pack;
+mod replay;
 mod run;
 mod rve_server;
 mod status;

@@ -3,6 +3,7 @@
 use super::exit::{Exit, Failure};
 use super::stdout::print;
 use crate::workers::{Progress, WorkerProcess, workers_of};
+use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::{RunDirectory, RunListing};
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -34,8 +35,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut text = String::new();
     for listing in &alive {
         let progress = listing.record.as_ref().and_then(Progress::of);
+        let reports = progress.as_ref().map_or(&[][..], |progress| &progress.workers);
+        let known: Vec<u32> = reports.iter().map(|report| report.pid).collect();
+        let workers = workers_of(&listing.name, &known);
         let pid = listing.record.as_ref().map(|record| record.pid);
-        text.push_str(&paragraph(&listing.name, pid, progress.as_ref(), &workers_of(&listing.name), now));
+        text.push_str(&paragraph(&listing.name, pid, progress.as_ref(), &workers, now));
     }
     if alive.is_empty() {
         text.push_str("No run is alive.\n");
@@ -81,12 +85,23 @@ fn paragraph(
             _ => "ending",
         };
         let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
-        line("worker", format!("{}, {state}, {used} of processor time", worker.pid));
+        let done = progress.and_then(|known| known.workers.iter().find(|report| report.pid == worker.pid));
+        let done = done.map_or(", has not joined".to_owned(), work);
+        line("worker", format!("{}, {state}, {used} of processor time{done}", worker.pid));
     }
     if workers.is_empty() {
         line("worker", "none".to_owned());
     }
     text
+}
+
+/// What a worker has done and does.
+fn work(report: &WorkerReport) -> String {
+    let doing = match report.point {
+        Some(point) => format!(", Gauss point {point} for {:.1} s", report.since_s),
+        None => String::new(),
+    };
+    format!(", {} jobs in {:.1} s{doing}", report.jobs, report.busy_s)
 }
 
 /// Hours, minutes and seconds.
@@ -107,11 +122,13 @@ mod tests {
             step: 3,
             load: 0.125,
             evaluations: 42,
+            workers: vec![WorkerReport { pid: 8, jobs: 5, busy_s: 1.5, point: Some(3), ..WorkerReport::default() }],
         };
-        let worker = WorkerProcess { pid: 8, state: 'T', ticks: 6200 };
+        let worker = |pid| WorkerProcess { pid, state: 'T', ticks: 6200 };
         let expected = "a-1\n  scene     a.toml\n  output    out/a\n  process   7, for 1:01:05\n  progress  12.5 % of the \
-                        load, step 3, 42 evaluations\n  worker    8, stopped, 0:01:02 of processor time\n";
-        assert_eq!(paragraph("a-1", Some(7), Some(&progress), &[worker], 4665), expected);
+                        load, step 3, 42 evaluations\n  worker    8, stopped, 0:01:02 of processor time, 5 jobs in 1.5 s, Gauss \
+                        point 3 for 0.0 s\n  worker    9, stopped, 0:01:02 of processor time, has not joined\n";
+        assert_eq!(paragraph("a-1", Some(7), Some(&progress), &[worker(8), worker(9)], 4665), expected);
         assert_eq!(paragraph("b", None, None, &[], 0), "b\n  process   starting\n  worker    none\n");
     }
 }

@@ -71,7 +71,10 @@ impl PoolKeys {
 ///
 /// # Errors
 /// A number out of range, with its place.
-pub(super) fn checkpoint_policy(document: &Document, table: &CheckpointTable) -> Result<CheckpointPolicy, InputError> {
+pub(super) fn checkpoint_policy(
+    document: &Document,
+    table: &CheckpointTable,
+) -> Result<CheckpointPolicy, InputError> {
     let mut policy = CheckpointPolicy::default();
     replace(&mut policy.enabled, table.enabled);
     replace(&mut policy.pause, seconds(document, &table.seconds)?);

@@ -5,10 +5,13 @@
 
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
 use macro_solver::output::{OutputError, write_atomically};
+use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::RunRecord;
 use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// File name in the directory of a run.
@@ -29,6 +32,9 @@ pub(crate) struct Progress {
     pub(crate) load: f64,
     /// Point evaluations.
     pub(crate) evaluations: u64,
+    /// Workers, as the pool saw them at its last report.
+    #[serde(default)]
+    pub(crate) workers: Vec<WorkerReport>,
 }
 
 impl Progress {
@@ -37,7 +43,8 @@ impl Progress {
         let begun = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         // Absolute, as the reader is elsewhere; a folder that cannot be resolved is shown as given.
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        Self { begun, scene: absolute(scene), output: absolute(output), step: 0, load: 0.0, evaluations: 0 }
+        let (scene, output) = (absolute(scene), absolute(output));
+        Self { begun, scene, output, step: 0, load: 0.0, evaluations: 0, workers: Vec::new() }
     }
 
     /// What the run with this record last said; `None` when it has not said anything yet.
@@ -50,9 +57,13 @@ fn path(record: &RunRecord) -> Option<PathBuf> {
     Some(record.root.parent()?.join(FILE))
 }
 
-/// Keeps the progress of this process's run up to date.
+/// Keeps the progress of this process's run up to date. Clones tell about the same run: one listens to the solver, one
+/// to the pool.
+#[derive(Clone, Debug)]
+pub(crate) struct RunBeacon(Rc<RefCell<Lamp>>);
+
 #[derive(Debug)]
-pub(crate) struct RunBeacon {
+struct Lamp {
     path: Option<PathBuf>,
     progress: Progress,
 }
@@ -60,11 +71,20 @@ pub(crate) struct RunBeacon {
 impl RunBeacon {
     /// Tells about the run with this record.
     pub(crate) fn light(record: &RunRecord, progress: Progress) -> Self {
-        let beacon = Self { path: path(record), progress };
-        beacon.tell();
-        beacon
+        let lamp = Lamp { path: path(record), progress };
+        lamp.tell();
+        Self(Rc::new(RefCell::new(lamp)))
     }
 
+    /// Tells about the workers.
+    pub(crate) fn report(&self, workers: &[WorkerReport]) {
+        let mut lamp = self.0.borrow_mut();
+        lamp.progress.workers = workers.to_vec();
+        lamp.tell();
+    }
+}
+
+impl Lamp {
     /// Only `status` suffers when this fails: no reason to end a run.
     fn tell(&self) {
         if let Err(error) = self.try_tell() {
@@ -80,10 +100,11 @@ impl RunBeacon {
 
 impl Observer for RunBeacon {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        self.progress.step = report.step;
-        self.progress.load = report.load;
-        self.progress.evaluations = fields.statistics.evaluations;
-        self.tell();
+        let mut lamp = self.0.borrow_mut();
+        lamp.progress.step = report.step;
+        lamp.progress.load = report.load;
+        lamp.progress.evaluations = fields.statistics.evaluations;
+        lamp.tell();
         Ok(())
     }
 }

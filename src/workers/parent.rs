@@ -27,6 +27,11 @@ pub(crate) fn follow_parent(parent: Option<u32>, run: &str) -> io::Result<()> {
     };
     let run = run.to_owned();
     std::thread::Builder::new().name("signals".into()).spawn(move || {
+        if parent.is_some() {
+            // The kernel sends one signal for each thread that asked: a stopped process goes on, and finds the SIGTERM
+            // that the main thread asks for. Without it a stopped worker would stay for ever.
+            let _ = rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::CONT));
+        }
         runtime.block_on(terminate.recv());
         if parent.is_some_and(ends) {
             // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.

@@ -16,7 +16,10 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// How often the supply looks after workers that have not joined yet: nobody else would notice their end.
 const WATCH_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Replacements in one run.
+/// How long a worker may take to join: a machine with a hundred starting workers on one core needs seconds.
+const START_LIMIT: Duration = Duration::from_secs(20);
+
+/// Replacements in a row that may end before they have answered anything.
 const RESTARTS: u32 = 20;
 
 /// How workers are started.
@@ -28,7 +31,7 @@ pub(crate) struct LaunchPlan {
     pub(crate) arguments: Vec<OsString>,
     /// Number of workers, at least 1.
     pub(crate) workers: usize,
-    /// Most replacements in one run.
+    /// Most replacements in a row that end without an answer.
     pub(crate) restarts: u32,
 }
 
@@ -53,6 +56,7 @@ impl LaunchPlan {
 struct WorkerChild {
     child: Child,
     words: LastWords,
+    started: Instant,
     joined: bool,
 }
 
@@ -99,7 +103,7 @@ impl WorkerProcesses {
         let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
         let words = LastWords::of(child.id(), stderr)?;
         tracing::debug!(pid = child.id(), "worker started");
-        self.children.push(WorkerChild { child, words, joined: false });
+        self.children.push(WorkerChild { child, words, started: Instant::now(), joined: false });
         Ok(())
     }
 
@@ -118,9 +122,18 @@ impl WorkerProcesses {
         }
     }
 
+    /// Takes leave of workers that ended before they joined, and ends those that take too long. Of the end of the others
+    /// the pool tells, together with whether they had been of use.
     fn reap(&mut self) {
         for place in (0..self.children.len()).rev() {
-            if let Ok(Some(status)) = self.children[place].child.try_wait() {
+            let one = &mut self.children[place];
+            if one.joined {
+                continue;
+            }
+            if one.started.elapsed() > START_LIMIT {
+                let _ = one.child.kill();
+            }
+            if let Ok(Some(status)) = one.child.try_wait() {
                 self.bury(place, Some(status), false);
             }
         }
@@ -167,7 +180,6 @@ impl WorkerProcesses {
 
 impl WorkerSupply for WorkerProcesses {
     fn joined(&mut self, pid: u32) {
-        self.back_off.joined();
         if let Some(place) = self.place_of(pid) {
             self.children[place].joined = true;
         }
@@ -201,14 +213,17 @@ impl WorkerSupply for WorkerProcesses {
         }
         let why = match &self.refusal {
             Some(reason) => format!("this program's own workers were refused: {reason}"),
-            None => format!("{} replacements were started and no more are allowed", self.back_off.used()),
+            None => format!(
+                "{} replacements in a row ended without an answer and no more are started",
+                self.plan.restarts
+            ),
         };
         let last = self.last_end.as_deref().unwrap_or("no worker was ever started");
         Outlook::Exhausted(format!("{why}; {last}"))
     }
 
     fn restarts(&self) -> u64 {
-        u64::from(self.back_off.used())
+        self.back_off.granted()
     }
 
     fn finish(&mut self) {
@@ -250,7 +265,7 @@ mod tests {
     fn workers_that_cannot_start_are_given_up_with_their_last_words() {
         let mut processes = WorkerProcesses::start(shell("echo no packing >&2; exit 2", 1, 2)).unwrap();
         let reason = tend_until_exhausted(&mut processes);
-        assert!(reason.contains("2 replacements") && reason.contains("exit status: 2"), "{reason}");
+        assert!(reason.contains("2 replacements in a row") && reason.contains("exit status: 2"), "{reason}");
         assert_eq!(processes.restarts(), 2);
     }
 
@@ -259,7 +274,7 @@ mod tests {
         let mut processes = WorkerProcesses::start(shell("exec sleep 100", 2, 5)).unwrap();
         let before: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
         before.iter().for_each(|pid| processes.joined(*pid));
-        processes.lost(before[0]);
+        processes.lost(before[0], true);
         assert!(matches!(processes.tend(), Outlook::Expected { .. }));
         let after: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
         assert_eq!((after.len(), after[0], processes.restarts()), (2, before[1], 1));

@@ -18,11 +18,13 @@ impl WorkerProcess {
     pub(crate) const TICKS_PER_SECOND: u64 = 100;
 }
 
-/// Workers of the run on this machine, by process id.
-pub(crate) fn workers_of(run: &str) -> Vec<WorkerProcess> {
+/// Workers of the run on this machine, by process id: those with this program's command line, and those that the run
+/// itself knows (`known`), which may be other programs.
+pub(crate) fn workers_of(run: &str, known: &[u32]) -> Vec<WorkerProcess> {
     let Ok(entries) = fs::read_dir("/proc") else { return Vec::new() };
     let pids = entries.flatten().filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
-    let mut workers: Vec<_> = pids.filter(|pid| serves(*pid, run)).filter_map(inspect).collect();
+    let mut workers: Vec<_> =
+        pids.filter(|pid| known.contains(pid) || serves(*pid, run)).filter_map(inspect).collect();
     workers.sort_by_key(|worker| worker.pid);
     workers
 }
@@ -65,6 +67,7 @@ mod tests {
     fn this_process_can_be_inspected() {
         let here = inspect(std::process::id()).unwrap();
         assert_eq!(here.pid, std::process::id());
-        assert!(workers_of("no such run").is_empty());
+        assert_eq!(workers_of("no such run", &[here.pid]).len(), 1);
+        assert!(workers_of("no such run", &[]).is_empty());
     }
 }

@@ -2,13 +2,14 @@
 
 use super::desk::Desk;
 use super::roster::Standing;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Listens to the pool.
 pub type Reporter = Box<dyn FnMut(&[WorkerReport])>;
 
 /// One worker at this moment.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WorkerReport {
     /// Number in the run.
     pub worker: u32,

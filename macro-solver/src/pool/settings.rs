@@ -20,7 +20,12 @@ pub struct HangPolicy {
 
 impl Default for HangPolicy {
     fn default() -> Self {
-        Self { floor: Duration::from_secs(60), factor: 30.0, unknown: Duration::from_secs(600), stopped: Duration::from_secs(5) }
+        Self {
+            floor: Duration::from_secs(60),
+            factor: 30.0,
+            unknown: Duration::from_secs(600),
+            stopped: Duration::from_secs(5),
+        }
     }
 }
 
@@ -86,7 +91,7 @@ impl PoolSettings {
             window: NonZeroUsize::MIN.saturating_add(1),
             deduplicate: true,
             hang: HangPolicy::default(),
-            patience: Duration::from_secs(30),
+            patience: Duration::from_secs(60),
             blames_until_quarantine: 3,
         }
     }

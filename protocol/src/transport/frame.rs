@@ -116,6 +116,12 @@ impl<'a> Frame<'a> {
         Ok(Self { kind, sender: header.sender, count: header.count as usize, body })
     }
 
+    /// Who sends a frame of another version: the header is the same in all of them.
+    pub fn sender_of_stranger(bytes: &[u8]) -> Option<u64> {
+        let header: FrameHeader = bytemuck::pod_read_unaligned(bytes.get(..HEADER_LENGTH)?);
+        (header.magic == MAGIC && header.version != PROTOCOL_VERSION).then_some(header.sender)
+    }
+
     /// The control message inside.
     ///
     /// # Errors

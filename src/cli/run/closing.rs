@@ -1,7 +1,7 @@
 //! The end of a run: `summary.json`, and the same for people.
 
-use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::checkpoint::CheckpointFigures;
+use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;

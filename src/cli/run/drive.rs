@@ -11,7 +11,7 @@ use super::progress::Progress;
 use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
+use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, Reproducer};
 use macro_solver::implicit::solve_kept;
 use macro_solver::observer::{Observer, Outcome};
 use macro_solver::output::{Recorder, write_atomically};
@@ -74,6 +74,7 @@ pub(super) fn drive<P: MacroPort>(
     let figures = keeper.figures().clone();
     let wall_s = wall_s();
     let statistics = pool.statistics();
+    let quarantined = pool.quarantined().map(|case| set_aside(case, folder));
     pool.close();
     let about = Circumstances {
         gauss_points: scene.problem.point_count(),
@@ -115,9 +116,24 @@ pub(super) fn drive<P: MacroPort>(
                 if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
             ),
         )),
-        Outcome::WorkersLost { reason } => Err(Failure::new(Exit::WorkersLost, reason)),
+        Outcome::WorkersLost { reason } => {
+            Err(Failure::new(Exit::WorkersLost, format!("{reason}{}", quarantined.unwrap_or_default())))
+        }
         Outcome::Stopped(request) => Err(Failure::new(Exit::BadInput, request)),
         Outcome::Refused(error) => Err(Failure::new(Exit::BadInput, error)),
+    }
+}
+
+/// Writes the question that has ended too many workers; returns what to tell about it.
+fn set_aside(case: &Reproducer, folder: &OutputFolder) -> String {
+    let path = folder.path().join("quarantine.replay");
+    match case.write(&path) {
+        Ok(()) => format!(
+            "\nhint: `grainspan element --replay {}` asks this question again, in one process that a debugger can watch",
+            path.display()
+        ),
+        // The run has failed already; the reason why it cannot be looked into is worth a line, not another failure.
+        Err(error) => format!("\nits question could not be written down: {error}"),
     }
 }
 

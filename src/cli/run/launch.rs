@@ -35,15 +35,15 @@ pub(super) fn run(
     let interrupt = Interrupt::new();
     let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
-    let limits = ChannelLimits { waiting: arguments.wait.into(), ..ChannelLimits::default() };
+    let asked = workers(arguments);
+    let limits = ChannelLimits { waiting: arguments.wait.into(), ..channel_limits(asked) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
     signals.wakes(port.waker());
     let mut beacon = RunBeacon::light(port.record(), Progress::new(scene.document.path(), folder.path()));
 
-    let workers = workers(arguments);
+    let workers = asked;
     let mut settings = PoolSettings::new(name.clone());
     settings.tangents = vec![scene.problem.strategy.tangent];
-    scene.pool.apply(&mut settings);
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.patience = ATTACHED_PATIENCE;
         if !arguments.quiet {
@@ -51,12 +51,17 @@ pub(super) fn run(
         }
         Box::new(JoiningWorkers)
     } else {
-        let started = LaunchPlan::this_program(&name, ENGINE, workers).and_then(WorkerProcesses::start);
-        Box::new(started.map_err(|error| failed("start the workers", &error))?)
+        let plan = LaunchPlan::this_program(&name, ENGINE, workers);
+        let plan = plan.map(|plan| LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan });
+        let started = plan.and_then(WorkerProcesses::start);
+        Box::new(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?)
     };
+    scene.pool.apply(&mut settings);
     let definitions = vec![scene.definition.to_protocol()];
     let made_of = vec![0; scene.problem.point_count()];
     let mut pool = Pool::new(port, supply, interrupt, settings, definitions, &made_of);
+    let watcher = beacon.clone();
+    pool.report_to(move |workers| watcher.report(workers));
     pool.gather(workers).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         error => Failure::new(Exit::WorkersLost, error),
@@ -73,6 +78,13 @@ fn workers(arguments: &Arguments) -> usize {
         None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
     };
     arguments.workers.unwrap_or_else(unsaid).get()
+}
+
+/// Room for all workers, for as many that have died and are not tidied up yet, and for some that come to help.
+fn channel_limits(workers: usize) -> ChannelLimits {
+    let usual = ChannelLimits::default();
+    let wanted = u32::try_from(2 * workers + 16).unwrap_or(u32::MAX);
+    ChannelLimits { workers: usual.workers.max(wanted), ..usual }
 }
 
 fn failed(what: &str, error: &std::io::Error) -> Failure {

@@ -13,6 +13,8 @@ const RESOLUTION: f64 = 1000.0;
 pub(super) struct Progress {
     view: View,
     begun: Instant,
+    /// Load at the first step seen: a continued run does not begin at 0.
+    first: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -32,7 +34,7 @@ impl Progress {
         } else {
             View::Lines
         };
-        Self { view, begun: Instant::now() }
+        Self { view, begun: Instant::now(), first: None }
     }
 
     fn say(&self, line: &str) {
@@ -63,11 +65,13 @@ impl Observer for Progress {
     }
 
     fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let first = *self.first.get_or_insert(report.load - report.size);
         match &self.view {
             View::Bar(bar) => bar.set_position((report.load * RESOLUTION) as u64),
             View::Lines => {
                 let elapsed = self.begun.elapsed().as_secs_f64();
-                let left = if report.load > 0.0 { elapsed / report.load * (1.0 - report.load) } else { f64::NAN };
+                let covered = report.load - first;
+                let left = if covered > 0.0 { elapsed / covered * (1.0 - report.load) } else { f64::NAN };
                 let left = if left.is_nan() { String::new() } else { format!(", about {left:.0} s left") };
                 eprintln!(
                     "step {:>3}  load {:.4}  {:>2} iterations  {:>5} evaluations  out of balance {:.1e}  {elapsed:.1} s{left}",

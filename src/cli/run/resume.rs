@@ -56,9 +56,9 @@ impl RunNote {
 
 /// Version and content of this executable: only the same one promises the same bits.
 fn this_program() -> String {
-    let content = std::env::current_exe().and_then(fs::read).map_or("unknown".to_owned(), |bytes| {
-        ContentId::of(&bytes).to_string()
-    });
+    let content = std::env::current_exe()
+        .and_then(fs::read)
+        .map_or("unknown".to_owned(), |bytes| ContentId::of(&bytes).to_string());
     format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
 }
 
@@ -94,7 +94,10 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
             let earlier: RunNote = archive.get(SECTION, VERSION).map_err(unusable)?;
             refuse_changes(folder, &earlier.scene, note)?;
             if earlier.definition != note.definition {
-                return Err(refusal(folder, &["packing: the content of the packing file is not the same".to_owned()]));
+                return Err(refusal(
+                    folder,
+                    &["packing: the content of the packing file is not the same".to_owned()],
+                ));
             }
             let mut remarks: Vec<String> = trouble
                 .map(|error| format!("{error}; continuing from the checkpoint before it"))

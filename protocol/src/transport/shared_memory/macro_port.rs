@@ -8,7 +8,7 @@ use super::watch::{WAKER, Watch};
 use super::{CREDITS, refused, system};
 use crate::control::{FromWorker, ToWorker};
 use crate::transport::delivery::deliver_to_macro;
-use crate::transport::frame::{Frame, FrameKind, Outgoing};
+use crate::transport::frame::{Frame, FrameError, FrameKind, Outgoing};
 use crate::transport::{LoadedJob, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use iceoryx2::port::notifier::ListenerKey;
 use iceoryx2::prelude::CallbackProgression;
@@ -130,6 +130,9 @@ impl SharedMemoryMacroPort {
             Ok(frame) => frame,
             Err(error) => {
                 sink(MacroEvent::Refused(error.to_string()));
+                if let Some(sender) = Frame::sender_of_stranger(bytes) {
+                    self.turn_away(&request, sender, &error);
+                }
                 return 1;
             }
         };
@@ -160,6 +163,16 @@ impl SharedMemoryMacroPort {
             self.wake(worker);
         }
         events
+    }
+
+    /// Tells a worker of another version that it cannot take part, so that it need not wait for a welcome. What it gets is
+    /// a frame of this version: that alone ends it.
+    fn turn_away(&self, request: &OpenRequest, sender: u64, error: &FrameError) {
+        let reason = format!("{error}; start macro and workers from the same build of grainspan");
+        let refusal = Outgoing::control(&ToWorker::Refused { reason });
+        // It may be gone already.
+        let _ = answer(request, refusal.length(), |out| refusal.write(0, out));
+        self.wake_by_name(sender, &mut None);
     }
 
     /// Makes a worker known by its first hello.
@@ -253,12 +266,23 @@ impl SharedMemoryMacroPort {
         if reached {
             return;
         }
-        let wanted = port_name(peer.sender);
+        let (sender, mut found) = (peer.sender, None);
+        self.wake_by_name(sender, &mut found);
+        if let Some(peer) = self.peers.get_mut(&worker)
+            && found.is_some()
+        {
+            peer.wake = found;
+        }
+    }
+
+    /// Wakes the listener of the port `sender` and tells where it is.
+    fn wake_by_name(&self, sender: u64, found: &mut Option<ListenerKey>) {
+        let wanted = port_name(sender);
         self.to_workers.for_each_listener(|one, details| {
             if details.listener_name != wanted {
                 return CallbackProgression::Continue;
             }
-            peer.wake = Some(one.listener_key());
+            *found = Some(one.listener_key());
             let _ = one.notify();
             CallbackProgression::Stop
         });

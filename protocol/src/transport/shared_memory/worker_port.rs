@@ -7,7 +7,7 @@ use super::watch::Watch;
 use super::{CREDITS, WINDOW, refused};
 use crate::control::{FromWorker, ToWorker};
 use crate::transport::delivery::deliver_to_worker;
-use crate::transport::frame::Outgoing;
+use crate::transport::frame::{FrameError, Outgoing};
 use crate::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use std::collections::VecDeque;
 use std::os::fd::OwnedFd;
@@ -150,8 +150,14 @@ impl SharedMemoryWorkerPort {
                         *dismissed |= matches!(event, WorkerEvent::Control(ToWorker::Bye));
                         sink(event);
                     });
-                    if let Err(error) = delivered {
-                        tracing::warn!(%error, "dropped a message of the macro");
+                    match delivered {
+                        Ok(()) => {}
+                        // Nothing that follows would be understood either.
+                        Err(error @ FrameError::Version { .. }) => {
+                            let reason = format!("{error}; start macro and workers from the same build of grainspan");
+                            self.lost.get_or_insert(reason);
+                        }
+                        Err(error) => tracing::warn!(%error, "dropped a message of the macro"),
                     }
                     events += 1;
                 }
