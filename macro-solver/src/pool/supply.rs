@@ -28,7 +28,7 @@ pub trait WorkerSupply {
     /// The worker with this process id has said goodbye and closed its channel: its process is about to end by itself
     /// and should be replaced. Nothing went wrong, so the replacement does not count against any limit.
     fn left(&mut self, pid: u32) {
-        self.lost(pid);
+        self.lost(pid, true);
     }
 
     /// Called regularly while the pool waits: starts replacements that are due.
