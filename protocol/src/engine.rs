@@ -10,7 +10,11 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Which tangent operator a trial returns with its stress. Always `C_ijkl = d sigma_ij / d F_kl` with `F` relative to
-/// the trial's own end state.
+/// the trial's own end state. Numbers are part of the wire: new kinds are appended.
+///
+/// Kinds ending in `_printed` are the formulas as printed in [Argilaga2018], kept for comparison; the objective forms
+/// beside them are the ones to use. "At rest" means that the sliding contacts are those at the Coulomb limit in the
+/// relaxed end state instead of those that slid in the ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
@@ -27,11 +31,58 @@ pub enum TangentKind {
     /// printed tangential part uses the full displacement gradient and is not objective. Far too stiff;
     /// the fallback when a network operator is singular.
     Kruyt = 3,
+    /// UKO as printed, [Argilaga2018] eq. 13.
+    KruytPrinted = 4,
+    /// UCKO: `Kruyt` times one factor calibrated by a CTO in the first step, [Argilaga2018] eq. 16.
+    KruytCalibrated = 5,
+    /// UCKO on the printed UKO.
+    KruytCalibratedPrinted = 6,
+    /// UCKO-2DOF: `Kruyt` with one factor for `k_n` and one for `k_t`, [Argilaga2018] eq. 17.
+    KruytTwiceCalibrated = 7,
+    /// UCKO-2DOF on the printed UKO.
+    KruytTwiceCalibratedPrinted = 8,
+    /// KAO made symmetric: uniform strain and rotation with prestress, [Argilaga2018] eq. 18.
+    KruytAugmented = 9,
+    /// KAO as printed.
+    KruytAugmentedPrinted = 10,
+    /// DEMQO: small probes from the end state without sliding, [Argilaga2018] eq. 20.
+    QuasiStatic = 11,
+    /// CTO by one-sided probes of the whole step, [Argilaga2018] eq. 6.
+    Consistent = 12,
+    /// CTO by central probes.
+    ConsistentCentral = 13,
+    /// AEO: running average of the CTOs of the first committed steps, then frozen.
+    ElasticAverage = 14,
+    /// As `TrussLike`, but contacts that slid in the ramp keep no tangential stiffness along their slip. Symmetric.
+    TrussLikeReleased = 15,
+    /// As `TrussLikeReleased` with the sliding contacts of the relaxed state.
+    TrussLikeReleasedAtRest = 16,
+    /// As `TrussLikeSlip` with the sliding contacts of the relaxed state.
+    TrussLikeSlipAtRest = 17,
 }
 
 impl TangentKind {
     /// All kinds, in wire order.
-    pub const ALL: [Self; 4] = [Self::None, Self::TrussLike, Self::TrussLikeSlip, Self::Kruyt];
+    pub const ALL: [Self; 18] = [
+        Self::None,
+        Self::TrussLike,
+        Self::TrussLikeSlip,
+        Self::Kruyt,
+        Self::KruytPrinted,
+        Self::KruytCalibrated,
+        Self::KruytCalibratedPrinted,
+        Self::KruytTwiceCalibrated,
+        Self::KruytTwiceCalibratedPrinted,
+        Self::KruytAugmented,
+        Self::KruytAugmentedPrinted,
+        Self::QuasiStatic,
+        Self::Consistent,
+        Self::ConsistentCentral,
+        Self::ElasticAverage,
+        Self::TrussLikeReleased,
+        Self::TrussLikeReleasedAtRest,
+        Self::TrussLikeSlipAtRest,
+    ];
 
     /// The kind with this wire number.
     pub fn from_wire(number: u32) -> Option<Self> {
@@ -45,6 +96,20 @@ impl TangentKind {
             Self::TrussLike => "truss_like",
             Self::TrussLikeSlip => "truss_like_slip",
             Self::Kruyt => "kruyt",
+            Self::KruytPrinted => "kruyt_printed",
+            Self::KruytCalibrated => "kruyt_calibrated",
+            Self::KruytCalibratedPrinted => "kruyt_calibrated_printed",
+            Self::KruytTwiceCalibrated => "kruyt_twice_calibrated",
+            Self::KruytTwiceCalibratedPrinted => "kruyt_twice_calibrated_printed",
+            Self::KruytAugmented => "kruyt_augmented",
+            Self::KruytAugmentedPrinted => "kruyt_augmented_printed",
+            Self::QuasiStatic => "quasi_static",
+            Self::Consistent => "consistent",
+            Self::ConsistentCentral => "consistent_central",
+            Self::ElasticAverage => "elastic_average",
+            Self::TrussLikeReleased => "truss_like_released",
+            Self::TrussLikeReleasedAtRest => "truss_like_released_at_rest",
+            Self::TrussLikeSlipAtRest => "truss_like_slip_at_rest",
         }
     }
 }

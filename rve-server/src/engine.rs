@@ -11,7 +11,7 @@ use crate::state::GrainState;
 use crate::tangent;
 use protocol::{
     Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, SnapshotKind,
-    TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags, snapshot,
+    TangentKind, Tensor2, TrialAnswer, TrialFlags, snapshot,
 };
 use std::time::Instant;
 
@@ -28,7 +28,7 @@ impl RveEngine for GrainEngine {
             engine: ENGINE_NAME.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             dimensions: vec![2],
-            tangents: TangentKind::ALL.to_vec(),
+            tangents: TangentKind::ALL.into_iter().filter(|kind| tangent::is_served(*kind)).collect(),
             laws: vec!["linear".into()],
             snapshot: SnapshotKind::State,
             deterministic: true,
@@ -197,11 +197,7 @@ impl GrainRve {
                 flags.insert(TrialFlags::TANGENT_REGULARISED);
             }
             cost.tangent_nanoseconds = nanoseconds_since(started);
-            let operator = match self.model.rotations {
-                Rotations::Free => outcome.operator,
-                Rotations::Blocked => corotational(&outcome.operator, stress),
-            };
-            Box::new(Tensor4::from_plane(operator))
+            Box::new(outcome.operator)
         });
         TrialAnswer {
             stress: Tensor2::from_plane(*stress),
@@ -217,6 +213,9 @@ impl GrainRve {
 impl RveSolver for GrainRve {
     fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
         self.trial = None;
+        if !tangent::is_served(ask.tangent) {
+            return Err(RveError::Unsupported(format!("tangent = \"{}\"", ask.tangent.keyword())));
+        }
         let h = checked_target(target)?;
         if h == [[0.0; 2]; 2] { Ok(self.stay(ask)) } else { self.solve(&h, ask) }
     }
@@ -295,21 +294,6 @@ fn frozen(model: &GrainModel, relaxation: &Relaxation, state: &GrainState) -> Co
         friction: model.law.friction,
         contacts,
     }
-}
-
-/// The operator of a cell whose grains turn with it: `operator` acts on the strain, and the spin `W` adds `W s - s W`.
-/// A network operator holds blocked grains still in space instead, which no rotation of the observer would leave alone.
-fn corotational(operator: &[[f64; 4]; 4], stress: &Plane) -> [[f64; 4]; 4] {
-    let mut objective = *operator;
-    for (row, values) in objective.iter_mut().enumerate() {
-        let shear = 0.5 * (operator[row][1] + operator[row][2]);
-        // dF_21 = 1 alone is the strain 1/2 and the counter-clockwise spin W_21 = -W_12 = 1/2.
-        let spin = [[0.0, -0.5], [0.5, 0.0]];
-        let turned = plane::add_scaled(&plane::product(&spin, stress), -1.0, &plane::product(stress, &spin));
-        let change = turned[row / 2][row % 2];
-        (values[1], values[2]) = (shear - change, shear + change);
-    }
-    objective
 }
 
 /// A state turned as a whole.

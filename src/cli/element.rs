@@ -6,6 +6,7 @@ use super::stdout::{deliver, print};
 use crate::scene::{Document, InputError, read_packing};
 use protocol::TangentKind;
 use rve_server::element::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use rve_server::tangent;
 use std::cell::RefCell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -39,10 +40,10 @@ pub(crate) struct Arguments {
 }
 
 fn tangent_kind(keyword: &str) -> Result<TangentKind, String> {
-    TangentKind::ALL
-        .into_iter()
-        .find(|kind| kind.keyword() == keyword)
-        .ok_or_else(|| format!("possible values: {}", TangentKind::ALL.map(TangentKind::keyword).join(", ")))
+    let served: Vec<TangentKind> = TangentKind::ALL.into_iter().filter(|kind| tangent::is_served(*kind)).collect();
+    let keywords: Vec<&str> = served.iter().map(|kind| kind.keyword()).collect();
+    let found = served.iter().find(|kind| kind.keyword() == keyword);
+    found.copied().ok_or_else(|| format!("possible values: {}", keywords.join(", ")))
 }
 
 /// Runs the test.

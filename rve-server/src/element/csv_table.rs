@@ -62,7 +62,7 @@ impl<W: Write> ElementCsv<W> {
         fields.extend(numbers.iter().map(|value| shortest(*value)));
         fields.push(row.dem_steps.to_string());
         if let Some(outcome) = &row.tangent {
-            fields.extend(outcome.operator.iter().flatten().map(|value| shortest(*value)));
+            fields.extend(outcome.operator.plane().iter().flatten().map(|value| shortest(*value)));
         }
         self.writer.write_record(&fields)?;
         self.writer.flush()?;

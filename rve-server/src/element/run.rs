@@ -188,7 +188,7 @@ impl Run {
     fn controlled(&mut self, step: &Step) -> Result<Accepted, ElementError> {
         let by_operator = |kind| -> PlaneOperator {
             let network = self.network.as_ref().expect("row 0 sets the network");
-            by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
+            by_gradient(&tangent::evaluate(network, kind).operator.plane(), &step.committed_gradient)
         };
         let (sliding, elastic) = (by_operator(TangentKind::TrussLikeSlip), by_operator(TangentKind::TrussLike));
         let mut servo = Servo::new(&step.targets, &sliding, &elastic);

@@ -1,212 +1,146 @@
-//! The linear system of a frozen network and the stress rate that follows from its solution.
+//! The linear system of a frozen network and the stress that follows from its solution.
 //!
-//! Unknowns are periodic fluctuations `w` of the grain centres round the mean field and grain spins, each spin times the
-//! grain's radius so that all unknowns are lengths. A contact sees `db = dF b + w_E - w_O`. The equations say that the
-//! forces and moments on every grain stay balanced to first order, geometric changes included; this is appendix B of
-//! [Argilaga2018] with the mean field moved to the right-hand side.
+//! Unknowns are periodic fluctuations of the grain centres round the mean strain and grain spins, each spin times the
+//! grain's radius. The equations say that the forces and moments on every grain stay balanced to first order, geometric
+//! changes included; this is appendix B of [Argilaga2018] with the mean field moved to the right-hand side. Only strains
+//! are solved for: what a superposed rotation does is known exactly.
 
-use super::PlaneOperator;
 use super::backbone::Backbone;
-use super::block_matrix::{BLOCK, BlockMatrix};
-use super::contact_stiffness::{ContactGeometry, ContactStiffness};
-use crate::network::{ContactNetwork, NetworkContact};
+use super::block_matrix::{BlockMatrix, Columns, Place};
+use super::link::LinkedGrains;
+use super::response::Response;
+use super::sliding::ContactStiffness;
+use super::strain::{PAIRS, pair};
 
-/// The four unit displacement gradients, pairs ordered 11, 12, 21, 22.
-pub(super) const DIRECTIONS: usize = 4;
-
-/// Values of the four directions.
-pub(super) type Quadruple = [f64; DIRECTIONS];
-
-/// Change of length, tangential slip and transverse motion of a contact.
-#[derive(Clone, Copy, Debug, Default)]
-struct Motion {
-    lengthening: f64,
-    slip: f64,
-    transverse: f64,
+/// The equations of one network.
+#[derive(Clone, Debug)]
+pub(super) struct System<const D: usize, const B: usize, const P: usize> {
+    /// Balance of forces and moments of each kept grain.
+    pub matrix: BlockMatrix<B>,
+    /// Right-hand sides of the unit strains; the other columns are zero.
+    pub loads: Vec<Columns<B, P>>,
+    /// What each unknown adds to component `D i + j` of `sum_c df x b`.
+    shares: Vec<[[f64; PAIRS]; B]>,
+    /// The same sum for the uniform strains.
+    uniform: [[f64; B]; PAIRS],
+    /// `sum_c f x b` of the kept contacts.
+    force_branch: [[f64; D]; D],
 }
 
-/// What a motion does to a contact: change of the force on the origin grain along the old normal and tangent, and of the
-/// moments on both grains.
-#[derive(Clone, Copy, Debug)]
-struct Response {
-    along_normal: f64,
-    along_tangent: f64,
-    moments: [f64; 2],
-}
-
-/// One contact of the backbone with all that its linearisation needs.
-struct Linearisation<'a> {
-    contact: &'a NetworkContact,
-    stiffness: ContactStiffness,
-    geometry: ContactGeometry,
-    /// Arm of each grain over its radius.
-    scaled_arms: [f64; 2],
-    radii: [f64; 2],
-}
-
-impl<'a> Linearisation<'a> {
-    fn all(
-        network: &'a ContactNetwork,
-        backbone: &'a Backbone,
-        stiffness: &'a [ContactStiffness],
-    ) -> impl Iterator<Item = (Self, usize, usize)> {
-        backbone.contacts.iter().map(move |place| {
-            let contact = &network.contacts[place.index];
-            let geometry = ContactGeometry::of(network, contact);
-            let radii = [backbone.radii[place.origin], backbone.radii[place.end]];
-            let scaled_arms = [geometry.arms[0] / radii[0], geometry.arms[1] / radii[1]];
-            let linearisation = Self { contact, stiffness: stiffness[place.index], geometry, scaled_arms, radii };
-            (linearisation, place.origin, place.end)
-        })
-    }
-
-    /// `df = (D (dn, ds) + geometric terms)`: [Argilaga2018] eq. B.3 in the frame of the contact. The moment on a grain
-    /// is arm x f_t, and half of any lengthening goes to each arm.
-    fn respond(&self, motion: Motion) -> Response {
-        let (normal_force, tangential_force) = (self.contact.normal_force, self.contact.tangential_force);
-        let turn = motion.transverse / self.geometry.length;
-        let elastic_shear = self.stiffness.tangential * motion.slip + self.stiffness.coupling * motion.lengthening;
-        let from_arm = 0.5 * tangential_force * motion.lengthening;
-        Response {
-            along_normal: self.stiffness.normal * motion.lengthening - tangential_force * turn,
-            along_tangent: elastic_shear + normal_force * turn,
-            moments: self.geometry.arms.map(|arm| arm * elastic_shear + from_arm),
-        }
-    }
-
-    /// The motion of a unit value of the six unknowns (origin, then end).
-    fn unit_motions(&self) -> [Motion; 2 * BLOCK] {
-        let (e, t) = (self.geometry.normal, self.geometry.tangent);
-        let mut motions = [Motion::default(); 2 * BLOCK];
-        for axis in 0..2 {
-            let end = Motion { lengthening: e[axis], slip: t[axis], transverse: t[axis] };
-            motions[BLOCK + axis] = end;
-            motions[axis] = Motion { lengthening: -end.lengthening, slip: -end.slip, transverse: -end.transverse };
-        }
-        motions[2].slip = -self.scaled_arms[0];
-        motions[5].slip = -self.scaled_arms[1];
-        motions
-    }
-
-    /// The motion under the unit displacement gradient `dF_kl`, `direction = 2 k + l`.
-    fn mean_motion(&self, direction: usize) -> Motion {
-        let (k, l) = (direction / 2, direction % 2);
-        let reach = self.geometry.branch[l];
-        let transverse = self.geometry.tangent[k] * reach;
-        Motion { lengthening: self.geometry.normal[k] * reach, slip: transverse, transverse }
-    }
-
-    /// The terms of the six balance equations (origin, then end), moments over radius.
-    fn balance_terms(&self, response: &Response) -> [f64; 2 * BLOCK] {
-        let force = self.force(response);
-        [
-            -force[0],
-            -force[1],
-            -response.moments[0] / self.radii[0],
-            force[0],
-            force[1],
-            -response.moments[1] / self.radii[1],
-        ]
-    }
-
-    fn force(&self, response: &Response) -> [f64; 2] {
-        let (e, t) = (self.geometry.normal, self.geometry.tangent);
-        [0, 1].map(|axis| response.along_normal * e[axis] + response.along_tangent * t[axis])
-    }
-}
-
-/// The balance equations of all kept grains, and their right-hand sides for the four unit displacement gradients.
-#[expect(clippy::needless_range_loop, reason = "indices of tensors, as in the equations")]
-pub(super) fn assemble(
-    network: &ContactNetwork,
-    backbone: &Backbone,
-    stiffness: &[ContactStiffness],
-) -> (BlockMatrix, Vec<Quadruple>) {
-    let pairs = backbone.contacts.iter().map(|contact| (contact.origin, contact.end));
-    let mut matrix = BlockMatrix::with_pattern(backbone.radii.len(), pairs);
-    let mut loads = vec![[0.0; DIRECTIONS]; BLOCK * backbone.radii.len()];
-    for (linearisation, origin, end) in Linearisation::all(network, backbone, stiffness) {
-        let grains = [origin, end];
-        let mut local = [[0.0; 2 * BLOCK]; 2 * BLOCK];
-        for (column, motion) in linearisation.unit_motions().into_iter().enumerate() {
-            let terms = linearisation.balance_terms(&linearisation.respond(motion));
-            for (row, term) in terms.into_iter().enumerate() {
-                local[row][column] = term;
+impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
+    /// Assembles the equations of the backbone; pinned unknowns are zero.
+    #[inline(always)]
+    pub(super) fn of(
+        network: &LinkedGrains<D>,
+        backbone: &Backbone<D, B>,
+        stiffness: &[ContactStiffness<D>],
+        typical: f64,
+    ) -> Self {
+        let ends: Vec<[usize; 2]> = backbone.contacts.iter().map(|contact| [contact.origin, contact.end]).collect();
+        let (matrix, places) = BlockMatrix::with_pattern(backbone.radii.len(), &ends);
+        let mut system = Self {
+            matrix,
+            loads: vec![[[0.0; P]; B]; backbone.radii.len()],
+            shares: vec![[[0.0; PAIRS]; B]; backbone.radii.len()],
+            uniform: [[0.0; B]; PAIRS],
+            force_branch: [[0.0; D]; D],
+        };
+        for ((contact, ends), place) in backbone.contacts.iter().zip(&ends).zip(places) {
+            let link = &network.links[contact.index];
+            let radii = ends.map(|grain| backbone.radii[grain]);
+            let response = Response::<D, B>::of(link, &stiffness[contact.index], radii);
+            system.add_blocks(&response, ends, place);
+            for side in 0..2 {
+                let load = response.load(side, &link.branch);
+                for (target, values) in system.loads[ends[side]].iter_mut().zip(&load) {
+                    for (target, value) in target.iter_mut().zip(values) {
+                        *target += value;
+                    }
+                }
+                add(&mut system.shares[ends[side]], &response.stress_share(side, &link.branch));
+            }
+            add(&mut system.uniform, &response.uniform(&link.branch));
+            let force = link.force();
+            for (i, row) in system.force_branch.iter_mut().enumerate() {
+                for (j, value) in row.iter_mut().enumerate() {
+                    *value += force[i] * link.branch[j];
+                }
             }
         }
-        for (row_place, &row_grain) in grains.iter().enumerate() {
-            for (column_place, &column_grain) in grains.iter().enumerate() {
-                let block = matrix.block_mut(row_grain, column_grain);
-                for (row, values) in block.iter_mut().enumerate() {
-                    for (column, value) in values.iter_mut().enumerate() {
-                        *value += local[BLOCK * row_place + row][BLOCK * column_place + column];
+        for (grain, line) in &backbone.struts {
+            for (i, row) in system.matrix.diagonal[*grain][D..].iter_mut().enumerate() {
+                for (j, value) in row[D..].iter_mut().enumerate() {
+                    *value += typical * line[i] * line[j];
+                }
+            }
+        }
+        system.matrix.pin(&backbone.pinned, typical);
+        for (load, pins) in system.loads.iter_mut().zip(&backbone.pinned) {
+            for (row, _) in load.iter_mut().zip(pins).filter(|(_, pinned)| **pinned) {
+                *row = [0.0; P];
+            }
+        }
+        system
+    }
+
+    #[inline(always)]
+    fn add_blocks(&mut self, response: &Response<D, B>, ends: &[usize; 2], place: Place) {
+        add(&mut self.matrix.diagonal[ends[0]], &response.block(0, 0));
+        add(&mut self.matrix.diagonal[ends[1]], &response.block(1, 1));
+        let (across, back) = (response.block(0, 1), response.block(1, 0));
+        match place {
+            Place::Diagonal => {
+                add(&mut self.matrix.diagonal[ends[0]], &across);
+                add(&mut self.matrix.diagonal[ends[0]], &back);
+            }
+            Place::Forward(pair) => {
+                add(&mut self.matrix.upper[pair], &across);
+                add(&mut self.matrix.lower[pair], &back);
+            }
+            Place::Backward(pair) => {
+                add(&mut self.matrix.upper[pair], &back);
+                add(&mut self.matrix.lower[pair], &across);
+            }
+        }
+    }
+
+    /// Change of the stress with each unit strain, `[D i + j][strain]`, times the volume: [Argilaga2018] eq. 23 at `F =
+    /// I`, with `sum_c df x b`, which equals the sum over the cell's border once the grains are balanced.
+    pub(super) fn stress_rate(&self, answers: &[Columns<B, P>]) -> [[f64; B]; PAIRS] {
+        let mut rate = self.uniform;
+        for (share, answer) in self.shares.iter().zip(answers) {
+            for (weights, values) in share.iter().zip(answer) {
+                for (row, weight) in rate.iter_mut().take(D * D).zip(weights) {
+                    for (value, amount) in row.iter_mut().zip(values) {
+                        *value += weight * amount;
                     }
                 }
             }
         }
-        for direction in 0..DIRECTIONS {
-            let terms = linearisation.balance_terms(&linearisation.respond(linearisation.mean_motion(direction)));
-            for (row, term) in terms.into_iter().enumerate() {
-                loads[BLOCK * grains[row / BLOCK] + row % BLOCK][direction] -= term;
+        for (row, values) in rate.iter_mut().take(D * D).enumerate() {
+            for (column, value) in values.iter_mut().enumerate() {
+                *value += self.area_and_volume([row / D, row % D], pair::<D>(column));
             }
         }
+        rate
     }
-    (matrix, loads)
+
+    /// `sigma E - tr(E) sigma`, times the volume, for the unit strain `E` of the pair `kl`.
+    fn area_and_volume(&self, [i, j]: [usize; 2], [k, l]: [usize; 2]) -> f64 {
+        let half = |m: usize, n: usize| if n == j { 0.5 * self.force_branch[i][m] } else { 0.0 };
+        let volume = if k == l { self.force_branch[i][j] } else { 0.0 };
+        half(k, l) + half(l, k) - volume
+    }
 }
 
-/// `d sigma = 1/V sum_c (s_c (x) df) + sigma dF^T - tr(dF) sigma` with `s_c` the cell shift of contact c: [Argilaga2018]
-/// eq. 23 at `F = I`. Only contacts across the cell border contribute to the sum.
-#[expect(clippy::needless_range_loop, reason = "indices of tensors, as in the equations")]
-pub(super) fn stress_rate(
-    network: &ContactNetwork,
-    backbone: &Backbone,
-    stiffness: &[ContactStiffness],
-    solution: &[Quadruple],
-) -> PlaneOperator {
-    let mut sum = [[0.0; DIRECTIONS]; 4];
-    let mut stress_sum = [[0.0; 2]; 2];
-    for (linearisation, origin, end) in Linearisation::all(network, backbone, stiffness) {
-        let geometry = &linearisation.geometry;
-        for i in 0..2 {
-            let force = linearisation.contact.normal_force * geometry.normal[i]
-                + linearisation.contact.tangential_force * geometry.tangent[i];
-            for j in 0..2 {
-                stress_sum[i][j] += force * geometry.branch[j];
-            }
-        }
-        if linearisation.contact.shift == [0, 0] {
-            continue;
-        }
-        let unit_motions = linearisation.unit_motions();
-        for direction in 0..DIRECTIONS {
-            let mut motion = linearisation.mean_motion(direction);
-            for (place, unit) in unit_motions.iter().enumerate() {
-                let grain = if place < BLOCK { origin } else { end };
-                let amount = solution[BLOCK * grain + place % BLOCK][direction];
-                motion.lengthening += amount * unit.lengthening;
-                motion.slip += amount * unit.slip;
-                motion.transverse += amount * unit.transverse;
-            }
-            let force = linearisation.force(&linearisation.respond(motion));
-            for i in 0..2 {
-                for j in 0..2 {
-                    sum[2 * i + j][direction] += force[i] * geometry.shift[j];
-                }
-            }
+#[inline(always)]
+fn add<const ROWS: usize, const COLUMNS: usize>(
+    target: &mut [[f64; COLUMNS]; ROWS],
+    block: &[[f64; COLUMNS]; ROWS],
+) {
+    for (target, values) in target.iter_mut().zip(block) {
+        for (target, value) in target.iter_mut().zip(values) {
+            *target += value;
         }
     }
-    for (row, values) in sum.iter_mut().enumerate() {
-        let (i, j) = (row / 2, row % 2);
-        for (direction, value) in values.iter_mut().enumerate() {
-            let (k, l) = (direction / 2, direction % 2);
-            if j == k {
-                *value += stress_sum[i][l];
-            }
-            if k == l {
-                *value -= stress_sum[i][j];
-            }
-        }
-    }
-    let volume = super::volume(network);
-    sum.map(|row| row.map(|value| value / volume))
 }

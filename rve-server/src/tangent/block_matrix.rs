@@ -1,103 +1,149 @@
-//! A square sparse matrix of 3x3 blocks, one block row and column per grain.
-
-/// Two displacements and one scaled spin of a grain.
-pub(super) const BLOCK: usize = 3;
+//! A square sparse matrix of small blocks, one block row and column per grain, symmetric in its pattern.
 
 /// One block, `[row][column]`.
-pub(super) type Block = [[f64; BLOCK]; BLOCK];
+pub(super) type Block<const B: usize> = [[f64; B]; B];
 
-/// Blocks in compressed column order; the pattern is symmetric and holds every diagonal block.
+/// Values of several right-hand sides for the unknowns of one grain, `[unknown][right-hand side]`.
+pub(super) type Columns<const B: usize, const R: usize> = [[f64; R]; B];
+
+/// Blocks of the grains themselves and of pairs of grains.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct BlockMatrix {
-    /// Where each block column begins in `rows` and `blocks`; one more entry than there are grains.
-    pub columns: Vec<usize>,
-    /// Block row of each block, ascending within a column.
-    pub rows: Vec<usize>,
-    /// Values of each block, `[row][column]`.
-    pub blocks: Vec<Block>,
+pub(super) struct BlockMatrix<const B: usize> {
+    /// Pairs of different grains that have blocks, the smaller number first, ascending.
+    pub pairs: Vec<[usize; 2]>,
+    /// Blocks on the diagonal.
+    pub diagonal: Vec<Block<B>>,
+    /// Block (first, second) of each pair.
+    pub upper: Vec<Block<B>>,
+    /// Block (second, first) of each pair.
+    pub lower: Vec<Block<B>>,
 }
 
-impl BlockMatrix {
-    /// A zero matrix for `grains` grains in which every pair has a block at both places.
-    pub(super) fn with_pattern(grains: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
-        let mut columns_of_rows: Vec<Vec<usize>> = (0..grains).map(|grain| vec![grain]).collect();
-        for (first, second) in pairs {
-            columns_of_rows[first].push(second);
-            columns_of_rows[second].push(first);
+/// Where the four blocks of a contact go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Both grains are the same.
+    Diagonal,
+    /// The pair's number; the origin grain has the smaller number.
+    Forward(usize),
+    /// The pair's number; the origin grain has the larger number.
+    Backward(usize),
+}
+
+impl<const B: usize> BlockMatrix<B> {
+    /// A zero matrix for `grains` grains linked by `contacts` (origin, end), and the place of each contact.
+    pub(super) fn with_pattern(grains: usize, contacts: &[[usize; 2]]) -> (Self, Vec<Place>) {
+        let ordered = |ends: &[usize; 2]| if ends[0] <= ends[1] { *ends } else { [ends[1], ends[0]] };
+        let mut pairs: Vec<[usize; 2]> = contacts.iter().filter(|ends| ends[0] != ends[1]).map(ordered).collect();
+        // Contacts come sorted from the grain solver; anything else is sorted here.
+        if !pairs.is_sorted() {
+            pairs.sort_unstable();
         }
-        let mut columns = vec![0];
-        let mut rows = Vec::new();
-        for mut column in columns_of_rows {
-            column.sort_unstable();
-            column.dedup();
-            rows.extend(column);
-            columns.push(rows.len());
-        }
-        let blocks = vec![[[0.0; BLOCK]; BLOCK]; rows.len()];
-        Self { columns, rows, blocks }
+        pairs.dedup();
+        let mut guess = 0;
+        let places = contacts
+            .iter()
+            .map(|ends| {
+                if ends[0] == ends[1] {
+                    return Place::Diagonal;
+                }
+                let wanted = ordered(ends);
+                guess = [guess, guess + 1]
+                    .into_iter()
+                    .find(|&guess| pairs.get(guess) == Some(&wanted))
+                    .unwrap_or_else(|| pairs.binary_search(&wanted).expect("every contact has its pair"));
+                if wanted == *ends { Place::Forward(guess) } else { Place::Backward(guess) }
+            })
+            .collect();
+        let zero = [[0.0; B]; B];
+        let blocks = vec![zero; pairs.len()];
+        (Self { pairs, diagonal: vec![zero; grains], upper: blocks.clone(), lower: blocks }, places)
     }
 
     /// Number of block rows.
     pub(super) fn grains(&self) -> usize {
-        self.columns.len() - 1
+        self.diagonal.len()
     }
 
-    /// The block at (`row`, `column`), which must belong to the pattern.
-    pub(super) fn block_mut(&mut self, row: usize, column: usize) -> &mut Block {
-        let range = self.columns[column]..self.columns[column + 1];
-        let place = self.rows[range.clone()].binary_search(&row).expect("the pattern holds every contact");
-        &mut self.blocks[range.start + place]
-    }
-
-    /// Makes the equation of scalar unknown `component` of `grain` read `diagonal * x = 0`.
-    pub(super) fn pin(&mut self, grain: usize, component: usize, diagonal: f64) {
-        for place in self.columns[grain]..self.columns[grain + 1] {
-            for row in &mut self.blocks[place] {
-                row[component] = 0.0;
+    /// Makes the equations of the unknowns marked in `pinned` read `stiffness * x = 0` and drops them elsewhere.
+    pub(super) fn pin(&mut self, pinned: &[[bool; B]], stiffness: f64) {
+        let clear = |block: &mut Block<B>, rows: &[bool; B], columns: &[bool; B]| {
+            for (row, values) in block.iter_mut().enumerate() {
+                for (column, value) in values.iter_mut().enumerate() {
+                    if rows[row] || columns[column] {
+                        *value = 0.0;
+                    }
+                }
             }
-            let neighbour = self.rows[place];
-            self.block_mut(grain, neighbour)[component] = [0.0; BLOCK];
+        };
+        for (block, pins) in self.diagonal.iter_mut().zip(pinned).filter(|(_, pins)| pins.contains(&true)) {
+            clear(block, pins, pins);
+            for unknown in (0..B).filter(|&unknown| pins[unknown]) {
+                block[unknown][unknown] = stiffness;
+            }
         }
-        self.block_mut(grain, grain)[component][component] = diagonal;
+        for (place, [first, second]) in self.pairs.iter().enumerate() {
+            let (first, second) = (&pinned[*first], &pinned[*second]);
+            if first.contains(&true) || second.contains(&true) {
+                clear(&mut self.upper[place], first, second);
+                clear(&mut self.lower[place], second, first);
+            }
+        }
     }
 
     /// Adds `stiffness` to every diagonal value.
     pub(super) fn shift_diagonal(&mut self, stiffness: f64) {
-        for grain in 0..self.grains() {
-            let block = self.block_mut(grain, grain);
-            for (component, row) in block.iter_mut().enumerate() {
-                row[component] += stiffness;
+        for block in &mut self.diagonal {
+            for (unknown, row) in block.iter_mut().enumerate() {
+                row[unknown] += stiffness;
             }
         }
     }
 
-    /// Largest absolute value of `loads - matrix * answers` in each column; NaN if anything is NaN.
-    pub(super) fn residual_norms<const COLUMNS: usize>(
+    /// `loads - matrix * answers`.
+    #[inline(always)]
+    pub(super) fn residual<const R: usize>(
         &self,
-        loads: &[[f64; COLUMNS]],
-        answers: &[[f64; COLUMNS]],
-    ) -> [f64; COLUMNS] {
+        loads: &[Columns<B, R>],
+        answers: &[Columns<B, R>],
+    ) -> Vec<Columns<B, R>> {
         let mut residual = loads.to_vec();
-        for grain in 0..self.grains() {
-            for place in self.columns[grain]..self.columns[grain + 1] {
-                for (row, block_row) in self.blocks[place].iter().enumerate() {
-                    let target = &mut residual[BLOCK * self.rows[place] + row];
-                    for (component, coefficient) in block_row.iter().enumerate() {
-                        for (value, answer) in target.iter_mut().zip(&answers[BLOCK * grain + component]) {
-                            *value -= coefficient * answer;
-                        }
-                    }
-                }
-            }
+        for ((block, target), answer) in self.diagonal.iter().zip(&mut residual).zip(answers) {
+            subtract_applied(target, block, answer);
         }
-        let mut norms = [0.0_f64; COLUMNS];
-        for row in &residual {
-            for (norm, value) in norms.iter_mut().zip(row) {
-                // Neither a NaN in the residual nor one in the norm is ever dropped.
-                let keeps = norm.is_nan() || value.abs() <= *norm;
-                *norm = if keeps { *norm } else { value.abs() };
-            }
+        for ((&[first, second], upper), lower) in self.pairs.iter().zip(&self.upper).zip(&self.lower) {
+            subtract_applied(&mut residual[first], upper, &answers[second]);
+            subtract_applied(&mut residual[second], lower, &answers[first]);
         }
-        norms
+        residual
     }
+}
+
+/// `target -= block * values`.
+#[inline(always)]
+pub(super) fn subtract_applied<const B: usize, const R: usize>(
+    target: &mut Columns<B, R>,
+    block: &Block<B>,
+    values: &Columns<B, R>,
+) {
+    for (target_row, block_row) in target.iter_mut().zip(block) {
+        for (coefficient, value_row) in block_row.iter().zip(values) {
+            for column in 0..R {
+                target_row[column] -= coefficient * value_row[column];
+            }
+        }
+    }
+}
+
+/// Largest absolute value in each column; NaN if anything is NaN.
+pub(super) fn largest<const B: usize, const R: usize>(values: &[Columns<B, R>]) -> [f64; R] {
+    let mut norms = [0.0_f64; R];
+    for row in values.iter().flatten() {
+        for (norm, value) in norms.iter_mut().zip(row) {
+            // Neither a NaN in the values nor one in the norm is ever dropped.
+            let keeps = norm.is_nan() || value.abs() <= *norm;
+            *norm = if keeps { *norm } else { value.abs() };
+        }
+    }
+    norms
 }

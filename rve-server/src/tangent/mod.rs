@@ -1,20 +1,24 @@
 //! Tangent operators `C_ijkl = d sigma_ij / d F_kl` of a frozen contact network.
 //!
 //! An operator is a pure function of a [`ContactNetwork`]: it moves no grain and reads no history. `F` is measured from
-//! the network's own state, so that `C` is the derivative at `F = I`. The network operators ([`truss_like`], [`slip`])
-//! let every grain of the frozen network find its own translation and rotation by one sparse solve; [`kruyt`] forces the
-//! mean strain upon all grains. What a network operator cannot do honestly is reported in [`TangentOutcome`].
+//! the network's own state, so that `C` is the derivative at `F = I`. The network operators let every grain of the frozen
+//! network find its own translation and rotation by one sparse solve; the uniform-strain operators force the mean strain
+//! upon all grains. Operators that need the grain solver itself are in `probing`. What an operator cannot do honestly is
+//! reported in [`TangentOutcome`].
 
 mod assembly;
 mod backbone;
-mod block_factors;
 mod block_matrix;
-mod contact_stiffness;
-pub mod kruyt;
+mod elimination;
+mod factors;
+mod link;
 mod network_operator;
 mod network_solver;
-pub mod slip;
-pub mod truss_like;
+mod response;
+mod sliding;
+mod strain;
+mod uniform_strain;
+mod vectorised;
 
 #[cfg(test)]
 mod probe_tests;
@@ -24,7 +28,10 @@ mod sample_networks;
 mod tests;
 
 use crate::network::ContactNetwork;
-use protocol::TangentKind;
+use link::LinkedGrains;
+use protocol::{TangentKind, Tensor4};
+use sliding::Sliding;
+use uniform_strain::{Factors, UNCALIBRATED};
 
 /// A plane operator as `[ij][kl]`, pairs ordered 11, 12, 21, 22, Pa.
 pub type PlaneOperator = [[f64; 4]; 4];
@@ -36,46 +43,79 @@ const LARGEST_RATIO_TO_UNIFORM_STRAIN: f64 = 10.0;
 /// A tangent operator with the shortcuts that were needed to get it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TangentOutcome {
-    /// `d sigma_ij / d F_kl` as `[ij][kl]`, pairs ordered 11, 12, 21, 22, Pa.
-    pub operator: PlaneOperator,
-    /// Whether the network operator failed and the uniform-strain operator stands in its place.
+    /// `d sigma_ij / d F_kl`, Pa.
+    pub operator: Tensor4,
+    /// Whether the operator asked for failed and the uniform-strain operator stands in its place.
     pub fallback: bool,
     /// Whether mechanisms of the network had to be held by a small stiffness of their own.
     pub regularised: bool,
 }
 
-/// Linearises `network`. [`TangentKind::None`] and a network without contacts give the zero operator.
-///
-/// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
-/// replaced by [`kruyt::operator`] and marked.
-pub fn evaluate(network: &ContactNetwork, kind: TangentKind) -> TangentOutcome {
-    let solved = match kind {
-        TangentKind::None => return TangentOutcome { operator: [[0.0; 4]; 4], fallback: false, regularised: false },
-        TangentKind::Kruyt => None,
-        TangentKind::TrussLike => Some(truss_like::operator(network)),
-        TangentKind::TrussLikeSlip => Some(slip::operator(network)),
-    };
-    let uniform = kruyt::operator(network);
-    match solved {
-        None => TangentOutcome { operator: uniform, fallback: false, regularised: false },
-        Some(Some(solution)) if is_credible(&solution.operator, &uniform) => {
-            TangentOutcome { operator: solution.operator, fallback: false, regularised: solution.regularised }
-        }
-        Some(_) => TangentOutcome { operator: uniform, fallback: true, regularised: false },
+impl TangentOutcome {
+    /// An operator that needed no shortcut.
+    pub(crate) fn exact(operator: Tensor4) -> Self {
+        Self { operator, fallback: false, regularised: false }
     }
 }
 
-fn is_credible(operator: &PlaneOperator, uniform: &PlaneOperator) -> bool {
+/// Linearises `network`. A network without contacts gives the zero operator, and so do [`TangentKind::None`] and the
+/// kinds that cannot be had from a network alone.
+///
+/// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
+/// replaced by the uniform-strain operator (UKO) and marked.
+pub fn evaluate(network: &ContactNetwork, kind: TangentKind) -> TangentOutcome {
+    evaluate_linked::<2, 3, 4>(&LinkedGrains::from(network), kind)
+}
+
+/// Whether an operator can be had from a network alone.
+pub fn is_served(kind: TangentKind) -> bool {
+    Sliding::of(kind).is_some()
+        || matches!(
+            kind,
+            TangentKind::None
+                | TangentKind::Kruyt
+                | TangentKind::KruytPrinted
+                | TangentKind::KruytAugmented
+                | TangentKind::KruytAugmentedPrinted
+        )
+}
+
+fn uniform<const D: usize, const B: usize>(grains: &LinkedGrains<D>, printed: bool, factors: Factors) -> Tensor4 {
+    if printed {
+        uniform_strain::kruyt_printed(grains, factors)
+    } else {
+        uniform_strain::kruyt::<D, B>(grains, factors)
+    }
+}
+
+fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
+    grains: &LinkedGrains<D>,
+    kind: TangentKind,
+) -> TangentOutcome {
+    let Some(sliding) = Sliding::of(kind) else {
+        return TangentOutcome::exact(match kind {
+            TangentKind::Kruyt => uniform::<D, B>(grains, false, UNCALIBRATED),
+            TangentKind::KruytPrinted => uniform::<D, B>(grains, true, UNCALIBRATED),
+            TangentKind::KruytAugmented => uniform_strain::augmented::<D, B>(grains),
+            TangentKind::KruytAugmentedPrinted => uniform_strain::augmented_printed::<D, B>(grains),
+            _ => Tensor4::ZERO,
+        });
+    };
+    let solved = network_operator::solve::<D, B, P>(grains, sliding);
+    let uniform = uniform::<D, B>(grains, false, UNCALIBRATED);
+    match solved {
+        Some(solution) if is_credible(&solution.operator, &uniform) => {
+            TangentOutcome { operator: solution.operator, fallback: false, regularised: solution.regularised }
+        }
+        _ => TangentOutcome { operator: uniform, fallback: true, regularised: false },
+    }
+}
+
+fn is_credible(operator: &Tensor4, uniform: &Tensor4) -> bool {
     // A NaN makes the comparison false.
     frobenius_norm(operator) <= LARGEST_RATIO_TO_UNIFORM_STRAIN * frobenius_norm(uniform)
 }
 
-fn frobenius_norm(operator: &PlaneOperator) -> f64 {
-    operator.iter().flatten().map(|value| value * value).sum::<f64>().sqrt()
-}
-
-/// Volume of the cell, m3.
-fn volume(network: &ContactNetwork) -> f64 {
-    let [first, second] = network.cell;
-    (first[0] * second[1] - first[1] * second[0]).abs() * network.thickness
+fn frobenius_norm(operator: &Tensor4) -> f64 {
+    operator.0.iter().map(|value| value * value).sum::<f64>().sqrt()
 }

@@ -1,52 +1,50 @@
-//! Operators that let the frozen network relax: shared by all choices of contact law.
+//! Operators that let the frozen network relax: PSTLO, the prestressed truss-like operator of [Argilaga2018] eqs. 22-23
+//! and appendix B, and its variants for sliding contacts.
 
-use super::PlaneOperator;
-use super::assembly;
+use super::assembly::System;
 use super::backbone::Backbone;
-use super::contact_stiffness::ContactStiffness;
+use super::link::LinkedGrains;
 use super::network_solver;
-use crate::network::{ContactNetwork, NetworkContact};
+use super::sliding::{ContactStiffness, Sliding};
+use super::strain::objective;
+use protocol::Tensor4;
 
 /// Stiffness, relative to the mean normal stiffness, that holds the mechanisms of a singular network.
 const RELATIVE_SHIFT: f64 = 1e-8;
 
 /// A solved network operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NetworkOperator {
+pub(super) struct NetworkOperator {
     /// `d sigma_ij / d F_kl`, Pa.
-    pub operator: PlaneOperator,
+    pub operator: Tensor4,
     /// Whether mechanisms were held by a small stiffness of their own, or spins against load.
     pub regularised: bool,
 }
 
-/// Linearises `network` with the contact law that `law` gives each contact; `None` when no solution was found.
-pub(super) fn solve(
-    network: &ContactNetwork,
-    law: impl Fn(&NetworkContact) -> ContactStiffness,
+/// Linearises `network`: every grain finds its own translation and spin. `None` when no solution was found.
+pub(super) fn solve<const D: usize, const B: usize, const P: usize>(
+    network: &LinkedGrains<D>,
+    sliding: Sliding,
 ) -> Option<NetworkOperator> {
-    let stiffness: Vec<ContactStiffness> = network.contacts.iter().map(law).collect();
-    let backbone = Backbone::of(network, &stiffness);
+    let stiffness: Vec<ContactStiffness<D>> =
+        network.links.iter().map(|link| ContactStiffness::of(link, sliding, network.friction)).collect();
+    let backbone = Backbone::<D, B>::of(network, &stiffness);
     if backbone.contacts.is_empty() {
-        return Some(NetworkOperator { operator: [[0.0; 4]; 4], regularised: false });
+        return Some(NetworkOperator { operator: Tensor4::ZERO, regularised: false });
     }
     let typical = backbone.contacts.iter().map(|contact| stiffness[contact.index].normal).sum::<f64>()
         / backbone.contacts.len() as f64;
-    let (mut matrix, mut loads) = assembly::assemble(network, &backbone, &stiffness);
-    for (grain, pins) in backbone.pinned.iter().enumerate() {
-        for (component, _) in pins.iter().enumerate().filter(|(_, pinned)| **pinned) {
-            matrix.pin(grain, component, typical);
-            loads[super::block_matrix::BLOCK * grain + component] = [0.0; assembly::DIRECTIONS];
-        }
-    }
+    let mut system = System::<D, B, P>::of(network, &backbone, &stiffness, typical);
     let mut regularised = backbone.spin_held_against_load;
-    let solution = match network_solver::solve(&matrix, &loads, typical) {
-        Some(solution) => solution,
+    let symmetric = sliding.is_symmetric();
+    let answers = match network_solver::solve(&system.matrix, &system.loads, typical, symmetric) {
+        Some(answers) => answers,
         None => {
             regularised = true;
-            matrix.shift_diagonal(RELATIVE_SHIFT * typical);
-            network_solver::solve(&matrix, &loads, typical)?
+            system.matrix.shift_diagonal(RELATIVE_SHIFT * typical);
+            network_solver::solve(&system.matrix, &system.loads, typical, symmetric)?
         }
     };
-    let operator = assembly::stress_rate(network, &backbone, &stiffness, &solution);
-    Some(NetworkOperator { operator, regularised })
+    let rate = system.stress_rate(&answers).map(|row| row.map(|value| value / network.volume));
+    Some(NetworkOperator { operator: objective(&rate, &network.stress()), regularised })
 }

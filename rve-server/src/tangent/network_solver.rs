@@ -1,8 +1,9 @@
-//! Sparse solution of the balance equations, with a check that the answer deserves trust.
+//! Direct solution of the balance equations, with a check that the answer deserves trust.
 
-use super::assembly::{DIRECTIONS, Quadruple};
-use super::block_factors::BlockFactors;
-use super::block_matrix::{BLOCK, BlockMatrix};
+use super::block_matrix::{BlockMatrix, Columns, largest};
+use super::elimination::Elimination;
+use super::factors::Factors;
+use super::vectorised::{Vectorised, dispatch};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
@@ -13,68 +14,139 @@ const SOFTEST_CREDIBLE_MODE: f64 = 1e-11;
 
 /// Largest residual force of a credible solution, relative to the load and to the force of a contact moved as far as
 /// the largest unknown.
-const LARGEST_RESIDUAL: f64 = 1e-10;
+const LARGEST_RESIDUAL: f64 = 1e-11;
 
-/// Right-hand sides: the four directions and a probe.
-const COLUMNS: usize = DIRECTIONS + 1;
+/// Corrections that the factors of the symmetric part may need: prestress makes the matrix differ from it by its ratio to
+/// the stiffness, and each correction gains as much.
+const MOST_CORRECTIONS: u32 = 6;
 
-/// Solves for the four right-hand sides `loads` (one row per scalar unknown). `None` if the matrix is singular to
-/// working accuracy; `typical` is the stiffness of a contact, N/m.
+/// Solves for the first `B` columns of `loads`. `None` if the matrix is singular to working accuracy; `typical` is the
+/// stiffness of a contact, N/m. `symmetric` says that only prestress keeps the matrix from being symmetric.
 ///
-/// Prestress and sliding make the matrix nonsymmetric, hence LU. The cheap factors without exchanges between grains
-/// come first; where they are not good enough, scalar rows are pivoted.
-pub(super) fn solve(matrix: &BlockMatrix, loads: &[Quadruple], typical: f64) -> Option<Vec<Quadruple>> {
-    let columns: Vec<[f64; COLUMNS]> = loads.iter().enumerate().map(with_probe(typical)).collect();
-    let answers = BlockFactors::of(matrix)
-        .map(|factors| factors.solve(&columns))
-        .filter(|answers| is_trustworthy(matrix, &columns, answers, typical))
-        .or_else(|| {
-            solve_with_pivoting(matrix, &columns).filter(|answers| is_trustworthy(matrix, &columns, answers, typical))
-        })?;
-    Some(answers.iter().map(|row| std::array::from_fn(|direction| row[direction])).collect())
+/// The cheap factors without exchanges of rows come first; where they are not good enough, rows are pivoted.
+pub(super) fn solve<const B: usize, const P: usize>(
+    matrix: &BlockMatrix<B>,
+    loads: &[Columns<B, P>],
+    typical: f64,
+    symmetric: bool,
+) -> Option<Vec<Columns<B, P>>> {
+    let columns = with_probe(loads, typical);
+    let elimination = Elimination::of(matrix.grains(), &matrix.pairs)?;
+    let factorized =
+        |symmetric| dispatch(Direct { matrix, elimination: &elimination, columns: &columns, typical, symmetric });
+    let direct = if symmetric { factorized(true) } else { None };
+    direct.or_else(|| factorized(false)).or_else(|| {
+        let answers = solve_with_pivoting(matrix, &columns)?;
+        let residual = matrix.residual(&columns, &answers);
+        is_trustworthy(&columns, &answers, &residual, typical).then_some(answers)
+    })
 }
 
-fn solve_with_pivoting(matrix: &BlockMatrix, columns: &[[f64; COLUMNS]]) -> Option<Vec<[f64; COLUMNS]>> {
-    let sparse = to_scalar_columns(matrix);
-    let symbolic = SymbolicLu::try_new(sparse.symbolic()).ok()?;
-    let factors = Lu::try_new_with_symbolic(symbolic, sparse.as_ref()).ok()?;
-    let mut answers = Mat::from_fn(columns.len(), COLUMNS, |row, column| columns[row][column]);
-    factors.solve_in_place(&mut answers);
-    Some((0..columns.len()).map(|row| std::array::from_fn(|column| answers[(row, column)])).collect())
+/// Factors without exchange of rows and iterative refinement.
+struct Direct<'a, const B: usize, const P: usize> {
+    matrix: &'a BlockMatrix<B>,
+    elimination: &'a Elimination,
+    columns: &'a [Columns<B, P>],
+    typical: f64,
+    symmetric: bool,
 }
 
-/// Appends the probe of the softest mode: a fixed load without regularity has a share of every mode. (Multiples of an
-/// irrational number will not do: they are orthogonal to the alternating modes of lattices; their squares are not.)
-fn with_probe(typical: f64) -> impl Fn((usize, &Quadruple)) -> [f64; COLUMNS] {
-    move |(row, load)| {
-        let mut column = [(((row as f64).powi(2) * std::f64::consts::GOLDEN_RATIO).fract() - 0.5) * typical; COLUMNS];
-        column[..DIRECTIONS].copy_from_slice(load);
-        column
+impl<const B: usize, const P: usize> Vectorised for Direct<'_, B, P> {
+    type Output = Option<Vec<Columns<B, P>>>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        if self.symmetric {
+            let factors = Factors::<B, P, true>::of(self.matrix, self.elimination);
+            self.refine(MOST_CORRECTIONS, |right| factors.solve(right))
+        } else {
+            let factors = Factors::<B, P, false>::of(self.matrix, self.elimination);
+            self.refine(1, |right| factors.solve(right))
+        }
     }
 }
 
-/// Whether the answers solve the equations and no mode is next to free. Written so that a NaN fails.
-fn is_trustworthy(matrix: &BlockMatrix, loads: &[[f64; COLUMNS]], answers: &[[f64; COLUMNS]], typical: f64) -> bool {
-    let softness = answers.iter().map(|row| row[DIRECTIONS].powi(2)).sum::<f64>().sqrt();
-    let residual = matrix.residual_norms(loads, answers);
-    softness * SOFTEST_CREDIBLE_MODE < 1.0
-        && (0..COLUMNS).all(|column| {
-            let load = loads.iter().map(|row| row[column].abs()).fold(0.0, f64::max);
-            let answer = answers.iter().map(|row| row[column].abs()).fold(0.0, f64::max);
-            residual[column] <= LARGEST_RESIDUAL * (load + typical * answer)
-        })
+impl<const B: usize, const P: usize> Direct<'_, B, P> {
+    #[inline(always)]
+    fn refine(
+        &self,
+        corrections: u32,
+        solve: impl Fn(&[Columns<B, P>]) -> Vec<Columns<B, P>>,
+    ) -> Option<Vec<Columns<B, P>>> {
+        let mut answers = solve(self.columns);
+        for correction in 0..=corrections {
+            let residual = self.matrix.residual(self.columns, &answers);
+            if is_trustworthy(self.columns, &answers, &residual, self.typical) {
+                return Some(answers);
+            }
+            if correction < corrections {
+                for (answer, change) in answers.iter_mut().flatten().zip(solve(&residual).iter().flatten()) {
+                    for lane in 0..P {
+                        answer[lane] += change[lane];
+                    }
+                }
+            }
+        }
+        None
+    }
 }
 
-fn to_scalar_columns(matrix: &BlockMatrix) -> SparseColMat<usize, f64> {
-    let size = BLOCK * matrix.grains();
-    let mut starts = vec![0];
-    let mut rows = Vec::with_capacity(BLOCK * BLOCK * matrix.blocks.len());
-    let mut values = Vec::with_capacity(rows.capacity());
-    for grain in 0..matrix.grains() {
-        for column in 0..BLOCK {
-            for place in matrix.columns[grain]..matrix.columns[grain + 1] {
-                for (row, block_row) in matrix.blocks[place].iter().enumerate() {
-                    rows.push(BLOCK * matrix.rows[place] + row);
+/// Adds the probe of the softest mode to column `B`: a fixed load without regularity has a share of every mode.
+/// (Multiples of an irrational number will not do: they are orthogonal to the alternating modes of lattices; their
+/// squares are not.)
+fn with_probe<const B: usize, const P: usize>(loads: &[Columns<B, P>], typical: f64) -> Vec<Columns<B, P>> {
+    let mut columns = loads.to_vec();
+    for (row, values) in columns.iter_mut().flatten().enumerate() {
+        values[B] = (((row as f64).powi(2) * std::f64::consts::GOLDEN_RATIO).fract() - 0.5) * typical;
+    }
+    columns
+}
+
+/// Whether the answers solve the equations and no mode is next to free. Written so that a NaN fails.
+fn is_trustworthy<const B: usize, const P: usize>(
+    loads: &[Columns<B, P>],
+    answers: &[Columns<B, P>],
+    residual: &[Columns<B, P>],
+    typical: f64,
+) -> bool {
+    let softness = answers.iter().flatten().map(|row| row[B] * row[B]).sum::<f64>().sqrt();
+    let (load, answer, residual) = (largest(loads), largest(answers), largest(residual));
+    softness * SOFTEST_CREDIBLE_MODE < 1.0
+        && (0..=B).all(|column| residual[column] <= LARGEST_RESIDUAL * (load[column] + typical * answer[column]))
+}
+
+fn solve_with_pivoting<const B: usize, const P: usize>(
+    matrix: &BlockMatrix<B>,
+    columns: &[Columns<B, P>],
+) -> Option<Vec<Columns<B, P>>> {
+    let sparse = to_scalar_columns(matrix);
+    let symbolic = SymbolicLu::try_new(sparse.symbolic()).ok()?;
+    let factors = Lu::try_new_with_symbolic(symbolic, sparse.as_ref()).ok()?;
+    let mut answers = Mat::from_fn(B * columns.len(), B + 1, |row, column| columns[row / B][row % B][column]);
+    factors.solve_in_place(&mut answers);
+    let answer = |grain: usize| {
+        std::array::from_fn(|unknown| {
+            std::array::from_fn(|column| if column <= B { answers[(B * grain + unknown, column)] } else { 0.0 })
+        })
+    };
+    Some((0..columns.len()).map(answer).collect())
+}
+
+fn to_scalar_columns<const B: usize>(matrix: &BlockMatrix<B>) -> SparseColMat<usize, f64> {
+    let mut blocks: Vec<_> = matrix.diagonal.iter().enumerate().map(|(grain, block)| (grain, grain, block)).collect();
+    for ((&[first, second], upper), lower) in matrix.pairs.iter().zip(&matrix.upper).zip(&matrix.lower) {
+        blocks.push((second, first, upper));
+        blocks.push((first, second, lower));
+    }
+    // By column, then by row.
+    blocks.sort_unstable_by_key(|(column, row, _)| (*column, *row));
+    let size = B * matrix.grains();
+    let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+    for column_blocks in blocks.chunk_by(|a, b| a.0 == b.0) {
+        for column in 0..B {
+            for (_, row_grain, block) in column_blocks {
+                for (row, block_row) in block.iter().enumerate() {
+                    rows.push(B * row_grain + row);
                     values.push(block_row[column]);
                 }
             }

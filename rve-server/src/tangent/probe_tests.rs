@@ -17,6 +17,10 @@ fn discs(friction: f64, options: RveOptions) -> GrainRve {
         .unwrap()
 }
 
+fn norm(operator: &PlaneOperator) -> f64 {
+    operator.iter().flatten().map(|value| value * value).sum::<f64>().sqrt()
+}
+
 fn stress_after(cell: &mut GrainRve, strain: Plane, ramp_steps: u32) -> [f64; 4] {
     let ask = Ask { ramp_steps, ..Ask::default() };
     let answer = cell.trial(&Tensor2::from_plane(strain), &ask).unwrap();
@@ -39,6 +43,7 @@ fn truss_like_operator_equals_probes_of_the_grain_solver() {
     let strain = [[1e-4, 5e-5], [0.0, -1e-4]];
     stress_after(&mut cell, strain, 100);
     let operator = evaluate(cell.network().unwrap(), TangentKind::TrussLike);
+    let linearised = operator.operator.plane();
     cell.commit().unwrap();
     let step = 1e-8;
     let mut probed = [[0.0; 4]; 4];
@@ -50,8 +55,8 @@ fn truss_like_operator_equals_probes_of_the_grain_solver() {
         }
     }
     let difference: PlaneOperator =
-        std::array::from_fn(|row| std::array::from_fn(|column| operator.operator[row][column] - probed[row][column]));
-    let error = frobenius_norm(&difference) / frobenius_norm(&probed);
+        std::array::from_fn(|row| std::array::from_fn(|column| linearised[row][column] - probed[row][column]));
+    let error = norm(&difference) / norm(&probed);
     // Measured 5.8e-8.
     assert!(error < 1.2e-7, "{error:.2e}");
     assert!(!operator.fallback && !operator.regularised);
@@ -71,7 +76,7 @@ fn slip_operator_foresees_the_next_increment_of_loading() {
         let after = stress_after(&mut cell, increment, 0);
         let change: [f64; 4] = std::array::from_fn(|place| after[place] - before[place]);
         let error = |kind| {
-            let operator = evaluate(&network, kind).operator;
+            let operator = evaluate(&network, kind).operator.plane();
             let missed = operator.iter().zip(&change).map(|(row, actual)| 1e-4 * (row[0] - row[3]) - actual);
             let (missed, total) =
                 (missed.map(|value| value * value).sum::<f64>(), change.iter().map(|v| v * v).sum::<f64>());

@@ -89,7 +89,7 @@ pub(super) fn random(seed: u64, pressure_ratio: f64) -> ContactNetwork {
 fn balance(network: &mut ContactNetwork) {
     let mut equations = DMatrix::<f64>::zeros(3 * network.positions.len(), 2 * network.contacts.len());
     for (index, contact) in network.contacts.iter().enumerate() {
-        let geometry = super::contact_stiffness::ContactGeometry::of(network, contact);
+        let geometry = geometry(network, contact);
         let ends = [(contact.origin as usize, 1.0, geometry.arms[0]), (contact.end as usize, -1.0, geometry.arms[1])];
         for (grain, sign, arm) in ends {
             for axis in 0..2 {
@@ -115,18 +115,23 @@ fn balance(network: &mut ContactNetwork) {
     }
 }
 
+/// Branch, normal, tangent and arms of a contact.
+struct Geometry {
+    normal: [f64; 2],
+    tangent: [f64; 2],
+    arms: [f64; 2],
+}
+
+fn geometry(network: &ContactNetwork, contact: &NetworkContact) -> Geometry {
+    let branch = network.branch(contact);
+    let length = branch[0].hypot(branch[1]);
+    let normal = branch.map(|component| component / length);
+    let difference = 0.5 * (network.radii[contact.origin as usize] - network.radii[contact.end as usize]);
+    let arms = [0.5 * length + difference, 0.5 * length - difference];
+    Geometry { normal, tangent: [-normal[1], normal[0]], arms }
+}
+
 /// Love-Weber stress, Pa.
 pub(super) fn stress(network: &ContactNetwork) -> [[f64; 2]; 2] {
-    let mut sum = [[0.0; 2]; 2];
-    for contact in &network.contacts {
-        let geometry = super::contact_stiffness::ContactGeometry::of(network, contact);
-        for (i, row) in sum.iter_mut().enumerate() {
-            for (j, value) in row.iter_mut().enumerate() {
-                let force =
-                    contact.normal_force * geometry.normal[i] + contact.tangential_force * geometry.tangent[i];
-                *value += force * geometry.branch[j] / super::volume(network);
-            }
-        }
-    }
-    sum
+    network.stress()
 }

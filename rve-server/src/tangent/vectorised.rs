@@ -1,0 +1,29 @@
+//! Run-time choice of the instruction set.
+//!
+//! Work is written once in portable code over small arrays; inside a function with the features enabled the compiler
+//! turns these into vectors. Every fused multiply-add is written as such, so that all ways give the same bits.
+
+/// Work that gains from wide vectors. `run` and all it calls should be `#[inline(always)]`.
+pub(super) trait Vectorised {
+    /// Its result.
+    type Output;
+
+    /// Does the work.
+    fn run(self) -> Self::Output;
+}
+
+/// Does `work` with the widest instructions that this processor has and the program knows of.
+pub(super) fn dispatch<T: Vectorised>(work: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        #[expect(unsafe_code, reason = "the features that the function needs have just been detected")]
+        return unsafe { with_avx2(work) };
+    }
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn with_avx2<T: Vectorised>(work: T) -> T::Output {
+    work.run()
+}
