@@ -134,10 +134,7 @@ impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
 }
 
 #[inline(always)]
-fn add<const ROWS: usize, const COLUMNS: usize>(
-    target: &mut [[f64; COLUMNS]; ROWS],
-    block: &[[f64; COLUMNS]; ROWS],
-) {
+fn add<const ROWS: usize, const COLUMNS: usize>(target: &mut [[f64; COLUMNS]; ROWS], block: &[[f64; COLUMNS]; ROWS]) {
     for (target, values) in target.iter_mut().zip(block) {
         for (target, value) in target.iter_mut().zip(values) {
             *target += value;

@@ -5,6 +5,7 @@
 
 use crate::network::ContactNetwork;
 use crate::relaxation::kernel::AT_LIMIT;
+use crate::space::{Components, Space};
 
 /// One contact that carries force. Conventions as in [`crate::network`]; the force acts on the origin grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +61,44 @@ pub(super) struct LinkedGrains<const D: usize> {
 }
 
 impl<const D: usize> LinkedGrains<D> {
+    /// Reads a network of the same dimension.
+    pub(super) fn of<S: Space>(network: &ContactNetwork<S>) -> Self {
+        let links = network
+            .contacts
+            .iter()
+            .map(|contact| {
+                let (origin, end) = (contact.origin as usize, contact.end as usize);
+                let (branch, force) = (network.branch(contact), network.force(contact));
+                let length = branch.norm();
+                let normal: [f64; D] = std::array::from_fn(|axis| branch[axis] / length);
+                let half_difference = 0.5 * (network.radii[origin] - network.radii[end]);
+                let limit = -network.friction * contact.normal_force;
+                Link {
+                    origin,
+                    end,
+                    shift: std::array::from_fn(|axis| contact.shift[axis]),
+                    branch: std::array::from_fn(|axis| branch[axis]),
+                    length,
+                    normal,
+                    arms: [0.5 * length + half_difference, 0.5 * length - half_difference],
+                    normal_stiffness: contact.normal_stiffness,
+                    tangential_stiffness: contact.tangential_stiffness,
+                    normal_force: contact.normal_force,
+                    tangential_force: std::array::from_fn(|axis| force[axis] - contact.normal_force * normal[axis]),
+                    slid: contact.slid,
+                    at_limit: contact.tangential_force.norm() >= AT_LIMIT * limit,
+                }
+            })
+            .collect();
+        Self {
+            volume: network.volume().abs(),
+            radii: network.radii.clone(),
+            rotations_free: network.rotations_free,
+            friction: network.friction,
+            links,
+        }
+    }
+
     /// Love-Weber stress, Pa.
     pub(super) fn stress(&self) -> [[f64; D]; D] {
         let mut sum = [[0.0; D]; D];
@@ -72,44 +111,6 @@ impl<const D: usize> LinkedGrains<D> {
             }
         }
         sum.map(|row| row.map(|value| value / self.volume))
-    }
-}
-
-impl From<&ContactNetwork> for LinkedGrains<2> {
-    fn from(network: &ContactNetwork) -> Self {
-        let links = network
-            .contacts
-            .iter()
-            .map(|contact| {
-                let (origin, end) = (contact.origin as usize, contact.end as usize);
-                let branch = network.branch(contact);
-                let length = (branch[0] * branch[0] + branch[1] * branch[1]).sqrt();
-                let normal = branch.map(|component| component / length);
-                let half_difference = 0.5 * (network.radii[origin] - network.radii[end]);
-                Link {
-                    origin,
-                    end,
-                    shift: contact.shift,
-                    branch,
-                    length,
-                    normal,
-                    arms: [0.5 * length + half_difference, 0.5 * length - half_difference],
-                    normal_stiffness: contact.normal_stiffness,
-                    tangential_stiffness: contact.tangential_stiffness,
-                    normal_force: contact.normal_force,
-                    tangential_force: [-normal[1] * contact.tangential_force, normal[0] * contact.tangential_force],
-                    slid: contact.slid,
-                    at_limit: contact.tangential_force.abs() >= -AT_LIMIT * network.friction * contact.normal_force,
-                }
-            })
-            .collect();
-        Self {
-            volume: network.area().abs() * network.thickness,
-            radii: network.radii.clone(),
-            rotations_free: network.rotations_free,
-            friction: network.friction,
-            links,
-        }
     }
 }
 

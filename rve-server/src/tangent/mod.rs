@@ -28,6 +28,7 @@ mod sample_networks;
 mod tests;
 
 use crate::network::ContactNetwork;
+use crate::space::Space;
 use link::LinkedGrains;
 use protocol::{TangentKind, Tensor4};
 use sliding::Sliding;
@@ -63,8 +64,12 @@ impl TangentOutcome {
 ///
 /// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
 /// replaced by the uniform-strain operator (UKO) and marked.
-pub fn evaluate(network: &ContactNetwork, kind: TangentKind) -> TangentOutcome {
-    evaluate_linked::<2, 3, 4>(&LinkedGrains::from(network), kind)
+pub fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> TangentOutcome {
+    if S::DIMENSION == 2 {
+        evaluate_linked::<2, 3, 4>(&LinkedGrains::of(network), kind)
+    } else {
+        evaluate_linked::<3, 6, 8>(&LinkedGrains::of(network), kind)
+    }
 }
 
 /// Whether an operator can be had from a network alone.

@@ -305,7 +305,7 @@ fn uniform_strain_moduli_of_isotropic_contacts_are_the_closed_form() {
     network.contacts = (1..=count as usize)
         .map(|end| NetworkContact { normal_stiffness: normal, tangential_stiffness: tangential, ..bond(0, end) })
         .collect();
-    let sum = f64::from(count) / (network.area() * network.thickness);
+    let sum = f64::from(count) / (network.volume());
     let (bulk, shear) = (sum * normal / 4.0, sum * (normal + tangential) / 8.0);
     let operator = kruyt(&network);
     assert!((0.5 * (operator[0][0] + operator[0][3]) - bulk).abs() < 1e-12 * bulk);
