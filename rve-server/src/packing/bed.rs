@@ -14,6 +14,12 @@ use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, Tria
 /// First isotropic compression per increment; grains move by a hundredth of a radius or so.
 const FIRST_COMPRESSION: f64 = 5e-3;
 
+/// No increment is halved below this.
+const LEAST_COMPRESSION: f64 = 1e-8;
+
+/// After an increment that was taken the next one is at least this: halving must not bring the compression to a stop.
+const CREEPING_COMPRESSION: f64 = 1e-6;
+
 /// Share of the target pressure at which the compression hands over to the servo.
 const HANDOVER: [f64; 2] = [0.02, 0.2];
 
@@ -72,7 +78,8 @@ impl<'a> Bed<'a> {
         for increment in 0..MOST_INCREMENTS {
             let answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
             let share = pressure(&answer.stress, self.target.dimension) / self.target.pressure;
-            if share > HANDOVER[1] {
+            // Grains that snap across the window at the smallest increment are taken as they lie.
+            if share > HANDOVER[1] && compression > LEAST_COMPRESSION {
                 self.cell.rollback();
                 compression *= 0.5;
                 continue;
@@ -82,6 +89,7 @@ impl<'a> Bed<'a> {
             if share > HANDOVER[0] {
                 return Ok(());
             }
+            compression = compression.max(CREEPING_COMPRESSION);
         }
         Err(PackingError::Content(format!("compression did not reach a pressure in {MOST_INCREMENTS} increments")))
     }
