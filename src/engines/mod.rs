@@ -1,0 +1,12 @@
+//! Engines outside this program: where they are listed, how one is started, and what it says it can do.
+
+mod catalogue;
+mod inquiry;
+mod suitability;
+
+pub(crate) use catalogue::{Catalogue, Engine};
+pub(crate) use inquiry::capabilities_of;
+pub(crate) use suitability::{Suitability, suitability};
+
+/// Keyword of the engine inside this program.
+pub(crate) const BUILT_IN: &str = "grains";

@@ -1,0 +1,63 @@
+//! Whether an engine can solve the points of a scene, judged before anything is started.
+
+use protocol::{Capabilities, SnapshotKind, TangentKind};
+use rve_server::definition::{ContactLaw, GrainDefinition};
+
+/// What an engine means for a scene that it can run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Suitability {
+    /// Whether the run has to find tangents by finite differences.
+    pub(crate) differences: bool,
+    /// What a person should know, one line each.
+    pub(crate) remarks: Vec<String>,
+}
+
+/// Judges an engine for a definition and the tangent that the solver wants.
+///
+/// # Errors
+/// Why the engine cannot run the scene, with the remedy.
+pub(crate) fn suitability(
+    capabilities: &Capabilities,
+    definition: &GrainDefinition,
+    tangent: TangentKind,
+) -> Result<Suitability, String> {
+    let engine = &capabilities.engine;
+    let dimension = definition.packing.dimension;
+    if !capabilities.dimensions.contains(&dimension) {
+        return Err(format!(
+            "engine `{engine}` serves {:?} dimensions, the packing has {dimension}; choose another engine or packing",
+            capabilities.dimensions
+        ));
+    }
+    let law = law_keyword(definition.contact.law);
+    if !capabilities.laws.iter().any(|served| served == law) {
+        return Err(format!(
+            "engine `{engine}` serves the contact laws {:?}, not \"{law}\"; choose another engine or contact.law",
+            capabilities.laws
+        ));
+    }
+    let mut remarks = Vec::new();
+    let differences = tangent != TangentKind::None && !capabilities.tangents.contains(&tangent);
+    if differences {
+        remarks.push(format!(
+            "engine `{engine}` has no tangent `{}`: tangents are found by finite differences of its answers",
+            tangent.keyword()
+        ));
+    }
+    if capabilities.snapshot == SnapshotKind::Path {
+        remarks.push(format!(
+            "engine `{engine}` has no snapshots: a point that changes workers is solved again from the start"
+        ));
+    }
+    if !capabilities.deterministic {
+        remarks.push(format!("engine `{engine}` does not promise equal answers to equal questions: reruns may differ"));
+    }
+    Ok(Suitability { differences, remarks })
+}
+
+fn law_keyword(law: ContactLaw) -> &'static str {
+    match law {
+        ContactLaw::Linear => "linear",
+        ContactLaw::HertzMindlin => "hertz_mindlin",
+    }
+}
