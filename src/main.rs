@@ -1,6 +1,7 @@
 //! One binary that plays every role: macro solver, worker, and the tools around them.
 
 mod cli;
+mod engines;
 mod scene;
 mod workers;
 

@@ -52,14 +52,16 @@ struct Kept {
 pub struct DifferenceTangents<'a> {
     material: &'a mut dyn PointMaterial,
     plan: DifferencePlan,
+    /// For each point whether differences are wanted.
+    wanted: Vec<bool>,
     kept: BTreeMap<usize, Kept>,
     counts: DifferenceCounts,
 }
 
 impl<'a> DifferenceTangents<'a> {
-    /// Differences of `material`'s answers.
-    pub fn new(material: &'a mut dyn PointMaterial, plan: DifferencePlan) -> Self {
-        Self { material, plan, kept: BTreeMap::new(), counts: DifferenceCounts::default() }
+    /// Differences of `material`'s answers at those points for which `wanted` says so; the others are left alone.
+    pub fn new(material: &'a mut dyn PointMaterial, plan: DifferencePlan, wanted: Vec<bool>) -> Self {
+        Self { material, plan, wanted, kept: BTreeMap::new(), counts: DifferenceCounts::default() }
     }
 
     /// What they have cost so far.
@@ -67,10 +69,14 @@ impl<'a> DifferenceTangents<'a> {
         self.counts
     }
 
+    /// Whether the operator of this trial comes from here.
+    fn is_ours(&self, trial: &PointTrial) -> bool {
+        trial.ask.tangent != TangentKind::None && self.wanted.get(trial.point).is_some_and(|wanted| *wanted)
+    }
+
     /// Whether this trial needs a new operator.
     fn is_due(&self, trial: &PointTrial) -> bool {
-        let wanted = trial.ask.tangent != TangentKind::None;
-        wanted && self.kept.get(&trial.point).is_none_or(|kept| kept.uses >= self.plan.reuses)
+        self.is_ours(trial) && self.kept.get(&trial.point).is_none_or(|kept| kept.uses >= self.plan.reuses)
     }
 }
 
@@ -82,8 +88,8 @@ impl PointMaterial for DifferenceTangents<'_> {
             let probes = if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
             asked.extend(probes.iter().map(|probe| probe.trial));
             // The plain trial comes last: the latest trial of a point is the one that can be committed.
-            let ask = Ask { tangent: TangentKind::None, ..trial.ask };
-            asked.push(PointTrial { ask, ..*trial });
+            let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.ask.tangent };
+            asked.push(PointTrial { ask: Ask { tangent, ..trial.ask }, ..*trial });
             places.push(probes);
         }
         let mut found = self.material.evaluate(&asked)?.into_iter();
@@ -91,7 +97,7 @@ impl PointMaterial for DifferenceTangents<'_> {
         for (trial, probes) in trials.iter().zip(places) {
             let probed: Vec<TrialAnswer> = found.by_ref().take(probes.len()).collect();
             let mut answer = found.next().expect("a material answers every trial");
-            if trial.ask.tangent != TangentKind::None {
+            if self.is_ours(trial) {
                 if !probes.is_empty() {
                     self.counts.operators += 1;
                     self.counts.probes += probes.len() as u64;
@@ -213,7 +219,7 @@ mod tests {
         let expected = material().evaluate(&trials).unwrap();
         let mut inner = material();
         let plan = DifferencePlan { strain: 1e-7, ..DifferencePlan::new(2) };
-        let mut differences = DifferenceTangents::new(&mut inner, plan);
+        let mut differences = DifferenceTangents::new(&mut inner, plan, vec![true; 2]);
         let found = differences.evaluate(&trials).unwrap();
         for (found, expected) in found.iter().zip(&expected) {
             assert_eq!(found.stress, expected.stress);
@@ -228,7 +234,7 @@ mod tests {
     #[test]
     fn an_operator_is_kept_within_a_step_and_the_plain_trial_is_committed() {
         let (mut inner, mut plain) = (material(), material());
-        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2));
+        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2), vec![true; 2]);
         for size in [1e-3, 1.1e-3, 1.2e-3] {
             differences.evaluate(&[trial(0, [[0.0, 0.0], [0.0, -size]])]).unwrap();
         }
@@ -243,11 +249,14 @@ mod tests {
     }
 
     #[test]
-    fn trials_without_a_tangent_pass_unchanged() {
+    fn points_with_a_tangent_of_their_own_and_trials_without_pass_unchanged() {
         let mut inner = material();
-        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2));
+        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2), vec![true; 2]);
         let plain = PointTrial { ask: Ask::default(), ..trial(0, [[0.0, 0.0], [0.0, -1e-3]]) };
         assert_eq!(differences.evaluate(&[plain]).unwrap()[0].tangent, None);
+        differences.wanted[0] = false;
+        let own = trial(0, [[0.0, 0.0], [0.0, -1e-3]]);
+        assert_eq!(differences.evaluate(&[own]).unwrap(), material().evaluate(&[own]).unwrap());
         assert_eq!(differences.counts(), DifferenceCounts::default());
     }
 }

@@ -2,6 +2,7 @@
 
 use super::exit::{Exit, Failure};
 use super::stdout::print;
+use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::mesh::ElementKind;
 use std::fmt::Write;
@@ -17,6 +18,9 @@ pub(crate) struct Arguments {
     /// Override a key of the scene; entries of [[lists]] are numbered from 0
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
+    /// Check the scene for this engine in place of the scene's own choice
+    #[arg(long, value_name = "NAME")]
+    engine: Option<String>,
 }
 
 /// Checks the scene and prints an overview.
@@ -25,12 +29,13 @@ pub(crate) struct Arguments {
 /// The first thing that a run would refuse.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
-    print(overview(&scene).as_bytes())?;
+    let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
+    print(overview(&scene, &crew).as_bytes())?;
     Ok(Exit::Done)
 }
 
 /// What a run of the scene would be, for people.
-fn overview(scene: &Scene) -> String {
+fn overview(scene: &Scene, crew: &Crew) -> String {
     let problem = &scene.problem;
     let packing = &scene.definition.packing;
     let options = &scene.definition.options;
@@ -68,6 +73,7 @@ fn overview(scene: &Scene) -> String {
             ),
         ),
         ("formulation", problem.formulation.keyword().to_owned()),
+        ("engines", crew.description()),
         ("tangent", problem.strategy.tangent.keyword().to_owned()),
         ("steps", format!("{steps} if nothing is cut back")),
         ("evaluations", format!("about {} to {}", evaluations[0], evaluations[1])),
@@ -79,6 +85,9 @@ fn overview(scene: &Scene) -> String {
     let mut text = String::new();
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
+    }
+    for remark in crew.remarks() {
+        writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
     text.push_str("The scene is sound; nothing was run.\n");
     text

@@ -5,7 +5,7 @@ mod check;
 mod clean;
 mod completions;
 mod element;
-mod exit;
+pub(crate) mod exit;
 mod pack;
 mod replay;
 mod run;

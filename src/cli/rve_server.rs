@@ -1,23 +1,18 @@
 //! `grainspan rve-server --run RUN`: one worker of a run, started by the run itself or by hand.
 
 use super::exit::{Exit, Failure};
+use crate::engines::{BUILT_IN, Catalogue};
 use crate::workers::{DYING, follow_parent};
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ExitReason, ServeOptions, serve};
 use std::io::IsTerminal;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::Duration;
 
 /// States that a worker keeps: about 15 MB at 400 discs, enough for the points of a two-worker run of the shipped scene.
 const STATE_CACHE: u32 = 256;
-
-/// Engines of this program.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
-enum Engine {
-    /// Periodic cells of discs
-    #[default]
-    Grains,
-}
 
 /// Arguments of `grainspan rve-server`.
 #[derive(clap::Args, Debug)]
@@ -28,9 +23,9 @@ pub(crate) struct Arguments {
     /// Name of the run to join
     #[arg(long, value_name = "RUN")]
     run: String,
-    /// What solves the RVEs
-    #[arg(long, value_enum, default_value_t)]
-    engine: Engine,
+    /// What solves the RVEs: `grains`, or an engine of the catalogue, see docs/external-engines.md
+    #[arg(long, value_name = "NAME", default_value = BUILT_IN)]
+    engine: String,
     /// Snapshots kept at hand
     #[arg(long, value_name = "N", default_value_t = STATE_CACHE)]
     state_cache: u32,
@@ -49,9 +44,11 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     log_to_stderr();
     let worker_failed = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
+    if arguments.engine != BUILT_IN {
+        return Err(become_external(arguments));
+    }
     follow_parent(arguments.parent, &arguments.run)
         .map_err(|error| Failure::new(Exit::WorkersLost, format!("could not follow the run's process: {error}")))?;
-    let Engine::Grains = arguments.engine;
     let mut port = SharedMemoryWorkerPort::join(&arguments.run, Duration::from_secs(arguments.patience))
         .map_err(|error| worker_failed(&error))?;
     let options = ServeOptions { state_cache: arguments.state_cache, ..ServeOptions::new(&arguments.run) };
@@ -64,6 +61,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
         ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),
     }
+}
+
+/// Replaces this process by a worker of another engine; returns only when that fails.
+fn become_external(arguments: &Arguments) -> Failure {
+    let engine = match Catalogue::read().and_then(|catalogue| catalogue.find(&arguments.engine)) {
+        Ok(engine) => engine,
+        Err(error) => return Failure::new(Exit::BadInput, format!("{error:#}")),
+    };
+    let mut command = Command::new(&engine.program);
+    command.args(&engine.arguments).envs(&engine.environment).args(["--run", &arguments.run]);
+    command.args(["--state-cache", &arguments.state_cache.to_string()]);
+    command.args(["--patience", &arguments.patience.to_string()]);
+    if let Some(parent) = arguments.parent {
+        command.args(["--parent", &parent.to_string()]);
+    }
+    let error = command.exec();
+    let program = engine.program.display();
+    Failure::new(Exit::BadInput, format!("engine '{}' cannot be started: {program}: {error}", engine.name))
 }
 
 /// Warnings for the person, or the run, that reads this worker's standard error; nothing that is not asked for.

@@ -139,7 +139,8 @@ mod tests {
 
     #[test]
     fn commands_find_their_files_beside_the_catalogue() {
-        let text = "[mine]\ncommand = [\"python3\", \"{here}/mine.py\"]\nenvironment = { PYTHONPATH = \"{here}/lib\" }";
+        let text =
+            "[mine]\ncommand = [\"python3\", \"{here}/mine.py\"]\nenvironment = { PYTHONPATH = \"{here}/lib\" }";
         let engines = parse(text, "/opt/engines").unwrap();
         let mine = &engines["mine"];
         assert_eq!(mine.program, Path::new("python3"));

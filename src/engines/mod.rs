@@ -1,10 +1,12 @@
 //! Engines outside this program: where they are listed, how one is started, and what it says it can do.
 
 mod catalogue;
+mod crew;
 mod inquiry;
 mod suitability;
 
 pub(crate) use catalogue::{Catalogue, Engine};
+pub(crate) use crew::Crew;
 pub(crate) use inquiry::capabilities_of;
 pub(crate) use suitability::{Suitability, suitability};
 

@@ -50,7 +50,8 @@ pub(crate) fn suitability(
         ));
     }
     if !capabilities.deterministic {
-        remarks.push(format!("engine `{engine}` does not promise equal answers to equal questions: reruns may differ"));
+        remarks
+            .push(format!("engine `{engine}` does not promise equal answers to equal questions: reruns may differ"));
     }
     Ok(Suitability { differences, remarks })
 }

@@ -2,8 +2,10 @@
 //! folder is made or any process started.
 
 use super::document::Document;
+use super::engines::EnginePlan;
 use super::input_error::InputError;
 use super::mesh::mesh;
+
 use super::probes::probes;
 use super::schema::{
     BodyForceTable, BoundaryTable, FormulationKeyword, LoadingTable, ObservableKeyword, OutputTable, PlatenKind,
@@ -36,6 +38,8 @@ pub(crate) struct Scene {
     pub(crate) definition: GrainDefinition,
     /// Where the packing was read.
     pub(crate) packing_path: PathBuf,
+    /// Who solves the points.
+    pub(crate) engines: EnginePlan,
     /// What is recorded.
     pub(crate) record: RecordPlan,
     /// Gauss points whose grains are written.
@@ -99,8 +103,21 @@ impl Scene {
             observables,
         };
         let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
+        let engines = EnginePlan::read(&document, &file.pool, &problem)?;
         let pool = PoolKeys::read(&document, &file.pool)?;
-        Ok(Self { name, document, problem, definition, packing_path, record, grains, plot, checkpoint, pool })
+        Ok(Self {
+            name,
+            document,
+            problem,
+            definition,
+            packing_path,
+            engines,
+            record,
+            grains,
+            plot,
+            checkpoint,
+            pool,
+        })
     }
 }
 

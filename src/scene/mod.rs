@@ -3,6 +3,7 @@
 mod build;
 mod changes;
 mod document;
+mod engines;
 mod input_error;
 mod mesh;
 mod probes;

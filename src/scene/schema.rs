@@ -4,6 +4,7 @@ use macro_solver::problem::Axis;
 use protocol::TangentKind;
 use rve_server::definition::{ContactTable, RveOptions};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -48,7 +49,7 @@ pub(crate) struct CheckpointTable {
     pub(crate) seconds: Option<Spanned<f64>>,
 }
 
-/// `[pool]`: how the workers are led. Changes no result.
+/// `[pool]`: who solves the points and how the workers are led. Only `engine` and `points` change a result.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct PoolTable {
@@ -59,6 +60,12 @@ pub(crate) struct PoolTable {
     pub(crate) patience: Option<Spanned<f64>>,
     pub(crate) restarts: Option<Spanned<u32>>,
     pub(crate) quarantine_after: Option<Spanned<u32>>,
+    pub(crate) engine: Option<String>,
+    pub(crate) points: BTreeMap<String, Vec<Spanned<usize>>>,
+    pub(crate) difference_strain: Option<Spanned<f64>>,
+    pub(crate) difference_reuses: Option<Spanned<u32>>,
+    pub(crate) recycle_jobs: Option<u64>,
+    pub(crate) recycle_memory: Option<u64>,
 }
 
 /// `[mesh]`.

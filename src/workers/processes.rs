@@ -2,7 +2,9 @@
 
 use super::back_off::BackOff;
 use super::last_words::LastWords;
+use crate::engines::Engine;
 use macro_solver::pool::{Outlook, WorkerSupply};
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io;
 use std::os::unix::process::CommandExt;
@@ -16,8 +18,14 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// How often the supply looks after workers that have not joined yet: nobody else would notice their end.
 const WATCH_INTERVAL: Duration = Duration::from_millis(20);
 
+/// How long a worker that has said goodbye may take to end.
+const LEAVING: Duration = Duration::from_secs(10);
+
 /// How long a worker may take to join: a machine with a hundred starting workers on one core needs seconds.
 const START_LIMIT: Duration = Duration::from_secs(20);
+
+/// The same for engines outside this program: some load an interpreter and half a gigabyte of libraries.
+const FOREIGN_START_LIMIT: Duration = Duration::from_secs(120);
 
 /// Replacements in a row that may end before they have answered anything.
 const RESTARTS: u32 = 20;
@@ -29,26 +37,30 @@ pub(crate) struct LaunchPlan {
     pub(crate) program: PathBuf,
     /// Its arguments.
     pub(crate) arguments: Vec<OsString>,
+    /// Added to its environment.
+    pub(crate) environment: BTreeMap<String, String>,
     /// Number of workers, at least 1.
     pub(crate) workers: usize,
     /// Most replacements in a row that end without an answer.
     pub(crate) restarts: u32,
+    /// How long a worker may take to join.
+    pub(crate) start_limit: Duration,
 }
 
 impl LaunchPlan {
-    /// `workers` copies of this executable that serve `run` with the engine called `engine`.
-    ///
-    /// # Errors
-    /// The system does not tell where this executable lies.
-    pub(crate) fn this_program(run: &str, engine: &str, workers: usize) -> io::Result<Self> {
+    /// `workers` workers of `engine` that serve `run`; `extra` are further arguments of their role.
+    pub(crate) fn for_run(run: &str, engine: &Engine, extra: &[String], workers: usize) -> Self {
         let parent = std::process::id().to_string();
-        let arguments = ["rve-server", "--run", run, "--engine", engine, "--parent", &parent];
-        Ok(Self {
-            program: std::env::current_exe()?,
-            arguments: arguments.into_iter().map(OsString::from).collect(),
+        let role = ["--run", run, "--parent", &parent].map(OsString::from);
+        let arguments = engine.arguments.iter().cloned().chain(role).chain(extra.iter().map(OsString::from));
+        Self {
+            program: engine.program.clone(),
+            arguments: arguments.collect(),
+            environment: engine.environment.clone(),
             workers,
             restarts: RESTARTS,
-        })
+            start_limit: if engine.is_built_in() { START_LIMIT } else { FOREIGN_START_LIMIT },
+        }
     }
 }
 
@@ -58,6 +70,8 @@ struct WorkerChild {
     words: LastWords,
     started: Instant,
     joined: bool,
+    /// Set when it has said goodbye: until when it may take to end.
+    leaving: Option<Instant>,
 }
 
 /// Starts, watches and replaces worker processes.
@@ -98,12 +112,17 @@ impl WorkerProcesses {
     fn spawn(&mut self) -> io::Result<()> {
         let mut command = Command::new(&self.plan.program);
         // A group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
-        command.args(&self.plan.arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+            .args(&self.plan.arguments)
+            .envs(&self.plan.environment)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
         let mut child = command.process_group(0).spawn()?;
         let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
         let words = LastWords::of(child.id(), stderr)?;
         tracing::debug!(pid = child.id(), "worker started");
-        self.children.push(WorkerChild { child, words, started: Instant::now(), joined: false });
+        self.children.push(WorkerChild { child, words, started: Instant::now(), joined: false, leaving: None });
         Ok(())
     }
 
@@ -115,6 +134,10 @@ impl WorkerProcesses {
         let text = if words.is_empty() { how } else { format!("{how}: {words}") };
         tracing::info!(pid, text, "worker process ended");
         self.last_end = Some(format!("worker process {pid} {text}"));
+        // Whoever has said goodbye was replaced at that moment.
+        if ended.leaving.is_some() {
+            return;
+        }
         if self.refusal.is_none()
             && let Some(pause) = self.back_off.ended(had_answered)
         {
@@ -122,15 +145,17 @@ impl WorkerProcesses {
         }
     }
 
-    /// Takes leave of workers that ended before they joined, and ends those that take too long. Of the end of the others
+    /// Takes leave of workers that ended before they joined or after they said goodbye, and ends those that take too
+    /// long. Of the end of the others
     /// the pool tells, together with whether they had been of use.
     fn reap(&mut self) {
         for place in (0..self.children.len()).rev() {
             let one = &mut self.children[place];
-            if one.joined {
+            if one.joined && one.leaving.is_none() {
                 continue;
             }
-            if one.started.elapsed() > START_LIMIT {
+            let late = !one.joined && one.started.elapsed() > self.plan.start_limit;
+            if late || one.leaving.is_some_and(|end| end <= Instant::now()) {
                 let _ = one.child.kill();
             }
             if let Ok(Some(status)) = one.child.try_wait() {
@@ -151,6 +176,11 @@ impl WorkerProcesses {
                 }
             }
         }
+    }
+
+    /// Whether none of its processes serves or is about to.
+    pub(crate) fn is_deserted(&self) -> bool {
+        self.due.is_empty() && self.children.iter().all(|one| one.leaving.is_some())
     }
 
     fn place_of(&self, pid: u32) -> Option<usize> {
@@ -201,6 +231,13 @@ impl WorkerSupply for WorkerProcesses {
         self.bury(place, status, had_answered);
     }
 
+    fn left(&mut self, pid: u32) {
+        let Some(place) = self.place_of(pid) else { return };
+        let now = Instant::now();
+        self.children[place].leaving = Some(now + LEAVING);
+        self.due.push(now);
+    }
+
     fn tend(&mut self) -> Outlook {
         self.reap();
         self.start_due();
@@ -208,7 +245,7 @@ impl WorkerSupply for WorkerProcesses {
         if starting + self.due.len() > 0 {
             return Outlook::Expected { check_again: WATCH_INTERVAL };
         }
-        if self.children.len() == self.plan.workers {
+        if self.children.len() >= self.plan.workers {
             return Outlook::Expected { check_again: Duration::from_secs(1) };
         }
         let why = match &self.refusal {
@@ -246,7 +283,14 @@ mod tests {
     use super::*;
 
     fn shell(script: &str, workers: usize, restarts: u32) -> LaunchPlan {
-        LaunchPlan { program: "/bin/sh".into(), arguments: vec!["-c".into(), script.into()], workers, restarts }
+        LaunchPlan {
+            program: "/bin/sh".into(),
+            arguments: vec!["-c".into(), script.into()],
+            environment: BTreeMap::new(),
+            workers,
+            restarts,
+            start_limit: START_LIMIT,
+        }
     }
 
     /// Tends until the supply gives up or 5 s have passed.
@@ -280,6 +324,19 @@ mod tests {
         assert_eq!((after.len(), after[0], processes.restarts()), (2, before[1], 1));
         processes.finish();
         assert!(after.iter().all(|pid| !std::path::Path::new(&format!("/proc/{pid}")).exists()));
+    }
+
+    #[test]
+    fn a_worker_that_leaves_in_good_order_is_replaced_without_counting() {
+        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 0)).unwrap();
+        for _ in 0..3 {
+            let pid = processes.children.last().unwrap().child.id();
+            processes.joined(pid);
+            processes.left(pid);
+            assert!(matches!(processes.tend(), Outlook::Expected { .. }));
+            assert_ne!(processes.children.last().unwrap().child.id(), pid);
+        }
+        assert_eq!(processes.restarts(), 0);
     }
 
     #[test]

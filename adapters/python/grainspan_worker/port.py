@@ -116,7 +116,9 @@ class SharedMemoryPort:
             oldest = self._open[0]
             response = oldest.receive()
             if response is not None:
-                content = bytes(response.payload().as_memory_view())
+                payload = response.payload()
+                content = ctypes.string_at(payload.as_ptr(), payload.len())
+                del payload
                 response.delete()
                 try:
                     event = frames.decode(content)
@@ -150,8 +152,7 @@ class SharedMemoryPort:
 
     def _request(self, content):
         request = self._client.loan_slice_uninit(len(content))
-        memory = request.payload().as_memory_view()
-        memory[:] = content
+        ctypes.memmove(request.payload().as_ptr(), content, len(content))
         pending = request.assume_init().send()
         if pending.number_of_server_connections == 0:
             self._lost = self._lost or "the run has closed its channel"

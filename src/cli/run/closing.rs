@@ -1,6 +1,7 @@
 //! The end of a run: `summary.json`, and the same for people.
 
 use macro_solver::checkpoint::CheckpointFigures;
+use macro_solver::difference::DifferenceCounts;
 use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
@@ -17,6 +18,10 @@ pub(super) struct Circumstances {
     pub(super) workers: usize,
     /// Wall time from the first worker's start to the end of the last step, s.
     pub(super) wall_s: f64,
+    /// Engines with their versions and points.
+    pub(super) engines: String,
+    /// What finite differences have cost.
+    pub(super) differences: DifferenceCounts,
     /// The energy ledger.
     pub(super) energy: BTreeMap<String, f64>,
     /// Content identity of the grains' definition.
@@ -70,6 +75,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         versions: BTreeMap::from([
             ("grainspan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
+            ("engines".to_owned(), about.engines),
             ("iceoryx2".to_owned(), ICEORYX2_VERSION.to_owned()),
             ("compiler".to_owned(), env!("GRAINSPAN_COMPILER").to_owned()),
             ("definition".to_owned(), about.definition),
@@ -98,6 +104,9 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
         ("iterates_turned_down", statistics.turned_down),
+        ("tangents_by_difference", about.differences.operators),
+        ("difference_evaluations", about.differences.probes),
+        ("workers_left", pool.workers_left),
         ("workers_lost", pool.workers_lost),
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),

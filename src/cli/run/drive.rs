@@ -10,8 +10,10 @@ use super::plot;
 use super::progress::Progress;
 use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
+use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, Reproducer};
+use macro_solver::difference::DifferenceTangents;
 use macro_solver::implicit::solve_kept;
 use macro_solver::observer::{Observer, Outcome};
 use macro_solver::output::{Recorder, write_atomically};
@@ -21,6 +23,8 @@ use std::time::Instant;
 
 /// How a run is to be made.
 pub(super) struct Manner<'a> {
+    /// Who solves what.
+    pub(super) crew: &'a Crew,
     /// Workers asked for.
     pub(super) workers: usize,
     /// When the first worker was started.
@@ -49,7 +53,11 @@ pub(super) fn drive<P: MacroPort>(
     let mut progress = Progress::new(manner.quiet);
     let mut ledger = EnergyLedger::default();
     let mut journal = Journal;
-    let (mut tap, snapshots) = SnapshotTap::new(&mut pool, &scene.grains);
+    let drawn: Vec<usize> = scene.grains.iter().copied().filter(|&point| manner.crew.is_built_in(point)).collect();
+    if drawn.len() < scene.grains.len() {
+        tracing::warn!("grains are drawn only where this program's own engine solves them");
+    }
+    let (mut tap, snapshots) = SnapshotTap::new(&mut pool, &drawn);
     let (every, duration) = (scene.record.fields_every, scene.record.duration);
     let mut grains = GrainWriter::create(folder.path(), &scene.definition, every, duration, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;
@@ -67,7 +75,9 @@ pub(super) fn drive<P: MacroPort>(
         (Some(continued.archive), CheckpointFigures { resumed: figures.resumed + 1, ..figures })
     });
     let mut keeper = PeriodicKeeper::new(file.clone(), scene.checkpoint, earlier, figures, about);
-    let run = solve_kept(&scene.problem, &mut tap, &mut observers, &mut keeper);
+    let mut material = DifferenceTangents::new(&mut tap, scene.engines.difference, manner.crew.differences());
+    let run = solve_kept(&scene.problem, &mut material, &mut observers, &mut keeper);
+    let differences = material.counts();
     if !matches!(run.outcome, Outcome::Completed) {
         keeper.flush();
     }
@@ -80,6 +90,8 @@ pub(super) fn drive<P: MacroPort>(
         gauss_points: scene.problem.point_count(),
         workers: manner.workers,
         wall_s,
+        engines: manner.crew.description(),
+        differences,
         energy: ledger.entries(),
         definition: note.definition.clone(),
         checkpoints: figures,

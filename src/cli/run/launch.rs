@@ -5,8 +5,9 @@ use super::drive::{Manner, drive};
 use super::folder::OutputFolder;
 use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
+use crate::engines::Crew;
 use crate::scene::Scene;
-use crate::workers::{LaunchPlan, Progress, RunBeacon, SignalWatch, WorkerProcesses, run_name};
+use crate::workers::{Fleet, LaunchPlan, Progress, RunBeacon, SignalWatch, WorkerProcesses, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
@@ -17,15 +18,13 @@ use std::time::{Duration, Instant};
 /// How long an attached run waits for workers, at the start and when all are gone: people or supervisors start those.
 const ATTACHED_PATIENCE: Duration = Duration::from_secs(3600);
 
-/// Engine of the workers that a run starts itself.
-const ENGINE: &str = "grains";
-
-/// Runs the scene on a pool of worker processes.
+/// Runs the scene on a pool of worker processes of the crew's engines.
 ///
 /// # Errors
 /// Channels or workers cannot be started; whatever ends the run before its time.
 pub(super) fn run(
     scene: &Scene,
+    crew: &Crew,
     folder: &OutputFolder,
     arguments: &Arguments,
     note: &RunNote,
@@ -43,31 +42,43 @@ pub(super) fn run(
 
     let workers = asked;
     let mut settings = PoolSettings::new(name.clone());
-    settings.tangents = vec![scene.problem.strategy.tangent];
+    let differences = crew.differences();
+    // What an engine cannot do was found out before; where none lacks it, workers that join by hand are held to it.
+    settings.tangents = if differences.contains(&true) { Vec::new() } else { vec![scene.problem.strategy.tangent] };
+    settings.engines = crew.members.iter().map(|member| member.capabilities.engine.clone()).collect();
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.patience = ATTACHED_PATIENCE;
         if !arguments.quiet {
-            eprintln!("waiting for {workers} x `grainspan rve-server --run {name}`");
+            for member in &crew.members {
+                let engine = &member.engine;
+                let choice = if engine.is_built_in() { String::new() } else { format!(" --engine {}", engine.name) };
+                eprintln!("waiting for {workers} x `grainspan rve-server --run {name}{choice}`");
+            }
         }
         Box::new(JoiningWorkers)
     } else {
-        let plan = LaunchPlan::this_program(&name, ENGINE, workers);
-        let plan = plan.map(|plan| LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan });
-        let started = plan.and_then(WorkerProcesses::start);
-        Box::new(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?)
+        let mut fleet = Fleet(Vec::new());
+        for member in &crew.members {
+            let extra = if member.engine.is_built_in() { Vec::new() } else { scene.engines.recycling() };
+            let plan = LaunchPlan::for_run(&name, &member.engine, &extra, workers);
+            let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
+            let started = WorkerProcesses::start(plan);
+            fleet.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);
+        }
+        Box::new(fleet)
     };
     scene.pool.apply(&mut settings);
-    let definitions = vec![scene.definition.to_protocol()];
-    let made_of = vec![0; scene.problem.point_count()];
-    let mut pool = Pool::new(port, supply, interrupt, settings, definitions, &made_of);
+    // One definition per engine: their bytes are equal, who solves them is not.
+    let definitions = vec![scene.definition.to_protocol(); crew.members.len()];
+    let mut pool = Pool::new(port, supply, interrupt, settings, definitions, &crew.member_of);
     let watcher = beacon.clone();
     pool.report_to(move |workers| watcher.report(workers));
-    pool.gather(workers).map_err(|error| match error {
+    pool.gather(workers * crew.members.len()).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         error => Failure::new(Exit::WorkersLost, error),
     })?;
     let workers = pool.workers();
-    let manner = Manner { workers, begun, quiet: arguments.quiet, note, continued, beside: &mut beacon };
+    let manner = Manner { crew, workers, begun, quiet: arguments.quiet, note, continued, beside: &mut beacon };
     drive(scene, pool, folder, manner)
 }
 

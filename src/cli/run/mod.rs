@@ -15,6 +15,7 @@ mod resume;
 mod tests;
 
 use super::exit::{Exit, Failure};
+use crate::engines::Crew;
 use crate::scene::Scene;
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
@@ -36,12 +37,15 @@ pub(crate) struct Arguments {
     /// Scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Worker processes [default: one per core; with --attach: 1]
+    /// Worker processes of each engine [default: one per core; with --attach: 1]
     #[arg(long, value_name = "N", value_parser = worker_count)]
     workers: Option<NonZeroUsize>,
     /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
     #[arg(long, value_name = "RUN")]
     attach: Option<String>,
+    /// Engine that solves the points in place of the scene's own choice; see docs/external-engines.md
+    #[arg(long, value_name = "NAME")]
+    engine: Option<String>,
     /// How macro and workers wait for messages: `hybrid` and `spin` burn idle cores for shorter ways
     #[arg(long, value_enum, default_value_t)]
     wait: Wait,
@@ -96,6 +100,7 @@ fn worker_count(text: &str) -> Result<NonZeroUsize, String> {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
+    let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
     let as_run = scene.document.as_run(&[("packing", "packing.json")])?;
     let note = RunNote::new(&as_run, &scene.definition.to_protocol().id().to_string());
     let start = if arguments.resume { resume::start(&path, &note)? } else { Start::Anew };
@@ -119,7 +124,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         }
     };
     journal::open(&folder.path().join("run.jsonl"))?;
-    launch::run(&scene, &folder, arguments, &note, continued)
+    if !arguments.quiet {
+        crew.remarks().for_each(|remark| eprintln!("note: {remark}"));
+    }
+    crew.remarks().for_each(|remark| tracing::info!(remark, "engine"));
+    launch::run(&scene, &crew, &folder, arguments, &note, continued)
 }
 
 fn say(arguments: &Arguments, line: &str) {

@@ -4,6 +4,7 @@ use super::drive::{Manner, drive};
 use super::folder::OutputFolder;
 use super::resume::RunNote;
 use crate::cli::exit::{Exit, Failure};
+use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::observer::{FieldsView, Observer, Silent, StepReport, StopRequest};
 use macro_solver::output::{RunStatus, Summary};
@@ -32,7 +33,9 @@ fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &made_of);
     pool.gather(workers).unwrap();
     let note = RunNote::new(&as_run, "");
-    let manner = Manner { workers, begun: Instant::now(), quiet: true, note: &note, continued: None, beside };
+    let crew = Crew::assemble(scene, None).unwrap();
+    let manner =
+        Manner { crew: &crew, workers, begun: Instant::now(), quiet: true, note: &note, continued: None, beside };
     let exit = drive(scene, pool, &folder, manner);
     servants.into_iter().for_each(|servant| drop(servant.join().unwrap()));
     exit

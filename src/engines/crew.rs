@@ -1,0 +1,91 @@
+//! Who solves what in one run: its engines, what they can do, and the Gauss points of each.
+
+use super::{BUILT_IN, Catalogue, Engine, Suitability, capabilities_of, suitability};
+use crate::cli::exit::{Exit, Failure};
+use crate::scene::Scene;
+use protocol::Capabilities;
+
+/// One engine of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Member {
+    /// How its workers are started.
+    pub(crate) engine: Engine,
+    /// What it said it can do.
+    pub(crate) capabilities: Capabilities,
+    /// What that means for the scene.
+    pub(crate) suitability: Suitability,
+}
+
+/// The engines of a run and the points of each.
+#[derive(Clone, Debug)]
+pub(crate) struct Crew {
+    /// The engines; every one has points.
+    pub(crate) members: Vec<Member>,
+    /// For each Gauss point, the place of its engine among the members.
+    pub(crate) member_of: Vec<usize>,
+}
+
+impl Crew {
+    /// Finds the engines that the scene, or `--engine` in its place, names, asks each what it can do and judges it.
+    ///
+    /// # Errors
+    /// An engine is not listed, cannot be started or cannot solve the scene.
+    pub(crate) fn assemble(scene: &Scene, asked: Option<&str>) -> Result<Self, Failure> {
+        let refuse = |error: anyhow::Error| Failure::new(Exit::BadInput, format!("{error:#}"));
+        let main = asked.unwrap_or(&scene.engines.engine);
+        let mut names = vec![main.to_owned()];
+        let mut member_of = vec![0; scene.problem.point_count()];
+        for (name, points) in &scene.engines.points {
+            if name == main {
+                continue;
+            }
+            names.push(name.clone());
+            points.iter().for_each(|&point| member_of[point] = names.len() - 1);
+        }
+        // Without points the main engine needs no workers: they would wait for nothing.
+        if !member_of.contains(&0) {
+            names.remove(0);
+            member_of.iter_mut().for_each(|member| *member -= 1);
+        }
+        let catalogue = match names.iter().all(|name| name == BUILT_IN) {
+            true => Catalogue::default(),
+            false => Catalogue::read().map_err(refuse)?,
+        };
+        let mut members = Vec::new();
+        for name in &names {
+            let engine = catalogue.find(name).map_err(refuse)?;
+            let capabilities = capabilities_of(&engine).map_err(refuse)?;
+            let suitability = suitability(&capabilities, &scene.definition, scene.problem.strategy.tangent)
+                .map_err(|reason| Failure::new(Exit::BadInput, reason))?;
+            members.push(Member { engine, capabilities, suitability });
+        }
+        Ok(Self { members, member_of })
+    }
+
+    /// Whether a point is solved by the engine inside this program.
+    pub(crate) fn is_built_in(&self, point: usize) -> bool {
+        self.members[self.member_of[point]].engine.is_built_in()
+    }
+
+    /// For each point, whether its tangents are found by finite differences.
+    pub(crate) fn differences(&self) -> Vec<bool> {
+        self.member_of.iter().map(|&member| self.members[member].suitability.differences).collect()
+    }
+
+    /// What people should know before the run, one line each.
+    pub(crate) fn remarks(&self) -> impl Iterator<Item = &str> {
+        self.members.iter().flat_map(|member| member.suitability.remarks.iter().map(String::as_str))
+    }
+
+    /// Engines with their versions and numbers of points, for people and the summary.
+    pub(crate) fn description(&self) -> String {
+        let parts: Vec<String> = (self.members.iter().enumerate())
+            .map(|(place, member)| {
+                let points = self.member_of.iter().filter(|&&one| one == place).count();
+                let (engine, version) = (&member.capabilities.engine, &member.capabilities.version);
+                format!("{engine} {version} ({points} points)")
+            })
+            .collect();
+        parts.join(", ")
+    }
+}

@@ -1,0 +1,80 @@
+//! The keys of `[pool]` that say who solves the Gauss points.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::PoolTable;
+use crate::engines::BUILT_IN;
+use macro_solver::difference::DifferencePlan;
+use macro_solver::problem::Problem;
+use std::collections::BTreeMap;
+
+/// The table, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct EnginePlan {
+    /// Engine of all points that `points` does not give to another.
+    pub(crate) engine: String,
+    /// Points of other engines: results then depend on this table, and on nothing else.
+    pub(crate) points: BTreeMap<String, Vec<usize>>,
+    /// How tangents are found for engines that have none.
+    pub(crate) difference: DifferencePlan,
+    /// Jobs after which a worker of another engine makes room for a fresh one.
+    pub(crate) recycle_jobs: Option<u64>,
+    /// Memory, MiB, at which it does.
+    pub(crate) recycle_memory: Option<u64>,
+}
+
+impl EnginePlan {
+    pub(super) fn read(document: &Document, table: &PoolTable, problem: &Problem) -> Result<Self, InputError> {
+        let mut owner: BTreeMap<usize, &str> = BTreeMap::new();
+        for (engine, points) in &table.points {
+            for point in points {
+                let number = *point.get_ref();
+                if number >= problem.point_count() {
+                    return Err(document
+                        .error_at(point.span(), format!("there is no Gauss point {number}"))
+                        .hint(format!("the mesh has the points 0 to {}", problem.point_count() - 1)));
+                }
+                if let Some(other) = owner.insert(number, engine) {
+                    return Err(document
+                        .error_at(point.span(), format!("Gauss point {number} is given to '{other}' and '{engine}'"))
+                        .hint("leave it with one engine"));
+                }
+            }
+        }
+        let mut difference = DifferencePlan::new(2);
+        if let Some(strain) = &table.difference_strain {
+            difference.strain = *strain.get_ref();
+            if !(difference.strain > 0.0 && difference.strain <= 0.01) {
+                return Err(document
+                    .error_at(strain.span(), format!("a probe of strain {} finds no tangent", difference.strain))
+                    .hint("give a strain between 0 and 0.01, well above the noise of a relaxed cell: 1e-4"));
+            }
+        }
+        if let Some(reuses) = &table.difference_reuses {
+            difference.reuses = (*reuses.get_ref()).max(1);
+        }
+        Ok(Self {
+            engine: table.engine.clone().unwrap_or_else(|| BUILT_IN.to_owned()),
+            points: table
+                .points
+                .iter()
+                .filter(|(_, points)| !points.is_empty())
+                .map(|(engine, points)| (engine.clone(), points.iter().map(|point| *point.get_ref()).collect()))
+                .collect(),
+            difference,
+            recycle_jobs: table.recycle_jobs,
+            recycle_memory: table.recycle_memory,
+        })
+    }
+
+    /// Arguments that every worker of another engine understands.
+    pub(crate) fn recycling(&self) -> Vec<String> {
+        let mut arguments = Vec::new();
+        for (name, value) in [("--recycle-jobs", self.recycle_jobs), ("--recycle-memory", self.recycle_memory)] {
+            if let Some(value) = value {
+                arguments.extend([name.to_owned(), value.to_string()]);
+            }
+        }
+        arguments
+    }
+}
