@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             value => options.strain_per_step = Some(value.parse()?),
         }
     }
-    let packing = PackingFile::read(path.as_ref())?;
+    let packing: PackingFile = PackingFile::read(path.as_ref())?;
     let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options })?;
 
     let given = cell.look(Observables::ALL);

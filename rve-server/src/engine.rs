@@ -1,13 +1,13 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
-use crate::definition::{GrainDefinition, Rotations, RveOptions};
+use crate::definition::{AnyDefinition, GrainDefinition, RveOptions};
 pub use crate::grains::{Grains, grains_of_snapshot};
-use crate::homogenization::observation::{note_condition, observe, scalars};
+use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::model::GrainModel;
-use crate::network::{ContactNetwork, NetworkContact};
-use crate::plane::{self, Plane};
-use crate::relaxation::{self, Relaxation};
-use crate::state::GrainState;
+use crate::network::ContactNetwork;
+use crate::relaxation::{self, QuasiStatic};
+use crate::space::{Components, Discs, Space, Tensor, add_scaled, determinant, norm, rotated};
+use crate::state::{ContactRecord, GrainState};
 use crate::tangent;
 use protocol::{
     Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, SnapshotKind,
@@ -18,7 +18,7 @@ use std::time::Instant;
 /// Name of this engine in snapshots and capabilities.
 pub const ENGINE_NAME: &str = "grainspan-discs";
 
-/// Builds cells of discs.
+/// Builds cells of discs and of spheres.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GrainEngine;
 
@@ -27,43 +27,108 @@ impl RveEngine for GrainEngine {
         Capabilities {
             engine: ENGINE_NAME.into(),
             version: env!("CARGO_PKG_VERSION").into(),
-            dimensions: vec![2],
+            dimensions: vec![2, 3],
             tangents: TangentKind::ALL.into_iter().filter(|kind| tangent::is_served(*kind)).collect(),
-            laws: vec!["linear".into()],
+            laws: vec!["linear".into(), "hertz_mindlin".into()],
             snapshot: SnapshotKind::State,
             deterministic: true,
         }
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
-        Ok(Box::new(GrainRve::from_protocol(definition)?))
+        let id = definition.id();
+        Ok(match AnyDefinition::from_protocol(definition).map_err(refused)? {
+            AnyDefinition::Discs(parsed) => Box::new(GrainRve::build(&parsed, id)?),
+            AnyDefinition::Spheres(parsed) => Box::new(GrainRve::build(&parsed, id)?),
+        })
     }
 }
 
-/// One cell of discs with a committed and at most one trial state.
-#[derive(Clone, Debug)]
-pub struct GrainRve {
+fn refused(error: impl ToString) -> RveError {
+    RveError::Definition(error.to_string())
+}
+
+/// One cell of grains with a committed and at most one trial state.
+#[derive(Debug)]
+pub struct GrainRve<S: Space = Discs> {
     id: DefinitionId,
     model: GrainModel,
-    committed: GrainState,
-    trial: Option<Trial>,
-    relaxation: Relaxation,
+    committed: GrainState<S>,
+    trial: Option<Trial<S>>,
+    relaxation: Box<dyn QuasiStatic<S>>,
+    listed_forces: ListedForces,
 }
 
 #[derive(Clone, Debug)]
-struct Trial {
-    state: GrainState,
-    network: ContactNetwork,
+struct Trial<S: Space> {
+    state: GrainState<S>,
+    network: ContactNetwork<S>,
 }
 
-impl GrainRve {
+/// What became of the tangential forces that a packing lists. Both counts are zero for a packing that was written in
+/// equilibrium and is read with the contact law it was made with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ListedForces {
+    /// Forces on pairs that do not touch: dropped.
+    pub dropped: usize,
+    /// Forces above the Coulomb limit: cut to it.
+    pub cut: usize,
+}
+
+impl ListedForces {
+    /// Compares a packing's listed forces with what one evaluation has left of them.
+    fn compare<S: Space>(given: &GrainState<S>, found: &GrainState<S>) -> Self {
+        let mut counts = Self::default();
+        for listed in given.contacts.iter().filter(|contact| contact.tangential_force.norm() > 0.0) {
+            match found.contacts.binary_search_by_key(&listed.key(), ContactRecord::key) {
+                Err(_) => counts.dropped += 1,
+                Ok(place) => {
+                    let (before, after) =
+                        (listed.tangential_force.norm(), found.contacts[place].tangential_force.norm());
+                    counts.cut += usize::from(after < before * (1.0 - CUT_MARGIN));
+                }
+            }
+        }
+        counts
+    }
+
+    /// A sentence for people, or nothing if all forces were taken over.
+    pub fn warning(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        if self.dropped > 0 {
+            parts.push(format!("{} listed on pairs that do not touch were dropped", self.dropped));
+        }
+        if self.cut > 0 {
+            parts.push(format!("{} above the Coulomb limit of this contact law were cut to it", self.cut));
+        }
+        (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")))
+    }
+}
+
+/// Share by which a listed force may shrink before it counts as cut: forces exactly at the limit are rounded.
+const CUT_MARGIN: f64 = 1e-9;
+
+impl<S: Space> Clone for GrainRve<S> {
+    /// The same cell; working memory is not copied, it cannot reach a result.
+    fn clone(&self) -> Self {
+        Self {
+            id: self.id,
+            model: self.model.clone(),
+            committed: self.committed.clone(),
+            trial: self.trial.clone(),
+            relaxation: self.relaxation.another(),
+            listed_forces: self.listed_forces,
+        }
+    }
+}
+
+impl<S: Space> GrainRve<S> {
     /// Builds the cell that a definition's bytes describe.
     ///
     /// # Errors
     /// [`RveError::Definition`].
     pub fn from_protocol(definition: &Definition) -> Result<Self, RveError> {
-        let parsed =
-            GrainDefinition::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
+        let parsed = GrainDefinition::<S>::from_protocol(definition).map_err(refused)?;
         Self::build(&parsed, definition.id())
     }
 
@@ -71,13 +136,13 @@ impl GrainRve {
     ///
     /// # Errors
     /// [`RveError::Definition`].
-    pub fn new(definition: &GrainDefinition) -> Result<Self, RveError> {
+    pub fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
         Self::from_protocol(&definition.to_protocol())
     }
 
-    fn build(definition: &GrainDefinition, id: DefinitionId) -> Result<Self, RveError> {
+    fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
         let model = GrainModel::new(definition)?;
-        let mut relaxation = Relaxation::default();
+        let mut relaxation = relaxation::for_contact(&definition.contact).map_err(refused)?;
         let given = model.initial_state(definition);
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
         let unbalanced = relaxation.look(&model, &given);
@@ -85,11 +150,17 @@ impl GrainRve {
             return Err(RveError::Definition("the packing gives contact forces that are not finite".into()));
         }
         let committed = GrainState { dissipation: 0.0, ..relaxation.end_state(&given, unbalanced) };
-        Ok(Self { id, model, committed, trial: None, relaxation })
+        let listed_forces = ListedForces::compare(&given, &committed);
+        Ok(Self { id, model, committed, trial: None, relaxation, listed_forces })
+    }
+
+    /// What became of the tangential forces that the packing lists.
+    pub fn listed_forces(&self) -> ListedForces {
+        self.listed_forces
     }
 
     /// The committed state.
-    pub fn committed(&self) -> &GrainState {
+    pub fn committed(&self) -> &GrainState<S> {
         &self.committed
     }
 
@@ -105,14 +176,14 @@ impl GrainRve {
     }
 
     /// The contact network of the trial state, with the contacts that slid during its ramp marked.
-    pub fn network(&self) -> Option<&ContactNetwork> {
+    pub fn network(&self) -> Option<&ContactNetwork<S>> {
         self.trial.as_ref().map(|trial| &trial.network)
     }
 
     /// The contact network of the committed state; no contact is marked as having slid.
-    pub fn committed_network(&mut self) -> ContactNetwork {
+    pub fn committed_network(&mut self) -> ContactNetwork<S> {
         self.relaxation.look(&self.model, &self.committed);
-        frozen(&self.model, &self.relaxation, &self.committed)
+        self.relaxation.network(&self.model, &self.committed)
     }
 
     /// Everything that can be said about the committed state without moving a grain. For a fresh cell this is the
@@ -124,14 +195,14 @@ impl GrainRve {
         let mut flags = TrialFlags::default();
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
         note_condition(&network, &mut flags);
-        self.answer(&network, &self.committed, &stress, &plane::IDENTITY, &ask, cost, flags)
+        self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, &ask, cost, flags)
     }
 
-    fn solve(&mut self, h: &Plane, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn solve(&mut self, h: &S::Tensor, ask: &Ask) -> Result<TrialAnswer, RveError> {
         let started = Instant::now();
-        let polar = plane::polar(h);
+        let polar = S::polar(h);
         // Only the stretch is solved for; a rotation costs nothing and needs no limit.
-        let (norm, limit) = (plane::norm(&polar.strain), self.model.options.largest_target());
+        let (norm, limit) = (norm(&polar.strain), self.model.options.largest_target());
         if norm > limit {
             return Err(RveError::TargetTooLarge { norm, limit });
         }
@@ -141,11 +212,11 @@ impl GrainRve {
         };
         let solved = self.relaxation.solve(&self.model, &self.committed, &polar.strain, ramp_steps)?;
         let straight = self.relaxation.end_state(&self.committed, solved.unbalanced);
-        let stress = frozen(&self.model, &self.relaxation, &straight).stress();
+        let stress = self.relaxation.network(&self.model, &straight).stress();
         // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
-        let state = turned(straight, polar.angle);
-        let network = frozen(&self.model, &self.relaxation, &state);
-        let stress = plane::rotated(&stress, &plane::rotation(polar.angle));
+        let state = straight.turned(polar.turn);
+        let network = self.relaxation.network(&self.model, &state);
+        let stress = rotated(&stress, &S::rotation_matrix(polar.turn));
         let mut flags = TrialFlags::default();
         if !solved.equilibrated {
             flags.insert(TrialFlags::NOT_EQUILIBRATED);
@@ -157,7 +228,7 @@ impl GrainRve {
             solve_nanoseconds: nanoseconds_since(started),
             tangent_nanoseconds: 0,
         };
-        let f = plane::add_scaled(&plane::IDENTITY, 1.0, h);
+        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, h);
         let answer = self.answer(&network, &state, &stress, &f, ask, cost, flags);
         self.trial = Some(Trial { state, network });
         Ok(answer)
@@ -171,7 +242,7 @@ impl GrainRve {
         let mut flags = TrialFlags::SKIPPED_NULL_TARGET;
         note_condition(&network, &mut flags);
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
-        let answer = self.answer(&network, &self.committed, &stress, &plane::IDENTITY, ask, cost, flags);
+        let answer = self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, ask, cost, flags);
         self.trial = Some(Trial { state: self.committed.clone(), network });
         answer
     }
@@ -179,10 +250,10 @@ impl GrainRve {
     #[expect(clippy::too_many_arguments, reason = "the parts of one answer, put together in one place")]
     fn answer(
         &self,
-        network: &ContactNetwork,
-        state: &GrainState,
-        stress: &Plane,
-        f: &Plane,
+        network: &ContactNetwork<S>,
+        state: &GrainState<S>,
+        stress: &S::Tensor,
+        f: &S::Tensor,
         ask: &Ask,
         mut cost: Cost,
         mut flags: TrialFlags,
@@ -200,24 +271,24 @@ impl GrainRve {
             Box::new(outcome.operator)
         });
         TrialAnswer {
-            stress: Tensor2::from_plane(*stress),
+            stress: in_space(stress),
             tangent,
             scalars: scalars(network, state),
-            observed: observe(self.model.law.cohesion, network, state, stress, f, ask.observables),
+            observed: observe(&self.relaxation.measures(), network, state, stress, f, ask.observables),
             cost,
             flags,
         }
     }
 }
 
-impl RveSolver for GrainRve {
+impl<S: Space> RveSolver for GrainRve<S> {
     fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
         self.trial = None;
         if !tangent::is_served(ask.tangent) {
             return Err(RveError::Unsupported(format!("tangent = \"{}\"", ask.tangent.keyword())));
         }
         let h = checked_target(target)?;
-        if h == [[0.0; 2]; 2] { Ok(self.stay(ask)) } else { self.solve(&h, ask) }
+        if h == S::Tensor::ZERO { Ok(self.stay(ask)) } else { self.solve(&h, ask) }
     }
 
     fn commit(&mut self) -> Result<(), RveError> {
@@ -247,69 +318,30 @@ impl RveSolver for GrainRve {
     }
 }
 
-pub(crate) fn opened(bytes: &[u8], id: DefinitionId, grain_count: usize) -> Result<GrainState, RveError> {
+pub(crate) fn opened<S: Space>(
+    bytes: &[u8],
+    id: DefinitionId,
+    grain_count: usize,
+) -> Result<GrainState<S>, RveError> {
     let refuse = |reason: String| RveError::Snapshot(reason);
     let payload = snapshot::open(ENGINE_NAME, bytes).map_err(|error| refuse(error.to_string()))?;
     GrainState::from_bytes(payload, id, grain_count).map_err(refuse)
 }
 
-/// The plane displacement gradient of an acceptable target.
-fn checked_target(target: &Tensor2) -> Result<Plane, RveError> {
+/// The displacement gradient of an acceptable target.
+fn checked_target<T: Tensor>(target: &Tensor2) -> Result<T, RveError> {
     if !target.is_finite() {
         return Err(RveError::TargetNotFinite);
     }
-    let h = target.plane();
-    if *target != Tensor2::from_plane(h) {
+    let h = of_space(target);
+    if *target != in_space(&h) {
         return Err(RveError::Unsupported("deformation out of the plane".into()));
     }
-    let determinant = plane::determinant(&plane::add_scaled(&plane::IDENTITY, 1.0, &h));
+    let determinant = determinant(&add_scaled(&T::IDENTITY, 1.0, &h));
     if determinant <= 0.0 {
         return Err(RveError::TargetInverted { determinant });
     }
     Ok(h)
-}
-
-/// Freezes the solver's present contacts; positions and cell are those of `state`.
-fn frozen(model: &GrainModel, relaxation: &Relaxation, state: &GrainState) -> ContactNetwork {
-    let contacts = relaxation
-        .assembly
-        .contacts()
-        .map(|(key, pair)| NetworkContact {
-            origin: key.origin,
-            end: key.end,
-            shift: key.shift,
-            normal_stiffness: pair.normal_stiffness,
-            tangential_stiffness: model.law.stiffness_ratio * pair.normal_stiffness,
-            normal_force: relaxation.assembly.normal_force(&model.law, pair),
-            tangential_force: pair.tangential_force,
-            slid: pair.slid,
-        })
-        .collect();
-    ContactNetwork {
-        cell: state.cell.rows,
-        thickness: model.thickness,
-        positions: state.positions.clone(),
-        radii: model.radii.clone(),
-        rotations_free: model.rotations == Rotations::Free,
-        friction: model.law.friction,
-        contacts,
-    }
-}
-
-/// A state turned as a whole.
-fn turned(mut state: GrainState, angle: f64) -> GrainState {
-    if angle == 0.0 {
-        return state;
-    }
-    let rotation = plane::rotation(angle);
-    state.cell = state.cell.deformed(&rotation);
-    for position in &mut state.positions {
-        *position = plane::apply(&rotation, *position);
-    }
-    for grain_angle in &mut state.rotations {
-        *grain_angle += angle;
-    }
-    state
 }
 
 fn nanoseconds_since(started: Instant) -> u64 {

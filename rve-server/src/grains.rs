@@ -1,33 +1,61 @@
 //! The grains of a stored state, for pictures.
 
-use crate::definition::GrainDefinition;
+use crate::definition::{AnyDefinition, GrainDefinition};
 use crate::engine::opened;
-use crate::plane::Plane;
-use crate::space::{Discs, Space};
+use crate::space::{Discs, Space, Spheres};
 use protocol::{Definition, RveError};
 
 /// Grains of one state, for pictures.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grains {
-    /// Periodicity vectors Y1, Y2, each a row, m.
-    pub cell: Plane,
+pub struct Grains<S: Space = Discs> {
+    /// Periodicity vectors, each a row, m.
+    pub cell: S::Tensor,
     /// Centres, m, wrapped into the cell.
-    pub positions: Vec<[f64; 2]>,
+    pub positions: Vec<S::Vector>,
     /// Radii, m.
     pub radii: Vec<f64>,
-    /// Rotations since the initial state, rad, counter-clockwise.
-    pub rotations: Vec<f64>,
+    /// Spin added up since the initial state, rad.
+    pub rotations: Vec<S::Spin>,
+}
+
+/// Grains of either dimension.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyGrains {
+    /// Discs in a plane.
+    Discs(Grains<Discs>),
+    /// Spheres in space.
+    Spheres(Grains<Spheres>),
+}
+
+/// Reads the grains of a snapshot of known dimension without building a solver.
+///
+/// # Errors
+/// [`RveError::Definition`] or [`RveError::Snapshot`].
+pub fn grains_of_snapshot<S: Space>(definition: &Definition, bytes: &[u8]) -> Result<Grains<S>, RveError> {
+    let parsed =
+        GrainDefinition::<S>::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
+    grains(&parsed, definition, bytes)
 }
 
 /// Reads the grains of a snapshot without building a solver.
 ///
 /// # Errors
 /// [`RveError::Definition`] or [`RveError::Snapshot`].
-pub fn grains_of_snapshot(definition: &Definition, bytes: &[u8]) -> Result<Grains, RveError> {
-    let parsed = GrainDefinition::<Discs>::from_protocol(definition)
-        .map_err(|error| RveError::Definition(error.to_string()))?;
-    let radii: Vec<f64> = parsed.packing.grains.iter().map(Discs::radius).collect();
-    let state = opened(bytes, definition.id(), radii.len())?;
+pub fn any_grains_of_snapshot(definition: &Definition, bytes: &[u8]) -> Result<AnyGrains, RveError> {
+    let parsed = AnyDefinition::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
+    match parsed {
+        AnyDefinition::Discs(parsed) => grains(&parsed, definition, bytes).map(AnyGrains::Discs),
+        AnyDefinition::Spheres(parsed) => grains(&parsed, definition, bytes).map(AnyGrains::Spheres),
+    }
+}
+
+fn grains<S: Space>(
+    parsed: &GrainDefinition<S>,
+    definition: &Definition,
+    bytes: &[u8],
+) -> Result<Grains<S>, RveError> {
+    let radii: Vec<f64> = parsed.packing.grains.iter().map(S::radius).collect();
+    let state = opened::<S>(bytes, definition.id(), radii.len())?;
     let positions = state.positions.iter().map(|position| state.cell.wrapped(*position).0).collect();
     Ok(Grains { cell: state.cell.rows, positions, radii, rotations: state.rotations })
 }

@@ -7,6 +7,7 @@ pub mod engine;
 pub mod grains;
 pub mod homogenization;
 pub mod lanes;
+pub mod law;
 pub mod model;
 pub mod network;
 pub mod packing;

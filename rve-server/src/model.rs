@@ -1,9 +1,8 @@
 //! The unchanging part of an RVE: radii, stiffnesses, law, options. Shared by all states of one definition.
 
 use crate::cell::Cell;
-use crate::definition::{GrainDefinition, NormalStiffness, Rotations, RveOptions};
+use crate::definition::{ContactLaw, GrainDefinition, Rotations, RveOptions};
 use crate::pairs::PairKey;
-use crate::relaxation::kernel::LinearLaw;
 use crate::space::{Components, Space};
 use crate::state::{ContactRecord, GrainState};
 use protocol::RveError;
@@ -15,13 +14,16 @@ pub struct GrainModel {
     pub radii: Vec<f64>,
     /// Out-of-plane thickness, m.
     pub thickness: f64,
-    /// Normal stiffness rule.
-    pub normal: NormalStiffness,
+    /// Coulomb coefficient.
+    pub friction: f64,
+    /// Whether k_n is proportional to the size of the grains.
+    pub stiffness_grows_with_size: bool,
+    /// Whether contacts have viscosity.
+    pub is_viscous: bool,
     /// Whether grains may rotate.
     pub rotations: Rotations,
     /// Solver options.
     pub options: RveOptions,
-    pub(crate) law: LinearLaw,
 }
 
 impl GrainModel {
@@ -34,14 +36,11 @@ impl GrainModel {
         Ok(Self {
             radii: definition.packing.grains.iter().map(S::radius).collect(),
             thickness: definition.packing.thickness,
-            normal: contact.normal().map_err(|error| RveError::Definition(error.to_string()))?,
+            friction: contact.friction,
+            stiffness_grows_with_size: contact.law == ContactLaw::Linear && contact.modulus.is_some(),
+            is_viscous: contact.damping > 0.0,
             rotations: contact.rotations,
             options: definition.options.clone(),
-            law: LinearLaw {
-                stiffness_ratio: contact.tangential_ratio(),
-                friction: contact.friction,
-                cohesion: contact.cohesion,
-            },
         })
     }
 
@@ -68,6 +67,7 @@ impl GrainModel {
             positions: packing.grains.iter().map(S::centre).collect(),
             rotations: vec![S::Spin::ZERO; packing.grains.len()],
             contacts,
+            rolling_moments: Vec::new(),
             dissipation: 0.0,
             initial_measure: cell.measure(),
             unbalanced: 0.0,

@@ -64,7 +64,9 @@ pub struct GrainState<S: Space = Discs> {
     pub rotations: Vec<S::Spin>,
     /// Touching pairs, sorted by key.
     pub contacts: Vec<ContactRecord<S>>,
-    /// Work lost to friction since the initial state, J.
+    /// Moment that each contact transmits onto its origin grain by rolling resistance, N m; empty for laws without.
+    pub rolling_moments: Vec<S::Spin>,
+    /// Stored energy lost since the initial state, to friction above all, J.
     pub dissipation: f64,
     /// Area (m2) or volume (m3) of the cell in the initial state.
     pub initial_measure: f64,
@@ -85,6 +87,8 @@ struct Payload<'a, T> {
     rotations: &'a [u8],
     #[serde(with = "serde_bytes")]
     contacts: &'a [u8],
+    #[serde(with = "serde_bytes")]
+    rolling_moments: &'a [u8],
 }
 
 impl<S: Space> GrainState<S> {
@@ -103,6 +107,7 @@ impl<S: Space> GrainState<S> {
             positions: bytemuck::cast_slice(&self.positions),
             rotations: bytemuck::cast_slice(&self.rotations),
             contacts: &contacts,
+            rolling_moments: bytemuck::cast_slice(&self.rolling_moments),
         };
         rmp_serde::to_vec(&payload).expect("writing MessagePack to memory cannot fail")
     }
@@ -123,6 +128,7 @@ impl<S: Space> GrainState<S> {
             positions: copied(payload.positions)?,
             rotations: copied(payload.rotations)?,
             contacts: payload.contacts.chunks_exact(ContactRecord::<S>::SIZE).map(ContactRecord::read).collect(),
+            rolling_moments: copied(payload.rolling_moments)?,
             dissipation: payload.dissipation,
             initial_measure: payload.initial_measure,
             unbalanced: payload.unbalanced,
@@ -131,7 +137,8 @@ impl<S: Space> GrainState<S> {
             return Err(format!("state of {} grains, but this RVE has {grain_count}", state.positions.len()));
         }
         let known = |contact: &ContactRecord<S>| (contact.origin.max(contact.end) as usize) < grain_count;
-        if !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
+        let moments = [0, state.contacts.len()].contains(&state.rolling_moments.len());
+        if !moments || !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
             return Err("state with a contact list that is not sound".into());
         }
         Ok(state)
@@ -164,6 +171,9 @@ impl<S: Space> GrainState<S> {
         for contact in &mut self.contacts {
             contact.tangential_force = S::turned_tangential(contact.tangential_force, &matrix);
         }
+        for moment in &mut self.rolling_moments {
+            *moment = S::turned_spin(*moment, &matrix);
+        }
         self
     }
 }
@@ -195,6 +205,7 @@ mod tests {
             positions: vec![[0.1, 0.2], [f64::MIN_POSITIVE, -1.0 / 3.0]],
             rotations: vec![0.0, -1e-17],
             contacts: vec![ContactRecord { origin: 0, end: 1, shift: [-1, 2], tangential_force: 0.1 + 0.2 }],
+            rolling_moments: vec![],
             dissipation: 1e-30,
             initial_measure: 2.03,
             unbalanced: 1e-4,
@@ -236,6 +247,7 @@ mod tests {
                 shift: [0, 1, -1],
                 tangential_force: [0.1, 0.2, -0.3],
             }],
+            rolling_moments: vec![],
             dissipation: 0.0,
             initial_measure: 3.0,
             unbalanced: 0.0,

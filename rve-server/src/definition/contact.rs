@@ -1,6 +1,7 @@
 //! The table `[contact]`: the law between grains.
 
 use super::{DefinitionError, not_negative, positive};
+use crate::law::{ComposedLaw, HertzSprings, LinearSprings, RollingSpring, Springs, Unloading};
 use serde::{Deserialize, Serialize};
 
 /// Contact laws by keyword.
@@ -10,8 +11,19 @@ pub enum ContactLaw {
     /// Linear springs with Coulomb friction, [Argilaga2018] appendix A.
     #[default]
     Linear,
-    /// Hertz-Mindlin spheres; for three-dimensional packings only.
+    /// Elastic spheres: Hertz along the normal, Mindlin without slip across it; for packings in space only.
     HertzMindlin,
+}
+
+/// What unloading does to the tangential force of Hertz-Mindlin contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TangentialUnloading {
+    /// The force shrinks with the tangential stiffness: no cycle gains energy.
+    #[default]
+    Rescaled,
+    /// The purely incremental law, as other programs have it; cycles can gain energy.
+    Incremental,
 }
 
 /// Whether grains may rotate.
@@ -52,15 +64,30 @@ pub struct ContactTable {
     /// Cohesive overlap C of f_n = -k_n (h - C), m.
     #[serde(default)]
     pub cohesion: f64,
-    /// Contact viscosity; only 0 is accepted, quasi-static results have no rate.
+    /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
+    /// elastic force it causes. It acts while grains move and on them alone; no quasi-static result depends on it.
     #[serde(default)]
     pub damping: f64,
+    /// What unloading does to the tangential force of Hertz-Mindlin contacts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unloading: Option<TangentialUnloading>,
+    /// Rolling stiffness over k_t R1 R2, dimensionless; 0 = none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling_stiffness: f64,
+    /// Largest rolling moment over min(R1, R2) times the normal force, dimensionless; 0 = none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling_friction: f64,
     /// Whether grains may rotate.
     #[serde(default)]
     pub rotations: Rotations,
     /// Density of the grain material, kg/m3; quasi-static results do not depend on it.
     #[serde(default = "quartz_density")]
     pub density: f64,
+}
+
+/// Keys that are not used stay out of recipes and definitions.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 fn quartz_density() -> f64 {
@@ -99,8 +126,23 @@ impl ContactTable {
             friction,
             cohesion: 0.0,
             damping: 0.0,
+            unloading: None,
+            rolling_stiffness: 0.0,
+            rolling_friction: 0.0,
             rotations: Rotations::Free,
             density: quartz_density(),
+        }
+    }
+
+    /// Elastic spheres with friction and everything else at its default.
+    pub fn hertz_mindlin(shear_modulus: f64, poisson_ratio: f64, friction: f64) -> Self {
+        Self {
+            law: ContactLaw::HertzMindlin,
+            normal_stiffness: None,
+            stiffness_ratio: None,
+            shear_modulus: Some(shear_modulus),
+            poisson_ratio: Some(poisson_ratio),
+            ..Self::linear(1.0, 1.0, friction)
         }
     }
 
@@ -109,27 +151,73 @@ impl ContactTable {
     /// # Errors
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
-        let refuse = |reason: String| Err(DefinitionError(reason));
-        if self.law == ContactLaw::HertzMindlin {
-            return refuse("contact.law = \"hertz_mindlin\" is not served for discs; use law = \"linear\"".into());
+        match self.law {
+            ContactLaw::Linear => self.validate_linear()?,
+            ContactLaw::HertzMindlin => self.validate_hertz_mindlin()?,
         }
-        for (key, value) in [("shear_modulus", self.shear_modulus), ("poisson_ratio", self.poisson_ratio)] {
-            if value.is_some() {
-                return refuse(format!("contact.{key} belongs to law = \"hertz_mindlin\"; remove it"));
-            }
-        }
-        self.normal()?;
-        self.ratio()?;
         not_negative("contact.friction", self.friction)?;
         not_negative("contact.cohesion", self.cohesion)?;
-        positive("contact.density", self.density)?;
-        if self.damping != 0.0 {
-            return refuse(format!(
-                "contact.damping = {} has no meaning in a quasi-static cell; remove it or set 0",
-                self.damping
+        not_negative("contact.damping", self.damping)?;
+        not_negative("contact.rolling_stiffness", self.rolling_stiffness)?;
+        not_negative("contact.rolling_friction", self.rolling_friction)?;
+        if (self.rolling_stiffness > 0.0) != (self.rolling_friction > 0.0) {
+            return Err(DefinitionError(
+                "contact.rolling_stiffness and contact.rolling_friction need each other; give both or none".into(),
+            ));
+        }
+        if self.rolling_stiffness > 0.0 && self.rotations == Rotations::Blocked {
+            return Err(DefinitionError(
+                "contact.rolling_stiffness has no effect with rotations = \"blocked\"; remove one of them".into(),
+            ));
+        }
+        positive("contact.density", self.density)
+    }
+
+    fn validate_linear(&self) -> Result<(), DefinitionError> {
+        let given = [
+            ("shear_modulus", self.shear_modulus.is_some()),
+            ("poisson_ratio", self.poisson_ratio.is_some()),
+            ("unloading", self.unloading.is_some()),
+        ];
+        refuse_given(&given, "hertz_mindlin")?;
+        self.normal()?;
+        self.ratio()?;
+        Ok(())
+    }
+
+    fn validate_hertz_mindlin(&self) -> Result<(), DefinitionError> {
+        let given = [
+            ("normal_stiffness", self.normal_stiffness.is_some()),
+            ("modulus", self.modulus.is_some()),
+            ("stiffness_ratio", self.stiffness_ratio.is_some()),
+        ];
+        refuse_given(&given, "linear")?;
+        let missing =
+            |key: &str, unit: &str| DefinitionError(format!("contact.{key} ({unit}) of the grains is missing"));
+        positive("contact.shear_modulus", self.shear_modulus.ok_or_else(|| missing("shear_modulus", "Pa"))?)?;
+        let ratio = self.poisson_ratio.ok_or_else(|| missing("poisson_ratio", "dimensionless"))?;
+        if !(ratio > -1.0 && ratio <= 0.5) {
+            return Err(DefinitionError(format!("contact.poisson_ratio = {ratio} must lie in (-1, 0.5]")));
+        }
+        Ok(())
+    }
+
+    /// Checks what depends on the dimension of the packing.
+    ///
+    /// # Errors
+    /// Hertz-Mindlin spheres in a plane.
+    pub fn validate_for(&self, dimension: usize) -> Result<(), DefinitionError> {
+        if self.law == ContactLaw::HertzMindlin && dimension != 3 {
+            return Err(DefinitionError(
+                "contact.law = \"hertz_mindlin\" is a law of spheres and the packing holds discs; use law = \"linear\"".into(),
             ));
         }
         Ok(())
+    }
+
+    /// The parts of the law.
+    pub(crate) fn parts(&self) -> LawParts {
+        LawParts(self.clone())
     }
 
     /// The normal stiffness rule.
@@ -165,6 +253,53 @@ impl ContactTable {
     }
 }
 
+/// A validated table as the parts that a compiled law is put together from.
+pub(crate) struct LawParts(ContactTable);
+
+impl LawParts {
+    /// Whether the law needs the parts that plain laws do without.
+    pub(crate) fn is_extended(&self) -> bool {
+        self.0.damping > 0.0 || self.0.rolling_stiffness > 0.0
+    }
+
+    /// The springs of elastic spheres, if the law has them.
+    pub(crate) fn hertz_springs(&self) -> Option<HertzSprings> {
+        let (shear_modulus, poisson_ratio) = (self.0.shear_modulus?, self.0.poisson_ratio?);
+        Some(HertzSprings { shear_modulus, poisson_ratio })
+    }
+
+    /// The springs of a linear law.
+    ///
+    /// # Errors
+    /// As [`ContactTable::normal`].
+    pub(crate) fn linear_springs(&self) -> Result<LinearSprings, DefinitionError> {
+        Ok(LinearSprings { normal: self.0.normal()?, stiffness_ratio: self.0.tangential_ratio() })
+    }
+
+    /// The law on top of its springs.
+    pub(crate) fn law<N: Springs, const MEMORY: usize>(&self, springs: N) -> ComposedLaw<N, MEMORY> {
+        ComposedLaw {
+            springs,
+            friction: self.0.friction,
+            cohesion: self.0.cohesion,
+            unloading: match self.0.unloading.unwrap_or_default() {
+                TangentialUnloading::Rescaled => Unloading::Rescaled,
+                TangentialUnloading::Incremental => Unloading::Incremental,
+            },
+            rolling: RollingSpring { stiffness: self.0.rolling_stiffness, friction: self.0.rolling_friction },
+            viscosity: self.0.damping,
+        }
+    }
+}
+
+/// Refuses keys of another law.
+fn refuse_given(keys: &[(&str, bool)], law: &str) -> Result<(), DefinitionError> {
+    match keys.iter().find(|(_, given)| *given) {
+        Some((key, _)) => Err(DefinitionError(format!("contact.{key} belongs to law = \"{law}\"; remove it"))),
+        None => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -178,6 +313,12 @@ mod tests {
     fn contact_tables_of_the_documentation_are_accepted() {
         contact("law = \"linear\"\nmodulus = 6.0e8\nstiffness_ratio = 0.8\nfriction = 0.5463").unwrap();
         contact("normal_stiffness = 1e7\nstiffness_ratio = 0\nfriction = 0\nrotations = \"blocked\"").unwrap();
+        let spheres = "law = \"hertz_mindlin\"\nshear_modulus = 2.9e10\npoisson_ratio = 0.15\nfriction = 0.5\n";
+        contact(&format!("{spheres}unloading = \"incremental\"\nrolling_stiffness = 1\nrolling_friction = 0.1"))
+            .unwrap();
+        let table: ContactTable = toml::from_str(spheres).unwrap();
+        assert!(table.validate_for(2).unwrap_err().to_string().contains("use law = \"linear\""));
+        table.validate_for(3).unwrap();
     }
 
     #[test]
@@ -188,9 +329,10 @@ mod tests {
         assert!(refused("modulus = 1e8\nnormal_stiffness = 1").contains("not both"));
         assert!(refused("modulus = -1e8").contains("contact.modulus = -100000000 must be a positive"));
         assert!(refused("modulus = 1e8\ncohesion = -1").contains("contact.cohesion"));
-        assert!(refused("modulus = 1e8\ndamping = 0.1").contains("contact.damping"));
+        assert!(refused("modulus = 1e8\ndamping = -0.1").contains("contact.damping"));
+        assert!(refused("modulus = 1e8\nrolling_friction = 0.1").contains("need each other"));
         assert!(refused("modulus = 1e8\nfrictoin = 0.1").contains("frictoin"));
-        assert!(refused("modulus = 1e8\nlaw = \"hertz_mindlin\"").contains("use law = \"linear\""));
+        assert!(refused("modulus = 1e8\nlaw = \"hertz_mindlin\"").contains("belongs to law = \"linear\""));
         assert!(refused("modulus = nan").contains("contact.modulus"));
     }
 }

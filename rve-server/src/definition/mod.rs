@@ -3,11 +3,11 @@
 mod contact;
 mod options;
 
-pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations};
+pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations, TangentialUnloading};
 pub use options::{Accuracy, Criterion, Damping, RveOptions};
 
-use crate::packing::PackingFile;
-use crate::space::{Discs, Space};
+use crate::packing::{Packing, PackingFile};
+use crate::space::{Discs, Space, Spheres};
 use protocol::Definition;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -51,6 +51,7 @@ impl<S: Space> GrainDefinition<S> {
     /// The first defect with the remedy.
     pub fn validate(self) -> Result<Self, DefinitionError> {
         self.contact.validate()?;
+        self.contact.validate_for(S::DIMENSION)?;
         self.options.validate()?;
         let packing = self.packing.checked().map_err(|error| DefinitionError(error.to_string()))?;
         Ok(Self { packing, ..self })
@@ -75,6 +76,97 @@ impl<S: Space> GrainDefinition<S> {
         let parsed: Self = rmp_serde::from_slice(&definition.bytes)
             .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))?;
         parsed.validate()
+    }
+}
+
+/// A definition of either dimension.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyDefinition {
+    /// Discs in a plane.
+    Discs(GrainDefinition<Discs>),
+    /// Spheres in space.
+    Spheres(GrainDefinition<Spheres>),
+}
+
+impl AnyDefinition {
+    /// A packing of either dimension with its law and options.
+    pub fn new(packing: Packing, contact: ContactTable, options: RveOptions) -> Self {
+        match packing {
+            Packing::Discs(packing) => Self::Discs(GrainDefinition { packing, contact, options }),
+            Packing::Spheres(packing) => Self::Spheres(GrainDefinition { packing, contact, options }),
+        }
+    }
+
+    /// Checks all three parts.
+    ///
+    /// # Errors
+    /// The first defect with the remedy.
+    pub fn validate(self) -> Result<Self, DefinitionError> {
+        Ok(match self {
+            Self::Discs(definition) => Self::Discs(definition.validate()?),
+            Self::Spheres(definition) => Self::Spheres(definition.validate()?),
+        })
+    }
+
+    /// The bytes that travel to workers.
+    pub fn to_protocol(&self) -> Definition {
+        match self {
+            Self::Discs(definition) => definition.to_protocol(),
+            Self::Spheres(definition) => definition.to_protocol(),
+        }
+    }
+
+    /// Reads and checks a definition.
+    ///
+    /// # Errors
+    /// Bytes that are not a definition, or the first defect in it.
+    pub fn from_protocol(definition: &Definition) -> Result<Self, DefinitionError> {
+        #[derive(Deserialize)]
+        struct PackingDimension {
+            dimension: u32,
+        }
+        #[derive(Deserialize)]
+        struct DimensionOnly {
+            packing: PackingDimension,
+        }
+        let only: DimensionOnly = rmp_serde::from_slice(&definition.bytes)
+            .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))?;
+        match only.packing.dimension {
+            3 => GrainDefinition::from_protocol(definition).map(Self::Spheres),
+            _ => GrainDefinition::from_protocol(definition).map(Self::Discs),
+        }
+    }
+
+    /// 2 or 3.
+    pub fn dimension(&self) -> u32 {
+        match self {
+            Self::Discs(_) => 2,
+            Self::Spheres(_) => 3,
+        }
+    }
+
+    /// Number of grains.
+    pub fn number(&self) -> usize {
+        match self {
+            Self::Discs(definition) => definition.packing.grains.len(),
+            Self::Spheres(definition) => definition.packing.grains.len(),
+        }
+    }
+
+    /// Contact law.
+    pub fn contact(&self) -> &ContactTable {
+        match self {
+            Self::Discs(definition) => &definition.contact,
+            Self::Spheres(definition) => &definition.contact,
+        }
+    }
+
+    /// Solver options.
+    pub fn options(&self) -> &RveOptions {
+        match self {
+            Self::Discs(definition) => &definition.options,
+            Self::Spheres(definition) => &definition.options,
+        }
     }
 }
 

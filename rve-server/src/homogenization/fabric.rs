@@ -1,7 +1,6 @@
-//! What the contact network looks like: coordination, fabric, sliding, overlap.
+//! What the contact network looks like: coordination, fabric, overlap.
 
 use crate::network::ContactNetwork;
-use crate::relaxation::kernel::AT_LIMIT;
 use crate::space::{Components, Space, Tensor};
 
 /// Contacts without those of rattlers, and the grains that carry them.
@@ -86,19 +85,6 @@ impl<S: Space> ContactNetwork<S> {
         S::Tensor::from_fn(|i, j| sum[i][j] * scale)
     }
 
-    /// Share of contacts at the Coulomb limit `mu (k_n C - f_n)` for the cohesive force `k_n C` of each contact.
-    pub fn sliding_fraction(&self, cohesion: f64) -> f64 {
-        let sliding = self
-            .contacts
-            .iter()
-            .filter(|contact| {
-                let limit = self.friction * (contact.normal_stiffness * cohesion - contact.normal_force);
-                contact.tangential_force.norm() >= AT_LIMIT * limit
-            })
-            .count();
-        sliding as f64 / self.contacts.len().max(1) as f64
-    }
-
     /// Largest overlap over the smaller grain diameter of its contact; 0 without contacts.
     pub fn max_overlap_ratio(&self) -> f64 {
         self.contacts.iter().fold(0.0, |largest: f64, contact| {
@@ -106,23 +92,6 @@ impl<S: Space> ContactNetwork<S> {
             let (o, e) = (self.radii[contact.origin as usize], self.radii[contact.end as usize]);
             largest.max((o + e - branch.norm()) / (2.0 * o.min(e)))
         })
-    }
-
-    /// Stored contact energy, J: `(f_n^2 - (k_n C)^2) / 2 k_n + f_t^2 / 2 k_t`, zero where a contact opens.
-    pub fn elastic_energy(&self, cohesion: f64) -> f64 {
-        self.contacts
-            .iter()
-            .map(|contact| {
-                let adhesion = contact.normal_stiffness * cohesion;
-                let square = contact.normal_force * contact.normal_force - adhesion * adhesion;
-                let stored = 0.5 * square / contact.normal_stiffness;
-                let force = contact.tangential_force;
-                if force == S::Tangential::ZERO {
-                    return stored;
-                }
-                stored + 0.5 * force.dot(force) / contact.tangential_stiffness
-            })
-            .sum()
     }
 }
 

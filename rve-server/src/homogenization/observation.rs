@@ -3,8 +3,8 @@
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::network::ContactNetwork;
-use crate::plane::Plane;
-use crate::space::{Discs, Space};
+use crate::relaxation::ContactMeasures;
+use crate::space::{Space, Tensor};
 use crate::state::GrainState;
 use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
 
@@ -12,7 +12,7 @@ use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
 const LARGE_OVERLAP: f64 = 0.1;
 
 /// The scalars that every answer carries.
-pub(crate) fn scalars(network: &ContactNetwork, state: &GrainState) -> Scalars {
+pub(crate) fn scalars<S: Space>(network: &ContactNetwork<S>, state: &GrainState<S>) -> Scalars {
     Scalars {
         void_ratio: network.void_ratio(),
         coordination_number: network.coordination_number(),
@@ -23,46 +23,62 @@ pub(crate) fn scalars(network: &ContactNetwork, state: &GrainState) -> Scalars {
 }
 
 /// The optional results that were asked for. `f` leads from the committed configuration to the present one.
-pub(crate) fn observe(
-    cohesion: f64,
-    network: &ContactNetwork,
-    state: &GrainState,
-    stress: &Plane,
-    f: &Plane,
+pub(crate) fn observe<S: Space>(
+    measures: &ContactMeasures,
+    network: &ContactNetwork<S>,
+    state: &GrainState<S>,
+    stress: &S::Tensor,
+    f: &S::Tensor,
     wanted: Observables,
 ) -> Observed {
     let mut observed = Observed::default();
     if wanted.contains(Observables::FIRST_PIOLA) {
-        observed.first_piola = Tensor2::from_plane(first_piola(stress, f));
+        observed.first_piola = in_space(&first_piola(stress, f));
     }
     if wanted.contains(Observables::COORDINATION_NO_RATTLERS) {
         observed.coordination_number_no_rattlers = network.coordination_number_no_rattlers();
     }
     if wanted.contains(Observables::FABRIC) {
         let fabric = network.fabric();
-        observed.fabric = Tensor2::from_plane(fabric);
+        observed.fabric = in_space(&fabric);
         observed.fabric_anisotropy = anisotropy(&fabric);
     }
     if wanted.contains(Observables::SLIDING_FRACTION) {
-        observed.sliding_fraction = network.sliding_fraction(cohesion);
+        observed.sliding_fraction = measures.sliding_fraction;
     }
     if wanted.contains(Observables::ENERGY) {
         let volume = network.volume();
-        observed.elastic_energy = network.elastic_energy(cohesion) / volume;
+        observed.elastic_energy = measures.elastic_energy / volume;
         observed.frictional_dissipation = state.dissipation / volume;
     }
     if wanted.contains(Observables::ROTATION) {
-        observed.mean_rotation = Discs::spin_in_space(state.mean_rotation());
+        observed.mean_rotation = S::spin_in_space(state.mean_rotation());
     }
     observed
 }
 
 /// Flags that follow from the state alone.
-pub(crate) fn note_condition(network: &ContactNetwork, flags: &mut TrialFlags) {
+pub(crate) fn note_condition<S: Space>(network: &ContactNetwork<S>, flags: &mut TrialFlags) {
     if network.contacts.is_empty() {
         flags.insert(TrialFlags::FLUID);
     }
     if network.max_overlap_ratio() > LARGE_OVERLAP {
         flags.insert(TrialFlags::LARGE_OVERLAP);
     }
+}
+
+/// A tensor as messages have it: those of the plane fill the upper left block.
+pub(crate) fn in_space<T: Tensor>(tensor: &T) -> Tensor2 {
+    let mut full = Tensor2::ZERO;
+    for i in 0..T::DIMENSION {
+        for j in 0..T::DIMENSION {
+            full.0[3 * i + j] = tensor[i][j];
+        }
+    }
+    full
+}
+
+/// The tensor of a message; what lies out of a plane is left out.
+pub(crate) fn of_space<T: Tensor>(full: &Tensor2) -> T {
+    T::from_fn(|i, j| full.get(i, j))
 }

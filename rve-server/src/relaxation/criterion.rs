@@ -1,18 +1,20 @@
 //! When a cell counts as being in equilibrium: three measures from the literature, by name.
 
 use super::assembly::Assembly;
-use super::kernel::{ContactSums, LinearLaw};
+use super::kernel::ContactSums;
 use super::motion::GrainSums;
 use crate::definition::Criterion;
+use crate::lanes::Tuple;
+use crate::law::ContactLaw;
+use crate::space::Space;
 
 /// Steps in a row that the energy criterion must hold: the motion has no kinetic energy at a turning point either.
 pub(crate) const ENERGY_HITS: u32 = 10;
 
 /// Value of a criterion; 0 without contacts, because then nothing is out of balance.
-pub(crate) fn unbalanced(
+pub(crate) fn unbalanced<S: Space, L: ContactLaw<S::Kinematics>>(
     criterion: Criterion,
-    law: &LinearLaw,
-    assembly: &Assembly,
+    assembly: &Assembly<S, L>,
     contacts: &ContactSums,
     grains: &GrainSums,
 ) -> f64 {
@@ -24,37 +26,24 @@ pub(crate) fn unbalanced(
         Criterion::MaxForce => (grains.largest_force, contacts.normal_force / count),
         Criterion::RmsForce => {
             let mean_square = grains.force_square / assembly.grains.len() as f64;
-            (mean_square.sqrt(), (contact_force_square(law, assembly) / count).sqrt())
+            (mean_square.sqrt(), (contact_force_square(assembly) / count).sqrt())
         }
-        Criterion::Energy => (grains.kinetic_energy, elastic_energy(law, assembly)),
+        Criterion::Energy => (grains.kinetic_energy, elastic_energy(assembly)),
     };
     if measure == 0.0 { 0.0 } else { measure / scale.abs() }
 }
 
-fn contact_force_square(law: &LinearLaw, assembly: &Assembly) -> f64 {
+fn contact_force_square<S: Space, L: ContactLaw<S::Kinematics>>(assembly: &Assembly<S, L>) -> f64 {
     assembly
         .contacts()
         .map(|(_, pair)| {
-            let normal = assembly.normal_force(law, pair);
-            normal * normal + pair.tangential_force * pair.tangential_force
+            let normal = assembly.normal_force(pair);
+            normal * normal + pair.tangential_force.dot(pair.tangential_force)
         })
         .sum()
 }
 
-/// Stored energy of all contacts, J: `((f_n)^2 - (k_n C)^2) / 2 k_n + f_t^2 / 2 k_t`, which is zero where a contact opens.
-pub(crate) fn elastic_energy(law: &LinearLaw, assembly: &Assembly) -> f64 {
-    assembly
-        .contacts()
-        .map(|(_, pair)| {
-            let stiffness = pair.normal_stiffness;
-            let normal = assembly.normal_force(law, pair);
-            let adhesion = stiffness * law.cohesion;
-            let stored = 0.5 * (normal * normal - adhesion * adhesion) / stiffness;
-            if pair.tangential_force == 0.0 {
-                return stored;
-            }
-            let force = pair.tangential_force;
-            stored + 0.5 * force * force / (law.stiffness_ratio * stiffness)
-        })
-        .sum()
+/// Stored energy of all contacts, J; zero where a contact opens.
+pub(crate) fn elastic_energy<S: Space, L: ContactLaw<S::Kinematics>>(assembly: &Assembly<S, L>) -> f64 {
+    assembly.contacts().map(|(_, pair)| assembly.energy(pair)).sum()
 }

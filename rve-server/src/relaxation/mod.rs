@@ -13,15 +13,19 @@ pub(crate) mod motion;
 pub(crate) mod stiffness;
 
 use crate::cell::Cell;
-use crate::definition::Criterion;
+use crate::definition::{ContactTable, Criterion, DefinitionError, Rotations};
+use crate::lanes::Kinematics;
+use crate::law::{AT_LIMIT, ContactLaw, ExtendedHertzMindlin, ExtendedLinear, PlainHertzMindlin, PlainLinear};
 use crate::model::GrainModel;
-use crate::plane::{self, Plane};
+use crate::network::{ContactNetwork, NetworkContact};
+use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product, scaled};
 use crate::state::{ContactRecord, GrainState};
 use assembly::Assembly;
 use criterion::ENERGY_HITS;
 use kernel::ContactSums;
 use motion::Motion;
 use protocol::RveError;
+use std::fmt::Debug;
 
 /// Fewest ramp increments that the engine chooses by itself.
 const FEWEST_RAMP_STEPS: u32 = 5;
@@ -41,48 +45,99 @@ pub(crate) struct Solved {
     pub(crate) equilibrated: bool,
 }
 
-/// Working memory of the solver; holds the end state of the last solve until the next one.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Relaxation {
-    pub(crate) assembly: Assembly,
-    motion: Motion,
-    last_contacts: ContactSums,
+/// What the contacts of a state amount to, beyond the network that is linearised.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ContactMeasures {
+    /// Share of contacts at the Coulomb limit.
+    pub sliding_fraction: f64,
+    /// Energy stored in all contacts, J.
+    pub elastic_energy: f64,
 }
 
-/// Number of ramp increments for a strain, if the asker leaves the choice to the engine.
-pub(crate) fn chosen_ramp_steps(strain: &Plane, strain_per_step: f64) -> u32 {
-    let steps = (plane::largest_component(strain) / strain_per_step).ceil();
-    (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS)
-}
-
-impl Relaxation {
-    /// Evaluates a state as it is: nothing moves.
-    pub(crate) fn look(&mut self, model: &GrainModel, state: &GrainState) -> f64 {
-        self.begin(model, state);
-        self.measure(model).0
-    }
+/// The solver of one cell, whatever its contact law: one choice per trial, none per contact.
+pub(crate) trait QuasiStatic<S: Space>: Debug + Send + Sync {
+    /// Evaluates a state as it is: nothing moves. Returns the value of the equilibrium criterion.
+    fn look(&mut self, model: &GrainModel, state: &GrainState<S>) -> f64;
 
     /// Stretches the state by `I + strain` in `ramp_steps` increments and relaxes it.
     ///
     /// # Errors
     /// [`RveError::NotFinite`].
-    pub(crate) fn solve(
+    fn solve(
         &mut self,
         model: &GrainModel,
-        state: &GrainState,
-        strain: &Plane,
+        state: &GrainState<S>,
+        strain: &S::Tensor,
+        ramp_steps: u32,
+    ) -> Result<Solved, RveError>;
+
+    /// The end state of the last solve or look; `state` is the one it started from.
+    fn end_state(&self, state: &GrainState<S>, unbalanced: f64) -> GrainState<S>;
+
+    /// The contacts of the last solve or look, frozen; positions, cell and tangential forces are those of `state`, which
+    /// is the end state, perhaps turned as a whole.
+    fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S>;
+
+    /// Measures of the contacts of the last solve or look.
+    fn measures(&self) -> ContactMeasures;
+
+    /// A solver for the same law without any working memory.
+    fn another(&self) -> Box<dyn QuasiStatic<S>>;
+}
+
+/// The solver for a contact law. This is where laws are compiled: one kernel per kind of springs, with and without the
+/// parts that most scenes do without.
+///
+/// # Errors
+/// A table that is not valid.
+pub(crate) fn for_contact<S: Space>(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<S>>, DefinitionError> {
+    let parts = contact.parts();
+    let is_extended = parts.is_extended();
+    Ok(match parts.hertz_springs() {
+        Some(springs) if is_extended => Box::new(Relaxation::<S, ExtendedHertzMindlin>::new(parts.law(springs))),
+        Some(springs) => Box::new(Relaxation::<S, PlainHertzMindlin>::new(parts.law(springs))),
+        None if is_extended => Box::new(Relaxation::<S, ExtendedLinear>::new(parts.law(parts.linear_springs()?))),
+        None => Box::new(Relaxation::<S, PlainLinear>::new(parts.law(parts.linear_springs()?))),
+    })
+}
+
+/// Working memory of the solver; holds the end state of the last solve until the next one.
+#[derive(Clone, Debug)]
+pub(crate) struct Relaxation<S: Space, L: ContactLaw<S::Kinematics>> {
+    pub(crate) assembly: Assembly<S, L>,
+    motion: Motion<S>,
+    last_contacts: ContactSums,
+}
+
+/// Number of ramp increments for a strain, if the asker leaves the choice to the engine.
+pub(crate) fn chosen_ramp_steps<T: Tensor>(strain: &T, strain_per_step: f64) -> u32 {
+    let steps = (largest_component(strain) / strain_per_step).ceil();
+    (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS)
+}
+
+impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L> {
+    fn look(&mut self, model: &GrainModel, state: &GrainState<S>) -> f64 {
+        self.begin(model, state);
+        self.measure(model).0
+    }
+
+    fn solve(
+        &mut self,
+        model: &GrainModel,
+        state: &GrainState<S>,
+        strain: &S::Tensor,
         ramp_steps: u32,
     ) -> Result<Solved, RveError> {
         self.begin(model, state);
         let start = state.cell;
         let mut evaluations = 1;
-        let mut before = plane::IDENTITY;
+        let mut before = S::Tensor::IDENTITY;
         for step in 1..=ramp_steps {
             let share = f64::from(step) / f64::from(ramp_steps);
-            let stretch = plane::add_scaled(&plane::IDENTITY, share, strain);
+            let stretch = add_scaled(&S::Tensor::IDENTITY, share, strain);
             // (I + tau' S) = (I + D) (I + tau S) with D = (tau' - tau) S (I + tau S)^-1, formed without cancellation.
-            let increment = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / f64::from(ramp_steps), strain);
-            let affine = plane::product(&increment, &plane::inverse(&before));
+            let increment = scaled(strain, 1.0 / f64::from(ramp_steps));
+            let affine = product(&increment, &inverse(&before));
             before = stretch;
             if step == ramp_steps / 2 + 1 {
                 self.clear_limit_counts();
@@ -95,36 +150,95 @@ impl Relaxation {
         Ok(Solved { force_evaluations: evaluations, ramp_steps, unbalanced, equilibrated })
     }
 
-    /// The end state of the last solve; `state` is the one it started from.
-    pub(crate) fn end_state(&self, state: &GrainState, unbalanced: f64) -> GrainState {
+    fn end_state(&self, state: &GrainState<S>, unbalanced: f64) -> GrainState<S> {
+        let assembly = &self.assembly;
+        let moments = assembly.contacts().filter(|_| L::ROLLS);
         GrainState {
-            cell: self.assembly.cell(),
-            positions: self.assembly.grains.iter().map(|grain| grain.position).collect(),
-            rotations: self.assembly.rotations.clone(),
-            contacts: self
-                .assembly
+            cell: assembly.cell(),
+            positions: assembly.grains.iter().map(|grain| grain.position).collect(),
+            rotations: assembly.rotations.clone(),
+            contacts: assembly
                 .contacts()
                 .map(|(key, pair)| ContactRecord {
                     origin: key.origin,
                     end: key.end,
                     shift: key.shift,
-                    tangential_force: pair.tangential_force,
+                    tangential_force: S::from_axial(pair.tangential_force, pair.direction),
                 })
                 .collect(),
-            dissipation: self.assembly.dissipation,
+            rolling_moments: moments.map(|(_, pair)| S::spin(assembly.law.rolling_moment(&pair.memory))).collect(),
+            dissipation: assembly.dissipation,
             initial_measure: state.initial_measure,
             unbalanced,
         }
     }
 
-    fn begin(&mut self, model: &GrainModel, state: &GrainState) {
+    fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S> {
+        let assembly = &self.assembly;
+        let frozen =
+            |((key, pair), record): ((&crate::pairs::PairKey<S>, &kernel::PairSlot<S, L>), &ContactRecord<S>)| {
+                let overlap = assembly.overlap(pair);
+                let [normal_stiffness, tangential_stiffness, _] = assembly.law.stiffness(&pair.constants, overlap);
+                NetworkContact {
+                    origin: key.origin,
+                    end: key.end,
+                    shift: key.shift,
+                    normal_stiffness,
+                    tangential_stiffness,
+                    normal_force: assembly.law.normal_force(&pair.constants, overlap),
+                    tangential_force: record.tangential_force,
+                    slid: pair.slid,
+                }
+            };
+        ContactNetwork {
+            cell: state.cell.rows,
+            thickness: model.thickness,
+            positions: state.positions.clone(),
+            radii: model.radii.clone(),
+            rotations_free: model.rotations == Rotations::Free,
+            friction: model.friction,
+            contacts: assembly.contacts().zip(&state.contacts).map(frozen).collect(),
+        }
+    }
+
+    fn measures(&self) -> ContactMeasures {
+        let assembly = &self.assembly;
+        let is_sliding = |pair: &kernel::PairSlot<S, L>| {
+            let limit = assembly.law.friction_limit(&pair.constants, assembly.overlap(pair));
+            S::Kinematics::length(pair.tangential_force) >= AT_LIMIT * limit
+        };
+        let sliding = assembly.contacts().filter(|(_, pair)| is_sliding(pair)).count();
+        ContactMeasures {
+            sliding_fraction: sliding as f64 / assembly.contacts().count().max(1) as f64,
+            elastic_energy: criterion::elastic_energy(assembly),
+        }
+    }
+
+    fn another(&self) -> Box<dyn QuasiStatic<S>> {
+        Box::new(Self::new(self.assembly.law))
+    }
+}
+
+impl<S: Space, L: ContactLaw<S::Kinematics>> Relaxation<S, L> {
+    /// Empty working memory for a law.
+    pub(crate) fn new(law: L) -> Self {
+        Self { assembly: Assembly::new(law), motion: Motion::default(), last_contacts: ContactSums::default() }
+    }
+
+    fn begin(&mut self, model: &GrainModel, state: &GrainState<S>) {
         self.assembly.load(model, state);
-        self.last_contacts = self.assembly.evaluate(model);
+        self.last_contacts = self.assembly.evaluate();
         self.motion.start(model, &self.assembly);
     }
 
     /// One DEM step: move, renew the pair list if due, evaluate.
-    fn advance(&mut self, model: &GrainModel, affine: &Plane, cell: Cell, evaluations: u64) -> Result<(), RveError> {
+    fn advance(
+        &mut self,
+        model: &GrainModel,
+        affine: &S::Tensor,
+        cell: Cell<S>,
+        evaluations: u64,
+    ) -> Result<(), RveError> {
         if evaluations.is_multiple_of(u64::from(STIFFNESS_INTERVAL)) {
             self.motion.raise_mass(model, &self.assembly);
         }
@@ -136,7 +250,7 @@ impl Relaxation {
         self.assembly.wander(moved);
         self.assembly.set_cell(cell);
         self.assembly.keep_list_complete(model);
-        self.last_contacts = self.assembly.evaluate(model);
+        self.last_contacts = self.assembly.evaluate();
         if !self.last_contacts.normal_force.is_finite() {
             return Err(RveError::NotFinite { force_evaluations: evaluations + 1 });
         }
@@ -157,7 +271,13 @@ impl Relaxation {
         let mut hits = 0;
         let mut step = 0;
         loop {
-            let (unbalanced, finite) = self.measure(model);
+            let (mut unbalanced, mut finite) = self.measure(model);
+            if unbalanced <= tolerance && model.is_viscous {
+                // Viscous forces that hold the grains back could pass for equilibrium: look again without motion.
+                self.last_contacts = self.assembly.evaluate_at_rest();
+                *evaluations += 1;
+                (unbalanced, finite) = self.measure(model);
+            }
             if !finite {
                 return Err(RveError::NotFinite { force_evaluations: *evaluations });
             }
@@ -166,7 +286,7 @@ impl Relaxation {
             if done || step >= cap {
                 return Ok((unbalanced, done));
             }
-            self.advance(model, &[[0.0; 2]; 2], cell, *evaluations)?;
+            self.advance(model, &S::Tensor::ZERO, cell, *evaluations)?;
             *evaluations += 1;
             step += 1;
         }
@@ -174,8 +294,7 @@ impl Relaxation {
 
     fn measure(&self, model: &GrainModel) -> (f64, bool) {
         let sums = self.motion.sums(model, &self.assembly);
-        let value =
-            criterion::unbalanced(model.options.criterion, &model.law, &self.assembly, &self.last_contacts, &sums);
+        let value = criterion::unbalanced(model.options.criterion, &self.assembly, &self.last_contacts, &sums);
         (value, value.is_finite() && self.last_contacts.normal_force.is_finite())
     }
 
@@ -197,10 +316,12 @@ impl Relaxation {
 mod tests {
     use super::*;
     use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+    use crate::law::PlainLinear;
     use crate::packing::PackingFile;
+    use crate::space::Discs;
     use std::path::Path;
 
-    fn hundred_discs() -> (GrainModel, GrainState) {
+    fn hundred_discs() -> (GrainModel, GrainState, PlainLinear) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
         let contact =
             ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
@@ -208,16 +329,17 @@ mod tests {
         let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
         let model = GrainModel::new(&definition).unwrap();
         let state = model.initial_state(&definition);
-        (model, state)
+        let law = definition.contact.parts().law(definition.contact.parts().linear_springs().unwrap());
+        (model, state, law)
     }
 
     /// Whatever the skin, and so however often the pair list is renewed, the end state has the same bits.
     #[test]
     fn pair_list_cannot_reach_the_result() {
-        let (model, state) = hundred_discs();
+        let (model, state, law) = hundred_discs();
         let strain = [[0.01, 2e-3], [2e-3, -0.02]];
         let end_with = |skin: f64| {
-            let mut relaxation = Relaxation::default();
+            let mut relaxation = Relaxation::<Discs, _>::new(law);
             relaxation.assembly.skin_in_radii = Some(skin);
             let solved = relaxation.solve(&model, &state, &strain, 2_000).unwrap();
             (
@@ -240,12 +362,12 @@ mod tests {
     /// A solver that has done other work before answers with the same bits as a new one.
     #[test]
     fn used_working_memory_leaves_no_trace() {
-        let (model, state) = hundred_discs();
+        let (model, state, law) = hundred_discs();
         let strain = [[1e-3, 0.0], [0.0, -2e-3]];
-        let mut fresh = Relaxation::default();
+        let mut fresh = Relaxation::<Discs, _>::new(law);
         let solved = fresh.solve(&model, &state, &strain, 200).unwrap();
         let expected = fresh.end_state(&state, solved.unbalanced);
-        let mut used = Relaxation::default();
+        let mut used = Relaxation::<Discs, _>::new(law);
         used.solve(&model, &state, &[[-0.02, 0.0], [0.0, 0.03]], 300).unwrap();
         let solved = used.solve(&model, &state, &strain, 200).unwrap();
         assert!(used.end_state(&state, solved.unbalanced) == expected);

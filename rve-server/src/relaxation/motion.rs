@@ -4,10 +4,11 @@
 //! whole velocity would resist the imposed strain and depend on the frame.
 
 use super::assembly::Assembly;
-use super::stiffness::{INERTIA_FACTOR, largest_own_stiffness};
-use crate::definition::{Damping, NormalStiffness, Rotations};
+use super::stiffness::{Block, ContactTerms, INERTIA_FACTOR, add_contact, largest_eigenvalue};
+use crate::definition::{Damping, Rotations};
+use crate::law::ContactLaw;
 use crate::model::GrainModel;
-use crate::plane::Plane;
+use crate::space::{Components, Space, apply};
 
 /// `omega_max` stays below this share of the stability limit, so that contacts born between two checks do no harm.
 const SAFETY: f64 = 0.8;
@@ -23,17 +24,23 @@ const PATIENCE: u32 = 5;
 
 /// Velocities, masses and the memory of the damping rule. Starts from rest in every trial.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Motion {
-    /// Peculiar velocity and spin per step, m and rad.
-    velocities: Vec<[f64; 3]>,
+pub(crate) struct Motion<S: Space> {
+    velocities: Vec<Velocity<S>>,
     /// Relative mass per grain; all ones for a constant stiffness.
     shape: Vec<f64>,
     /// Inertia of translation and rotation and their reciprocals, per unit of the common mass scale.
     inertias: Vec<Inertia>,
-    blocks: Vec<[f64; 6]>,
+    blocks: Vec<Block>,
     mass: f64,
     mixing: f64,
     positive_steps: u32,
+}
+
+/// Peculiar velocity and spin per step, m and rad.
+#[derive(Clone, Copy, Debug, Default)]
+struct Velocity<S: Space> {
+    translation: S::Vector,
+    spin: S::Spin,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,19 +64,17 @@ pub(crate) struct GrainSums {
     scaled_force_square: f64,
 }
 
-impl Motion {
+impl<S: Space> Motion<S> {
     /// At rest, with masses for the present contacts.
-    pub(crate) fn start(&mut self, model: &GrainModel, assembly: &Assembly) {
+    pub(crate) fn start<L: ContactLaw<S::Kinematics>>(&mut self, model: &GrainModel, assembly: &Assembly<S, L>) {
         let count = assembly.grains.len();
         self.velocities.clear();
-        self.velocities.resize(count, [0.0; 3]);
+        self.velocities.resize(count, Velocity::default());
         let mean = model.mean_radius();
         self.shape.clear();
-        self.shape.extend(model.radii.iter().map(|radius| match model.normal {
-            NormalStiffness::Constant(_) => 1.0,
-            // k_n grows with the radii, so equally sluggish grains need masses that do.
-            NormalStiffness::Modulus(_) => radius / mean,
-        }));
+        // Where k_n grows with the radii, equally sluggish grains need masses that do.
+        let relative_mass = |radius: &f64| if model.stiffness_grows_with_size { radius / mean } else { 1.0 };
+        self.shape.extend(model.radii.iter().map(relative_mass));
         self.inertias.clear();
         let factor = inertia_factor(model);
         self.inertias.extend(self.shape.iter().zip(&model.radii).map(|(&mass, radius)| {
@@ -85,46 +90,46 @@ impl Motion {
 
     /// Raises the masses if the contacts have become stiffer; never lowers them within a trial. Also freezes motion
     /// that has decayed below all significance, because subnormal numbers cost a hundred times more.
-    pub(crate) fn raise_mass(&mut self, model: &GrainModel, assembly: &Assembly) {
-        let stiffness = largest_own_stiffness(
-            &model.law,
-            inertia_factor(model),
-            &assembly.grains,
-            &self.shape,
-            &assembly.pairs,
-            &mut self.blocks,
-        );
+    pub(crate) fn raise_mass<L: ContactLaw<S::Kinematics>>(&mut self, model: &GrainModel, assembly: &Assembly<S, L>) {
+        let stiffness = largest_own_stiffness(inertia_factor(model), assembly, &self.shape, &mut self.blocks);
         // Local damping shortens the stable step by about its coefficient.
         let damping = match model.options.damping {
             Damping::Fire => 1.0,
             Damping::Local => 1.0 + model.options.local_coefficient(),
         };
-        self.mass = self.mass.max(damping * stiffness / (2.0 * SAFETY * SAFETY));
-        for value in self.velocities.iter_mut().flatten().filter(|value| value.abs() < 1e-200) {
-            *value = 0.0;
+        let wanted = damping * stiffness / (2.0 * SAFETY * SAFETY) * assembly.law.mass_factor();
+        self.mass = self.mass.max(wanted);
+        for velocity in &mut self.velocities {
+            let values = velocity.translation.components_mut().iter_mut().chain(velocity.spin.components_mut());
+            for value in values.filter(|value| value.abs() < 1e-200) {
+                *value = 0.0;
+            }
         }
     }
 
     /// Sums over the grains for the present loads and velocities.
-    pub(crate) fn sums(&self, model: &GrainModel, assembly: &Assembly) -> GrainSums {
+    pub(crate) fn sums<L: ContactLaw<S::Kinematics>>(
+        &self,
+        model: &GrainModel,
+        assembly: &Assembly<S, L>,
+    ) -> GrainSums {
         let mut sums = GrainSums::default();
         let mut largest_square = 0.0f64;
         let rotate = if model.rotations == Rotations::Free { 1.0 } else { 0.0 };
         for (((load, grain), velocity), inertia) in
             assembly.loads.iter().zip(&assembly.grains).zip(&self.velocities).zip(&self.inertias)
         {
-            let [fx, fy] = load.force;
-            let arm = rotate * load.moment / grain.radius;
-            let force = fx * fx + fy * fy;
-            let turning = arm * arm;
+            let arm = S::Spin::from_fn(|axis| rotate * load.moment.components()[axis] / grain.radius);
+            let force = load.force.dot(load.force);
+            let turning = arm.dot(arm);
             let larger = if force > turning { force } else { turning };
             largest_square = if larger > largest_square { larger } else { largest_square };
             sums.force_square += force + turning;
-            sums.power += (fx * velocity[0] + fy * velocity[1]) + load.moment * velocity[2];
+            sums.power += load.force.dot(velocity.translation) + load.moment.dot(velocity.spin);
             sums.scaled_force_square +=
-                force * inertia.inverse_mass + load.moment * load.moment * inertia.inverse_rotation;
-            sums.kinetic_energy += inertia.mass * (velocity[0] * velocity[0] + velocity[1] * velocity[1])
-                + inertia.rotation * (velocity[2] * velocity[2]);
+                force * inertia.inverse_mass + load.moment.dot(load.moment) * inertia.inverse_rotation;
+            sums.kinetic_energy += inertia.mass * velocity.translation.dot(velocity.translation)
+                + inertia.rotation * velocity.spin.dot(velocity.spin);
         }
         sums.largest_force = largest_square.sqrt();
         sums.kinetic_energy *= 0.5 * self.mass;
@@ -133,12 +138,12 @@ impl Motion {
 
     /// One step: velocities from the present loads, then grains move by `affine x + v`. Returns a bound of the distance
     /// any grain moved against the affine motion, m.
-    pub(crate) fn step(
+    pub(crate) fn step<L: ContactLaw<S::Kinematics>>(
         &mut self,
         model: &GrainModel,
-        assembly: &mut Assembly,
+        assembly: &mut Assembly<S, L>,
         sums: &GrainSums,
-        affine: &Plane,
+        affine: &S::Tensor,
     ) -> f64 {
         if self.mass <= 0.0 {
             // No contact, no force: the grains follow the cell.
@@ -174,36 +179,71 @@ impl Motion {
     }
 
     /// Local damping: each load component loses a share against the sign of its velocity.
-    fn damp_locally(&self, assembly: &mut Assembly, coefficient: f64) {
-        let damped = |force: f64, velocity: f64| {
-            if velocity == 0.0 { force } else { force - coefficient * force.abs() * velocity.signum() }
-        };
+    fn damp_locally<L: ContactLaw<S::Kinematics>>(&self, assembly: &mut Assembly<S, L>, coefficient: f64) {
         for (load, velocity) in assembly.loads.iter_mut().zip(&self.velocities) {
-            load.force = [damped(load.force[0], velocity[0]), damped(load.force[1], velocity[1])];
-            load.moment = damped(load.moment, velocity[2]);
+            load.force = damped(load.force, velocity.translation, coefficient);
+            load.moment = damped(load.moment, velocity.spin, coefficient);
         }
     }
 
-    fn advance(&mut self, assembly: &mut Assembly, affine: &Plane, keep: f64, push: f64) -> f64 {
+    fn advance<L: ContactLaw<S::Kinematics>>(
+        &mut self,
+        assembly: &mut Assembly<S, L>,
+        affine: &S::Tensor,
+        keep: f64,
+        push: f64,
+    ) -> f64 {
         let mut farthest = 0.0f64;
         let slots = assembly.grains.iter_mut().zip(&assembly.loads).zip(&mut assembly.rotations);
         for (((grain, load), rotation), (velocity, inertia)) in
             slots.zip(self.velocities.iter_mut().zip(&self.inertias))
         {
             let push_here = push * inertia.inverse_mass;
-            velocity[0] = keep * velocity[0] + push_here * load.force[0];
-            velocity[1] = keep * velocity[1] + push_here * load.force[1];
-            velocity[2] = keep * velocity[2] + push * inertia.inverse_rotation * load.moment;
-            let [x, y] = grain.position;
-            grain.position[0] = x + ((affine[0][0] * x + affine[0][1] * y) + velocity[0]);
-            grain.position[1] = y + ((affine[1][0] * x + affine[1][1] * y) + velocity[1]);
-            grain.spin = velocity[2];
-            *rotation += velocity[2];
-            let square = velocity[0] * velocity[0] + velocity[1] * velocity[1];
+            velocity.translation = velocity.translation.times(keep).plus(load.force.times(push_here));
+            let torque_here = push * inertia.inverse_rotation;
+            velocity.spin = velocity.spin.times(keep).plus(load.moment.times(torque_here));
+            grain.position = grain.position.plus(apply(affine, grain.position).plus(velocity.translation));
+            grain.spin = velocity.spin;
+            *rotation = rotation.plus(velocity.spin);
+            let square = velocity.translation.dot(velocity.translation);
             farthest = if square > farthest { square } else { farthest };
         }
         farthest.sqrt()
     }
+}
+
+/// Each component loses a share of its size against the sign of its velocity.
+fn damped<T: Components>(load: T, velocity: T, coefficient: f64) -> T {
+    let (loads, velocities) = (load.components(), velocity.components());
+    T::from_fn(|place| {
+        let (force, motion) = (loads[place], velocities[place]);
+        if motion == 0.0 { force } else { force - coefficient * force.abs() * motion.signum() }
+    })
+}
+
+/// Largest eigenvalue over all grains of the own stiffness block divided by unit masses `shape[i]` and inertias
+/// `inertia shape[i] R_i^2`, N/m.
+pub(crate) fn largest_own_stiffness<S: Space, L: ContactLaw<S::Kinematics>>(
+    inertia: f64,
+    assembly: &Assembly<S, L>,
+    shape: &[f64],
+    blocks: &mut Vec<Block>,
+) -> f64 {
+    blocks.clear();
+    blocks.resize(assembly.grains.len(), [0.0; 21]);
+    for (_, pair) in assembly.contacts() {
+        let [normal, tangential, rolling] = assembly.law.stiffness(&pair.constants, assembly.overlap(pair));
+        for (grain, direction) in [(pair.origin, pair.direction), (pair.end, pair.direction.times(-1.0))] {
+            let radius = assembly.grains[grain as usize].radius;
+            let rolling = rolling / (radius * radius);
+            let terms = ContactTerms { direction, stiffness: [normal, tangential], rolling };
+            add_contact::<S>(&mut blocks[grain as usize], &terms, inertia);
+        }
+    }
+    blocks
+        .iter()
+        .zip(shape)
+        .fold(0.0, |largest: f64, (block, mass)| largest.max(largest_eigenvalue::<S>(block) / mass))
 }
 
 fn inertia_factor(model: &GrainModel) -> f64 {

@@ -1,11 +1,11 @@
 //! How stiff the stiffest grain is: the bound from which the relaxation takes its masses.
 //!
 //! With a unit pseudo-time step the explicit motion is stable while `omega_max < 2`. The bound used is
-//! `omega_max^2 <= 2 max_i lambda_max(M_i^-1 K_ii)` with `K_ii` the grain's own 3x3 block (two translations and the
-//! rotation), because `(a - b)^2 <= 2 a^2 + 2 b^2` in every contact. Erratum: the single-contact frequencies of
+//! `omega_max^2 <= 2 max_i lambda_max(M_i^-1 K_ii)` with `K_ii` the grain's own 3x3 or 6x6 block (translations and
+//! rotations), because `(a - b)^2 <= 2 a^2 + 2 b^2` in every contact. Erratum: the single-contact frequencies of
 //! [Liu2015] eq. 64 are not bounds; on crystals they allow steps up to four times too long.
 
-use super::kernel::{GrainSlot, LinearLaw, PairSlot};
+use crate::space::Space;
 
 /// Inertia of a grain in the relaxation is this times mass times radius squared; measured best, a solid disc has 0.5.
 pub(crate) const INERTIA_FACTOR: f64 = 0.8;
@@ -13,40 +13,78 @@ pub(crate) const INERTIA_FACTOR: f64 = 0.8;
 /// Newton steps for an eigenvalue; five leave less than a percent even between close eigenvalues.
 const NEWTON_STEPS: u32 = 5;
 
-/// A symmetric 3x3 matrix: `[xx, yy, zz, xy, xz, yz]`.
-type Block = [f64; 6];
+/// Squarings of a block in space: the bound is then off by at most `6^(1/64)`, 3 %.
+const SQUARINGS: u32 = 5;
 
-/// Largest eigenvalue over all grains of the own stiffness block divided by unit masses `shape[i]` and inertias
-/// `inertia shape[i] R_i^2`, N/m.
-pub(crate) fn largest_own_stiffness(
-    law: &LinearLaw,
-    inertia: f64,
-    grains: &[GrainSlot],
-    shape: &[f64],
-    pairs: &[PairSlot],
-    blocks: &mut Vec<Block>,
-) -> f64 {
-    blocks.clear();
-    blocks.resize(grains.len(), [0.0; 6]);
-    for pair in pairs.iter().filter(|pair| pair.touches()) {
-        let [x, y] = pair.direction;
-        let stiffness = [pair.normal_stiffness, law.stiffness_ratio * pair.normal_stiffness];
-        add_contact(&mut blocks[pair.origin as usize], stiffness, [x, y], inertia);
-        add_contact(&mut blocks[pair.end as usize], stiffness, [-x, -y], inertia);
-    }
-    blocks.iter().zip(shape).fold(0.0, |largest: f64, (block, mass)| largest.max(largest_eigenvalue(block) / mass))
+/// A symmetric matrix. In the plane 3x3 as `[xx, yy, zz, xy, xz, yz]`; in space 6x6 as its upper triangle, row by row.
+pub(crate) type Block = [f64; 21];
+
+/// One contact as a grain's own block sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ContactTerms<S: Space> {
+    /// Unit vector away from the grain.
+    pub(crate) direction: S::Vector,
+    /// k_n, k_t, N/m.
+    pub(crate) stiffness: [f64; 2],
+    /// Rolling stiffness over radius squared, N/m.
+    pub(crate) rolling: f64,
 }
 
-/// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with `e` pointing away from the grain, the rotation scaled by its inertia.
-/// The lever arm is taken as the radius, which bounds it. Zero inertia means that grains do not rotate.
-fn add_contact(block: &mut Block, [normal, tangential]: [f64; 2], [x, y]: [f64; 2], inertia: f64) {
+/// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with the rotation scaled by its inertia. The lever arm is taken as the radius,
+/// which bounds it. Zero inertia means that grains do not rotate.
+pub(crate) fn add_contact<S: Space>(block: &mut Block, terms: &ContactTerms<S>, inertia: f64) {
     let arm = if inertia > 0.0 { 1.0 / inertia.sqrt() } else { 0.0 };
+    if S::DIMENSION == 2 {
+        add_in_plane(block, terms, arm);
+    } else {
+        add_in_space(block, terms, arm);
+    }
+}
+
+fn add_in_plane<S: Space>(block: &mut Block, terms: &ContactTerms<S>, arm: f64) {
+    let [normal, tangential] = terms.stiffness;
+    let (x, y) = (terms.direction[0], terms.direction[1]);
     block[0] += normal * x * x + tangential * y * y;
     block[1] += normal * y * y + tangential * x * x;
-    block[2] += tangential * arm * arm;
+    block[2] += (tangential + terms.rolling) * arm * arm;
     block[3] += (normal - tangential) * x * y;
     block[4] -= tangential * arm * y;
     block[5] += tangential * arm * x;
+}
+
+/// The slip at the contact is `P (u + a w x e)` with the projection `P = I - e e^T`.
+fn add_in_space<S: Space>(block: &mut Block, terms: &ContactTerms<S>, arm: f64) {
+    let [normal, tangential] = terms.stiffness;
+    let e = [terms.direction[0], terms.direction[1], terms.direction[2]];
+    let turning = (tangential + terms.rolling) * arm * arm;
+    let couple = tangential * arm;
+    let mut place = 0;
+    for i in 0..6 {
+        for j in i..6 {
+            let unit = if i == j { 1.0 } else { 0.0 };
+            let square = e[i % 3] * e[j % 3];
+            block[place] += match (i < 3, j < 3) {
+                (true, true) => normal * square + tangential * (unit - square),
+                (true, false) => couple * across(e, i, j - 3),
+                _ => turning * (unit - square),
+            };
+            place += 1;
+        }
+    }
+}
+
+/// Component `ij` of the matrix that takes `w` to `w x e`.
+fn across(e: [f64; 3], i: usize, j: usize) -> f64 {
+    match (3 + j - i) % 3 {
+        0 => 0.0,
+        1 => e[(i + 2) % 3],
+        _ => -e[(i + 1) % 3],
+    }
+}
+
+/// Upper bound of the largest eigenvalue of a block.
+pub(crate) fn largest_eigenvalue<S: Space>(block: &Block) -> f64 {
+    if S::DIMENSION == 2 { largest_of_three(block) } else { largest_of_six(block) }
 }
 
 /// Upper bound of the largest eigenvalue of a symmetric 3x3 matrix, tight to rounding unless two eigenvalues nearly
@@ -55,8 +93,8 @@ fn add_contact(block: &mut Block, [normal, tangential]: [f64; 2], [x, y]: [f64; 
 /// Newton's method on the characteristic cubic, started above its largest root, approaches that root from above: every
 /// iterate is a bound. Arithmetic alone, so that the masses and with them all results do not depend on a system's
 /// mathematical library.
-fn largest_eigenvalue(block: &Block) -> f64 {
-    let [xx, yy, zz, xy, xz, yz] = *block;
+fn largest_of_three(block: &Block) -> f64 {
+    let [xx, yy, zz, xy, xz, yz, ..] = *block;
     let mean = (xx + yy + zz) / 3.0;
     let (x, y, z) = (xx - mean, yy - mean, zz - mean);
     // Of the deviator: half its squared norm, and its determinant. Characteristic cubic: r^3 - half r - determinant.
@@ -73,10 +111,59 @@ fn largest_eigenvalue(block: &Block) -> f64 {
     mean + root
 }
 
+/// Upper bound of the largest eigenvalue of a symmetric, positive semi-definite 6x6 matrix: the root of the trace of a
+/// high power of it.
+fn largest_of_six(block: &Block) -> f64 {
+    let mut matrix = [[0.0; 6]; 6];
+    let mut place = 0;
+    for i in 0..6 {
+        for j in i..6 {
+            (matrix[i][j], matrix[j][i]) = (block[place], block[place]);
+            place += 1;
+        }
+    }
+    let trace: f64 = (0..6).map(|i| matrix[i][i]).sum();
+    if trace <= 0.0 {
+        return 0.0;
+    }
+    let mut power = matrix.map(|row| row.map(|value| value / trace));
+    let mut root = 1.0;
+    // lambda^(2^k) <= trace of the 2^k-th power; each power is scaled to trace 1 and the scale's root collected.
+    for level in 1..=SQUARINGS {
+        power = squared(&power);
+        let trace: f64 = (0..6).map(|i| power[i][i]).sum();
+        root *= repeated_root(trace, level);
+        power = power.map(|row| row.map(|value| value / trace));
+    }
+    // One more doubling comes free: the trace of the square is the squared norm.
+    let square: f64 = power.iter().flatten().map(|value| value * value).sum();
+    trace * root * repeated_root(square, SQUARINGS + 1)
+}
+
+fn squared(a: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
+    let mut square = [[0.0; 6]; 6];
+    for i in 0..6 {
+        for j in i..6 {
+            let mut sum = 0.0;
+            for k in 0..6 {
+                sum += a[i][k] * a[k][j];
+            }
+            (square[i][j], square[j][i]) = (sum, sum);
+        }
+    }
+    square
+}
+
+/// The `2^times`-th root.
+fn repeated_root(value: f64, times: u32) -> f64 {
+    (0..times).fold(value, |root, _| root.sqrt())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Matrix3;
+    use crate::space::{Components, Discs, Spheres};
+    use nalgebra::{Matrix3, Matrix6};
     use proptest::prelude::*;
 
     proptest! {
@@ -86,9 +173,40 @@ mod tests {
             let matrix = Matrix3::new(a, d, e, d, b, f, e, f, c);
             let reference = matrix.symmetric_eigenvalues().max();
             let spread = matrix.norm();
-            let bound = largest_eigenvalue(&v);
+            let mut block = [0.0; 21];
+            block[..6].copy_from_slice(&v);
+            let bound = largest_eigenvalue::<Discs>(&block);
             prop_assert!(bound >= reference - 1e-13 * spread);
             prop_assert!(bound <= reference + 0.02 * spread);
+        }
+
+        #[test]
+        fn eigenvalue_of_a_sphere_is_bounded_from_above_and_tightly(
+            contacts in proptest::collection::vec((proptest::array::uniform3(-1.0..1.0f64), 0.1..2.0f64, 0.0..2.0f64), 1..9),
+        ) {
+            let mut block = [0.0; 21];
+            let mut matrix = Matrix6::zeros();
+            for (direction, normal, tangential) in contacts {
+                prop_assume!(direction.norm() > 0.1);
+                let direction = direction.times(1.0 / direction.norm());
+                let terms = ContactTerms::<Spheres> { direction, stiffness: [normal, tangential], rolling: 0.0 };
+                add_contact(&mut block, &terms, 0.8);
+                // The same from the definition: stiffness of the slip of a motion (u, w) with w = turn / sqrt(0.8).
+                let e = nalgebra::Vector3::from(direction);
+                let project = Matrix3::identity() - e * e.transpose();
+                let mut gradient = nalgebra::Matrix3x6::zeros();
+                gradient.fixed_view_mut::<3, 3>(0, 0).copy_from(&project);
+                let turn = -project * e.cross_matrix() / 0.8f64.sqrt();
+                gradient.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
+                matrix += tangential * gradient.transpose() * gradient;
+                let mut along = nalgebra::RowVector6::zeros();
+                along.fixed_view_mut::<1, 3>(0, 0).copy_from(&e.transpose());
+                matrix += normal * along.transpose() * along;
+            }
+            let reference = matrix.symmetric_eigenvalues().max();
+            let bound = largest_eigenvalue::<Spheres>(&block);
+            prop_assert!(bound >= reference * (1.0 - 1e-12), "{bound} {reference}");
+            prop_assert!(bound <= reference * 1.03, "{bound} {reference}");
         }
     }
 }

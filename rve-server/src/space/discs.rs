@@ -11,6 +11,9 @@ impl Space for Discs {
     const DIMENSION: usize = 2;
     const GRAINS: &'static str = "discs";
     const INERTIA_FACTOR: f64 = 0.5;
+    type Kinematics = Self;
+    /// A tangential force is the same number whichever way the contact points.
+    type Carrier = ();
     type Vector = [f64; 2];
     type Shift = [i32; 2];
     type Tensor = Plane;
@@ -48,6 +51,35 @@ impl Space for Discs {
         tangential
     }
 
+    fn axial(spin: f64) -> [f64; 1] {
+        [spin]
+    }
+
+    fn spin([axial]: [f64; 1]) -> f64 {
+        axial
+    }
+
+    fn to_axial(tangential: f64, _direction: [f64; 2]) -> [f64; 1] {
+        [tangential]
+    }
+
+    fn from_axial([axial]: [f64; 1], _direction: [f64; 2]) -> f64 {
+        axial
+    }
+
+    fn slip(before: [f64; 2], direction: [f64; 2], length: f64, arms: [f64; 2], spins: [f64; 2]) -> ([f64; 1], ()) {
+        // The branch's own turn is measured as an angle, not as a chord: a rigidly rotating pair then slips by exactly
+        // nothing. arcsin by its series; the next term is below rounding for turns under 0.02 rad.
+        let sine = before[0] * direction[1] - before[1] * direction[0];
+        let sine_square = sine * sine;
+        let turn = sine * (1.0 + sine_square * (1.0 / 6.0 + sine_square * 0.075));
+        ([length * turn - (arms[0] * spins[0] + arms[1] * spins[1])], ())
+    }
+
+    fn carry(_carrier: &(), axial: [f64; 1]) -> [f64; 1] {
+        axial
+    }
+
     fn polar(h: &Plane) -> PolarParts<Self> {
         let plane::Polar { angle, strain } = plane::polar(h);
         PolarParts { turn: angle, strain }
@@ -63,6 +95,10 @@ impl Space for Discs {
 
     fn turned_tangential(tangential: f64, _matrix: &Plane) -> f64 {
         tangential
+    }
+
+    fn turned_spin(spin: f64, _matrix: &Plane) -> f64 {
+        spin
     }
 
     fn spin_in_space(spin: f64) -> [f64; 3] {

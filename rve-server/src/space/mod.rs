@@ -16,6 +16,7 @@ pub use tensor::{
     Tensor, add_scaled, apply, determinant, inverse, largest_component, norm, product, rotated, scaled, transpose,
 };
 
+use crate::lanes::Kinematics;
 use bytemuck::Pod;
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
@@ -30,6 +31,9 @@ pub struct PolarParts<S: Space> {
     pub strain: S::Tensor,
 }
 
+/// Rotations, moments and tangential forces as the force kernel has them.
+pub type Axial<S> = <<S as Space>::Kinematics as Kinematics>::Axial<f64>;
+
 /// A kind of grains with the space they live in.
 pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Send + Sync + Sized + 'static {
     /// Number of axes, 2 or 3.
@@ -37,6 +41,12 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
 
     /// What the grains are called in messages.
     const GRAINS: &'static str;
+
+    /// What this dimension means to the force kernel.
+    type Kinematics: Kinematics<Coordinates<f64> = Self::Vector>;
+
+    /// What carries a contact's history along in one step.
+    type Carrier: Copy + Debug;
 
     /// One number per axis.
     type Vector: Components + Index<usize, Output = f64> + IndexMut<usize> + Serialize + DeserializeOwned;
@@ -118,6 +128,31 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
     /// same way.
     fn contact_moment(direction: Self::Vector, tangential: Self::Tangential) -> Self::Spin;
 
+    /// A rotation or moment as the force kernel has it.
+    fn axial(spin: Self::Spin) -> Axial<Self>;
+
+    /// A rotation or moment from the force kernel.
+    fn spin(axial: Axial<Self>) -> Self::Spin;
+
+    /// The axial vector `tau` of a tangential force `f_t = tau x e`.
+    fn to_axial(tangential: Self::Tangential, direction: Self::Vector) -> Axial<Self>;
+
+    /// The tangential force of an axial vector.
+    fn from_axial(axial: Axial<Self>, direction: Self::Vector) -> Self::Tangential;
+
+    /// Slip of a step in which the normal went from `before` to `direction` and the grains span, m, and what carries
+    /// the contact's history along. A pair that rotates rigidly slips by exactly nothing.
+    fn slip(
+        before: Self::Vector,
+        direction: Self::Vector,
+        length: f64,
+        arms: [f64; 2],
+        spins: [Self::Spin; 2],
+    ) -> (Axial<Self>, Self::Carrier);
+
+    /// An axial vector of a contact's history, turned along with the contact.
+    fn carry(carrier: &Self::Carrier, axial: Axial<Self>) -> Axial<Self>;
+
     /// Polar decomposition; `det(I + h) > 0` is the caller's duty. A symmetric `h` gives no rotation at all and returns
     /// itself, so that pure stretch suffers no rounding; a small strain behind a rotation keeps its digits.
     fn polar(h: &Self::Tensor) -> PolarParts<Self>;
@@ -130,6 +165,9 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
 
     /// A tangential force turned with everything else.
     fn turned_tangential(tangential: Self::Tangential, matrix: &Self::Tensor) -> Self::Tangential;
+
+    /// A rotation or moment turned with everything else.
+    fn turned_spin(spin: Self::Spin, matrix: &Self::Tensor) -> Self::Spin;
 
     /// A rotation or moment as the three components that travel in messages.
     fn spin_in_space(spin: Self::Spin) -> [f64; 3];

@@ -3,6 +3,7 @@
 use super::components::Components;
 use super::tensor::{add_scaled, apply, cross, inverse, largest_component, product, scaled, transpose};
 use super::{PolarParts, Space, Tensor};
+use crate::law::{Slip, slip_of_spheres};
 
 /// Spheres in space. Rotations and moments are vectors; a tangential force is a vector normal to the branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,6 +74,8 @@ impl Space for Spheres {
     const DIMENSION: usize = 3;
     const GRAINS: &'static str = "spheres";
     const INERTIA_FACTOR: f64 = 0.4;
+    type Kinematics = Self;
+    type Carrier = Slip<f64>;
     type Vector = [f64; 3];
     type Shift = [i32; 3];
     type Tensor = Matrix;
@@ -107,6 +110,37 @@ impl Space for Spheres {
 
     fn contact_moment(direction: [f64; 3], tangential: [f64; 3]) -> [f64; 3] {
         cross(direction, tangential)
+    }
+
+    fn axial(spin: [f64; 3]) -> [f64; 3] {
+        spin
+    }
+
+    fn spin(axial: [f64; 3]) -> [f64; 3] {
+        axial
+    }
+
+    fn to_axial(tangential: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        cross(direction, tangential)
+    }
+
+    fn from_axial(axial: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        cross(axial, direction)
+    }
+
+    fn slip(
+        before: [f64; 3],
+        direction: [f64; 3],
+        length: f64,
+        arms: [f64; 2],
+        spins: [[f64; 3]; 2],
+    ) -> ([f64; 3], Slip<f64>) {
+        let slip = slip_of_spheres(before, direction, 1.0 / length, length, arms, spins);
+        (slip.slip, slip)
+    }
+
+    fn carry(carrier: &Slip<f64>, axial: [f64; 3]) -> [f64; 3] {
+        carrier.carried(axial)
     }
 
     fn polar(h: &Matrix) -> PolarParts<Self> {
@@ -146,6 +180,10 @@ impl Space for Spheres {
 
     fn turned_tangential(tangential: [f64; 3], matrix: &Matrix) -> [f64; 3] {
         apply(matrix, tangential)
+    }
+
+    fn turned_spin(spin: [f64; 3], matrix: &Matrix) -> [f64; 3] {
+        apply(matrix, spin)
     }
 
     fn spin_in_space(spin: [f64; 3]) -> [f64; 3] {

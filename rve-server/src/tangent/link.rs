@@ -3,8 +3,8 @@
 //! `D` is the number of space dimensions and `B` that of the unknowns of a grain: two displacements and one spin, or
 //! three and three. `B` is also the number of independent strains.
 
+use crate::law::AT_LIMIT;
 use crate::network::ContactNetwork;
-use crate::relaxation::kernel::AT_LIMIT;
 use crate::space::{Components, Space};
 
 /// One contact that carries force. Conventions as in [`crate::network`]; the force acts on the origin grain.

@@ -181,7 +181,7 @@ fn grains_of_a_snapshot_are_inside_the_cell() {
     cell.commit().unwrap();
     let mut bytes = Vec::new();
     cell.snapshot(&mut bytes);
-    let grains = grains_of_snapshot(&definition, &bytes).unwrap();
+    let grains = grains_of_snapshot::<Discs>(&definition, &bytes).unwrap();
     assert_eq!((grains.positions.len(), grains.radii.len(), grains.rotations.len()), (100, 100, 100));
     let inside = rve_server::cell::Cell::<Discs> { rows: grains.cell };
     for position in &grains.positions {

@@ -1,0 +1,223 @@
+//! The composition: springs, friction, adhesion, and if asked rolling resistance and viscosity.
+
+use super::adhesion::attraction;
+use super::contact_law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse, Viscous};
+use super::hertz::HertzSprings;
+use super::linear::LinearSprings;
+use super::rolling::{RollingSpring, rolled};
+use super::springs::Springs;
+use super::tangential::{Unloading, unloading_factor};
+use crate::lanes::{Kinematics, Real, Tuple};
+
+/// Linear springs and Coulomb friction.
+pub type PlainLinear = ComposedLaw<LinearSprings, 0>;
+/// Linear springs, Coulomb friction, rolling resistance, viscosity.
+pub type ExtendedLinear = ComposedLaw<LinearSprings, 4>;
+/// Hertz-Mindlin springs and Coulomb friction.
+pub type PlainHertzMindlin = ComposedLaw<HertzSprings, 1>;
+/// Hertz-Mindlin springs, Coulomb friction, rolling resistance, viscosity.
+pub type ExtendedHertzMindlin = ComposedLaw<HertzSprings, 4>;
+
+/// A contact law that remembers `MEMORY` numbers per contact: none, the overlap of the last evaluation, or that and a
+/// rolling moment of up to three components. Rolling resistance and viscosity need all four; with fewer, neither is
+/// compiled in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
+    /// Normal and tangential springs.
+    pub springs: N,
+    /// Coulomb coefficient.
+    pub friction: f64,
+    /// Cohesive overlap C, m.
+    pub cohesion: f64,
+    /// What unloading does to tangential forces.
+    pub unloading: Unloading,
+    /// Rolling resistance.
+    pub rolling: RollingSpring,
+    /// Contact viscosity over stiffness in pseudo-time steps: a motion of one step is answered by this many times the
+    /// elastic force it causes. Nothing moves at equilibrium, so no quasi-static result depends on it.
+    pub viscosity: f64,
+}
+
+/// Places in the constants of a pair.
+const NORMAL: usize = 0;
+const TANGENTIAL: usize = 1;
+const ATTRACTION: usize = 2;
+const LIMIT: usize = 3;
+const ROLLING_ARM_SQUARE: usize = 4;
+const ROLLING_LIMIT_ARM: usize = 5;
+
+impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
+    const IS_EXTENDED: bool = MEMORY == 4;
+
+    /// Overlap of the last evaluation.
+    #[inline(always)]
+    fn old_overlap<R: Real>(memory: &[R; MEMORY]) -> R {
+        if MEMORY == 0 { R::default() } else { memory[0] }
+    }
+
+    /// The rolling moment in a memory.
+    #[inline(always)]
+    fn moment<K: Kinematics, R: Real>(memory: &[R; MEMORY]) -> K::Axial<R> {
+        K::Axial::build(|i| if Self::IS_EXTENDED { memory[1 + i] } else { R::default() })
+    }
+
+    #[inline(always)]
+    fn keep_moment<K: Kinematics, R: Real>(memory: &mut [R; MEMORY], moment: K::Axial<R>) {
+        if Self::IS_EXTENDED {
+            for (kept, value) in memory[1..].iter_mut().zip(moment.as_ref()) {
+                *kept = *value;
+            }
+        }
+    }
+
+    /// Tangential energy, J, of a force of this square; zero without tangential stiffness.
+    #[inline(always)]
+    fn spring_energy<R: Real>(square: R, stiffness: R) -> R {
+        R::select(R::default().less(stiffness), R::splat(0.5) * square / stiffness, R::default())
+    }
+}
+
+impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedLaw<N, MEMORY> {
+    type Constants<R: Real> = [R; 6];
+    type Memory<R: Real> = [R; MEMORY];
+    const ROLLS: bool = Self::IS_EXTENDED;
+
+    fn constants(&self, radii: [f64; 2]) -> [f64; 6] {
+        let [normal, tangential] = self.springs.coefficients(radii);
+        let mut constants = [0.0; 6];
+        constants[NORMAL] = normal;
+        constants[TANGENTIAL] = tangential;
+        constants[ATTRACTION] = attraction::<N>(normal, self.cohesion);
+        constants[LIMIT] = self.friction * normal;
+        constants[ROLLING_ARM_SQUARE] = self.rolling.arm_square(radii);
+        constants[ROLLING_LIMIT_ARM] = self.rolling.limit_arm(radii);
+        constants
+    }
+
+    fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> [f64; MEMORY] {
+        let mut memory = [0.0; MEMORY];
+        if MEMORY > 0 {
+            memory[0] = overlap;
+        }
+        Self::keep_moment::<K, f64>(&mut memory, rolling_moment);
+        memory
+    }
+
+    fn rolling_moment(&self, memory: &[f64; MEMORY]) -> K::Axial<f64> {
+        Self::moment::<K, f64>(memory)
+    }
+
+    #[inline(always)]
+    fn carry<R: Real>(&self, memory: &mut [R; MEMORY], carry: impl Fn(K::Axial<R>) -> K::Axial<R>) {
+        if Self::IS_EXTENDED {
+            let moment = carry(Self::moment::<K, R>(memory));
+            Self::keep_moment::<K, R>(memory, moment);
+        }
+    }
+
+    #[inline(always)]
+    fn respond<R: Real>(
+        &self,
+        constants: &[R; 6],
+        motion: &ContactMotion<K, R>,
+        memory: &mut [R; MEMORY],
+    ) -> ContactResponse<K, R> {
+        let zero = R::default();
+        let overlap = motion.overlap;
+        let elastic = N::force(constants[NORMAL], overlap);
+        let limit = N::force(constants[LIMIT], overlap);
+        let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
+        let (mut carried, mut dissipation) = (motion.carried, zero);
+        if N::TANGENT_VARIES {
+            let before = Self::old_overlap(memory);
+            let old = N::tangential_stiffness(constants[TANGENTIAL], before);
+            let stored = Self::spring_energy(carried.dot(carried), old);
+            let factor = unloading_factor(self.unloading, old, tangential, overlap.less(before));
+            carried = carried.scaled(factor);
+            let lost = stored - Self::spring_energy(carried.dot(carried), tangential);
+            dissipation = R::select(motion.touched, lost, zero);
+        }
+        let attempt = carried.plus(motion.slip.scaled(tangential)).where_or(motion.touched, K::Axial::zero());
+        let kept = K::shortened(attempt, limit);
+        let at_limit = (limit * R::splat(AT_LIMIT)).at_most(K::length(attempt));
+        let slides = R::default().less(tangential);
+        let compliance = R::select(slides, R::splat(1.0) / tangential, zero);
+        dissipation = dissipation + kept.dot(attempt.minus(kept)) * compliance;
+        let mut response = ContactResponse {
+            normal_force: constants[ATTRACTION] - elastic,
+            tangential_force: kept,
+            viscous: None,
+            couple: None,
+            at_limit,
+            dissipation,
+        };
+        if Self::IS_EXTENDED {
+            let before = Self::old_overlap(memory);
+            let viscosity = R::select(motion.touched, R::splat(self.viscosity), zero);
+            let normal_stiffness = N::normal_stiffness(constants[NORMAL], overlap);
+            response.viscous = Some(Viscous {
+                normal_force: -(viscosity * normal_stiffness * (overlap - before)),
+                tangential_force: motion.slip.scaled(viscosity * tangential),
+            });
+            let rolling = motion.rolling.where_or(motion.touched, K::Axial::zero());
+            let (moment, lost) = rolled::<K, R>(
+                Self::moment::<K, R>(memory),
+                constants[ROLLING_ARM_SQUARE] * tangential,
+                rolling,
+                constants[ROLLING_LIMIT_ARM] * elastic,
+            );
+            response.couple = Some(moment);
+            response.dissipation = response.dissipation + lost;
+            Self::keep_moment::<K, R>(memory, moment);
+        }
+        if MEMORY > 0 {
+            memory[0] = overlap;
+        }
+        response
+    }
+
+    #[inline(always)]
+    fn normal_force<R: Real>(&self, constants: &[R; 6], overlap: R) -> R {
+        constants[ATTRACTION] - N::force(constants[NORMAL], overlap)
+    }
+
+    #[inline(always)]
+    fn stiffness<R: Real>(&self, constants: &[R; 6], overlap: R) -> [R; 3] {
+        let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
+        let rolling = if Self::IS_EXTENDED { constants[ROLLING_ARM_SQUARE] * tangential } else { R::default() };
+        [N::normal_stiffness(constants[NORMAL], overlap), tangential, rolling]
+    }
+
+    #[inline(always)]
+    fn friction_limit<R: Real>(&self, constants: &[R; 6], overlap: R) -> R {
+        N::force(constants[LIMIT], overlap)
+    }
+
+    #[inline(always)]
+    fn energy<R: Real>(&self, constants: &[R; 6], overlap: R, tangential_force: R, memory: &[R; MEMORY]) -> R {
+        let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
+        let normal = N::normal_energy(constants[NORMAL], overlap) - constants[ATTRACTION] * overlap;
+        let stored = normal + Self::spring_energy(tangential_force * tangential_force, tangential);
+        if !Self::IS_EXTENDED {
+            return stored;
+        }
+        let moment = Self::moment::<K, R>(memory);
+        stored + Self::spring_energy(moment.dot(moment), constants[ROLLING_ARM_SQUARE] * tangential)
+    }
+
+    #[inline(always)]
+    fn opening_loss<R: Real>(&self, constants: &[R; 6], tangential_force: K::Axial<R>, memory: &[R; MEMORY]) -> R {
+        let tangential = N::tangential_stiffness(constants[TANGENTIAL], Self::old_overlap(memory));
+        let lost = Self::spring_energy(tangential_force.dot(tangential_force), tangential);
+        if !Self::IS_EXTENDED {
+            return lost;
+        }
+        let moment = Self::moment::<K, R>(memory);
+        lost + Self::spring_energy(moment.dot(moment), constants[ROLLING_ARM_SQUARE] * tangential)
+    }
+
+    fn mass_factor(&self) -> f64 {
+        // Explicit motion with forces -k (x + b dx): stable while omega^2 (1 + 2 b) < 4.
+        if Self::IS_EXTENDED { 1.0 + 2.0 * self.viscosity } else { 1.0 }
+    }
+}

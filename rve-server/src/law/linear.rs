@@ -1,0 +1,43 @@
+//! Linear springs, [Argilaga2018] appendix A.
+
+use super::springs::Springs;
+use crate::definition::NormalStiffness;
+use crate::lanes::Real;
+
+/// `f_n = k_n h`, constant `k_t`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearSprings {
+    /// How k_n follows from the radii.
+    pub normal: NormalStiffness,
+    /// k_t / k_n.
+    pub stiffness_ratio: f64,
+}
+
+impl Springs for LinearSprings {
+    const TANGENT_VARIES: bool = false;
+
+    fn coefficients(&self, [first, second]: [f64; 2]) -> [f64; 2] {
+        let normal = self.normal.of(first, second);
+        [normal, self.stiffness_ratio * normal]
+    }
+
+    #[inline(always)]
+    fn force<R: Real>(coefficient: R, overlap: R) -> R {
+        coefficient * overlap
+    }
+
+    #[inline(always)]
+    fn normal_stiffness<R: Real>(coefficient: R, _: R) -> R {
+        coefficient
+    }
+
+    #[inline(always)]
+    fn normal_energy<R: Real>(coefficient: R, overlap: R) -> R {
+        R::splat(0.5) * coefficient * overlap * overlap
+    }
+
+    #[inline(always)]
+    fn tangential_stiffness<R: Real>(coefficient: R, _: R) -> R {
+        coefficient
+    }
+}
