@@ -190,7 +190,7 @@ fn values_out_of_range_are_named_by_their_key() {
         ("probe.1.set=top", "has no meaning for a probe of kind \"stress_ratio\""),
         ("solver.tangent=none", "cannot work without a tangent"),
         ("name=../escape", "cannot name a folder"),
-        ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves vertically"),
+        ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves along its normal only"),
     ] {
         let place = format!("--set {setting}: ");
         desk.refused(&["run", "scene.toml", "--set", setting], &[&place, reason, "hint:"]);

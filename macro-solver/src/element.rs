@@ -7,7 +7,11 @@
 use crate::mesh::{Dimension, ElementKind};
 use nalgebra::Matrix3;
 
+pub mod frequency;
 pub mod hexahedra;
+pub mod hourglass;
+pub mod integrals;
+pub mod mass;
 pub mod quadrature;
 pub mod quadrilaterals;
 pub mod side;
@@ -73,12 +77,60 @@ pub struct PointGeometry {
     pub volume: f64,
 }
 
+impl PointGeometry {
+    /// The same point after its nodes have moved from the positions of this geometry to `positions`: gradients and
+    /// volume carried by the deformation gradient of the point, `b = B F^-1`, `v = V det F`. Gradients are meaningless
+    /// where the volume is not positive.
+    pub fn carried(&self, positions: &[[f64; 3]], dimension: Dimension) -> Self {
+        let mut deformation: Matrix3<f64> = Matrix3::zeros();
+        for (position, gradient) in positions.iter().zip(&self.gradients) {
+            for i in 0..3 {
+                for j in 0..3 {
+                    deformation[(i, j)] += position[i] * gradient[j];
+                }
+            }
+        }
+        if dimension == Dimension::Plane {
+            deformation[(2, 2)] = 1.0;
+        }
+        let mut carried = *self;
+        carried.volume *= deformation.determinant();
+        if let Some(inverse) = deformation.try_inverse() {
+            for (new, old) in carried.gradients.iter_mut().zip(&self.gradients).take(positions.len()) {
+                *new = std::array::from_fn(|j| (0..3).map(|i| old[i] * inverse[(i, j)]).sum());
+            }
+        }
+        carried
+    }
+}
+
 /// Geometry of Gauss point `local` of an element whose nodes lie at `positions`.
+///
+/// The one point of H8Single carries the mean gradients over the element (Flanagan and Belytschko 1981): those at the
+/// centre would fail the patch test on irregular hexahedra.
 pub fn point_geometry(kind: ElementKind, positions: &[[f64; 3]], local: usize) -> PointGeometry {
+    if kind == ElementKind::H8Single {
+        return mean_geometry(ElementKind::H8, positions);
+    }
     let weight = gauss_points(kind)[local].weight;
     let mut geometry = geometry_of_shape(kind, &shapes_at_points(kind)[local], positions);
     geometry.volume *= weight;
     geometry
+}
+
+/// Mean gradients and total volume over the points of `kind`; exact for hexahedra with 2x2x2 points.
+fn mean_geometry(kind: ElementKind, positions: &[[f64; 3]]) -> PointGeometry {
+    let mut mean = PointGeometry { gradients: [[0.0; 3]; MAX_NODES], volume: 0.0 };
+    let points: Vec<PointGeometry> =
+        (0..kind.point_count()).map(|local| point_geometry(kind, positions, local)).collect();
+    mean.volume = points.iter().map(|point| point.volume).sum();
+    for point in &points {
+        let share = point.volume / mean.volume;
+        for (sum, gradient) in mean.gradients.iter_mut().zip(&point.gradients) {
+            (0..3).for_each(|i| sum[i] += share * gradient[i]);
+        }
+    }
+    mean
 }
 
 /// Geometry for given shape functions; the volume is the Jacobian determinant alone.

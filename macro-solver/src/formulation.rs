@@ -92,7 +92,7 @@ impl Formulation {
         match self {
             Self::SmallStrain => Some(0.5 * (gradient + gradient.transpose())),
             Self::TotalLagrangian | Self::Updated => Some(*gradient),
-            Self::Corotational => Corotation::of_step(committed, gradient).map(|corotation| corotation.strain),
+            Self::Corotational => Corotation::target(&Corotation::of_step(committed, gradient)?.strain),
         }
     }
 

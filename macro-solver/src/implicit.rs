@@ -107,10 +107,11 @@ impl<'a> Solver<'a> {
         problem.validate()?;
         let constraints = Constraints::new(problem.prescribed_displacements()?);
         let loads = Loads::new(problem)?;
-        let body = Body::new(problem.mesh.clone(), problem.formulation);
+        let body = Body::new(problem.mesh.clone(), problem.formulation, problem.hourglass);
         let block_dofs = body.block_dofs(&loads);
         let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints);
-        let empty = Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new() };
+        let empty =
+            Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new(), hourglass_energy: 0.0 };
         let statistics = Statistics {
             evaluations_per_point: vec![0; problem.point_count()],
             unknowns: constraints.free().len(),
@@ -255,6 +256,7 @@ impl<'a> Solver<'a> {
             displacements: &fields.displacements,
             reactions: &fields.reactions,
             loads: &fields.loads,
+            hourglass_energy: self.committed_balance.hourglass_energy,
             points: &fields.points,
             statistics: &self.statistics,
         };

@@ -204,6 +204,8 @@ pub struct FieldsView<'a> {
     pub reactions: &'a [[f64; 3]],
     /// Force of the loads on each node, N, in the plane per metre of thickness.
     pub loads: &'a [[f64; 3]],
+    /// Energy of the hourglass control of elements with one point, J, in the plane per metre of thickness.
+    pub hourglass_energy: f64,
     /// Gauss points, by [`crate::material::PointId`].
     pub points: &'a [PointFields],
     /// Counts and times so far.

@@ -3,6 +3,7 @@
 //! A [`Problem`] is plain data. [`Problem::validate`] finds everything that can be wrong with it before a single
 //! Gauss point is asked; the solver refuses a problem that does not validate.
 
+use crate::element::hourglass::HourglassControl;
 use crate::formulation::Formulation;
 use crate::mesh::{Mesh, MeshError};
 use protocol::{Observables, TangentKind};
@@ -232,6 +233,8 @@ pub struct Problem {
     pub strategy: Strategy,
     /// What motion means for the points, and which stress is integrated where.
     pub formulation: Formulation,
+    /// What holds the hourglass modes of elements with one point.
+    pub hourglass: HourglassControl,
     /// Optional results asked of every point in every evaluation.
     pub observables: Observables,
     /// Strain that a point applies in one ramp increment: a step fixes each point's number of increments to its
@@ -250,6 +253,7 @@ impl Problem {
             tolerances: Tolerances::default(),
             strategy: Strategy::default(),
             formulation: Formulation::default(),
+            hourglass: HourglassControl::default(),
             observables: Observables::NONE,
             strain_per_step: 0.0,
         }
@@ -291,6 +295,12 @@ pub enum ProblemError {
         /// What there is.
         available: String,
     },
+    /// Dashpots hold nothing at rest.
+    #[error(
+        "viscous hourglass control does nothing in a quasi-static problem, so elements with one Gauss point would be \
+         free to hourglass; use the stiffness form"
+    )]
+    ViscousHourglass,
     /// A condition acts along z on a plane mesh.
     #[error("a plane problem has no direction z: displacements and forces along it must be left out")]
     NoThirdAxis,

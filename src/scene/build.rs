@@ -14,6 +14,7 @@ use super::schema::{
 use super::sets::Sets;
 use super::supervision::{PoolKeys, checkpoint_policy};
 use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
@@ -91,6 +92,9 @@ impl Scene {
         problem.tolerances = tolerances(&file.solver);
         problem.strategy = strategy(&document, &file.solver)?;
         problem.formulation = formulation(file.solver.formulation);
+        if let Some(coefficient) = &file.solver.hourglass_coefficient {
+            problem.hourglass = HourglassControl::Stiffness { coefficient: *coefficient.get_ref() };
+        }
         problem.observables = observables;
         problem.strain_per_step = definition.options.strain_per_step();
         problem.validate().map_err(|error| problem_error(&document, &error))?;
@@ -135,6 +139,7 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "force tolerance" => &["solver", "force_tolerance"],
         "displacement tolerance" => &["solver", "displacement_tolerance"],
         "capped_change" => &["solver", "capped_change"],
+        "hourglass_coefficient" => &["solver", "hourglass_coefficient"],
         "tangent_floor" => &["solver", "tangent_floor"],
         "secant min_change" => &["solver", "secant", "min_change"],
         "secant max_ratio" => &["solver", "secant", "max_ratio"],
@@ -182,7 +187,7 @@ fn boundary_conditions(
     let given: Vec<_> = components.by_axis().into_iter().filter_map(|(axis, value)| Some((axis, value?))).collect();
     let [(axis, displacement)] = given[..] else {
         return Err(document
-            .error_at(boundary.displacement.span(), "a platen moves along one axis, its normal")
+            .error_at(boundary.displacement.span(), "a platen moves along its normal only")
             .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
     };
     let contact = match platen {

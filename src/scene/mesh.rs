@@ -80,11 +80,13 @@ impl ElementKeyword {
     fn kind(self) -> ElementKind {
         match self {
             Self::Q4 => ElementKind::Q4,
+            Self::Q4Single => ElementKind::Q4Single,
             Self::Q8 => ElementKind::Q8,
             Self::Q8Full => ElementKind::Q8Full,
             Self::T3 => ElementKind::T3,
             Self::T6 => ElementKind::T6,
             Self::H8 => ElementKind::H8,
+            Self::H8Single => ElementKind::H8Single,
             Self::H20 => ElementKind::H20,
             Self::H20Full => ElementKind::H20Full,
             Self::T4 => ElementKind::T4,

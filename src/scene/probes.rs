@@ -68,6 +68,7 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
         ProbeKind::CoordinationNumber => Quantity::CoordinationNumber,
         ProbeKind::ElasticEnergy => Quantity::ElasticEnergy,
         ProbeKind::FrictionalDissipation => Quantity::FrictionalDissipation,
+        ProbeKind::HourglassEnergy => Quantity::HourglassEnergy,
     })
 }
 

@@ -94,12 +94,14 @@ pub(crate) enum Generator {
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ElementKeyword {
     Q4,
+    Q4Single,
     #[default]
     Q8,
     Q8Full,
     T3,
     T6,
     H8,
+    H8Single,
     H20,
     H20Full,
     T4,
@@ -197,6 +199,7 @@ pub(crate) struct LoadingTable {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SolverTable {
     pub(crate) formulation: FormulationKeyword,
+    pub(crate) hourglass_coefficient: Option<Spanned<f64>>,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,
     pub(crate) displacement_tolerance: Option<Spanned<f64>>,
@@ -314,6 +317,7 @@ pub(crate) enum ProbeKind {
     CoordinationNumber,
     ElasticEnergy,
     FrictionalDissipation,
+    HourglassEnergy,
 }
 
 impl ProbeKind {
@@ -333,6 +337,7 @@ impl ProbeKind {
             Self::CoordinationNumber => "coordination_number",
             Self::ElasticEnergy => "elastic_energy",
             Self::FrictionalDissipation => "frictional_dissipation",
+            Self::HourglassEnergy => "hourglass_energy",
         }
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! [Liu2015] section 2.3.3 drives a point by the strain increment in a frame that turns with the material. With the
 //! step gradient `G` on the committed configuration: `L = G (I + G/2)^-1` is the gradient on the midpoint geometry,
-//! `D = sym L` the strain increment, `F_mid = (I + G/2) F_n = R_mid U_mid`, and the material is given
-//! `E = R_mid^T D R_mid`. Its stress `s` becomes `sigma = R_end s R_end^T` with `F_end = (I + G) F_n = R_end U_end`.
+//! `D = sym L` the strain increment, `F_mid = (I + G/2) F_n = R_mid U_mid`, and `E = R_mid^T D R_mid` its corotated form.
+//! The material is given `H = E (I - E/2)^-1`, the gradient whose midpoint strain is `E`: sending `E` itself would lose
+//! `E^2 / 2` in every step and be of first order only. Its stress `s` becomes `sigma = R_end s R_end^T` with `F_end = (I + G) F_n = R_end U_end`.
 //! The paper's listing of the algorithm is missing; this is the standard midpoint rule that its text describes.
 
 use super::tensor::{Operator, column, from_column, unit};
@@ -12,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Rotations and strain of one step at one point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corotation {
-    /// Strain increment in the corotated frame, `E`; the target of the material.
+    /// Strain increment in the corotated frame, `E`.
     pub strain: Matrix3<f64>,
     /// Strain increment in the fixed axes, `D`; what a nonlocal operator averages.
     pub spatial_strain: Matrix3<f64>,
@@ -51,27 +52,34 @@ impl Corotation {
         self.midpoint.rotation.transpose() * strain * self.midpoint.rotation
     }
 
+    /// The target of the material for a corotated strain increment, `H = E (I - E/2)^-1`; `None` for increments that no
+    /// motion has.
+    pub fn target(strain: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        Some(strain * (Matrix3::identity() - 0.5 * strain).try_inverse()?)
+    }
+
     /// A stress of the corotated frame in the fixed axes at the end of the step.
     pub fn out_of_frame(&self, stress: &Matrix3<f64>) -> Matrix3<f64> {
         self.end.rotation * stress * self.end.rotation.transpose()
     }
 
     /// `d sigma_ij / d L_kl` with the displacement gradient `L` on the current configuration, from the stress and the
-    /// tangent in the corotated frame. Exact derivative of the whole step, rotations included. `None` if `I + E`
-    /// cannot be inverted.
+    /// tangent in the corotated frame. Exact derivative of the whole step, rotations included. `None` for increments
+    /// that no motion has.
     pub fn stress_change(&self, stress: &Matrix3<f64>, tangent: &Operator) -> Option<Operator> {
-        let from_start = (Matrix3::identity() + self.strain).try_inverse()?;
+        let to_target = (Matrix3::identity() - 0.5 * self.strain).try_inverse()?;
+        let from_start = (Matrix3::identity() + self.strain * to_target).try_inverse()?;
         let (middle, end) = (&self.midpoint.rotation, &self.end.rotation);
         let mut change = Operator::zeros();
         for pair in 0..9 {
             let step = unit(pair) * (Matrix3::identity() + self.gradient);
-            // L = I - ... : with M = (I + G/2)^-1 the midpoint gradient changes by M dG M.
+            // With M = (I + G/2)^-1, L = G M changes by M dG M; likewise the target with (I - E/2)^-1.
             let rate = self.to_midpoint * step * self.to_midpoint;
             let spin_middle = self.midpoint.spin(&(0.5 * step * self.committed));
             let spin_end = self.end.spin(&(step * self.committed));
             let strain = middle.transpose() * (0.5 * (rate + rate.transpose())) * middle + self.strain * spin_middle
                 - spin_middle * self.strain;
-            let own = from_column(&(tangent * column(&(strain * from_start))));
+            let own = from_column(&(tangent * column(&(to_target * strain * to_target * from_start))));
             let turned = end * (own + spin_end * stress - stress * spin_end) * end.transpose();
             change.set_column(pair, &column(&turned));
         }

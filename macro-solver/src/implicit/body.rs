@@ -6,8 +6,10 @@
 use super::linear_solver::Block;
 use super::loads::{Loads, degrees_of_freedom};
 use super::points::Point;
+use crate::element::hourglass::{HourglassControl, HourglassModes};
+use crate::element::integrals::{add_force, add_stiffness};
 use crate::element::{PointGeometry, point_geometry, shapes_at_points};
-use crate::formulation::{Configuration, Formulation, Operator};
+use crate::formulation::{Configuration, Formulation};
 use crate::mesh::Mesh;
 use nalgebra::Matrix3;
 
@@ -22,6 +24,9 @@ pub(super) struct Body {
     extent: f64,
     /// Committed displacements since the start, m, by degree of freedom.
     pub(super) displacements: Vec<f64>,
+    /// Modes to hold, for the elements that have some.
+    hourglass: Vec<Option<HourglassModes>>,
+    hourglass_coefficient: f64,
     initial: Vec<PointGeometry>,
     /// Of the configuration that step gradients refer to; the initial one when empty.
     committed: Vec<PointGeometry>,
@@ -36,6 +41,8 @@ pub(super) struct Balance {
     pub(super) external: Vec<f64>,
     /// Stiffness blocks: elements, then follower loads.
     pub(super) blocks: Vec<Block>,
+    /// Energy of the hourglass control, J, in the plane per metre.
+    pub(super) hourglass_energy: f64,
 }
 
 impl Balance {
@@ -70,7 +77,7 @@ impl Balance {
 
 impl Body {
     /// An undeformed body.
-    pub(super) fn new(mesh: Mesh, formulation: Formulation) -> Self {
+    pub(super) fn new(mesh: Mesh, formulation: Formulation, hourglass: HourglassControl) -> Self {
         let extent = (0..3)
             .map(|axis| {
                 let of =
@@ -86,6 +93,9 @@ impl Body {
             .enumerate()
             .flat_map(|(element, kind)| std::iter::repeat_n(element, kind.point_count()))
             .collect();
+        let modes = (0..mesh.elements.len())
+            .map(|element| HourglassModes::new(mesh.kinds[element], &mesh.element_positions(element)))
+            .collect();
         let mut body = Self {
             mesh,
             formulation,
@@ -93,6 +103,8 @@ impl Body {
             first_points,
             extent,
             displacements,
+            hourglass: modes,
+            hourglass_coefficient: hourglass.coefficient(),
             initial: Vec::new(),
             committed: Vec::new(),
         };
@@ -164,9 +176,16 @@ impl Body {
     fn geometry_at(&self, positions: &[[f64; 3]]) -> Vec<PointGeometry> {
         let mut geometry = Vec::with_capacity(self.elements.len());
         let mut nodes_at = Vec::new();
-        for (nodes, &kind) in self.mesh.elements.iter().zip(&self.mesh.kinds) {
+        for (element, (nodes, &kind)) in self.mesh.elements.iter().zip(&self.mesh.kinds).enumerate() {
             nodes_at.clear();
             nodes_at.extend(nodes.iter().map(|&node| positions[node]));
+            if let Some(initial) = self.initial.get(self.first_points[element])
+                && kind.needs_hourglass_control()
+            {
+                // Mean gradients are taken once and carried along: only so are the forces those of a potential.
+                geometry.push(initial.carried(&nodes_at, self.mesh.dimension));
+                continue;
+            }
             geometry.extend((0..kind.point_count()).map(|local| point_geometry(kind, &nodes_at, local)));
         }
         geometry
@@ -212,18 +231,33 @@ impl Body {
             }
         };
         let mut internal = self.zero();
+        let mut hourglass_energy = 0.0;
         let mut blocks = Vec::with_capacity(self.mesh.elements.len());
         for (element, nodes) in self.mesh.elements.iter().enumerate() {
             let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+            let mut force = vec![0.0; block.dofs.len()];
             for number in self.first_points[element]..self.first_points[element + 1] {
                 let (stress, moduli) = points[number].integrand(self.formulation);
-                add_force(dimension, &geometry[number], nodes, &stress, &mut internal);
-                add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block);
+                add_force(dimension, &geometry[number], nodes.len(), &stress, &mut force);
+                add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block.matrix);
+            }
+            if let Some(modes) = &self.hourglass[element] {
+                let shear = points[self.first_points[element]].first_shear_modulus();
+                let stiffness = modes.stiffness(self.hourglass_coefficient, shear);
+                // Of displacements, not positions: exactly zero in the initial state.
+                let moved = |&node: &usize| std::array::from_fn(|i| positions[node][i] - self.mesh.nodes[node][i]);
+                let amplitudes = modes.amplitudes(&nodes.iter().map(moved).collect::<Vec<_>>());
+                modes.add_force(dimension, stiffness, &amplitudes, &mut force);
+                modes.add_stiffness(dimension, stiffness, &mut block.matrix);
+                hourglass_energy += modes.energy(stiffness, &amplitudes);
+            }
+            for (&dof, value) in block.dofs.iter().zip(&force) {
+                internal[dof] += value;
             }
             blocks.push(block);
         }
         blocks.extend(loads.stiffness(&positions));
-        Balance { internal, external: loads.force(&positions, load), blocks }
+        Balance { internal, external: loads.force(&positions, load), blocks, hourglass_energy }
     }
 
     /// Makes the configuration after `increment` the reference of the next step.
@@ -238,41 +272,6 @@ impl Body {
     pub(super) fn settle(&mut self) {
         if self.formulation.reference() == Configuration::Committed {
             self.committed = self.geometry(&self.zero());
-        }
-    }
-}
-
-/// Adds `f_ai = s_ij dN_a/dx_j dv`.
-fn add_force(dimension: usize, geometry: &PointGeometry, nodes: &[usize], stress: &Matrix3<f64>, force: &mut [f64]) {
-    for (&node, slope) in nodes.iter().zip(&geometry.gradients) {
-        for i in 0..dimension {
-            let traction: f64 = (0..dimension).map(|j| stress[(i, j)] * slope[j]).sum();
-            force[dimension * node + i] += geometry.volume * traction;
-        }
-    }
-}
-
-/// Adds `K_aibk = dN_a/dx_j A_ijkl dN_b/dx_l dv`.
-fn add_stiffness(dimension: usize, geometry: &PointGeometry, nodes: usize, moduli: &Operator, block: &mut Block) {
-    let width = dimension * nodes;
-    for b in 0..nodes {
-        let slope = &geometry.gradients[b];
-        for k in 0..dimension {
-            // change_ij = A_ijkl dN_b/dx_l dv.
-            let mut change = [[0.0; 3]; 3];
-            for (i, row) in change.iter_mut().enumerate().take(dimension) {
-                for (j, entry) in row.iter_mut().enumerate().take(dimension) {
-                    let sum: f64 = (0..dimension).map(|l| moduli[(3 * i + j, 3 * k + l)] * slope[l]).sum();
-                    *entry = geometry.volume * sum;
-                }
-            }
-            for a in 0..nodes {
-                let test = &geometry.gradients[a];
-                for (i, row) in change.iter().enumerate().take(dimension) {
-                    let entry: f64 = (0..dimension).map(|j| test[j] * row[j]).sum();
-                    block.matrix[(dimension * a + i) * width + dimension * b + k] += entry;
-                }
-            }
         }
     }
 }

@@ -9,6 +9,9 @@ use crate::observer::IterationReport;
 use crate::problem::Predictor;
 use nalgebra::Matrix3;
 
+/// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
+const ROUND_OFF: f64 = 1e-12;
+
 /// A converged step, not yet committed.
 #[derive(Clone, Debug)]
 pub(super) struct Converged {
@@ -60,7 +63,8 @@ impl Solver<'_> {
                 continue;
             }
             let correction = self.correction().map_err(|error| Failure::Attempt(error.to_string()))?;
-            let displacement_ratio = ratio(norm(&correction), full_step * norm(&iterate));
+            let round_off = ROUND_OFF * norm(&self.body.displacements);
+            let displacement_ratio = ratio(norm(&correction), full_step * norm(&iterate), round_off);
             let force_ratio = report.force_ratio;
             report.displacement_ratio = Some(displacement_ratio);
             session.observer.iterated(&report);
@@ -219,6 +223,6 @@ fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
 }
 
 /// A ratio that is 0 when nothing is left to correct.
-fn ratio(correction: f64, step: f64) -> f64 {
-    if correction == 0.0 { 0.0 } else { correction / step }
+fn ratio(correction: f64, step: f64, round_off: f64) -> f64 {
+    if correction <= round_off { 0.0 } else { correction / step }
 }

@@ -64,6 +64,11 @@ impl Point {
         }
     }
 
+    /// Mean shear modulus of the first tangent, Pa; 0 before it.
+    pub(super) fn first_shear_modulus(&self) -> f64 {
+        self.yardstick.map_or(0.0, |yardstick| yardstick.shear)
+    }
+
     /// Stress and moduli of the latest evaluation as the element integrals need them.
     pub(super) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
         formulation
@@ -191,8 +196,7 @@ impl Points {
         if let Some(tangent) = &answer.tangent {
             point.tangent = operator(tangent);
         }
-        let yardstick =
-            *point.yardstick.get_or_insert(Yardstick { norm: point.tangent.norm(), vertical: point.tangent[(4, 4)] });
+        let yardstick = *point.yardstick.get_or_insert_with(|| Yardstick::of(dimension, &point.tangent));
         let mut response = formulation
             .response(&point.deformation, gradient, &matrix(&answer.stress), &point.tangent)
             .ok_or_else(|| Failure::Attempt(format!("Gauss point {} is turned inside out", trial.point)))?;

@@ -41,6 +41,19 @@ pub(super) struct Yardstick {
     pub(super) norm: f64,
     /// `C_2222`, Pa.
     pub(super) vertical: f64,
+    /// Mean of `C_ijij` over the shears of the dimension, Pa.
+    pub(super) shear: f64,
+}
+
+impl Yardstick {
+    /// Of a first tangent.
+    pub(super) fn of(dimension: Dimension, tangent: &Operator) -> Self {
+        let axes = dimension.count();
+        let pairs: Vec<usize> =
+            (0..axes).flat_map(|i| (0..axes).filter(move |j| *j != i).map(move |j| 3 * i + j)).collect();
+        let shear = pairs.iter().map(|&pair| tangent[(pair, pair)]).sum::<f64>() / pairs.len() as f64;
+        Self { norm: tangent.norm(), vertical: tangent[(4, 4)], shear }
+    }
 }
 
 /// The corrected moduli at `to`, or `None` if a gate or the floor refuses the correction.
@@ -148,7 +161,7 @@ mod tests {
         (sample(-change, -stress), sample(Matrix3::zeros(), Matrix3::zeros()))
     }
 
-    const YARDSTICK: Yardstick = Yardstick { norm: 5.0, vertical: 3.0 };
+    const YARDSTICK: Yardstick = Yardstick { norm: 5.0, vertical: 3.0, shear: 1.0 };
 
     #[test]
     fn corrected_moduli_reproduce_the_last_pair() {

@@ -1,8 +1,11 @@
 //! Checks of the implicit solver on closed-form materials.
 
+mod bending;
 mod convergence;
 mod equilibrium;
+mod formulations;
 mod patch;
+mod plane_benchmarks;
 mod stepping;
 mod tangent;
 
@@ -10,7 +13,7 @@ use super::solve;
 use crate::elastic::{ElasticLaw, ElasticMaterial};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::block::Block;
-use crate::mesh::{ElementKind, Mesh};
+use crate::mesh::{Dimension, ElementKind, Mesh};
 use crate::observer::{CutBack, FieldsView, IterationReport, Observer, PointFields, Run, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, Problem, Tolerances};
 use protocol::TrialAnswer;
@@ -24,6 +27,7 @@ struct Recorder {
     displacements: Vec<[f64; 3]>,
     reactions: Vec<[f64; 3]>,
     points: Vec<PointFields>,
+    hourglass_energy: f64,
 }
 
 impl Observer for Recorder {
@@ -36,6 +40,7 @@ impl Observer for Recorder {
         self.displacements = fields.displacements.to_vec();
         self.reactions = fields.reactions.to_vec();
         self.points = fields.points.to_vec();
+        self.hourglass_energy = fields.hourglass_energy;
         Ok(())
     }
 
@@ -122,5 +127,8 @@ fn plane_stress_moduli(young: f64, poisson: f64) -> (f64, f64) {
 }
 
 fn elastic(law: ElasticLaw, problem: &Problem) -> ElasticMaterial {
-    ElasticMaterial::new(law, 2.0e7, 1.0e7, problem.point_count())
+    match problem.mesh.dimension {
+        Dimension::Plane => ElasticMaterial::new(law, 2.0e7, 1.0e7, problem.point_count()),
+        Dimension::Space => ElasticMaterial::spatial(law, 2.0e7, 1.0e7, problem.point_count()),
+    }
 }

@@ -76,6 +76,8 @@ pub enum Quantity {
     ElasticEnergy,
     /// Work lost to friction since the start, J, in the plane per metre of thickness; needs the observable `energy`.
     FrictionalDissipation,
+    /// Energy of the hourglass control of elements with one point, J, in the plane per metre of thickness.
+    HourglassEnergy,
 }
 
 impl Quantity {
@@ -108,6 +110,7 @@ impl Quantity {
             Self::CoordinationNumber => mean(view, |point| point.scalars.coordination_number),
             Self::ElasticEnergy => body_sum(view, |point| point.observed.elastic_energy),
             Self::FrictionalDissipation => body_sum(view, |point| point.observed.frictional_dissipation),
+            Self::HourglassEnergy => view.hourglass_energy,
         }
     }
 
@@ -190,6 +193,7 @@ mod tests {
             displacements: &displacements,
             reactions: &reactions,
             loads: &loads,
+            hourglass_energy: 0.25,
             points: &points,
             statistics: &Statistics::default(),
         };
@@ -202,6 +206,7 @@ mod tests {
         assert_eq!(value(Quantity::VoidRatio), 2.5);
         assert_eq!(value(Quantity::VolumeChange), 0.0);
         assert_eq!(value(Quantity::ElasticEnergy), 12.0);
+        assert_eq!(value(Quantity::HourglassEnergy), 0.25);
         assert_eq!(value(Quantity::Reaction { set: top(), axis: Axis::Y }), 14.0);
         assert_eq!(value(Quantity::Displacement { set: top(), axis: Axis::Y }), -0.5);
         assert_eq!(value(Quantity::Strain { from: "bottom".to_owned(), to: top(), axis: Axis::Y }), -0.25);

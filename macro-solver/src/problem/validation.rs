@@ -1,6 +1,7 @@
 //! Everything that can be wrong with a problem, found before the first evaluation.
 
 use super::{Axis, Condition, Platen, Problem, ProblemError, Tolerances};
+use crate::element::hourglass::HourglassControl;
 use crate::mesh::{Dimension, Mesh, Side};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -12,6 +13,10 @@ impl Problem {
     pub fn validate(&self) -> Result<(), ProblemError> {
         self.mesh.validate()?;
         self.check_numbers()?;
+        let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
+        if single && matches!(self.hourglass, HourglassControl::Viscous { .. }) {
+            return Err(ProblemError::ViscousHourglass);
+        }
         for condition in &self.conditions {
             match condition {
                 Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
@@ -120,6 +125,8 @@ impl Problem {
             ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
             ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
         ];
+        let coefficient = self.hourglass.coefficient();
+        checks.push(("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0));
         if let Some(floor) = strategy.tangent_floor {
             checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
         }

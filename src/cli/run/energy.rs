@@ -13,6 +13,7 @@ pub(super) struct EnergyLedger {
     initial_elastic: f64,
     elastic: f64,
     dissipation: f64,
+    hourglass: f64,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -30,6 +31,7 @@ impl EnergyLedger {
             ("elastic_initial".to_owned(), self.initial_elastic),
             ("elastic".to_owned(), self.elastic),
             ("frictional_dissipation".to_owned(), self.dissipation),
+            ("hourglass".to_owned(), self.hourglass),
         ])
     }
 }
@@ -55,6 +57,7 @@ impl Observer for EnergyLedger {
         };
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
+        self.hourglass = view.hourglass_energy;
         let forces: Vec<[f64; 3]> =
             view.reactions.iter().zip(view.loads).map(|(r, l)| std::array::from_fn(|i| r[i] + l[i])).collect();
         match &self.last {

@@ -13,7 +13,7 @@ pub(in crate::implicit) struct PointRecord {
     stress: Vec<f64>,
     moduli: Vec<f64>,
     tangent: Vec<f64>,
-    yardstick: Option<[f64; 2]>,
+    yardstick: Option<[f64; 3]>,
     ramp_steps: u32,
     evaluations: u64,
     cost: Cost,
@@ -61,7 +61,7 @@ impl Point {
             stress: self.response.stress.as_slice().to_vec(),
             moduli: self.response.moduli.as_slice().to_vec(),
             tangent: self.tangent.as_slice().to_vec(),
-            yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical]),
+            yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical, yardstick.shear]),
             ramp_steps: self.ramp_steps,
             evaluations: self.evaluations,
             cost: self.cost,
@@ -81,7 +81,7 @@ impl Point {
         copy(section, self.response.stress.as_mut_slice(), &record.stress)?;
         copy(section, self.response.moduli.as_mut_slice(), &record.moduli)?;
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
-        self.yardstick = record.yardstick.map(|[norm, vertical]| Yardstick { norm, vertical });
+        self.yardstick = record.yardstick.map(|[norm, vertical, shear]| Yardstick { norm, vertical, shear });
         self.ramp_steps = record.ramp_steps;
         self.evaluations = record.evaluations;
         self.cost = record.cost;
