@@ -2,11 +2,10 @@
 
 use super::ElementRow;
 use super::path::flat;
+use super::test_file::{COMPONENT_KEYS, is_in_plane};
 use protocol::TangentKind;
 use std::io::Write;
 
-const SUFFIXES: [&str; 4] = ["xx", "xy", "yx", "yy"];
-const PAIRS: [&str; 4] = ["11", "12", "21", "22"];
 const SCALARS: [&str; 8] = [
     "void_ratio",
     "coordination_number",
@@ -21,24 +20,35 @@ const SCALARS: [&str; 8] = [
 /// Writes the header and then one line per row, each as soon as it is given.
 pub struct ElementCsv<W: Write> {
     writer: csv::Writer<W>,
+    tangent: TangentKind,
+    has_header: bool,
 }
 
 impl<W: Write> ElementCsv<W> {
-    /// Starts a table; operator columns appear unless `tangent` is [`TangentKind::None`].
+    /// Starts a table; operator columns appear unless `tangent` is [`TangentKind::None`]. The header is written with the
+    /// first row, whose dimension tells the components.
     ///
     /// # Errors
     /// Whatever the output reports.
     pub fn new(output: W, tangent: TangentKind) -> csv::Result<Self> {
-        let mut writer = csv::Writer::from_writer(output);
+        Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false })
+    }
+
+    fn write_header(&mut self, dimension: u32) -> csv::Result<()> {
         let mut names = vec!["increment".to_owned()];
-        names.extend(SUFFIXES.map(|suffix| format!("F_{suffix}")));
-        names.extend(SUFFIXES.map(|suffix| format!("sigma_{suffix}")));
-        names.extend(SCALARS.map(str::to_owned));
-        if tangent != TangentKind::None {
-            names.extend(PAIRS.iter().flat_map(|row| PAIRS.map(|column| format!("C_{row}{column}"))));
+        for quantity in ["F", "sigma"] {
+            names.extend(places(dimension).map(|place| format!("{quantity}_{}", COMPONENT_KEYS[place])));
         }
-        writer.write_record(&names)?;
-        Ok(Self { writer })
+        names.extend(SCALARS.map(str::to_owned));
+        if self.tangent != TangentKind::None {
+            let pair = |place: usize| format!("{}{}", place / 3 + 1, place % 3 + 1);
+            names.extend(
+                places(dimension)
+                    .flat_map(|row| places(dimension).map(move |column| format!("C_{}{}", pair(row), pair(column)))),
+            );
+        }
+        self.has_header = true;
+        self.writer.write_record(&names)
     }
 
     /// Writes one row.
@@ -46,9 +56,13 @@ impl<W: Write> ElementCsv<W> {
     /// # Errors
     /// Whatever the output reports.
     pub fn write(&mut self, row: &ElementRow) -> csv::Result<()> {
+        if !self.has_header {
+            self.write_header(row.dimension)?;
+        }
         let mut numbers: Vec<f64> = Vec::new();
-        numbers.extend(flat(&row.deformation));
-        numbers.extend(flat(&row.stress));
+        for tensor in [&row.deformation, &row.stress] {
+            numbers.extend(places(row.dimension).map(|place| flat(tensor)[place]));
+        }
         numbers.extend([
             row.void_ratio,
             row.coordination_number,
@@ -62,12 +76,21 @@ impl<W: Write> ElementCsv<W> {
         fields.extend(numbers.iter().map(|value| shortest(*value)));
         fields.push(row.dem_steps.to_string());
         if let Some(outcome) = &row.tangent {
-            fields.extend(outcome.operator.plane().iter().flatten().map(|value| shortest(*value)));
+            let operator = &outcome.operator;
+            fields.extend(places(row.dimension).flat_map(|line| {
+                places(row.dimension)
+                    .map(move |column| shortest(operator.get(line / 3, line % 3, column / 3, column % 3)))
+            }));
         }
         self.writer.write_record(&fields)?;
         self.writer.flush()?;
         Ok(())
     }
+}
+
+/// Numbers of the components that a cell of this dimension has.
+fn places(dimension: u32) -> impl Iterator<Item = usize> {
+    (0..9).filter(move |place| dimension == 3 || is_in_plane(*place))
 }
 
 /// The shortest text that reads back to the same bits.

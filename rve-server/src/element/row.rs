@@ -1,6 +1,6 @@
 //! One row of an element test.
 
-use crate::plane::Plane;
+use super::path::{Matrix, tensor_of};
 use crate::tangent::TangentOutcome;
 use protocol::{TrialAnswer, TrialFlags};
 
@@ -9,10 +9,12 @@ use protocol::{TrialAnswer, TrialFlags};
 pub struct ElementRow {
     /// Number of the increment, from 0, counted through all segments.
     pub increment: u64,
-    /// Deformation gradient relative to the packing as given.
-    pub deformation: Plane,
-    /// Cauchy stress, Pa, tension positive.
-    pub stress: Plane,
+    /// 2 for discs, 3 for spheres.
+    pub dimension: u32,
+    /// Deformation gradient relative to the packing as given; out of the plane of discs it is the unit tensor.
+    pub deformation: [[f64; 3]; 3],
+    /// Cauchy stress, Pa, tension positive; zero out of the plane of discs.
+    pub stress: [[f64; 3]; 3],
     /// Void volume over grain volume.
     pub void_ratio: f64,
     /// 2 x contacts over grains.
@@ -40,14 +42,16 @@ pub struct ElementRow {
 impl ElementRow {
     pub(super) fn new(
         increment: u64,
-        deformation: Plane,
+        dimension: u32,
+        deformation: Matrix,
         answer: &TrialAnswer,
         tangent: Option<TangentOutcome>,
     ) -> Self {
         Self {
             increment,
+            dimension,
             deformation,
-            stress: answer.stress.plane(),
+            stress: tensor_of(&answer.stress.0),
             void_ratio: answer.scalars.void_ratio,
             coordination_number: answer.scalars.coordination_number,
             coordination_number_no_rattlers: answer.observed.coordination_number_no_rattlers,

@@ -1,15 +1,15 @@
 //! The driver: increment by increment along the path.
 
-use super::path::{SegmentKinematics, by_gradient, flat, plane_of};
+use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, flat, tensor_of};
 use super::servo::{Miss, Servo};
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use super::{ElementError, ElementRow};
 use crate::definition::GrainDefinition;
-use crate::engine::GrainRve;
+use crate::engine::{GrainRve, ListedForces};
 use crate::network::ContactNetwork;
-use crate::packing::PackingFile;
-use crate::plane::{self, Plane};
-use crate::tangent::{self, PlaneOperator};
+use crate::packing::{Packing, PackingFile};
+use crate::space::{Space, Tensor, add_scaled};
+use crate::tangent;
 use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
 use std::path::Path;
 
@@ -39,13 +39,15 @@ pub struct ElementSummary {
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
+    /// What became of the tangential forces that the packing lists.
+    pub listed_forces: ListedForces,
 }
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// the operator `tangent` unless that is [`TangentKind::None`].
 ///
-/// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma| / 2` of the
-/// trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
+/// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma|` over the
+/// dimension of the trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
 ///
 /// # Errors
 /// See [`ElementError`]; rows delivered before stay valid.
@@ -55,15 +57,29 @@ pub fn run_element(
     tangent: TangentKind,
     on_row: &mut dyn FnMut(&ElementRow),
 ) -> Result<ElementSummary, ElementError> {
-    let packing = PackingFile::read(&base_dir.join(&test.packing))?;
+    match Packing::read(&base_dir.join(&test.packing))? {
+        Packing::Discs(packing) => run_in_space(test, packing, tangent, on_row),
+        Packing::Spheres(packing) => run_in_space(test, packing, tangent, on_row),
+    }
+}
+
+fn run_in_space<S: Space>(
+    test: &ElementTest,
+    packing: PackingFile<S>,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow),
+) -> Result<ElementSummary, ElementError> {
+    test.check_dimension(S::DIMENSION)?;
     let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
+    let cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
+    let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
     let mut run = Run {
-        cell: GrainRve::new(&definition).map_err(ElementError::Definition)?,
+        cell,
         stress_tolerance: test.stress_tolerance,
         tangent,
-        summary: ElementSummary::default(),
-        deformation: plane::IDENTITY,
-        stress: [[0.0; 2]; 2],
+        summary,
+        deformation: Matrix::IDENTITY,
+        stress: Matrix::ZERO,
         network: None,
         last_change: None,
     };
@@ -77,57 +93,57 @@ pub fn run_element(
     Ok(run.summary)
 }
 
-struct Run {
-    cell: GrainRve,
+struct Run<S: Space> {
+    cell: GrainRve<S>,
     stress_tolerance: f64,
     tangent: TangentKind,
     summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
-    deformation: Plane,
+    deformation: Matrix,
     /// Stress of the committed state, Pa.
-    stress: Plane,
+    stress: Matrix,
     /// Network of the committed state with the contacts that slid on the way to it.
-    network: Option<ContactNetwork>,
+    network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
-    last_change: Option<Plane>,
+    last_change: Option<Matrix>,
 }
 
 /// An accepted trial and what it took.
 struct Accepted {
-    gradient: Plane,
+    gradient: Matrix,
     answer: TrialAnswer,
     trials: u32,
     dem_steps: u64,
 }
 
-impl Run {
+impl<S: Space> Run<S> {
     fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow)) {
         let answer = self.cell.look(Observables::ALL);
         self.network = Some(self.cell.committed_network());
-        let row = ElementRow::new(0, self.deformation, &answer, self.operator());
+        let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, self.operator());
         self.deliver(&row, on_row);
     }
 
     fn follow(&mut self, segment: &Segment, on_row: &mut dyn FnMut(&ElementRow)) -> Result<(), ElementError> {
         let kinematics_at_start = self.deformation;
         let start_stress = flat(&self.stress);
-        let mut committed_gradient = [[0.0; 2]; 2];
+        let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
             let share = f64::from(increment) / f64::from(segment.increments);
             let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
             let mut gradient = flat(&committed_gradient);
             let mut targets = segment.stress.values();
-            for place in 0..4 {
+            for place in 0..COMPONENTS {
                 match &mut targets[place] {
                     Some(target) => *target = start_stress[place] + share * (*target - start_stress[place]),
                     None => gradient[place] = share * segment.strain.values()[place].unwrap_or(0.0),
                 }
             }
-            let step = Step { kinematics, committed_gradient, gradient: plane_of(&gradient), targets };
+            let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
             let accepted =
                 if targets.iter().all(Option::is_none) { self.prescribed(&step)? } else { self.controlled(&step)? };
             self.cell.commit().expect("the accepted trial is the latest");
-            self.last_change = Some(plane::add_scaled(&accepted.gradient, -1.0, &committed_gradient));
+            self.last_change = Some(add_scaled(&accepted.gradient, -1.0, &committed_gradient));
             committed_gradient = accepted.gradient;
             self.deformation = kinematics.deformation(&accepted.gradient);
             self.accept(&accepted, on_row);
@@ -136,7 +152,13 @@ impl Run {
     }
 
     fn accept(&mut self, accepted: &Accepted, on_row: &mut dyn FnMut(&ElementRow)) {
-        let mut row = ElementRow::new(self.summary.rows, self.deformation, &accepted.answer, self.operator());
+        let mut row = ElementRow::new(
+            self.summary.rows,
+            S::DIMENSION as u32,
+            self.deformation,
+            &accepted.answer,
+            self.operator(),
+        );
         row.trials = accepted.trials;
         row.dem_steps = accepted.dem_steps;
         self.deliver(&row, on_row);
@@ -164,9 +186,9 @@ impl Run {
     }
 
     /// One trial; keeps its network.
-    fn attempt(&mut self, step: &Step, gradient: &Plane, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
+    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
         let ask = Ask { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
-        let target = Tensor2::from_plane(step.kinematics.target(gradient, &step.committed_gradient));
+        let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
         let answer = self
             .cell
             .trial(&target, &ask)
@@ -186,15 +208,15 @@ impl Run {
     }
 
     fn controlled(&mut self, step: &Step) -> Result<Accepted, ElementError> {
-        let by_operator = |kind| -> PlaneOperator {
+        let by_operator = |kind| -> Operator {
             let network = self.network.as_ref().expect("row 0 sets the network");
-            by_gradient(&tangent::evaluate(network, kind).operator.plane(), &step.committed_gradient)
+            by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
         };
         let (sliding, elastic) = (by_operator(TangentKind::TrussLikeSlip), by_operator(TangentKind::TrussLike));
         let mut servo = Servo::new(&step.targets, &sliding, &elastic);
         let mut gradient = match &self.last_change {
             // Going on as before beats every operator while the path is smooth.
-            Some(change) => step.with_unknowns(&plane::add_scaled(&step.committed_gradient, 1.0, change)),
+            Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
             None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
         };
         let (mut ramp_steps, mut dem_steps, mut trials) = (0, 0, 0);
@@ -209,8 +231,8 @@ impl Run {
             // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
             ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
             dem_steps += answer.cost.force_evaluations;
-            let stress = answer.stress.plane();
-            let scale = step.stress_scale(&stress);
+            let stress = tensor_of(&answer.stress.0);
+            let scale = step.stress_scale(&stress, S::DIMENSION);
             let miss = servo.miss(&stress);
             let tolerance = self.stress_tolerance * scale;
             let is_reached = miss.distance() <= tolerance;
@@ -251,38 +273,38 @@ fn is_out_of_range(reason: &RveError) -> bool {
 struct Step {
     kinematics: SegmentKinematics,
     /// G of the committed state.
-    committed_gradient: Plane,
+    committed_gradient: Matrix,
     /// G with its prescribed components at their new values and its unknown ones as committed.
-    gradient: Plane,
+    gradient: Matrix,
     /// Stress targets of the controlled components, Pa.
-    targets: [Option<f64>; 4],
+    targets: [Option<f64>; COMPONENTS],
 }
 
 impl Step {
     /// `gradient` with its unknown components taken from `source`.
-    fn with_unknowns(&self, source: &Plane) -> Plane {
+    fn with_unknowns(&self, source: &Matrix) -> Matrix {
         let (mut values, source) = (flat(&self.gradient), flat(source));
-        for place in 0..4 {
+        for place in 0..COMPONENTS {
             if self.targets[place].is_some() {
                 values[place] = source[place];
             }
         }
-        plane_of(&values)
+        tensor_of(&values)
     }
 
     /// Stress to first order if only the prescribed components move.
-    fn expected_stress(&self, stress: &Plane, derivative: &PlaneOperator) -> Plane {
-        let change = flat(&plane::add_scaled(&self.gradient, -1.0, &self.committed_gradient));
+    fn expected_stress(&self, stress: &Matrix, derivative: &Operator) -> Matrix {
+        let change = flat(&add_scaled(&self.gradient, -1.0, &self.committed_gradient));
         let mut expected = flat(stress);
         for (value, row) in expected.iter_mut().zip(derivative) {
             *value += row.iter().zip(&change).map(|(coefficient, part)| coefficient * part).sum::<f64>();
         }
-        plane_of(&expected)
+        tensor_of(&expected)
     }
 
     /// What the stress tolerance is relative to, Pa.
-    fn stress_scale(&self, stress: &Plane) -> f64 {
-        let pressure = 0.5 * (stress[0][0] + stress[1][1]).abs();
+    fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
+        let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
         self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
     }
 }

@@ -6,9 +6,7 @@
 //! replaced by the elastic one. With a single unknown the trials also bracket the target, which keeps the search
 //! inside and shows when the cell snaps across the target: then no strain meets it, and the nearer side is the answer.
 
-use super::path::flat;
-use crate::plane::Plane;
-use crate::tangent::PlaneOperator;
+use super::path::{COMPONENTS, Matrix, Operator, flat, tensor_of};
 use nalgebra::{DMatrix, DVector};
 
 /// Largest change of a strain component in one iteration, dimensionless.
@@ -20,7 +18,7 @@ const SMALLEST_STRIDE: f64 = 1e-7;
 /// Number of trials on one side of the target after which strides are lengthened unless the search converges.
 const PATIENCE: u32 = 4;
 
-/// Unknown strain components, numbered 11, 12, 21, 22, and the stress targets of the same numbers.
+/// Unknown strain components, numbered 11, 12, 13, 21, ..., and the stress targets of the same numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Servo {
     unknowns: Vec<usize>,
@@ -46,7 +44,7 @@ struct Sample {
 /// How far the worst controlled component is from its target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Miss {
-    /// Number of the component, 11, 12, 21, 22.
+    /// Number of the component, 11, 12, 13, 21, ...
     pub component: usize,
     /// Value reached, Pa.
     pub reached: f64,
@@ -56,8 +54,8 @@ pub(super) struct Miss {
 
 impl Servo {
     /// Prepares a search. `derivative` and `elastic` are `d sigma / dG` of the slip and of the elastic operator.
-    pub(super) fn new(targets: &[Option<f64>; 4], derivative: &PlaneOperator, elastic: &PlaneOperator) -> Self {
-        let unknowns: Vec<usize> = (0..4).filter(|place| targets[*place].is_some()).collect();
+    pub(super) fn new(targets: &[Option<f64>; COMPONENTS], derivative: &Operator, elastic: &Operator) -> Self {
+        let unknowns: Vec<usize> = (0..COMPONENTS).filter(|place| targets[*place].is_some()).collect();
         let elastic = reduced(elastic, &unknowns);
         Self {
             targets: targets.iter().flatten().copied().collect(),
@@ -73,13 +71,13 @@ impl Servo {
     }
 
     /// The unknown components that cancel `expected_stress - target` to first order, added to `gradient`.
-    pub(super) fn predict(&self, gradient: &Plane, expected_stress: &Plane) -> Plane {
+    pub(super) fn predict(&self, gradient: &Matrix, expected_stress: &Matrix) -> Matrix {
         let residual = self.residual(expected_stress);
         self.stepped(&self.pick(gradient), &residual, gradient)
     }
 
     /// Takes in a trial and returns the next strain to try; its prescribed components are those of `gradient`.
-    pub(super) fn improve(&mut self, gradient: &Plane, stress: &Plane) -> Plane {
+    pub(super) fn improve(&mut self, gradient: &Matrix, stress: &Matrix) -> Matrix {
         let sample = Sample { gradient: self.pick(gradient), residual: self.residual(stress) };
         let best = match self.best.take() {
             None => sample,
@@ -106,14 +104,14 @@ impl Servo {
     }
 
     /// The strain of the best trial so far, its prescribed components those of `gradient`.
-    pub(super) fn best(&self, gradient: &Plane) -> Plane {
+    pub(super) fn best(&self, gradient: &Matrix) -> Matrix {
         let mut values = flat(gradient);
         if let Some(best) = &self.best {
             for (place, &component) in self.unknowns.iter().enumerate() {
                 values[component] = best.gradient[place];
             }
         }
-        super::path::plane_of(&values)
+        tensor_of(&values)
     }
 
     fn interval(&self) -> Option<[f64; 2]> {
@@ -121,7 +119,7 @@ impl Servo {
     }
 
     /// Takes the trial into the bracket and returns `next`, or the middle of the bracket if `next` is not well inside.
-    fn kept_inside(&mut self, gradient: &Plane, stress: &Plane, next: Plane) -> Plane {
+    fn kept_inside(&mut self, gradient: &Matrix, stress: &Matrix, next: Matrix) -> Matrix {
         let [component] = self.unknowns[..] else { return next };
         let (here, difference) = (flat(gradient)[component], self.residual(stress)[0]);
         let side = usize::from(difference > 0.0);
@@ -152,7 +150,7 @@ impl Servo {
             let newton = (values[component] - here).abs();
             let stride = newton.max((outermost - first).abs()).clamp(SMALLEST_STRIDE, LARGEST_STEP);
             values[component] = outermost + outward * stride;
-            return super::path::plane_of(&values);
+            return tensor_of(&values);
         };
         let shrinks = width_before.is_none_or(|width| (above - below).abs() < 0.6 * width);
         let share = (flat(&next)[component] - below) / (above - below);
@@ -160,11 +158,11 @@ impl Servo {
             return next;
         }
         values[component] = 0.5 * (below + above);
-        super::path::plane_of(&values)
+        tensor_of(&values)
     }
 
     /// The controlled component farthest from its target.
-    pub(super) fn miss(&self, stress: &Plane) -> Miss {
+    pub(super) fn miss(&self, stress: &Matrix) -> Miss {
         let stress = flat(stress);
         let mut worst =
             Miss { component: self.unknowns[0], reached: stress[self.unknowns[0]], target: self.targets[0] };
@@ -176,7 +174,7 @@ impl Servo {
         worst
     }
 
-    fn residual(&self, stress: &Plane) -> DVector<f64> {
+    fn residual(&self, stress: &Matrix) -> DVector<f64> {
         let stress = flat(stress);
         DVector::from_iterator(
             self.unknowns.len(),
@@ -184,12 +182,12 @@ impl Servo {
         )
     }
 
-    fn pick(&self, gradient: &Plane) -> DVector<f64> {
+    fn pick(&self, gradient: &Matrix) -> DVector<f64> {
         let values = flat(gradient);
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|&component| values[component]))
     }
 
-    fn stepped(&self, from: &DVector<f64>, residual: &DVector<f64>, gradient: &Plane) -> Plane {
+    fn stepped(&self, from: &DVector<f64>, residual: &DVector<f64>, gradient: &Matrix) -> Matrix {
         let step = [&self.derivative, &self.elastic]
             .into_iter()
             .find_map(|matrix| matrix.clone().lu().solve(residual).filter(|step| step.iter().all(|v| v.is_finite())))
@@ -198,7 +196,7 @@ impl Servo {
         for (place, &component) in self.unknowns.iter().enumerate() {
             next[component] = from[place] - step[place].clamp(-LARGEST_STEP, LARGEST_STEP);
         }
-        super::path::plane_of(&next)
+        tensor_of(&next)
     }
 }
 
@@ -209,7 +207,7 @@ impl Miss {
     }
 }
 
-fn reduced(operator: &PlaneOperator, unknowns: &[usize]) -> DMatrix<f64> {
+fn reduced(operator: &Operator, unknowns: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(unknowns.len(), unknowns.len(), |row, column| operator[unknowns[row]][unknowns[column]])
 }
 

@@ -1,8 +1,9 @@
 //! The element test file: packing, contact law, solver options and path.
 
 use super::ElementError;
+use super::path::{COMPONENTS, Matrix, tensor_of};
 use crate::definition::{ContactTable, RveOptions};
-use crate::plane::{self, Plane};
+use crate::space::{Tensor, add_scaled, determinant};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -43,7 +44,7 @@ pub struct Segment {
     pub stress: Components,
 }
 
-/// Components of a plane tensor, each given or not.
+/// Components of a tensor, each given or not; those with a z belong to packings of spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Components {
@@ -53,27 +54,46 @@ pub struct Components {
     /// Component 12.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub xy: Option<f64>,
+    /// Component 13.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub xz: Option<f64>,
     /// Component 21.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yx: Option<f64>,
     /// Component 22.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yy: Option<f64>,
+    /// Component 23.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yz: Option<f64>,
+    /// Component 31.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zx: Option<f64>,
+    /// Component 32.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zy: Option<f64>,
+    /// Component 33.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zz: Option<f64>,
 }
 
-/// Keys of the four components, in the order of [`Components::values`].
-pub(super) const COMPONENT_KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
+/// Keys of the components, in the order of [`Components::values`].
+pub(super) const COMPONENT_KEYS: [&str; COMPONENTS] = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"];
+
+/// Whether a component lies in the plane of discs.
+pub(super) fn is_in_plane(place: usize) -> bool {
+    place / 3 < 2 && place % 3 < 2
+}
 
 impl Components {
-    /// The components in the order 11, 12, 21, 22.
-    pub fn values(&self) -> [Option<f64>; 4] {
-        [self.xx, self.xy, self.yx, self.yy]
+    /// The components in the order 11, 12, 13, 21, ...
+    pub fn values(&self) -> [Option<f64>; 9] {
+        [self.xx, self.xy, self.xz, self.yx, self.yy, self.yz, self.zx, self.zy, self.zz]
     }
 
     /// The tensor, with zero for components not given.
-    pub fn plane(&self) -> Plane {
-        let [xx, xy, yx, yy] = self.values().map(|value| value.unwrap_or(0.0));
-        [[xx, xy], [yx, yy]]
+    pub fn tensor(&self) -> [[f64; 3]; 3] {
+        tensor_of(&self.values().map(|value| value.unwrap_or(0.0)))
     }
 }
 
@@ -120,6 +140,26 @@ impl ElementTest {
     }
 }
 
+impl ElementTest {
+    /// Refuses components out of the plane for packings of discs.
+    pub(super) fn check_dimension(&self, dimension: usize) -> Result<(), ElementError> {
+        if dimension == 3 {
+            return Ok(());
+        }
+        for (number, segment) in self.path.iter().enumerate() {
+            for (table, values) in [("strain", segment.strain.values()), ("stress", segment.stress.values())] {
+                if let Some(place) = (0..COMPONENTS).find(|place| values[*place].is_some() && !is_in_plane(*place)) {
+                    let (number, key) = (number + 1, COMPONENT_KEYS[place]);
+                    return refuse(format!(
+                        "path segment {number}: {table}.{key} lies out of the plane of the packing's discs; remove it"
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Segment {
     fn validate(&self, number: usize) -> Result<(), ElementError> {
         if self.increments == 0 {
@@ -141,13 +181,17 @@ impl Segment {
                 ));
             }
         }
-        if stress[1].is_some() && stress[2].is_some() {
-            return refuse(format!(
-                "path segment {number}: stress.xy and stress.yx are the same stress; give one of them"
-            ));
+        for (place, key) in COMPONENT_KEYS.iter().enumerate() {
+            let transposed = 3 * (place % 3) + place / 3;
+            if place < transposed && stress[place].is_some() && stress[transposed].is_some() {
+                let other = COMPONENT_KEYS[transposed];
+                return refuse(format!(
+                    "path segment {number}: stress.{key} and stress.{other} are the same stress; give one of them"
+                ));
+            }
         }
-        let end = plane::add_scaled(&plane::IDENTITY, 1.0, &self.strain.plane());
-        if plane::determinant(&end) <= 0.0 {
+        let end = add_scaled(&Matrix::IDENTITY, 1.0, &self.strain.tensor());
+        if determinant(&end) <= 0.0 {
             return refuse(format!("path segment {number}: the strain turns the cell inside out"));
         }
         Ok(())

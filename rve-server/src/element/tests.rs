@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::packing::PackingFile;
-use crate::space::Discs;
+use crate::space::{Discs, Spheres};
 use protocol::TangentKind;
 use std::path::Path;
 
@@ -158,7 +158,8 @@ fn input_defects_name_their_key() {
     assert!(refused("").contains("path"));
     assert!(refused("[[path]]\nincrements = 0").contains("increments must be at least 1"));
     assert!(refused("[[path]]\nincrements = 1\nrepeat = 0").contains("repeat"));
-    assert!(refused("[[path]]\nincrements = 1\nstrain = { zz = 0.1 }").contains("zz"));
+    let (error, _) = rows_of("[[path]]\nincrements = 1\nstrain = { zz = 0.1 }", TangentKind::None).unwrap_err();
+    assert!(error.is_bad_input() && error.to_string().contains("strain.zz lies out of the plane"), "{error}");
     assert!(refused("[[path]]\nincrements = 1\nstrian = { xx = 0.1 }").contains("strian"));
     assert!(refused("[[path]]\nincrements = 1\nstrain = { xx = nan }").contains("strain.xx is not a finite"));
     assert!(refused("[[path]]\nincrements = 1\nstrain = { xx = -1.5 }").contains("inside out"));
@@ -175,12 +176,14 @@ fn input_defects_name_their_key() {
 /// Iterations until `response` meets the target or the search sees that no strain does; with the strain it ended at.
 fn search(response: impl Fn(f64) -> f64, target: f64, tolerance: f64) -> (u32, f64, bool) {
     let stiffness = 100.0;
-    let mut operator = [[0.0; 4]; 4];
+    let mut operator = [[0.0; 9]; 9];
     operator[0][0] = stiffness;
-    let mut servo = servo::Servo::new(&[Some(target), None, None, None], &operator, &operator);
-    let mut gradient = [[0.0; 2]; 2];
+    let mut targets = [None; 9];
+    targets[0] = Some(target);
+    let mut servo = servo::Servo::new(&targets, &operator, &operator);
+    let mut gradient = [[0.0; 3]; 3];
     for trial in 1..=30 {
-        let stress = [[response(gradient[0][0]), 0.0], [0.0, 0.0]];
+        let stress = [[response(gradient[0][0]), 0.0, 0.0], [0.0; 3], [0.0; 3]];
         if servo.miss(&stress).distance() <= tolerance {
             return (trial, gradient[0][0], false);
         }
@@ -211,4 +214,53 @@ fn search_pins_a_snap_across_the_target_and_keeps_the_nearer_side() {
     let response = |strain: f64| if strain < 1e-3 { 100.0 * strain } else { 100.0 * strain + 0.1 };
     let (_, strain, pinned) = search(response, 0.12, 1e-4);
     assert!(pinned && strain < 1e-3 && (strain - 1e-3).abs() < 1e-6, "{strain:e}");
+}
+
+/// A face-centred crystal of spheres under axisymmetric loading with the lateral stress held: nine components in every
+/// row, the moduli of D-4, and equal bytes.
+#[test]
+fn crystal_of_spheres_is_tested_in_all_nine_components() {
+    let folder = tempfile::tempdir().unwrap();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let packing = PackingFile::<Spheres>::new(
+        [[0.0, half, half], [half, 0.0, half], [half, half, 0.0]],
+        vec![[0.1, 0.2, 0.3, 0.5 * (1.0 + 1e-4)]],
+    );
+    packing.write(&folder.path().join("lattice.json")).unwrap();
+    let run = |path: &str, tangent| {
+        let test = ElementTest::from_toml(&format!("{HEAD}{path}")).unwrap();
+        let mut rows = Vec::new();
+        let mut bytes = Vec::new();
+        let mut csv = ElementCsv::new(&mut bytes, tangent).unwrap();
+        run_element(&test, folder.path(), tangent, &mut |row| {
+            csv.write(row).unwrap();
+            rows.push(row.clone());
+        })
+        .unwrap();
+        drop(csv);
+        (rows, String::from_utf8(bytes).unwrap())
+    };
+    let path = "[[path]]\nincrements = 2\nstrain = { zz = -1e-6 }";
+    let (rows, text) = run(path, TangentKind::None);
+    assert!(text.starts_with("increment,F_xx,F_xy,F_xz,F_yx,F_yy,F_yz,F_zx,F_zy,F_zz,sigma_xx,sigma_xy,sigma_xz,"));
+    assert_eq!(text.lines().next().unwrap().split(',').count(), 1 + 18 + 8);
+    assert_eq!(text, run(path, TangentKind::None).1);
+    let change = |i: usize| (rows[2].stress[i][i] - rows[0].stress[i][i]) / -1e-6;
+    // C11 = (sqrt 2 / d) (k_n + k_t), C12 = (k_n - k_t) / (sqrt 2 d), with k_t = k_n / 2.
+    assert!((change(2) / (2f64.sqrt() * 1.5 * STIFFNESS) - 1.0).abs() < 1e-3, "C11 {}", change(2));
+    assert!((change(0) / (0.5 * STIFFNESS / 2f64.sqrt()) - 1.0).abs() < 2e-3, "C12 {}", change(0));
+    assert_eq!(rows[0].coordination_number, 12.0);
+
+    let lateral = rows[0].stress[0][0];
+    let path = format!(
+        "[[path]]\nincrements = 2\nstrain = {{ zz = -1e-6 }}\nstress = {{ xx = {lateral:e}, yy = {lateral:e}, xz = {:e} }}",
+        -0.01 * lateral
+    );
+    let (rows, _) = run(&path, TangentKind::None);
+    assert!(
+        (rows[2].stress[0][0] / lateral - 1.0).abs() < 2e-3 && (rows[2].stress[1][1] / lateral - 1.0).abs() < 2e-3
+    );
+    assert!((rows[2].stress[0][2] + 0.01 * lateral).abs() < 2e-3 * lateral.abs());
+    let (_, text) = run("[[path]]\nincrements = 1\nstrain = { zz = -1e-6 }", TangentKind::TrussLike);
+    assert!(text.lines().next().unwrap().ends_with("C_3331,C_3332,C_3333"));
 }
