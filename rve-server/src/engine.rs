@@ -105,6 +105,17 @@ impl ListedForces {
     }
 }
 
+/// What becomes of the tangential forces that the packing of a definition lists.
+///
+/// # Errors
+/// [`RveError::Definition`].
+pub fn listed_forces(definition: &AnyDefinition) -> Result<ListedForces, RveError> {
+    match definition {
+        AnyDefinition::Discs(definition) => GrainRve::new(definition).map(|cell| cell.listed_forces()),
+        AnyDefinition::Spheres(definition) => GrainRve::new(definition).map(|cell| cell.listed_forces()),
+    }
+}
+
 /// Share by which a listed force may shrink before it counts as cut: forces exactly at the limit are rounded.
 const CUT_MARGIN: f64 = 1e-9;
 

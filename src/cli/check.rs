@@ -5,6 +5,7 @@ use super::stdout::print;
 use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::mesh::ElementKind;
+use rve_server::engine::{ListedForces, listed_forces};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -30,15 +31,15 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    print(overview(&scene, &crew).as_bytes())?;
+    let listed_forces = listed_forces(&scene.definition).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    print(overview(&scene, &crew, &listed_forces).as_bytes())?;
     Ok(Exit::Done)
 }
 
 /// What a run of the scene would be, for people.
-fn overview(scene: &Scene, crew: &Crew) -> String {
+fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String {
     let problem = &scene.problem;
-    let packing = &scene.definition.packing;
-    let options = &scene.definition.options;
+    let options = scene.definition.options();
     let points = problem.point_count();
     let steps = problem.control.increments;
     let prescribed =
@@ -61,7 +62,7 @@ fn overview(scene: &Scene, crew: &Crew) -> String {
             format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed),
         ),
         ("Gauss points", points.to_string()),
-        ("packing", format!("{} grains in {}", packing.grains.len(), scene.packing_path.display())),
+        ("packing", packing_line(scene)),
         (
             "grain solver",
             format!(
@@ -86,9 +87,20 @@ fn overview(scene: &Scene, crew: &Crew) -> String {
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
+    if let Some(warning) = listed_forces.warning() {
+        writeln!(text, "{:<20} {warning}", "note").expect("writing to a String cannot fail");
+    }
     for remark in crew.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
     text.push_str("The scene is sound; nothing was run.\n");
     text
+}
+
+fn packing_line(scene: &Scene) -> String {
+    let grains = match scene.definition.dimension() {
+        2 => "discs",
+        _ => "spheres",
+    };
+    format!("{} {grains} in {}", scene.definition.number(), scene.packing_path.display())
 }

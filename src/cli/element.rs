@@ -141,6 +141,7 @@ fn closing(summary: &ElementSummary) -> String {
     .filter(|(_, count)| *count > 0)
     .map(|(what, count)| format!("{what}: {count} rows"))
     .collect();
+    let shortfalls: Vec<String> = shortfalls.into_iter().chain(summary.listed_forces.warning()).collect();
     let shortfalls = if shortfalls.is_empty() { "nothing".to_owned() } else { shortfalls.join(", ") };
     format!(
         "{} rows, {} trials, {} DEM steps; fell short: {shortfalls}",

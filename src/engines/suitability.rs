@@ -1,7 +1,7 @@
 //! Whether an engine can solve the points of a scene, judged before anything is started.
 
 use protocol::{Capabilities, SnapshotKind, TangentKind};
-use rve_server::definition::{ContactLaw, GrainDefinition};
+use rve_server::definition::{AnyDefinition, ContactLaw};
 
 /// What an engine means for a scene that it can run.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,18 +18,18 @@ pub(crate) struct Suitability {
 /// Why the engine cannot run the scene, with the remedy.
 pub(crate) fn suitability(
     capabilities: &Capabilities,
-    definition: &GrainDefinition,
+    definition: &AnyDefinition,
     tangent: TangentKind,
 ) -> Result<Suitability, String> {
     let engine = &capabilities.engine;
-    let dimension = definition.packing.dimension;
+    let dimension = definition.dimension();
     if !capabilities.dimensions.contains(&dimension) {
         return Err(format!(
             "engine `{engine}` serves {:?} dimensions, the packing has {dimension}; choose another engine or packing",
             capabilities.dimensions
         ));
     }
-    let law = law_keyword(definition.contact.law);
+    let law = law_keyword(definition.contact().law);
     if !capabilities.laws.iter().any(|served| served == law) {
         return Err(format!(
             "engine `{engine}` serves the contact laws {:?}, not \"{law}\"; choose another engine or contact.law",

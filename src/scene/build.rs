@@ -21,8 +21,8 @@ use macro_solver::problem::{
     Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy, Tolerances,
 };
 use protocol::{Observables, TangentKind};
-use rve_server::definition::GrainDefinition;
-use rve_server::packing::PackingFile;
+use rve_server::definition::AnyDefinition;
+use rve_server::packing::Packing;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
@@ -36,7 +36,7 @@ pub(crate) struct Scene {
     /// What the solver solves.
     pub(crate) problem: Problem,
     /// What every Gauss point is made of.
-    pub(crate) definition: GrainDefinition,
+    pub(crate) definition: AnyDefinition,
     /// Where the packing was read.
     pub(crate) packing_path: PathBuf,
     /// Who solves the points.
@@ -63,6 +63,7 @@ impl Scene {
         let file: SceneFile = document.deserialize()?;
         let name = name(&document, file.name.as_ref())?;
         let mesh = mesh(&document, &file.mesh)?;
+        let mesh_dimension = mesh.dimension.count();
         let sets = Sets { mesh: &mesh };
         let mut conditions = Vec::new();
         for boundary in &file.boundary {
@@ -86,7 +87,7 @@ impl Scene {
         let observables = observables(&document, &file.output, &probes)?;
         let duration = duration(&document, &file.loading)?;
         let plot = plot(&document, &file.output, &probes)?;
-        let (definition, packing_path) = definition(&document, &file)?;
+        let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let mut problem = Problem::new(mesh, conditions);
         problem.control = step_control(&file.loading);
         problem.tolerances = tolerances(&file.solver);
@@ -96,7 +97,7 @@ impl Scene {
             problem.hourglass = HourglassControl::Stiffness { coefficient: *coefficient.get_ref() };
         }
         problem.observables = observables;
-        problem.strain_per_step = definition.options.strain_per_step();
+        problem.strain_per_step = definition.options().strain_per_step();
         problem.validate().map_err(|error| problem_error(&document, &error))?;
         let grains = grains(&document, &file.output, problem.point_count())?;
         let record = RecordPlan {
@@ -351,9 +352,18 @@ fn plot(document: &Document, table: &OutputTable, probes: &[Probe]) -> Result<Op
     Ok((table.plot && !probes.is_empty()).then_some((x, y)))
 }
 
-fn definition(document: &Document, file: &SceneFile) -> Result<(GrainDefinition, PathBuf), InputError> {
+fn definition(
+    document: &Document,
+    file: &SceneFile,
+    mesh_dimension: usize,
+) -> Result<(AnyDefinition, PathBuf), InputError> {
     let packing = read_packing(document, &file.packing)?;
-    let definition = GrainDefinition { packing, contact: file.contact.clone(), options: file.rve.clone() };
+    if mesh_dimension == 3 && packing.dimension() == 2 {
+        return Err(document
+            .error_at_key(&["packing"], "the mesh has three dimensions, but the packing holds discs")
+            .hint("take a packing of spheres; spheres also serve plane meshes, as plane strain"));
+    }
+    let definition = AnyDefinition::new(packing, file.contact.clone(), file.rve.clone());
     let definition = definition.validate().map_err(|error| document.table_error(error))?;
     Ok((definition, document.resolve(&file.packing)))
 }
@@ -362,9 +372,9 @@ fn definition(document: &Document, file: &SceneFile) -> Result<(GrainDefinition,
 ///
 /// # Errors
 /// The packing's own error.
-pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<PackingFile, InputError> {
+pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
     let path = document.resolve(written);
-    PackingFile::read(&path).map_err(|error| {
+    Packing::read(&path).map_err(|error| {
         let hint = if path.exists() {
             "correct the packing file, or make a new one with `grainspan pack`"
         } else {

@@ -153,6 +153,14 @@ impl AnyDefinition {
         }
     }
 
+    /// The packing's file text.
+    pub fn packing_json(&self) -> String {
+        match self {
+            Self::Discs(definition) => definition.packing.to_json(),
+            Self::Spheres(definition) => definition.packing.to_json(),
+        }
+    }
+
     /// Contact law.
     pub fn contact(&self) -> &ContactTable {
         match self {

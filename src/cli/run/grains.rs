@@ -9,9 +9,10 @@ use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
-use protocol::{RveSolver, TrialAnswer};
-use rve_server::definition::GrainDefinition;
+use protocol::{RveError, RveSolver, TrialAnswer};
+use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
+use rve_server::space::{Components, Space};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
@@ -78,8 +79,7 @@ pub(super) struct GrainWriter {
     every: u64,
     duration: f64,
     snapshots: Snapshots,
-    cell: GrainRve,
-    fresh: GrainRve,
+    artist: Box<dyn Draw>,
     series: BTreeMap<PointId, FieldSeries>,
 }
 
@@ -90,7 +90,7 @@ impl GrainWriter {
     /// The folder cannot be made, or the definition is not a cell of grains.
     pub(super) fn create(
         folder: &Path,
-        definition: &GrainDefinition,
+        definition: &AnyDefinition,
         every: u64,
         duration: f64,
         snapshots: Snapshots,
@@ -99,18 +99,14 @@ impl GrainWriter {
         if every > 0 && !snapshots.borrow().is_empty() {
             fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
         }
-        let fresh = GrainRve::new(definition).map_err(stop)?;
-        Ok(Self { folder, every, duration, snapshots, cell: fresh.clone(), fresh, series: BTreeMap::new() })
+        let artist = artist(definition).map_err(stop)?;
+        Ok(Self { folder, every, duration, snapshots, artist, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
         for (&point, snapshot) in self.snapshots.borrow().iter() {
-            self.cell = self.fresh.clone();
-            if !snapshot.is_empty() {
-                self.cell.restore(snapshot).map_err(stop)?;
-            }
             let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
-            write_grains(&self.folder.join(&name), &mut self.cell).map_err(stop)?;
+            self.artist.draw(snapshot, &self.folder.join(&name))?;
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
             series.add(report.load * self.duration, name).map_err(stop)?;
@@ -155,8 +151,40 @@ fn stop(reason: impl ToString) -> StopRequest {
     StopRequest { reason: reason.to_string() }
 }
 
+/// Draws the grains of a snapshot, whatever their dimension.
+trait Draw {
+    /// Writes the picture; no bytes mean the packing as given.
+    fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest>;
+}
+
+fn artist(definition: &AnyDefinition) -> Result<Box<dyn Draw>, RveError> {
+    Ok(match definition {
+        AnyDefinition::Discs(definition) => Box::new(Artist::new(definition)?),
+        AnyDefinition::Spheres(definition) => Box::new(Artist::new(definition)?),
+    })
+}
+
+/// A cell of the packing as given.
+struct Artist<S: Space>(GrainRve<S>);
+
+impl<S: Space> Artist<S> {
+    fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
+        GrainRve::new(definition).map(Self)
+    }
+}
+
+impl<S: Space> Draw for Artist<S> {
+    fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest> {
+        let mut cell = self.0.clone();
+        if !snapshot.is_empty() {
+            cell.restore(snapshot).map_err(stop)?;
+        }
+        write_grains(path, &mut cell).map_err(stop)
+    }
+}
+
 /// One cloud: centres as they are (not wrapped into the cell), radius, rotation, number of contacts, rattler or not.
-fn write_grains(path: &Path, cell: &mut GrainRve) -> Result<(), OutputError> {
+fn write_grains<S: Space>(path: &Path, cell: &mut GrainRve<S>) -> Result<(), OutputError> {
     let network = cell.committed_network();
     let mut contacts = vec![0.0; network.positions.len()];
     for contact in &network.contacts {
@@ -164,12 +192,15 @@ fn write_grains(path: &Path, cell: &mut GrainRve) -> Result<(), OutputError> {
         contacts[contact.end as usize] += 1.0;
     }
     let rattlers = network.rattlers().into_iter().map(|rattler| f64::from(u8::from(rattler))).collect();
+    let rotations = cell.committed().rotations.iter().flat_map(|rotation| rotation.components().to_vec()).collect();
     let fields = [
         Field::scalar("radius", network.radii.clone()),
-        Field::scalar("rotation", cell.committed().rotations.clone()),
+        Field { name: "rotation".to_owned(), components: S::Spin::COUNT, values: rotations },
         Field::scalar("contacts", contacts),
         Field::scalar("rattler", rattlers),
     ];
-    let centres: Vec<[f64; 3]> = network.positions.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+    let in_space =
+        |position: &S::Vector| std::array::from_fn(|axis| if axis < S::DIMENSION { position[axis] } else { 0.0 });
+    let centres: Vec<[f64; 3]> = network.positions.iter().map(in_space).collect();
     write_particles(path, &centres, &fields)
 }

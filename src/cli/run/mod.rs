@@ -120,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             if arguments.resume {
                 say(arguments, &format!("no checkpoint in {}: from the start", path.display()));
             }
-            (OutputFolder::prepare(&path, &as_run, &scene.definition.packing.to_json())?, None)
+            (OutputFolder::prepare(&path, &as_run, &scene.definition.packing_json())?, None)
         }
     };
     journal::open(&folder.path().join("run.jsonl"))?;

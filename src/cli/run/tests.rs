@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Runs a scene with so many worker threads.
 fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -> Result<Exit, Failure> {
     let as_run = scene.document.as_run(&[("packing", "packing.json")]).unwrap();
-    let folder = OutputFolder::prepare(place, &as_run, &scene.definition.packing.to_json()).unwrap();
+    let folder = OutputFolder::prepare(place, &as_run, &scene.definition.packing_json()).unwrap();
     let (port, door) = channel();
     let servants: Vec<_> = (0..workers)
         .map(|_| {
