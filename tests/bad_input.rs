@@ -125,6 +125,30 @@ fn an_inverted_element_is_refused() {
     );
 }
 
+/// A mesh of Gmsh instead of a block: its defects are named by its own line, those of the scene by the scene's.
+#[test]
+fn a_mesh_file_is_read_and_its_defects_are_named() {
+    let desk = Desk::new();
+    let good = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n4\n1 1 \"bottom\"\n1 2 \"right\"\n1 3 \"top\"\n\
+                1 4 \"left\"\n$EndPhysicalNames\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 2 0\n4 0 2 0\n$EndNodes\n\
+                $Elements\n6\n1 15 2 5 1 1\n2 1 2 1 1 1 2\n3 1 2 2 1 2 3\n4 1 2 3 1 3 4\n5 1 2 4 1 4 1\n\
+                6 3 2 6 1 1 2 3 4\n$EndElements\n";
+    desk.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
+    fs::write(desk.path("square.msh"), good).unwrap();
+    desk.refused(&["check", "scene.toml"], &["`elements` belongs to a generated mesh", "remove `elements`"]);
+    desk.spoil("scene.toml", "elements = [2, 4]", "");
+    desk.refused(&["check", "scene.toml"], &["no node set 'bottom_left'", "group_5"]);
+    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
+    fs::write(desk.path("scene.toml"), text.replace("bottom_left", "bottom")).unwrap();
+    let output = desk.grainspan(&["check", "scene.toml"]);
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && stdout.contains("1 elements (q4), 4 nodes"), "{stdout}");
+    fs::write(desk.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 1 2 3 9")).unwrap();
+    desk.refused(&["check", "scene.toml"], &["square.msh:25: there is no node 9", "hint:"]);
+    fs::write(desk.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 4 3 2 1")).unwrap();
+    desk.refused(&["check", "scene.toml"], &["square.msh: element 0 is inverted", "correct the mesh in Gmsh"]);
+}
+
 #[test]
 fn a_condition_on_a_set_that_does_not_exist_lists_those_that_do() {
     let desk = Desk::new();

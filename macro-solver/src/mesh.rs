@@ -9,6 +9,8 @@ use thiserror::Error;
 
 pub mod block;
 mod dimension;
+pub mod gmsh;
+pub mod ground;
 mod kind;
 mod lattice;
 mod validation;

@@ -1,70 +1,183 @@
-//! `[mesh]` becomes a mesh.
+//! `[mesh]` becomes a mesh: generated, or read from a file of Gmsh.
 
 use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{ElementKeyword, Generator, MeshTable};
 use macro_solver::mesh::block::Block;
-use macro_solver::mesh::{ElementKind, Mesh};
+use macro_solver::mesh::ground::{HalfFooting, RetainingWall, Section, Slope};
+use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
+use std::path::Path;
 use toml::Spanned;
 
-/// Generates the mesh of a scene.
+/// The mesh of a scene.
 ///
 /// # Errors
-/// A number that is missing, superfluous or impossible.
+/// A number that is missing, superfluous or impossible, a file that cannot be read or is not usable.
 pub(super) fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Mesh, InputError> {
     let keys = table.get_ref();
-    let kind = keys.element.kind();
-    match keys.generator {
-        Generator::Block => block(document, keys, kind)?
-            .mesh()
-            .map_err(|error| document.error_at(table.span(), error).hint("docs/scene.md describes [mesh]")),
+    if let Some(file) = &keys.file {
+        return from_file(document, keys, file);
     }
-}
-
-fn block(document: &Document, keys: &MeshTable, kind: ElementKind) -> Result<Block, InputError> {
-    let axes = kind.dimension().count();
-    let size = exactly(document, &keys.size, "size", axes, kind)?;
-    let elements = exactly(document, &keys.elements, "elements", axes, kind)?;
-    let grading = match &keys.grading {
-        None => vec![1.0; axes],
-        Some(grading) => exactly(document, grading, "grading", axes, kind)?,
-    };
-    if !size.iter().all(|length| *length > 0.0) {
-        return Err(document
-            .error_at(keys.size.span(), format!("a block of {} m turns its elements inside out", join(&size)))
-            .hint("give size = [width, height], in space also the depth, as positive lengths in m"));
-    }
-    if elements.contains(&0) {
-        return Err(document
-            .error_at(keys.elements.span(), format!("a block of {} elements is empty", join(&elements)))
-            .hint("give elements = [along x, along y], in space also along z, at least one each way"));
-    }
-    if let Some(given) = &keys.grading
-        && !grading.iter().all(|ratio| *ratio > 0.0)
+    let generator = keys.generator.as_ref().map_or(Generator::Block, |generator| *generator.get_ref());
+    let numbers = Numbers { document, table, kind: keys.element.unwrap_or_default().kind() };
+    if let Some(run) = &keys.run
+        && generator != Generator::Slope
     {
-        return Err(document
-            .error_at(given.span(), format!("a grading of {} is not possible", join(&grading)))
-            .hint("give the length of the last element over that of the first along each axis, above 0"));
+        return Err(document.error_at(run.span(), "`run` belongs to generator = \"slope\"").hint("remove `run`"));
     }
-    Ok(Block { size: padded(&size, 0.0), elements: padded(&elements, 0), grading: padded(&grading, 1.0), kind })
+    let mesh = match generator {
+        Generator::Block => numbers.block()?.mesh(),
+        Generator::Slope => numbers.slope()?.mesh(),
+        Generator::Footing => numbers.footing()?.mesh(),
+        Generator::Wall => numbers.wall()?.mesh(),
+    };
+    mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/scene.md describes [mesh]"))
 }
 
-fn exactly<T: Clone>(
-    document: &Document,
-    values: &Spanned<Vec<T>>,
-    key: &str,
-    axes: usize,
-    kind: ElementKind,
-) -> Result<Vec<T>, InputError> {
-    if values.get_ref().len() == axes {
-        return Ok(values.get_ref().clone());
+fn from_file(document: &Document, keys: &MeshTable, file: &Spanned<std::path::PathBuf>) -> Result<Mesh, InputError> {
+    let spans = [
+        ("generator", keys.generator.as_ref().map(Spanned::span)),
+        ("size", keys.size.as_ref().map(Spanned::span)),
+        ("elements", keys.elements.as_ref().map(Spanned::span)),
+        ("grading", keys.grading.as_ref().map(Spanned::span)),
+        ("run", keys.run.as_ref().map(Spanned::span)),
+    ];
+    if let Some((key, span)) = spans.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        let problem = format!("`{key}` belongs to a generated mesh, but `file` names one that is read");
+        return Err(document.error_at(span, problem).hint(format!("remove `{key}` or `file`")));
     }
-    let found = values.get_ref().len();
-    let keyword = kind.keyword();
-    let problem = format!("`{key}` has {found} entries, but element = \"{keyword}\" needs {axes}");
-    let places = if axes == 2 { "x and y" } else { "x, y and z" };
-    Err(document.error_at(values.span(), problem).hint(format!("give one entry for each of {places}")))
+    let path = document.resolve(file.get_ref());
+    let refuse = |problem: String, hint: &str| document.error_at(file.span(), problem).hint(hint);
+    let text = std::fs::read_to_string(&path).map_err(|source| {
+        refuse(format!("could not read {}: {source}", path.display()), "the path is relative to this file's folder")
+    })?;
+    let mesh = gmsh::read(&text, keys.element.map(ElementKeyword::kind))
+        .map_err(|error| refuse(place(&path, error.line, &error.problem), &error.remedy))?;
+    mesh.validate().map_err(|error| {
+        refuse(
+            format!("{}: {error}", path.display()),
+            "elements and nodes are counted from 0 in the order of the file; correct the mesh in Gmsh",
+        )
+    })?;
+    Ok(mesh)
+}
+
+fn place(path: &Path, line: usize, problem: &str) -> String {
+    format!("{}:{line}: {problem}", path.display())
+}
+
+/// The numbers of a generator, checked against what it needs.
+struct Numbers<'a> {
+    document: &'a Document,
+    table: &'a Spanned<MeshTable>,
+    kind: ElementKind,
+}
+
+impl Numbers<'_> {
+    fn is_solid(&self) -> bool {
+        self.kind.dimension().count() == 3
+    }
+
+    fn block(&self) -> Result<Block, InputError> {
+        let names = if self.is_solid() { &["x", "y", "z"][..] } else { &["x", "y"] };
+        let (size, elements, grading) = self.sections(names)?;
+        Ok(Block {
+            size: padded(&size, 0.0),
+            elements: padded(&elements, 0),
+            grading: padded(&grading, 1.0),
+            kind: self.kind,
+        })
+    }
+
+    fn slope(&self) -> Result<Slope, InputError> {
+        let [body, toe, base, rise, thickness] = self.named_sections(["body", "toe", "base", "rise"])?;
+        let keys = self.table.get_ref();
+        let Some(run) = &keys.run else {
+            let problem = "generator = \"slope\" lacks `run`, the horizontal extent of the face";
+            return Err(self.document.error_at(self.table.span(), problem).hint("add for example run = 5.0, in m"));
+        };
+        if !(*run.get_ref() >= 0.0 && *run.get_ref() < body.length) {
+            let problem = format!("a face of {} m does not fit on a body of {} m", run.get_ref(), body.length);
+            return Err(self.document.error_at(run.span(), problem).hint("give 0 or more, less than the first size"));
+        }
+        Ok(Slope { body, toe, base, rise, run: *run.get_ref(), thickness, kind: self.kind })
+    }
+
+    fn footing(&self) -> Result<HalfFooting, InputError> {
+        let [footing, beside, depth, thickness] = self.named_sections(["footing", "beside", "depth"])?;
+        Ok(HalfFooting { footing, beside, depth, thickness, kind: self.kind })
+    }
+
+    fn wall(&self) -> Result<RetainingWall, InputError> {
+        let [width, below, wall, thickness] = self.named_sections(["width", "below", "wall"])?;
+        Ok(RetainingWall { width, below, wall, thickness, kind: self.kind })
+    }
+
+    /// The sections of the plane and, last, the one along z, which solid elements need.
+    fn named_sections<const N: usize, const M: usize>(&self, plane: [&str; N]) -> Result<[Section; M], InputError> {
+        let mut names = plane.to_vec();
+        if self.is_solid() {
+            names.push("z");
+        }
+        let (size, elements, grading) = self.sections(&names)?;
+        Ok(std::array::from_fn(|number| match size.get(number) {
+            Some(&length) => Section { length, cells: elements[number], grading: grading[number] },
+            None => Section::even(1.0, 1),
+        }))
+    }
+
+    /// `size`, `elements` and `grading` with one entry for each name.
+    fn sections(&self, names: &[&str]) -> Result<(Vec<f64>, Vec<usize>, Vec<f64>), InputError> {
+        let keys = self.table.get_ref();
+        let size = self.exactly(&keys.size, "size", names)?;
+        let elements = self.exactly(&keys.elements, "elements", names)?;
+        let grading = match &keys.grading {
+            None => vec![1.0; names.len()],
+            given => self.exactly(given, "grading", names)?,
+        };
+        if !size.iter().all(|length| *length > 0.0) {
+            let problem = format!("a mesh of {} m turns its elements inside out", join(&size));
+            return Err(self.at(&keys.size, problem).hint("give positive lengths in m"));
+        }
+        if elements.contains(&0) {
+            let problem = format!("a mesh of {} elements is empty", join(&elements));
+            return Err(self.at(&keys.elements, problem).hint("give at least one element each"));
+        }
+        if !grading.iter().all(|ratio| *ratio > 0.0) {
+            let hint = "give the length of the last element over that of the first, above 0; 1 spaces evenly";
+            return Err(self
+                .at(&keys.grading, format!("a grading of {} is not possible", join(&grading)))
+                .hint(hint));
+        }
+        Ok((size, elements, grading))
+    }
+
+    fn exactly<T: Clone>(
+        &self,
+        values: &Option<Spanned<Vec<T>>>,
+        key: &str,
+        names: &[&str],
+    ) -> Result<Vec<T>, InputError> {
+        let hint = format!("give one entry for each of {}", names.join(", "));
+        let Some(values) = values else {
+            let problem = format!("[mesh] lacks `{key}`");
+            return Err(self.document.error_at(self.table.span(), problem).hint(hint));
+        };
+        let found = values.get_ref().len();
+        if found != names.len() {
+            let keyword = self.kind.keyword();
+            let problem =
+                format!("`{key}` has {found} entries, but this mesh of \"{keyword}\" elements needs {}", names.len());
+            return Err(self.document.error_at(values.span(), problem).hint(hint));
+        }
+        Ok(values.get_ref().clone())
+    }
+
+    fn at<T>(&self, value: &Option<Spanned<T>>, problem: String) -> InputError {
+        let span = value.as_ref().map_or(self.table.span(), Spanned::span);
+        self.document.error_at(span, problem)
+    }
 }
 
 fn padded<T: Copy>(values: &[T], filler: T) -> [T; 3] {

@@ -68,25 +68,28 @@ pub(crate) struct PoolTable {
     pub(crate) recycle_memory: Option<u64>,
 }
 
-/// `[mesh]`.
+/// `[mesh]`: the keys of all generators; which belong together is checked in `mesh`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MeshTable {
-    #[serde(default)]
-    pub(crate) generator: Generator,
-    pub(crate) size: Spanned<Vec<f64>>,
-    pub(crate) elements: Spanned<Vec<usize>>,
+    pub(crate) file: Option<Spanned<PathBuf>>,
+    pub(crate) generator: Option<Spanned<Generator>>,
+    pub(crate) size: Option<Spanned<Vec<f64>>>,
+    pub(crate) elements: Option<Spanned<Vec<usize>>>,
     pub(crate) grading: Option<Spanned<Vec<f64>>>,
-    #[serde(default)]
-    pub(crate) element: ElementKeyword,
+    pub(crate) run: Option<Spanned<f64>>,
+    pub(crate) element: Option<ElementKeyword>,
 }
 
 /// Mesh generators.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Generator {
     #[default]
     Block,
+    Slope,
+    Footing,
+    Wall,
 }
 
 /// Element kinds.

@@ -1,0 +1,170 @@
+//! From Gmsh's nodes, elements and groups to a mesh with named sets.
+
+use super::parse::{Content, RawElement};
+use super::{ElementKind, GmshError, Mesh};
+use crate::mesh::{Dimension, Side};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Shapes that Gmsh numbers: number, dimension, nodes.
+const SHAPES: [(u32, usize, usize); 11] = [
+    (15, 0, 1),
+    (1, 1, 2),
+    (8, 1, 3),
+    (2, 2, 3),
+    (3, 2, 4),
+    (9, 2, 6),
+    (16, 2, 8),
+    (4, 3, 4),
+    (5, 3, 8),
+    (11, 3, 10),
+    (17, 3, 20),
+];
+
+/// Gmsh's place of each of our nodes, for the two kinds that order middle nodes differently.
+const T10_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
+const H20_ORDER: [usize; 20] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15];
+
+/// Builds the mesh.
+pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<Mesh, GmshError> {
+    for element in &content.elements {
+        check(element, &content)?;
+    }
+    let highest = content.elements.iter().map(dimension_of).max().unwrap_or(0);
+    let dimension = match highest {
+        2 => Dimension::Plane,
+        3 => Dimension::Space,
+        _ => {
+            let remedy = "mesh the surfaces or volumes, and give them a physical group so that Gmsh saves them";
+            return Err(GmshError::new(content.lines, "the file holds no surface or volume elements", remedy));
+        }
+    };
+    let numbers: BTreeMap<u64, usize> = content.nodes.keys().copied().zip(0..).collect();
+    let mut mesh = Mesh {
+        dimension,
+        nodes: content.nodes.values().copied().collect(),
+        elements: Vec::new(),
+        kinds: Vec::new(),
+        node_sets: BTreeMap::new(),
+        side_sets: BTreeMap::new(),
+        element_sets: BTreeMap::new(),
+    };
+    let mut sets: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+    for element in content.elements.iter().filter(|element| dimension_of(element) == highest) {
+        let kind = kind_of(element.shape, preferred);
+        let order: Vec<usize> = match kind {
+            ElementKind::T10 => T10_ORDER.to_vec(),
+            ElementKind::H20 | ElementKind::H20Full => H20_ORDER.to_vec(),
+            _ => (0..kind.node_count()).collect(),
+        };
+        for group in names(&content, element) {
+            sets.entry(group).or_default().insert(mesh.elements.len());
+        }
+        mesh.elements.push(order.iter().map(|&place| numbers[&element.nodes[place]]).collect());
+        mesh.kinds.push(kind);
+    }
+    mesh.element_sets = sets.into_iter().map(|(name, elements)| (name, elements.into_iter().collect())).collect();
+    mesh.element_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.elements.len()).collect());
+    mesh.side_sets = side_sets(&content, &mesh, &numbers, highest - 1)?;
+    mesh.node_sets = node_sets(&content, &numbers);
+    mesh.node_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.nodes.len()).collect());
+    Ok(mesh)
+}
+
+fn check(element: &RawElement, content: &Content) -> Result<(), GmshError> {
+    let Some((_, _, count)) = SHAPES.iter().find(|(shape, _, _)| *shape == element.shape) else {
+        let (problem, remedy) = match element.shape {
+            10 => ("a 9-node quadrilateral", "set Mesh.SecondOrderIncomplete = 1 for 8-node ones"),
+            12 => ("a 27-node hexahedron", "set Mesh.SecondOrderIncomplete = 1 for 20-node ones"),
+            6 | 7 | 13 | 14 | 18 | 19 => ("a prism or pyramid", "mesh with tetrahedra or hexahedra only"),
+            _ => ("an element of a shape that is not supported", "use linear or quadratic elements"),
+        };
+        return Err(GmshError::new(element.line, format!("{problem} (shape {})", element.shape), remedy));
+    };
+    if element.nodes.len() != *count {
+        let problem = format!("{} nodes where shape {} has {count}", element.nodes.len(), element.shape);
+        return Err(GmshError::new(element.line, problem, "save the mesh again"));
+    }
+    match element.nodes.iter().find(|node| !content.nodes.contains_key(node)) {
+        Some(node) => Err(GmshError::new(element.line, format!("there is no node {node}"), "save the mesh again")),
+        None => Ok(()),
+    }
+}
+
+/// 4 for shapes that [`check`] refuses.
+fn dimension_of(element: &RawElement) -> usize {
+    SHAPES.iter().find(|(shape, _, _)| *shape == element.shape).map_or(4, |(_, dimension, _)| *dimension)
+}
+
+fn kind_of(shape: u32, preferred: Option<ElementKind>) -> ElementKind {
+    let usual = match shape {
+        2 => ElementKind::T3,
+        3 => ElementKind::Q4,
+        9 => ElementKind::T6,
+        16 => ElementKind::Q8,
+        4 => ElementKind::T4,
+        5 => ElementKind::H8,
+        11 => ElementKind::T10,
+        _ => ElementKind::H20,
+    };
+    let same = |kind: &ElementKind| {
+        kind.dimension() == usual.dimension()
+            && kind.node_count() == usual.node_count()
+            && kind.corner_count() == usual.corner_count()
+    };
+    preferred.filter(same).unwrap_or(usual)
+}
+
+/// Names of the groups of an element.
+fn names(content: &Content, element: &RawElement) -> Vec<String> {
+    let dimension = dimension_of(element);
+    let name =
+        |group: &i64| content.names.get(&(dimension, *group)).cloned().unwrap_or_else(|| format!("group_{group}"));
+    element.groups.iter().map(name).collect()
+}
+
+/// Sides of the mesh that lie under grouped elements of one dimension less.
+fn side_sets(
+    content: &Content,
+    mesh: &Mesh,
+    numbers: &BTreeMap<u64, usize>,
+    dimension: usize,
+) -> Result<BTreeMap<String, Vec<Side>>, GmshError> {
+    let mut owners: BTreeMap<Vec<usize>, Vec<Side>> = BTreeMap::new();
+    for (element, kind) in mesh.kinds.iter().enumerate() {
+        for local in 0..kind.side_count() {
+            let side = Side { element, local };
+            owners.entry(sorted(mesh.side_nodes(side))).or_default().push(side);
+        }
+    }
+    let mut sets: BTreeMap<String, BTreeSet<Side>> = BTreeMap::new();
+    for element in content.elements.iter().filter(|element| dimension_of(element) == dimension) {
+        for name in names(content, element) {
+            let nodes = sorted(element.nodes.iter().map(|node| numbers[node]).collect());
+            let [side] = owners.get(&nodes).map_or(&[][..], Vec::as_slice) else {
+                let problem = format!("an element of group '{name}' is not a side of exactly one element");
+                return Err(GmshError::new(
+                    element.line,
+                    problem,
+                    "groups of sides must lie on the boundary of the mesh",
+                ));
+            };
+            sets.entry(name).or_default().insert(*side);
+        }
+    }
+    Ok(sets.into_iter().map(|(name, sides)| (name, sides.into_iter().collect())).collect())
+}
+
+fn node_sets(content: &Content, numbers: &BTreeMap<u64, usize>) -> BTreeMap<String, Vec<usize>> {
+    let mut sets: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+    for element in &content.elements {
+        for name in names(content, element) {
+            sets.entry(name).or_default().extend(element.nodes.iter().map(|node| numbers[node]));
+        }
+    }
+    sets.into_iter().map(|(name, nodes)| (name, nodes.into_iter().collect())).collect()
+}
+
+fn sorted(mut nodes: Vec<usize>) -> Vec<usize> {
+    nodes.sort_unstable();
+    nodes
+}
