@@ -5,6 +5,7 @@ mod harness;
 use harness::{Site, Traces, eventually, lives, signal};
 use rustix::process::Signal;
 use std::path::PathBuf;
+use std::process::Stdio;
 use std::time::Duration;
 
 /// Check A-2: ten workers killed at moments that nobody chose.
@@ -46,7 +47,7 @@ fn interrupt(how: Signal) -> (Site, Traces) {
     signal(run.pid(), how);
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
-    assert!(ended.stderr.contains("interrupted"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("interrupted") && ended.stderr.contains("--resume"), "{}", ended.stderr);
     assert!(workers.into_iter().all(|pid| !lives(pid)), "a worker outlived its run");
     (site, traces)
 }
@@ -87,28 +88,119 @@ fn what_a_killed_run_and_its_killed_workers_leave_is_reported_and_cleaned() {
     drop(run);
     assert!(!traces.left().is_empty());
     assert!(site.status().contains(&traces.run), "a dead run is reported");
+    // What is not the dead run's: a live run, even a stopped one, and files that only look alike.
+    let mut live = site.start_run("live", "1", 500);
+    let neighbour = site.traces("live");
+    live.await_rows(&site.path("live").join("history.csv"), 1);
+    signal(live.pid(), Signal::STOP);
+    let before = neighbour.left();
+    let stranger = PathBuf::from(format!("/dev/shm/g{:08x}_stranger", std::process::id()));
+    std::fs::write(&stranger, b"mine").unwrap();
     assert!(site.program(&["clean"]).status().unwrap().success());
     assert_eq!(traces.left(), Vec::<PathBuf>::new());
+    assert_eq!(neighbour.left(), before);
+    assert_eq!(std::fs::read(&stranger).unwrap(), b"mine");
+    std::fs::remove_file(&stranger).unwrap();
+    signal(live.pid(), Signal::CONT);
+    signal(live.pid(), Signal::INT);
+    assert_eq!(live.end().status.code(), Some(130));
     assert!(!site.status().contains(&traces.run));
 }
 
-/// Workers that end whatever they are given, as with a full memory.
+/// Workers that end before they can do anything, as with a full memory.
 #[test]
 fn a_run_whose_workers_cannot_live_ends_with_code_three() {
     let site = Site::new();
-    let mut run = site.start_run("a", "1", 500);
+    let out = site.path("a");
+    let words = ["run", "scenes/biaxial-small.toml", "--workers", "1", "--out", out.to_str().unwrap()];
+    let sets = ["--set", "loading.increments=500", "--set", "pool.restarts=4", "--set", "pool.quarantine_after=100"];
+    let mut run = site.start("a", &[&words[..], &sets].concat());
     run.await_rows(&site.path("a").join("history.csv"), 1);
     while run.runs() {
-        // Long enough to join, mostly: those that end before are replaced ever more slowly.
-        std::thread::sleep(Duration::from_millis(150));
+        std::thread::sleep(Duration::from_millis(2));
         for worker in run.workers() {
             signal(worker, Signal::KILL);
         }
     }
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(3), "{}", ended.stderr);
-    let text = ended.stderr;
-    let reasons = ["replacements were started", "has ended 3 workers", "no worker has joined"];
-    assert!(reasons.iter().any(|reason| text.contains(reason)), "{text}");
+    assert!(ended.stderr.contains("4 replacements in a row ended without an answer"), "{}", ended.stderr);
     assert!(site.history("a").lines().count() >= 2, "accepted steps are kept");
+    assert!(site.path("a").join("checkpoint.bin").exists(), "and can be continued from");
+}
+
+/// Nobody is left to tell it, so it must find out by itself.
+#[test]
+fn a_stopped_worker_does_not_outlive_a_killed_run() {
+    let site = Site::new();
+    let mut run = site.start_run("a", "1", 500);
+    let workers = run.await_workers(1);
+    let traces = site.traces("a");
+    run.await_rows(&site.path("a").join("history.csv"), 1);
+    signal(workers[0], Signal::STOP);
+    signal(run.pid(), Signal::KILL);
+    drop(run);
+    eventually("end of the worker", || (!lives(workers[0])).then_some(()));
+    eventually("tidy memory", || traces.left().is_empty().then_some(()));
+}
+
+/// A point whose question takes seconds, and a worker that is killed over it three times.
+#[test]
+fn a_deadly_question_is_set_aside_and_can_be_asked_again() {
+    let site = Site::new();
+    let out = site.path("a");
+    let words = ["run", "scenes/biaxial-small.toml", "--workers", "1", "--out", out.to_str().unwrap()];
+    let sets = ["--set", "mesh.elements=[1, 1]", "--set", "rve.strain_per_step=1e-9"];
+    let mut run = site.start("a", &[&words[..], &sets].concat());
+    run.await_rows(&out.join("history.csv"), 1);
+    let mut killed = Vec::new();
+    while killed.len() < 3 {
+        let fresh = eventually("a worker at work", || {
+            let text = site.status();
+            let at_work = |pid: &u32| text.contains(&format!("worker    {pid}")) && text.contains("Gauss point");
+            run.workers().into_iter().find(|pid| !killed.contains(pid) && at_work(pid))
+        });
+        std::thread::sleep(Duration::from_millis(600));
+        signal(fresh, Signal::KILL);
+        killed.push(fresh);
+    }
+    let ended = run.end();
+    assert_eq!(ended.status.code(), Some(3), "{}", ended.stderr);
+    let named = ended.stderr.contains("has ended 3 workers") && ended.stderr.contains("--replay");
+    assert!(named, "{}", ended.stderr);
+    let case = out.join("quarantine.replay");
+    let asked =
+        site.program(&["element", "--replay", case.to_str().unwrap()]).stdout(Stdio::piped()).output().unwrap();
+    assert!(asked.status.success(), "{}", String::from_utf8_lossy(&asked.stderr));
+    let text = String::from_utf8(asked.stdout).unwrap();
+    assert!(text.contains("Gauss point") && text.contains("ended a worker") && text.contains("stress"), "{text}");
+    let damaged = site.path("damaged.replay");
+    std::fs::write(&damaged, &std::fs::read(&case).unwrap()[..100]).unwrap();
+    let ended = site.start("damaged", &["element", "--replay", damaged.to_str().unwrap()]).end();
+    assert_eq!(ended.status.code(), Some(2), "{}", ended.stderr);
+}
+
+#[test]
+fn workers_may_come_and_go_from_one_to_eight_and_back() {
+    let site = Site::new();
+    let mut run = site.start_run("scaled", "1", 60);
+    let name = site.traces("scaled").run;
+    run.await_rows(&site.path("scaled").join("history.csv"), 2);
+    let helpers: Vec<_> =
+        (0..7).map(|number| site.start(&format!("helper-{number}"), &["rve-server", "--run", &name])).collect();
+    let all = eventually("eight workers that have done something", || {
+        let text = site.status();
+        assert!(run.runs(), "the run ended too soon: {text}");
+        let jobs = text.matches(" jobs in ").count() - text.matches(", 0 jobs in ").count();
+        (jobs == 8).then_some(text)
+    });
+    assert!(helpers.iter().all(|helper| all.contains(&format!("worker    {}", helper.pid()))), "{all}");
+    for (number, helper) in helpers.iter().enumerate() {
+        signal(helper.pid(), if number % 2 == 0 { Signal::TERM } else { Signal::KILL });
+    }
+    let ended = run.end();
+    assert!(ended.status.success(), "{}", ended.stderr);
+    let alone = site.start_run("alone", "1", 60).end();
+    assert!(alone.status.success(), "{}", alone.stderr);
+    assert_eq!(site.history("scaled"), site.history("alone"));
 }

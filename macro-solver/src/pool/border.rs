@@ -45,6 +45,9 @@ pub(super) fn judge(job: &TrialJob, loaded: &LoadedReply<'_>) -> Result<Verdict,
             match reason {
                 // The macro checked this snapshot against its name when it arrived: the refusal is the worker's fault.
                 RveError::Snapshot(text) => Err(format!("a sound snapshot was refused: {text}")),
+                // A defect of this engine in this process, such as a panic. Elsewhere the question may well be answered;
+                // taking it for the point's answer would make the result depend on the worker.
+                RveError::EngineFault(text) => Err(format!("the engine broke down: {text}")),
                 reason => Ok(Verdict::Failed(reason)),
             }
         }

@@ -1,0 +1,276 @@
+//! One disturbed run, and what was done to it.
+
+use super::compare::same;
+use super::draw::Draw;
+use super::fault::Fault;
+use super::macros::{Macro, children_of, strike};
+use rustix::process::Signal;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Sizes of the runs: elements across and up, increments.
+const SIZES: [(u32, u32, u32); 3] = [(1, 1, 6), (1, 2, 5), (2, 2, 4)];
+
+/// Faulty workers of one case; those that come later are sound, so that the run reaches its end.
+const FAULTY: usize = 10;
+
+/// What was done, over all cases.
+#[derive(Default)]
+pub struct Tally {
+    /// Faults that a worker has reported, by state and action.
+    faulty: BTreeMap<String, u64>,
+    /// Signals to workers and macros.
+    signals: BTreeMap<String, u64>,
+    resumes: u64,
+}
+
+impl Tally {
+    /// How many faults there were.
+    pub fn faults(&self) -> u64 {
+        self.faulty.values().chain(self.signals.values()).sum()
+    }
+
+    fn add(map: &mut BTreeMap<String, u64>, what: String) {
+        *map.entry(what).or_default() += 1;
+    }
+
+    /// A table for people.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let mut by_state: BTreeMap<&str, (u64, Vec<String>)> = BTreeMap::new();
+        for (what, count) in &self.faulty {
+            let (state, action) = what.split_once(':').unwrap_or((what, ""));
+            let entry = by_state.entry(state).or_default();
+            entry.0 += count;
+            entry.1.push(format!("{action} {count}"));
+        }
+        for (state, (count, actions)) in by_state {
+            writeln!(text, "{state:<14} {count:>5}  {}", actions.join(", "))
+                .expect("writing to a String cannot fail");
+        }
+        for (what, count) in &self.signals {
+            writeln!(text, "{what:<14} {count:>5}").expect("writing to a String cannot fail");
+        }
+        write!(text, "{:<14} {:>5}", "resumed", self.resumes).expect("writing to a String cannot fail");
+        text
+    }
+}
+
+/// A place for the output of all cases.
+pub struct Site {
+    folder: tempfile::TempDir,
+}
+
+impl Site {
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("there is a place for temporary files") }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn arguments(&self, out: &str, size: (u32, u32, u32), more: &[&str]) -> Vec<String> {
+        let (across, up, increments) = size;
+        let mut words: Vec<String> = ["run", "scenes/biaxial-small.toml", "--out"].map(str::to_owned).to_vec();
+        words.push(self.path(out).display().to_string());
+        // A hang has to be noticed soon, and a storm of faults must not look like one deadly job.
+        for set in [
+            &format!("mesh.elements=[{across}, {up}]"),
+            &format!("loading.increments={increments}"),
+            "pool.hang_floor=1.5",
+            "pool.hang_unknown=1.5",
+            "pool.stopped_limit=0.3",
+            "pool.quarantine_after=1000",
+            "pool.restarts=1000",
+        ] {
+            words.extend(["--set".to_owned(), set.to_owned()]);
+        }
+        words.extend(more.iter().map(|&word| word.to_owned()));
+        words
+    }
+
+    /// The undisturbed run of this size, made once; returns its folder and how long it took.
+    fn reference(&self, size: (u32, u32, u32)) -> Result<(PathBuf, Duration), String> {
+        let name = format!("reference-{}-{}", size.0, size.1);
+        let (folder, clock) = (self.path(&name), self.path(&format!("{name}.clock")));
+        if let Ok(text) = fs::read_to_string(&clock) {
+            return Ok((folder, Duration::from_secs_f64(text.parse().unwrap_or(1.0))));
+        }
+        let begun = Instant::now();
+        let mut run =
+            Macro::start(&self.arguments(&name, size, &["--workers", "2"]), &self.path(&format!("{name}.stderr")));
+        wait(&mut run, |_| {})?;
+        let took = begun.elapsed();
+        fs::write(&clock, took.as_secs_f64().to_string()).map_err(|error| error.to_string())?;
+        Ok((folder, took))
+    }
+
+    /// Runs one case.
+    pub fn run(&self, number: u64, draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
+        let size = draw.pick(&SIZES);
+        let (reference, took) = self.reference(size)?;
+        let name = format!("case-{number}");
+        match number % 3 {
+            0 => self.faulty(&name, size, draw, tally)?,
+            1 => self.struck(&name, size, took, draw, tally)?,
+            _ => self.resumed(&name, size, took, draw, tally)?,
+        }
+        same(&self.path(&name), &reference)?;
+        let left = fs::read_dir(format!("/dev/shm/grainspan-{}", rustix::process::getuid().as_raw()));
+        let left: Vec<_> = left.into_iter().flatten().flatten().map(|entry| entry.file_name()).collect();
+        let ours = format!("c{}-{number}", std::process::id());
+        if left.iter().any(|name| name.to_string_lossy() == ours) {
+            return Err("the run has left something in memory".to_owned());
+        }
+        let _ = fs::remove_dir_all(self.path(&name));
+        Ok(())
+    }
+
+    /// Workers that fail in given ways at given states.
+    fn faulty(&self, name: &str, size: (u32, u32, u32), draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
+        let run = format!("c{}-{}", std::process::id(), name.trim_start_matches("case-"));
+        let workers = 1 + draw.below(3) as usize;
+        let count = workers.to_string();
+        let arguments = self.arguments(name, size, &["--attach", &run, "--workers", &count]);
+        let log = self.path(&format!("{name}.faults"));
+        let mut crew = Crew { run, log: log.clone(), workers: Vec::new(), hired: 0 };
+        let mut r#macro = Macro::start(&arguments, &self.path(&format!("{name}.stderr")));
+        let ended = wait(&mut r#macro, |_| crew.keep(workers, draw));
+        drop(crew);
+        for line in fs::read_to_string(&log).unwrap_or_default().lines() {
+            let (what, _) = line.rsplit_once(':').unwrap_or((line, ""));
+            Tally::add(&mut tally.faulty, what.to_owned());
+        }
+        ended
+    }
+
+    /// Signals to the run's own workers.
+    fn struck(
+        &self,
+        name: &str,
+        size: (u32, u32, u32),
+        took: Duration,
+        draw: &mut Draw,
+        tally: &mut Tally,
+    ) -> Result<(), String> {
+        let count = (1 + draw.below(3)).to_string();
+        let arguments = self.arguments(name, size, &["--workers", &count]);
+        let mut left = 2 + draw.below(6);
+        let pause = |draw: &mut Draw| took.mul_f64(draw.below(1000) as f64 / 2500.0);
+        let mut next = Instant::now() + pause(draw);
+        let mut run = Macro::start(&arguments, &self.path(&format!("{name}.stderr")));
+        wait(&mut run, |pid| {
+            let victims = if left > 0 && Instant::now() >= next { children_of(pid) } else { Vec::new() };
+            if !victims.is_empty() {
+                left -= 1;
+                next = Instant::now() + pause(draw);
+                let signal = draw.pick(&[Signal::KILL, Signal::KILL, Signal::SEGV, Signal::STOP, Signal::TERM]);
+                strike(draw.pick(&victims), signal);
+                Tally::add(&mut tally.signals, format!("worker {signal:?}"));
+            }
+        })
+    }
+
+    /// The macro is killed and continued.
+    fn resumed(
+        &self,
+        name: &str,
+        size: (u32, u32, u32),
+        took: Duration,
+        draw: &mut Draw,
+        tally: &mut Tally,
+    ) -> Result<(), String> {
+        let pause = ["checkpoint.seconds=0", "checkpoint.steps=1", "checkpoint.steps=2"][draw.below(3) as usize];
+        let arguments = self.arguments(name, size, &["--workers", "2", "--resume", "--set", pause]);
+        let stderr = self.path(&format!("{name}.stderr"));
+        for _ in 0..2 + draw.below(4) {
+            let mut run = Macro::start(&arguments, &stderr);
+            tally.resumes += 1;
+            let deadline = Instant::now() + took.mul_f64(0.1 + draw.below(1000) as f64 / 1200.0);
+            while Instant::now() < deadline && run.ended().is_none() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            if run.ended().is_some() {
+                break;
+            }
+            let signal = draw.pick(&[Signal::KILL, Signal::KILL, Signal::KILL, Signal::TERM, Signal::INT]);
+            strike(run.pid(), signal);
+            Tally::add(&mut tally.signals, format!("macro {signal:?}"));
+            let end = Instant::now() + Duration::from_secs(20);
+            let status = loop {
+                if let Some(status) = run.ended() {
+                    break status;
+                }
+                if Instant::now() > end {
+                    return Err(format!("a macro does not follow {signal:?}"));
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            };
+            let stopped = signal == Signal::KILL || status.success() || status.code() == Some(130);
+            if !stopped {
+                return Err(format!("{status} after {signal:?}: {}", run.said()));
+            }
+        }
+        tally.resumes += 1;
+        wait(&mut Macro::start(&arguments, &stderr), |_| {})
+    }
+}
+
+/// Waits for the good end of a run, doing something meanwhile.
+fn wait(run: &mut Macro, mut meanwhile: impl FnMut(u32)) -> Result<(), String> {
+    loop {
+        if let Some(status) = run.ended() {
+            return if status.success() { Ok(()) } else { Err(format!("{status}: {}", run.said())) };
+        }
+        if run.is_stuck() {
+            return Err(format!("the run does not end: {}", run.said()));
+        }
+        meanwhile(run.pid());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Workers of an attached run, hired again when they end.
+struct Crew {
+    run: String,
+    log: PathBuf,
+    workers: Vec<Child>,
+    hired: usize,
+}
+
+impl Crew {
+    fn keep(&mut self, count: usize, draw: &mut Draw) {
+        self.workers.retain_mut(|worker| matches!(worker.try_wait(), Ok(None)));
+        while self.workers.len() < count + usize::from(self.hired < FAULTY) {
+            let mut words = vec![format!("run={}", self.run), format!("log={}", self.log.display())];
+            if self.hired < FAULTY {
+                words.push(format!("fault={}", Fault::draw(draw)));
+            }
+            self.hired += 1;
+            let program = std::env::current_exe().expect("this program lies somewhere");
+            let mut command = Command::new(program);
+            command.arg("worker").args(words).current_dir(env!("CARGO_MANIFEST_DIR"));
+            command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+            self.workers.push(command.spawn().expect("a worker starts"));
+        }
+    }
+}
+
+impl Drop for Crew {
+    fn drop(&mut self) {
+        // Those that were stopped or put to sleep before the run knew them do not end by themselves.
+        for worker in &mut self.workers {
+            let end = Instant::now() + Duration::from_millis(500);
+            while matches!(worker.try_wait(), Ok(None)) && Instant::now() < end {
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            let _ = worker.kill();
+            let _ = worker.wait();
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! The macro process of a case, under watch.
+
+use rustix::process::{Pid, Signal, kill_process};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// No run of this size may take longer, however disturbed.
+const WATCHDOG: Duration = Duration::from_secs(90);
+
+/// A run of the real program.
+pub struct Macro {
+    child: Child,
+    begun: Instant,
+    stderr: PathBuf,
+}
+
+impl Macro {
+    /// Starts the program.
+    pub fn start(arguments: &[String], stderr: &Path) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+        command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("RUST_LOG");
+        let log = fs::File::create(stderr).expect("the place is writable");
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        let child = command.spawn().expect("the program starts");
+        Self { child, begun: Instant::now(), stderr: stderr.to_owned() }
+    }
+
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// How it ended, once it has.
+    pub fn ended(&mut self) -> Option<ExitStatus> {
+        self.child.try_wait().expect("it is our child")
+    }
+
+    /// Whether it takes too long.
+    pub fn is_stuck(&self) -> bool {
+        self.begun.elapsed() > WATCHDOG
+    }
+
+    /// What it said.
+    pub fn said(&self) -> String {
+        fs::read_to_string(&self.stderr).unwrap_or_default()
+    }
+}
+
+impl Drop for Macro {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Sends a signal to a process that may have ended.
+pub fn strike(pid: u32, signal: Signal) {
+    if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
+        let _ = kill_process(pid, signal);
+    }
+}
+
+/// Living children of a process.
+pub fn children_of(pid: u32) -> Vec<u32> {
+    let mut children = Vec::new();
+    for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
+        let Some(candidate) = entry.file_name().to_str().and_then(|name| name.parse::<u32>().ok()) else { continue };
+        let Ok(text) = fs::read_to_string(format!("/proc/{candidate}/stat")) else { continue };
+        let Some((_, fields)) = text.rsplit_once(')') else { continue };
+        let fields: Vec<_> = fields.split_whitespace().collect();
+        if fields[0] != "Z" && fields[1] == pid.to_string() {
+            children.push(candidate);
+        }
+    }
+    children.sort_unstable();
+    children
+}
