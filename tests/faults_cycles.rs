@@ -16,7 +16,7 @@ const CYCLES: u32 = 10_000;
 const SLACK: u64 = 2 << 20;
 
 fn definition() -> Definition {
-    let packing = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let packing: PackingFile = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
     let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5").unwrap();
     let options: RveOptions = toml::from_str("accuracy = \"draft\"").unwrap();
     GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()

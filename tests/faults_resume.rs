@@ -117,7 +117,7 @@ fn no_checkpoint_means_from_the_start_and_none_are_written_when_switched_off() {
 #[test]
 fn a_full_disk_ends_the_run_and_keeps_the_last_checkpoint() {
     let site = Site::new();
-    let script = "mount -t tmpfs -o size=1200k none \"$1\" && cd \"$2\" && shift 2 && \"$@\"; code=$?; \
+    let script = "mount -t tmpfs -o size=600k none \"$1\" && cd \"$2\" && shift 2 && \"$@\"; code=$?; \
                   cp -r \"$PLACE\" \"$KEPT\"; exit $code";
     let (place, kept) = (site.path("disk"), site.path("kept"));
     fs::create_dir(&place).unwrap();

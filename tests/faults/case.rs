@@ -8,6 +8,7 @@ use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
+use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -211,7 +212,9 @@ impl Site {
                 }
                 std::thread::sleep(Duration::from_millis(2));
             };
-            let stopped = signal == Signal::KILL || status.success() || status.code() == Some(130);
+            // A process that has not yet asked for its signals is ended by them at once.
+            let at_once = status.signal() == Some(signal.as_raw());
+            let stopped = at_once || status.success() || status.code() == Some(130);
             if !stopped {
                 return Err(format!("{status} after {signal:?}: {}", run.said()));
             }

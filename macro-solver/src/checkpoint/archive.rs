@@ -58,6 +58,12 @@ impl Archive {
         rmp_serde::from_slice(&section.bytes).map_err(|error| CheckpointError::unfit(name, error))
     }
 
+    /// Bytes of all sections and snapshots.
+    pub fn size(&self) -> u64 {
+        let sections = self.sections.values().map(|section| section.bytes.len() as u64).sum::<u64>();
+        sections + self.snapshots.values().map(|bytes| bytes.len() as u64).sum::<u64>()
+    }
+
     /// Whether a section of this name is there.
     pub fn holds(&self, name: &str) -> bool {
         self.sections.contains_key(name)

@@ -91,7 +91,10 @@ pub(super) enum Start {
 pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
     match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
         Found::Archive(archive, trouble) => {
-            let earlier: RunNote = archive.get(SECTION, VERSION).map_err(unusable)?;
+            let mut earlier: RunNote = archive.get(SECTION, VERSION).map_err(unusable)?;
+            // What it says about itself was true before it was written.
+            earlier.figures.written += 1;
+            earlier.figures.bytes = archive.size();
             refuse_changes(folder, &earlier.scene, note)?;
             if earlier.definition != note.definition {
                 return Err(refusal(

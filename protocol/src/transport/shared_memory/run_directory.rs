@@ -302,6 +302,29 @@ impl Drop for RunDirectory {
     }
 }
 
+/// Removes what a worker has made in the memory of a run that had ended meanwhile: a worker that is just joining makes
+/// folders and files anew behind the back of a macro that removes them. While the run lives nothing happens.
+#[derive(Debug)]
+pub(super) struct Latecomer(pub(super) RunRecord);
+
+impl Drop for Latecomer {
+    fn drop(&mut self) {
+        let Some(directory) = self.0.root.parent() else { return };
+        let orphaned = || {
+            let inode = fs::metadata(directory).ok()?.ino();
+            (!directory.join("run.json").exists()).then_some(inode)
+        };
+        // A run of the same name may be about to begin: it has its record within this time.
+        let first = orphaned();
+        if first.is_some() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        if first.is_some() && orphaned() == first {
+            sweep(directory, Some(&self.0.prefix));
+        }
+    }
+}
+
 /// A number that no other process or thread draws: names senders and prefixes.
 pub(super) fn fresh_number() -> u64 {
     static DRAWN: AtomicU64 = AtomicU64::new(0);
@@ -330,7 +353,13 @@ fn sweep(directory: &Path, prefix: Option<&str>) {
             let _ = fs::remove_file(path);
         }
     }
-    let _ = fs::remove_dir_all(directory);
+    // A worker that is just joining may put something into a folder that has been emptied.
+    for _ in 0..5 {
+        match fs::remove_dir_all(directory) {
+            Err(error) if error.kind() == ErrorKind::DirectoryNotEmpty => {}
+            _ => return,
+        }
+    }
 }
 
 fn look_at(base: &Path, name: &str) -> RunListing {
@@ -446,6 +475,19 @@ mod tests {
         assert!(matches!(RunDirectory::open(&name), Err(RunError::Unknown { .. })));
         assert!(RunDirectory::remove(&name).unwrap());
         assert!(!segment.exists() && !exists(&name));
+    }
+
+    #[test]
+    fn what_a_latecomer_has_made_goes_with_it_unless_the_run_lives() {
+        let name = name();
+        let run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        let (record, directory) = (run.record().clone(), run.directory.clone());
+        drop(Latecomer(record.clone()));
+        assert!(exists(&name), "the run lives");
+        drop(run);
+        fs::create_dir_all(&record.root).unwrap();
+        drop(Latecomer(record));
+        assert!(!directory.exists());
     }
 
     #[test]

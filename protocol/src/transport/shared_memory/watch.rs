@@ -10,6 +10,11 @@ use std::os::fd::{AsRawFd, OwnedFd};
 use std::sync::Arc;
 use std::time::Duration;
 
+/// Longest time between two looks at what has come. A notifier of iceoryx2 0.10 that fails to reach a new listener at
+/// its first attempt, or finds its socket gone, does not try again before the set of listeners changes: its wake-ups are
+/// lost. Without this limit a worker that joins while others die may sleep over its jobs for ever.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
 /// Token of the waker among the tokens of watched processes.
 pub(super) const WAKER: u64 = u64::MAX;
 
@@ -75,10 +80,9 @@ impl Watch {
         Ok(pidfd)
     }
 
-    /// Blocks until something happens or `limit` has passed.
+    /// Blocks until something happens or `limit` has passed, or [`LOOK_AGAIN`] if that is shorter.
     pub(super) fn wait(&self, limit: Duration) -> Result<(), TransportError> {
-        // epoll counts milliseconds in 32 bits.
-        let limit = limit.min(Duration::from_secs(86_400));
+        let limit = limit.min(LOOK_AGAIN);
         self.waits
             .wait_and_process_once_with_timeout(|_| CallbackProgression::Continue, limit)
             .map(|_| ())

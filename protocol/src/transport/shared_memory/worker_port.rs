@@ -1,6 +1,6 @@
 //! A worker's end: one client of a run.
 
-use super::run_directory::{RunDirectory, RunError, RunRecord, fresh_number};
+use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
 use super::waiting::Watchman;
 use super::watch::Watch;
@@ -49,6 +49,8 @@ pub struct SharedMemoryWorkerPort {
     to_macro: Notifier,
     listener: Listener,
     _services: Services,
+    /// Last: looks for what all the others have left.
+    _latecomer: Latecomer,
 }
 
 impl SharedMemoryWorkerPort {
@@ -76,6 +78,7 @@ impl SharedMemoryWorkerPort {
     }
 
     fn enter(record: &RunRecord) -> Result<Self, TransportError> {
+        let latecomer = Latecomer(record.clone());
         let services = Services::open(record)?;
         let sender = fresh_number();
         let listener = services
@@ -106,6 +109,7 @@ impl SharedMemoryWorkerPort {
             to_macro,
             listener,
             _services: services,
+            _latecomer: latecomer,
         })
     }
 
