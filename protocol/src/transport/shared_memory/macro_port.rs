@@ -1,7 +1,7 @@
 //! The macro's end: the only server of a run.
 
 use super::janitor::Janitor;
-use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord};
+use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord, check_room};
 use super::services::{Listener, Notifier, OpenRequest, Server, Services, message_bytes, port_name};
 use super::waiting::Watchman;
 use super::watch::{WAKER, Watch};
@@ -291,6 +291,8 @@ impl SharedMemoryMacroPort {
 
 /// Answers a request in memory loaned from the channel.
 fn answer(credit: &OpenRequest, length: usize, fill: impl FnOnce(&mut [u8])) -> Result<(), TransportError> {
+    check_room(length as u64)
+        .map_err(|error| TransportError::Channel { action: "send a message", reason: error.to_string() })?;
     let mut response = credit.loan_slice(length).map_err(refused("loan memory for a message"))?;
     fill(response.payload_mut());
     response.send().map_err(refused("send to a worker"))

@@ -22,6 +22,15 @@ const SHARED_MEMORY: &str = "/dev/shm";
 /// Root and prefix end up in the address of a Unix socket (108 bytes with iceoryx2's own part).
 const ADDRESS_LIMIT: usize = 64;
 
+/// What is never used up, bytes: enough for the small files that iceoryx2 makes.
+const RESERVE: u64 = 128 << 10;
+
+/// What a run takes for itself and for each worker before it carries anything, bytes; measured: 80 kB and 160 kB.
+const BASE_ROOM: u64 = 256 << 10;
+
+/// See [`BASE_ROOM`].
+pub(super) const WORKER_ROOM: u64 = 256 << 10;
+
 /// A directory without a record is a run about to begin; older than this it is a run that never began.
 const BIRTH: Duration = Duration::from_secs(10);
 
@@ -64,6 +73,18 @@ pub enum RunError {
         found_protocol: u32,
         /// iceoryx2 version of the run.
         found_iceoryx2: String,
+    },
+    /// Shared memory is full. Writing to memory that the system cannot provide would end the process without a word.
+    #[error(
+        "shared memory is full: {} kB are free in /dev/shm and {} kB are needed; `grainspan clean` removes what dead runs \
+         have left, a container gets more with --shm-size",
+        free / 1024, needed / 1024
+    )]
+    Room {
+        /// Bytes that are free.
+        free: u64,
+        /// Bytes that are needed.
+        needed: u64,
     },
     /// The operating system refused.
     #[error("could not {action} `{}`: {source}", path.display())]
@@ -150,6 +171,7 @@ impl RunDirectory {
     /// [`RunError::Name`], [`RunError::Taken`], or the system's refusal.
     pub fn create(name: &str, limits: ChannelLimits) -> Result<Self, RunError> {
         check_name(name)?;
+        check_room(BASE_ROOM + 2 * WORKER_ROOM)?;
         let base = base_directory()?;
         let directory = base.join(name);
         let root = directory.join("i");
@@ -325,6 +347,19 @@ impl Drop for Latecomer {
     }
 }
 
+/// Checks that shared memory has room for so many bytes, and for what others may take at the same moment.
+///
+/// # Errors
+/// [`RunError::Room`].
+pub(super) fn check_room(bytes: u64) -> Result<(), RunError> {
+    let needed = bytes + RESERVE;
+    // Where the system does not tell, there is nothing to check.
+    let Ok(room) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
+    let free = room.f_bavail.saturating_mul(room.f_frsize);
+    // A file system without a limit shows no blocks at all.
+    if room.f_blocks == 0 || free >= needed { Ok(()) } else { Err(RunError::Room { free, needed }) }
+}
+
 /// A number that no other process or thread draws: names senders and prefixes.
 pub(super) fn fresh_number() -> u64 {
     static DRAWN: AtomicU64 = AtomicU64::new(0);
@@ -475,6 +510,13 @@ mod tests {
         assert!(matches!(RunDirectory::open(&name), Err(RunError::Unknown { .. })));
         assert!(RunDirectory::remove(&name).unwrap());
         assert!(!segment.exists() && !exists(&name));
+    }
+
+    #[test]
+    fn more_than_there_is_is_refused_with_the_remedy() {
+        check_room(0).unwrap();
+        let text = check_room(1 << 60).unwrap_err().to_string();
+        assert!(text.contains("shared memory is full") && text.contains("--shm-size"), "{text}");
     }
 
     #[test]

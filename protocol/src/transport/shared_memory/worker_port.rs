@@ -1,6 +1,6 @@
 //! A worker's end: one client of a run.
 
-use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, fresh_number};
+use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
 use super::waiting::Watchman;
 use super::watch::Watch;
@@ -79,6 +79,7 @@ impl SharedMemoryWorkerPort {
 
     fn enter(record: &RunRecord) -> Result<Self, TransportError> {
         let latecomer = Latecomer(record.clone());
+        check_room(WORKER_ROOM).map_err(find)?;
         let services = Services::open(record)?;
         let sender = fresh_number();
         let listener = services
@@ -218,6 +219,8 @@ impl SharedMemoryWorkerPort {
     /// Sends one request in memory loaned from the channel and wakes the macro. A macro that is not there any more is
     /// no error: the next poll tells.
     fn request(&mut self, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<(), TransportError> {
+        check_room(size as u64)
+            .map_err(|error| TransportError::Channel { action: "send a message", reason: error.to_string() })?;
         let mut request = self.client.loan_slice(size).map_err(refused("loan memory for a message"))?;
         fill(request.payload_mut());
         let pending = request.send().map_err(refused("send to the macro"))?;
