@@ -167,6 +167,8 @@ class LammpsRve(Rve):
         """What neither a data file nor a restart file brings along. The law is among it: what a restart file says of
         style ``granular`` gives no forces in this version."""
         command = self.program.command
+        # Without this the law would be added to that of the restart file, and every snapshot would be longer.
+        command("pair_style none")
         self.program.commands_list(self.law)
         skin = 0.1 * float(self.made_of.radii.mean())
         for line in (

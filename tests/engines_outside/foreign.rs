@@ -1,0 +1,47 @@
+//! Which engines can be started here.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The interpreter for the adapters.
+pub(crate) fn python() -> PathBuf {
+    if let Some(named) = std::env::var_os("GRAINSPAN_TEST_PYTHON") {
+        return named.into();
+    }
+    let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/adapters-venv/bin/python");
+    if made.exists() { made } else { "python3".into() }
+}
+
+/// The command of a Python engine, without its role.
+pub(crate) fn command(engine: &str) -> Command {
+    let mut command = Command::new(python());
+    command.args(["-m", &format!("grainspan_worker.engines.{engine}")]);
+    command.env("PYTHONPATH", package());
+    command
+}
+
+/// Where the Python package lies.
+pub(crate) fn package() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("adapters/python")
+}
+
+/// Whether an engine can be started; says so when it cannot.
+pub(crate) fn is_there(engine: &str) -> bool {
+    let probe = format!("import iceoryx2, msgpack, numpy, xxhash, grainspan_worker.engines.{engine}");
+    let tried = Command::new(python()).args(["-c", &probe]).env("PYTHONPATH", package()).output();
+    let reason = match tried {
+        Ok(output) if output.status.success() => return true,
+        Ok(output) => {
+            let words = String::from_utf8_lossy(&output.stderr).into_owned();
+            words.trim().lines().last().unwrap_or("it ended without a word").to_owned()
+        }
+        Err(error) => error.to_string(),
+    };
+    let required = std::env::var("GRAINSPAN_REQUIRE_ENGINES").unwrap_or_default();
+    assert!(
+        !required.split(',').any(|name| name == engine),
+        "engine `{engine}` is required and cannot be started: {reason}"
+    );
+    eprintln!("SKIPPED: engine `{engine}` cannot be started here: {reason}");
+    false
+}
