@@ -6,7 +6,8 @@ use super::foreign;
 use protocol::{Ask, Definition, RveSolver, StateId, Tensor2};
 use rve_server::definition::{ContactTable, GrainDefinition};
 use rve_server::engine::GrainRve;
-use rve_server::packing::{Discs, PackingFile};
+use rve_server::packing::PackingFile;
+use rve_server::space::Discs;
 
 #[test]
 fn reference_engine_agrees() {
@@ -42,7 +43,7 @@ fn crystals(talk: &mut Conversation, tolerance: f64) {
     for rows in [[[1.0, 0.0], [0.5, 0.75f64.sqrt()]], [[1.0, 0.0], [0.0, 1.0]]] {
         let made_of = crystal(rows);
         talk.define(&made_of);
-        let mut built_in = GrainRve::from_protocol(&made_of).unwrap();
+        let mut built_in = GrainRve::<Discs>::from_protocol(&made_of).unwrap();
         for target in [[[0.0, 0.0], [0.0, -1e-5]], [[-1e-5, 0.0], [0.0, 0.0]], [[0.0, 1e-5], [1e-5, 0.0]]] {
             let job = talk.job(&made_of, StateId::NONE, target);
             let said = talk.ask_one(job, b"");
@@ -81,7 +82,7 @@ fn crystal(rows: [[f64; 2]; 2]) -> Definition {
 fn random_packing(talk: &mut Conversation, tolerance: f64) {
     let made_of = discs();
     talk.define(&made_of);
-    let mut built_in = GrainRve::from_protocol(&made_of).unwrap();
+    let mut built_in = GrainRve::<Discs>::from_protocol(&made_of).unwrap();
     let (mut state, mut bytes) = (StateId::NONE, Vec::new());
     for step in 0..4 {
         let target = [[4e-4, 0.0], [0.0, -1e-3]];

@@ -2,11 +2,11 @@
 
 use super::conversation::{Conversation, Partner, Said};
 use super::foreign;
-use bytemuck::Zeroable;
 use protocol::wire::{ReplyStatus, TrialJob};
 use protocol::{ContentId, Definition, RveError, StateId, TrialFlags};
 use rve_server::definition::{ContactTable, GrainDefinition};
 use rve_server::packing::PackingFile;
+use rve_server::space::Discs;
 use std::path::Path;
 
 /// 100 discs, draft accuracy.
@@ -14,7 +14,7 @@ pub(crate) fn discs() -> Definition {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
     let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
     let options = toml::from_str("accuracy = \"draft\"").unwrap();
-    GrainDefinition { packing: PackingFile::read(&path).unwrap(), contact, options }.to_protocol()
+    GrainDefinition { packing: PackingFile::<Discs>::read(&path).unwrap(), contact, options }.to_protocol()
 }
 
 const SHORTER: [[f64; 2]; 2] = [[5e-5, 0.0], [0.0, -1e-4]];

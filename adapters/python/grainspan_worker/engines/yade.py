@@ -95,6 +95,7 @@ class YadeRve(Rve):
             self.latest = msgpack.packb([frame.angle, _save()])
         else:
             flags.add("skipped_null_target")
+            _look()
             self.latest = self.committed
         return self._answer(frame, ask, flags, ramp_steps, wrapper.Omega().iter - begun)
 
@@ -249,6 +250,14 @@ class YadeRve(Rve):
 
 def _contacts():
     return [contact for contact in wrapper.Omega().interactions if contact.isReal]
+
+
+def _look():
+    """One evaluation of the forces; nothing moves. A loaded scene has contacts but no forces."""
+    newton = wrapper.Omega().engines[-1]
+    newton.dead = True
+    wrapper.Omega().step()
+    newton.dead = False
 
 
 def _rest():
