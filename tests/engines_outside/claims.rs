@@ -132,7 +132,11 @@ fn refusals_change_nothing(talk: &mut Conversation, made_of: &Definition, first:
 }
 
 /// Commit is nothing but asking from the trial state: the worker holds it, or is given it.
-fn a_state_is_the_same_with_and_without_its_bytes(talk: &mut Conversation, made_of: &Definition, first: &Said) -> Said {
+fn a_state_is_the_same_with_and_without_its_bytes(
+    talk: &mut Conversation,
+    made_of: &Definition,
+    first: &Said,
+) -> Said {
     let job = talk.job(made_of, first.reply.state, SHEARED);
     let held = talk.ask_one(job, b"");
     sound(&held);
