@@ -9,6 +9,7 @@ mod chart;
 mod machine;
 mod repeat;
 mod report;
+mod rve;
 mod scaling;
 mod schedule;
 mod self_test;
@@ -52,6 +53,11 @@ const STUDIES: &[Study] = &[
         name: "scaling",
         about: "400 discs on 1, 2 and more workers: fixed work, work per worker, the serial part",
         run: scaling::run,
+    },
+    Study {
+        name: "rve",
+        about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
+        run: rve::run,
     },
 ];
 

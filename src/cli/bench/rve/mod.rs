@@ -1,0 +1,237 @@
+//! What a stress curve of one cell costs at which error: every setting of the grain solver on the same strain paths,
+//! against a reference at least ten times tighter, beside the band within which a perturbed start scatters, and beside
+//! Yade and LAMMPS where they are installed.
+
+mod case;
+mod measure;
+mod peers;
+mod setting;
+mod window;
+
+use super::Effort;
+use super::chart::{Chart, Scale};
+use super::repeat::median;
+use super::report::Report;
+use super::table::{Cell, Table};
+use anyhow::Context;
+use case::{CASES, Case};
+use measure::Run;
+use peers::Peer;
+use rve_server::definition::RveOptions;
+use setting::{Setting, is_beyond, settings};
+use std::path::Path;
+use window::{CurveRow, band, error};
+
+/// Displacement of the grains of the perturbed members, mean radii.
+const PERTURBATION: f64 = 1e-10;
+
+/// Strain rates of the other programs, from the fastest; the slowest is their own reference.
+const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
+
+/// Draws error over cost for all cases.
+///
+/// # Errors
+/// A solve fails, a peer fails, or the report cannot be written.
+pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let scratch = tempfile::tempdir().context("making a scratch folder")?;
+    for case in effort.choose(&CASES[..2], &CASES[..1]) {
+        study(case, *effort, scratch.path(), report)?;
+    }
+    Ok(())
+}
+
+/// A setting and what it gave in every round.
+struct Measured {
+    curve: String,
+    name: String,
+    processor: f64,
+    evaluations: u64,
+    not_equilibrated: u64,
+    errors: Vec<f64>,
+}
+
+fn study(case: &Case, effort: Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {
+    let folder = scratch.join(case.name);
+    measure::lay_out(case, &folder, 0.0, 0)?;
+    report.note(&format!("\n{}: {}", case.name, case.about))?;
+    let tight = if effort.quick { "strain_per_step = 5e-7\ntolerance = 1e-4" } else { case.reference };
+    let options: RveOptions = toml::from_str(tight).context("reference of a case")?;
+    let reference = measure::solve(case, &options, &folder)?;
+    let pressure = measure::pressure(&reference.curve);
+    report.note(&format!(
+        "reference: {}, {} force evaluations, {:.1} s",
+        tight.replace('\n', ", "),
+        reference.evaluations,
+        reference.processor
+    ))?;
+    let chosen: Vec<Setting> =
+        settings(effort.quick)?.into_iter().filter(|setting| is_beyond(&options, &setting.rve)).collect();
+    let mut measured = ours(case, &chosen, effort, &folder, &reference.curve, pressure)?;
+    scatter(case, effort, scratch, pressure, report)?;
+    if let (Some(law), false) = (case.peer, effort.quick) {
+        for peer in Peer::ALL {
+            if peer.is_installed() {
+                let runs = theirs(peer, case, law, &folder)?;
+                measured.extend(judged(peer, case, &runs, &reference.curve, pressure));
+            } else {
+                report.note(&format!("{} is not installed and left out ({})", peer.name(), peer.remedy()))?;
+            }
+        }
+    }
+    tabulate(case, &measured, report)?;
+    draw(case, &measured, report)
+}
+
+/// All settings, in alternating rounds.
+fn ours(
+    case: &Case,
+    chosen: &[Setting],
+    effort: Effort,
+    folder: &Path,
+    reference: &[CurveRow],
+    pressure: f64,
+) -> anyhow::Result<Vec<Measured>> {
+    let mut runs: Vec<Vec<Run>> = vec![Vec::new(); chosen.len()];
+    for round in 0..effort.choose(3, 1) {
+        for place in 0..chosen.len() {
+            let index = if round % 2 == 0 { place } else { chosen.len() - 1 - place };
+            runs[index].push(measure::solve(case, &chosen[index].rve, folder)?);
+        }
+    }
+    Ok(chosen
+        .iter()
+        .zip(&runs)
+        .map(|(setting, runs)| Measured {
+            curve: setting.curve.clone(),
+            name: setting.name.clone(),
+            processor: median(&runs.iter().map(|run| run.processor).collect::<Vec<_>>()),
+            evaluations: runs[0].evaluations,
+            not_equilibrated: runs[0].not_equilibrated,
+            errors: errors(case, &runs[0].curve, reference, pressure),
+        })
+        .collect())
+}
+
+fn errors(case: &Case, curve: &[CurveRow], reference: &[CurveRow], pressure: f64) -> Vec<f64> {
+    case.windows.iter().map(|window| error(curve, reference, window, pressure)).collect()
+}
+
+/// The band of the default setting from perturbed starts: below it, an error says nothing.
+fn scatter(case: &Case, effort: Effort, scratch: &Path, pressure: f64, report: &mut Report) -> anyhow::Result<()> {
+    let folder = scratch.join(format!("{}-perturbed", case.name));
+    let mut ensemble = Vec::new();
+    for seed in 0..effort.choose(6, 2) {
+        measure::lay_out(case, &folder, PERTURBATION, seed)?;
+        ensemble.push(measure::solve(case, &RveOptions::default(), &folder)?.curve);
+    }
+    let mut table = Table::new(["window", "after", "until", "band"]);
+    for window in case.windows {
+        table.row([
+            window.name.into(),
+            window.after.into(),
+            window.until.into(),
+            band(&ensemble, window, pressure).into(),
+        ]);
+    }
+    let heading = format!(
+        "{}: scatter of {} runs at default accuracy with grains displaced by {PERTURBATION:e} mean radii (RMS, in units of the pressure)",
+        case.name,
+        ensemble.len()
+    );
+    Ok(report.table(&format!("{}-band", case.name), &heading, &table)?)
+}
+
+fn theirs(peer: Peer, case: &Case, law: case::PeerLaw, folder: &Path) -> anyhow::Result<Vec<(f64, peers::PeerRun)>> {
+    PEER_RATES
+        .iter()
+        .map(|rate| Ok((*rate, peer.run(case, law, *rate, folder).with_context(|| peer.name().to_owned())?)))
+        .collect()
+}
+
+/// The runs of a peer but its slowest, judged by its slowest: differences of the law are no errors of the rate. Beside
+/// them the slowest, judged by our reference: how far the programs differ once both have converged.
+fn judged(
+    peer: Peer,
+    case: &Case,
+    runs: &[(f64, peers::PeerRun)],
+    reference: &[CurveRow],
+    pressure: f64,
+) -> Vec<Measured> {
+    let Some(((slowest, own), faster)) = runs.split_last() else { return Vec::new() };
+    let row = |curve: String, rate: f64, run: &peers::PeerRun, errors: Vec<f64>| Measured {
+        curve,
+        name: format!("{} rate {rate:e}", peer.name()),
+        processor: run.processor,
+        evaluations: run.steps,
+        not_equilibrated: 0,
+        errors,
+    };
+    let mut rows: Vec<Measured> = faster
+        .iter()
+        .map(|(rate, run)| row(peer.name().to_owned(), *rate, run, errors(case, &run.curve, &own.curve, pressure)))
+        .collect();
+    let apart = errors(case, &own.curve, reference, pressure);
+    rows.push(row(format!("{}, slowest, against our reference", peer.name()), *slowest, own, apart));
+    rows
+}
+
+fn tabulate(case: &Case, measured: &[Measured], report: &mut Report) -> anyhow::Result<()> {
+    let mut table = Table::new([
+        "curve",
+        "setting",
+        "cpu_s",
+        "force_evaluations",
+        "us_per_evaluation",
+        "not_equilibrated",
+        "error_start",
+        "error_to_peak",
+        "error_after",
+    ]);
+    for row in measured {
+        let error = |window: usize| Cell::from(row.errors.get(window).copied().unwrap_or(f64::NAN));
+        table.row([
+            row.curve.clone().into(),
+            row.name.clone().into(),
+            row.processor.into(),
+            row.evaluations.into(),
+            (1e6 * row.processor / row.evaluations as f64).into(),
+            row.not_equilibrated.into(),
+            error(0),
+            error(1),
+            error(2),
+        ]);
+    }
+    let heading = format!("{}: error of the stress (RMS, in units of the pressure) and its price", case.name);
+    Ok(report.table(case.name, &heading, &table)?)
+}
+
+/// One picture over time and one over force evaluations, of the error to the peak.
+fn draw(case: &Case, measured: &[Measured], report: &mut Report) -> anyhow::Result<()> {
+    let mut curves: Vec<&str> = Vec::new();
+    for row in measured {
+        if !curves.contains(&row.curve.as_str()) {
+            curves.push(&row.curve);
+        }
+    }
+    for (window, meaning) in [(0, "start"), (1, "to the peak"), (2, "after")] {
+        for (file, axis) in [("time", "processor time, s"), ("evaluations", "force evaluations")] {
+            let title = format!("{}, {meaning}", case.name);
+            let mut chart =
+                Chart::new(&title, (axis, Scale::Logarithmic), ("stress error / pressure", Scale::Logarithmic));
+            for curve in &curves {
+                let mut points: Vec<[f64; 2]> = measured
+                    .iter()
+                    .filter(|row| row.curve == *curve)
+                    .map(|row| {
+                        let price = if file == "time" { row.processor } else { row.evaluations as f64 };
+                        [price, row.errors[window]]
+                    })
+                    .collect();
+                points.sort_by(|first, second| first[0].total_cmp(&second[0]));
+                chart.curve(curve, points);
+            }
+            report.chart(&format!("{}-{}-{file}", case.name, case.windows[window].name), &chart)?;
+        }
+    }
+    Ok(())
+}
