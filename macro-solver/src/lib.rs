@@ -8,6 +8,7 @@ pub mod formulation;
 pub mod implicit;
 pub mod material;
 pub mod mesh;
+pub mod nonlocal;
 pub mod observer;
 pub mod output;
 pub mod pool;

@@ -1,0 +1,287 @@
+//! Averages over a neighbourhood of Gauss points: a softening material gets the length that it lacks.
+//!
+//! [Liu2015] section 2.3.3 and appendix A: a point does not see its own strain increment but
+//! `<e>_I = sum_J a_IJ e_J` with `a_IJ = w(|x_I - x_J| / R) / sum_K w(|x_I - x_K| / R)` over all Gauss points within the
+//! radius `R`, the intrinsic length of the material. The table of weights is built once from the initial positions; the
+//! order of neighbours is that of the point numbers, so sums have one order.
+
+mod bins;
+mod kernel;
+mod stability;
+#[cfg(test)]
+mod tests;
+
+pub use kernel::Kernel;
+
+use bins::Bins;
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Which values of the neighbours are averaged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Update {
+    /// The increments of the same step at all points. They are all known before any grain moves, so nothing is lost by it,
+    /// and the result does not depend on the order of points.
+    #[default]
+    Synchronous,
+    /// As printed in [Liu2015]: points with a lower number contribute their increment of this step, the others that of the
+    /// step before. Depends on the numbering; for comparison with the paper.
+    Staggered,
+}
+
+/// What a nonlocal operator is made of.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NonlocalSettings {
+    /// Radius of influence R, m.
+    pub radius: f64,
+    /// Weights over distance.
+    #[serde(default)]
+    pub kernel: Kernel,
+    /// Share of the point's own increment that is kept beside the average, in [0, 1); 0.1 makes the bell stable in many cases.
+    #[serde(default)]
+    pub local_share: f64,
+    /// Which values are averaged.
+    #[serde(default)]
+    pub update: Update,
+    /// Whether the stress is averaged by the transpose as well. The work of the averaged stress on the strain of the elements
+    /// then equals the work of the stress on the averaged strain, and the stiffness stays symmetric and not negative with
+    /// every kernel; some waves of the mesh may be left without stiffness.
+    #[serde(default)]
+    pub adjoint: bool,
+}
+
+/// Why an operator was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum NonlocalError {
+    /// A number that means nothing.
+    #[error("nonlocal.{key} = {value} must {must}")]
+    Value {
+        /// Key of the table.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// A wave of the mesh would be averaged to its opposite and grow.
+    #[error(
+        "the {kernel} kernel with radius {radius} m is unstable on this mesh: around Gauss point {point} a wave of the mesh is \
+         averaged to {symbol:.3} of itself, and the elements then push the wrong way; use kernel = \"wendland\" or \"cone\", \
+         adjoint = true, a local_share of at least {remedy_share:.2}, or a radius below the distance of neighbouring points"
+    )]
+    Unstable {
+        /// Keyword of the kernel.
+        kernel: &'static str,
+        /// Radius, m.
+        radius: f64,
+        /// Point whose neighbourhood shows it most.
+        point: usize,
+        /// Smallest factor by which a wave is multiplied; negative.
+        symbol: f64,
+        /// Local share that lifts it to zero.
+        remedy_share: f64,
+    },
+}
+
+/// A table of weights over Gauss points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NonlocalOperator {
+    settings: NonlocalSettings,
+    /// First entry of each point in `neighbours` and `weights`; one more at the end.
+    starts: Vec<usize>,
+    neighbours: Vec<usize>,
+    weights: Vec<f64>,
+    /// Branch from the point to the neighbour (or its periodic image), m; for the stability check.
+    offsets: Vec<[f64; 3]>,
+}
+
+impl NonlocalOperator {
+    /// Builds the table for points at `positions` (m). `periods` are translations (m) under which the body repeats, each
+    /// used forwards and backwards and in all combinations; empty for an ordinary body.
+    ///
+    /// # Errors
+    /// [`NonlocalError`]; in particular every combination of kernel, radius and points that would be unstable.
+    pub fn new(
+        positions: &[[f64; 3]],
+        periods: &[[f64; 3]],
+        settings: &NonlocalSettings,
+    ) -> Result<Self, NonlocalError> {
+        let operator = Self::unchecked(positions, periods, settings)?;
+        operator.check_stability()?;
+        Ok(operator)
+    }
+
+    /// As [`NonlocalOperator::new`], without the check of stability: for studies of what goes wrong.
+    ///
+    /// # Errors
+    /// A number that means nothing.
+    pub fn unchecked(
+        positions: &[[f64; 3]],
+        periods: &[[f64; 3]],
+        settings: &NonlocalSettings,
+    ) -> Result<Self, NonlocalError> {
+        settings.validate()?;
+        let places: Vec<[f64; 3]> = images(periods)
+            .iter()
+            .flat_map(|shift| positions.iter().map(move |position| moved(position, 1.0, shift)))
+            .collect();
+        let bins = Bins::new(places, settings.radius);
+        let mut operator = Self {
+            settings: settings.clone(),
+            starts: vec![0],
+            neighbours: Vec::new(),
+            weights: Vec::new(),
+            offsets: Vec::new(),
+        };
+        for (number, position) in positions.iter().enumerate() {
+            operator.add_point(number, position, positions.len(), &bins);
+        }
+        Ok(operator)
+    }
+
+    fn add_point(&mut self, number: usize, position: &[f64; 3], count: usize, bins: &Bins) {
+        let radius = self.settings.radius;
+        let mut found: Vec<(usize, [f64; 3], f64)> = bins
+            .around(position)
+            .filter_map(|place| {
+                let offset = moved(bins.position(place), -1.0, position);
+                let distance = offset.iter().map(|part| part * part).sum::<f64>().sqrt();
+                let weight = self.settings.kernel.weight(distance / radius);
+                (weight > 0.0).then_some((place % count, offset, weight))
+            })
+            .collect();
+        // Cubes hand them out in an order of their own; sums shall have one that the points alone decide.
+        found.sort_by(|first, second| {
+            first.0.cmp(&second.0).then_with(|| {
+                first
+                    .1
+                    .iter()
+                    .zip(&second.1)
+                    .map(|(a, b)| a.total_cmp(b))
+                    .find(|order| order.is_ne())
+                    .unwrap_or(std::cmp::Ordering::Equal)
+            })
+        });
+        let total: f64 = found.iter().map(|(_, _, weight)| weight).sum();
+        let share = self.settings.local_share;
+        for (neighbour, offset, weight) in found {
+            let own = neighbour == number && offset == [0.0; 3];
+            self.neighbours.push(neighbour);
+            self.weights.push((1.0 - share) * weight / total + if own { share } else { 0.0 });
+            self.offsets.push(offset);
+        }
+        self.starts.push(self.neighbours.len());
+    }
+
+    /// What it was made of.
+    pub fn settings(&self) -> &NonlocalSettings {
+        &self.settings
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether no point has a neighbour: the operator is the identity.
+    pub fn is_identity(&self) -> bool {
+        self.neighbours.len() == self.len()
+    }
+
+    /// Neighbours of a point (itself included) with their weights, in the order of their numbers.
+    pub fn row(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.starts[point]..self.starts[point + 1];
+        self.neighbours[range.clone()].iter().copied().zip(self.weights[range].iter().copied())
+    }
+
+    /// What every point sees: averages of `current`, the increments of this step; `previous` holds those of the step before
+    /// and is used by [`Update::Staggered`] only.
+    pub fn averaged(&self, current: &[Matrix3<f64>], previous: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+        (0..self.len())
+            .map(|point| {
+                let known = |neighbour: usize| match self.settings.update {
+                    Update::Staggered if neighbour > point => &previous[neighbour],
+                    _ => &current[neighbour],
+                };
+                self.row(point).fold(Matrix3::zeros(), |sum, (neighbour, weight)| sum + weight * known(neighbour))
+            })
+            .collect()
+    }
+
+    /// The stress that the elements integrate: `stress` itself, or its average by the transpose,
+    /// `s_J = (1 / V_J) sum_I V_I a_IJ sigma_I`, if the settings say so. `volumes` are those of the points, m3.
+    pub fn integrated_stress(&self, stress: &[Matrix3<f64>], volumes: &[f64]) -> Vec<Matrix3<f64>> {
+        if !self.settings.adjoint {
+            return stress.to_vec();
+        }
+        let mut collected = vec![Matrix3::zeros(); self.len()];
+        for point in 0..self.len() {
+            for (neighbour, weight) in self.row(point) {
+                collected[neighbour] += volumes[point] * weight * stress[point];
+            }
+        }
+        collected.iter().zip(volumes).map(|(sum, volume)| sum / *volume).collect()
+    }
+
+    /// Work that the nodes do minus work that the grains see, `sum V sigma:(e - <e>)`, J. Erratum: [Liu2015] takes the two for
+    /// equal; they are with [`NonlocalSettings::adjoint`] only.
+    pub fn work_mismatch(
+        &self,
+        stress: &[Matrix3<f64>],
+        increments: &[Matrix3<f64>],
+        averages: &[Matrix3<f64>],
+        volumes: &[f64],
+    ) -> f64 {
+        let integrated = self.integrated_stress(stress, volumes);
+        let work = |point: usize| {
+            volumes[point] * (integrated[point].dot(&increments[point]) - stress[point].dot(&averages[point]))
+        };
+        (0..self.len()).map(work).sum()
+    }
+}
+
+impl NonlocalSettings {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NonlocalError::Value`] for the first that means nothing.
+    pub fn validate(&self) -> Result<(), NonlocalError> {
+        if !(self.radius.is_finite() && self.radius > 0.0) {
+            return Err(NonlocalError::Value {
+                key: "radius",
+                value: self.radius,
+                must: "be a positive length in m",
+            });
+        }
+        if !(0.0..1.0).contains(&self.local_share) {
+            return Err(NonlocalError::Value { key: "local_share", value: self.local_share, must: "lie in [0, 1)" });
+        }
+        Ok(())
+    }
+}
+
+/// Zero and all combinations of plus and minus the periods.
+fn images(periods: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let mut images = vec![[0.0; 3]];
+    for period in periods {
+        let further: Vec<[f64; 3]> = [-1.0, 1.0]
+            .into_iter()
+            .flat_map(|sign| images.iter().map(move |image| moved(image, sign, period)))
+            .collect();
+        images.extend(further);
+    }
+    images
+}
+
+/// `position + scale shift`.
+fn moved(position: &[f64; 3], scale: f64, shift: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| position[axis] + scale * shift[axis])
+}

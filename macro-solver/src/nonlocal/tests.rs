@@ -1,0 +1,210 @@
+//! Averages on bars and grids with known weights, and the linear stability of the averaged bar.
+
+use super::*;
+use nalgebra::DMatrix;
+use proptest::prelude::*;
+
+fn settings(radius: f64, kernel: Kernel) -> NonlocalSettings {
+    NonlocalSettings { radius, kernel, ..NonlocalSettings::default() }
+}
+
+/// Midpoints of `count` cells of side `h` along each of the axes.
+fn grid(counts: [usize; 3], h: f64) -> Vec<[f64; 3]> {
+    let mut points = Vec::new();
+    for z in 0..counts[2] {
+        for y in 0..counts[1] {
+            for x in 0..counts[0] {
+                points.push([x, y, z].map(|tick| (tick as f64 + 0.5) * h));
+            }
+        }
+    }
+    points
+}
+
+/// K-6: h = 5 mm, R = 6.75 mm in the plane: four neighbours with 0.2037 before normalisation, the diagonals outside.
+#[test]
+fn weights_of_a_plane_grid() {
+    let points = grid([5, 5, 1], 5e-3);
+    let operator = NonlocalOperator::new(&points, &[], &settings(6.75e-3, Kernel::Bell)).unwrap();
+    let row: Vec<(usize, f64)> = operator.row(12).collect();
+    assert_eq!(row.iter().map(|(number, _)| *number).collect::<Vec<_>>(), [7, 11, 12, 13, 17]);
+    let own = row[2].1;
+    assert!((own - 0.551).abs() < 1e-3);
+    assert!((row[0].1 / own - 0.2037).abs() < 1e-4);
+}
+
+/// K-1, K-3: constants everywhere and linear fields inside are reproduced; a radius below the distance changes nothing.
+#[test]
+fn constants_and_linear_fields_pass_and_short_radii_do_nothing() {
+    let points = grid([7, 7, 7], 1.0);
+    let operator = NonlocalOperator::new(&points, &[], &settings(2.5, Kernel::Wendland)).unwrap();
+    let slope = Matrix3::new(1.0, 2.0, -3.0, 0.5, 4.0, 0.0, 0.3, -0.2, 1.0);
+    let constant = vec![slope; points.len()];
+    for average in operator.averaged(&constant, &constant) {
+        assert!((average - slope).amax() < 1e-13);
+    }
+    let linear: Vec<Matrix3<f64>> =
+        points.iter().map(|point| slope * (point[0] - 2.0 * point[1] + 0.1 * point[2])).collect();
+    let averages = operator.averaged(&linear, &linear);
+    for (number, point) in points.iter().enumerate() {
+        if point.iter().all(|value| *value > 2.5 && *value < 4.5) {
+            assert!((averages[number] - linear[number]).amax() < 1e-13 * 50.0);
+        }
+    }
+    let identity = NonlocalOperator::new(&points, &[], &settings(0.99, Kernel::Bell)).unwrap();
+    assert!(identity.is_identity());
+    assert_eq!(identity.averaged(&linear, &linear), linear);
+}
+
+/// K-2: the second moment of a quadratic field, <x^2> = x^2 + R^2/7, R^2/8, R^2/9 for the bell at R/h = 5.
+#[test]
+fn quadratic_fields_rise_by_the_second_moment() {
+    let radius = 5.0;
+    for (counts, expected) in [([21, 1, 1], 7.0), ([15, 15, 1], 8.0), ([13, 13, 13], 9.0)] {
+        let points = grid(counts, 1.0);
+        let operator = NonlocalOperator::unchecked(&points, &[], &settings(radius, Kernel::Bell)).unwrap();
+        let field: Vec<Matrix3<f64>> = points.iter().map(|point| Matrix3::identity() * point[0] * point[0]).collect();
+        let middle = points.len() / 2;
+        let rise = operator.averaged(&field, &field)[middle][(0, 0)] - field[middle][(0, 0)];
+        assert!((rise / (radius * radius / expected) - 1.0).abs() < 0.02, "{counts:?}: {rise}");
+    }
+}
+
+/// K-5: the numbering of the points does not matter to the synchronous average, and does to the staggered one.
+#[test]
+fn only_the_staggered_average_knows_the_numbering() {
+    let points = grid([6, 4, 1], 1.0);
+    let field = |scale: f64| -> Vec<Matrix3<f64>> {
+        points.iter().map(|point| Matrix3::identity() * (scale * (point[0] + 0.3 * point[1])).sin()).collect()
+    };
+    let (now, before) = (field(1.0), field(2.0));
+    let reversed = |values: &[Matrix3<f64>]| values.iter().rev().copied().collect::<Vec<_>>();
+    let backwards: Vec<[f64; 3]> = points.iter().rev().copied().collect();
+    for (update, same) in [(Update::Synchronous, true), (Update::Staggered, false)] {
+        let settings = NonlocalSettings { update, ..settings(1.8, Kernel::Wendland) };
+        let forth = NonlocalOperator::new(&points, &[], &settings).unwrap().averaged(&now, &before);
+        let back =
+            NonlocalOperator::new(&backwards, &[], &settings).unwrap().averaged(&reversed(&now), &reversed(&before));
+        let largest = forth.iter().zip(back.iter().rev()).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max);
+        assert_eq!(largest < 1e-14, same, "{update:?}: {largest}");
+    }
+}
+
+/// The same call gives the same bits whatever the search tree does.
+#[test]
+fn equal_points_give_equal_bits() {
+    let points = grid([9, 9, 2], 0.7);
+    let build = || NonlocalOperator::new(&points, &[[6.3, 0.0, 0.0]], &settings(2.0, Kernel::Wendland)).unwrap();
+    assert_eq!(build(), build());
+}
+
+#[test]
+fn periodic_images_make_every_point_an_interior_one() {
+    let points = grid([6, 1, 1], 1.0);
+    let operator = NonlocalOperator::new(&points, &[[6.0, 0.0, 0.0]], &settings(1.5, Kernel::Wendland)).unwrap();
+    let first: Vec<(usize, f64)> = operator.row(0).collect();
+    let inner: Vec<(usize, f64)> = operator.row(3).collect();
+    assert_eq!(first.iter().map(|(number, _)| *number).collect::<Vec<_>>(), [0, 1, 5]);
+    assert!((first[0].1 - inner[1].1).abs() < 1e-15 && (first[1].1 - inner[0].1).abs() < 1e-15);
+}
+
+/// Stiffness of a bar of unit elements, both ends held, under averaged strain; its smallest real eigenvalue part.
+fn smallest_eigenvalue(operator: &NonlocalOperator) -> f64 {
+    let elements = operator.len();
+    let mut average = DMatrix::zeros(elements, elements);
+    for point in 0..elements {
+        for (neighbour, weight) in operator.row(point) {
+            average[(point, neighbour)] += weight;
+        }
+    }
+    let strain = DMatrix::from_fn(elements, elements - 1, |element, node| match element as i64 - node as i64 {
+        0 => 1.0,
+        1 => -1.0,
+        _ => 0.0,
+    });
+    let smoothed = &average * &strain;
+    let stiffness =
+        if operator.settings().adjoint { smoothed.transpose() * smoothed } else { strain.transpose() * smoothed };
+    stiffness.complex_eigenvalues().iter().map(|value| value.re).fold(f64::INFINITY, f64::min)
+}
+
+/// K-4: a bar of 40 elements. The bell is stable at R/h = 1.35 and 1.8 and unstable from 2.0 on; what is unstable is refused
+/// with a remedy that works.
+#[test]
+fn the_bell_is_unstable_on_fine_bars_and_refused() {
+    let points = grid([40, 1, 1], 1.0);
+    let found = |settings: &NonlocalSettings| {
+        smallest_eigenvalue(&NonlocalOperator::unchecked(&points, &[], settings).unwrap())
+    };
+    for radius in [1.35, 1.8] {
+        let bell = settings(radius, Kernel::Bell);
+        assert!(found(&bell) > 0.0);
+        assert!(NonlocalOperator::new(&points, &[], &bell).is_ok());
+    }
+    for (radius, expected) in [(2.0, -0.229), (2.5, -0.226), (2.7, -0.116), (4.0, -0.092), (6.0, -0.047)] {
+        let bell = settings(radius, Kernel::Bell);
+        let least = found(&bell);
+        assert!((least - expected).abs() < 0.0006, "R/h = {radius}: {least}");
+        let Err(NonlocalError::Unstable { symbol, remedy_share, .. }) = NonlocalOperator::new(&points, &[], &bell)
+        else {
+            panic!("R/h = {radius} must be refused");
+        };
+        assert!(symbol < 0.0);
+        let blended = NonlocalSettings { local_share: remedy_share + 0.01, ..bell.clone() };
+        assert!(NonlocalOperator::new(&points, &[], &blended).is_ok() && found(&blended) > 0.0, "R/h = {radius}");
+        let adjoint = NonlocalSettings { adjoint: true, ..bell };
+        assert!(NonlocalOperator::new(&points, &[], &adjoint).is_ok() && found(&adjoint) > -1e-12);
+    }
+}
+
+/// K-4, S-10: the positive kernels are stable at every radius up to 8 elements, the bell nowhere from 2 on.
+#[test]
+fn positive_kernels_are_stable_at_every_radius() {
+    let points = grid([40, 1, 1], 1.0);
+    for radius in [0.5, 1.35, 1.8, 2.0, 2.5, 2.7, 4.0, 6.0, 8.0] {
+        for kernel in [Kernel::Wendland, Kernel::Cone] {
+            let operator = NonlocalOperator::new(&points, &[], &settings(radius, kernel)).unwrap();
+            assert!(smallest_eigenvalue(&operator) > 0.0, "{} at R/h = {radius}", kernel.keyword());
+        }
+    }
+}
+
+/// K-4 in the plane: the limit of the bell lies between R/h = 1.35 and 1.6.
+#[test]
+fn the_limit_of_the_bell_is_lower_in_the_plane() {
+    let points = grid([12, 12, 1], 1.0);
+    let accepted = |radius| NonlocalOperator::new(&points, &[], &settings(radius, Kernel::Bell)).is_ok();
+    assert!(accepted(1.35));
+    assert!([1.6, 2.0, 2.7, 4.0].into_iter().all(|radius| !accepted(radius)));
+    for radius in [1.6, 2.7, 4.0, 6.0] {
+        assert!(NonlocalOperator::new(&points, &[], &settings(radius, Kernel::Wendland)).is_ok());
+    }
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_refused_by_name() {
+    let points = grid([3, 1, 1], 1.0);
+    let refused =
+        |settings: NonlocalSettings| NonlocalOperator::new(&points, &[], &settings).unwrap_err().to_string();
+    assert!(refused(settings(f64::NAN, Kernel::Bell)).contains("nonlocal.radius"));
+    assert!(refused(settings(0.0, Kernel::Bell)).contains("positive length"));
+    let share = NonlocalSettings { local_share: 1.0, ..settings(1.0, Kernel::Bell) };
+    assert!(refused(share).contains("nonlocal.local_share"));
+}
+
+proptest! {
+    /// With the adjoint form the work of the nodes is the work of the grains.
+    #[test]
+    fn the_adjoint_form_loses_no_work(
+        strains in proptest::collection::vec(-1.0..1.0f64, 12), stresses in proptest::collection::vec(-1.0..1.0f64, 12),
+    ) {
+        let points = grid([4, 3, 1], 1.0);
+        let volumes: Vec<f64> = (0..12).map(|point| 1.0 + 0.1 * f64::from(point)).collect();
+        let fields = |values: &[f64]| values.iter().map(|value| Matrix3::identity() * *value).collect::<Vec<_>>();
+        let (strains, stresses) = (fields(&strains), fields(&stresses));
+        let adjoint = NonlocalSettings { adjoint: true, ..settings(2.2, Kernel::Bell) };
+        let operator = NonlocalOperator::new(&points, &[], &adjoint).unwrap();
+        let averages = operator.averaged(&strains, &strains);
+        prop_assert!(operator.work_mismatch(&stresses, &strains, &averages, &volumes).abs() < 1e-12);
+    }
+}
