@@ -1,8 +1,7 @@
 //! What is strained, and along which path.
 
 use super::window::Window;
-use rve_server::definition::RveOptions;
-use rve_server::element::ElementTest;
+use rve_server::definition::ContactTable;
 
 /// One packing, law and path. Paths have strain control only, so that all settings answer the same question.
 #[derive(Clone, Debug)]
@@ -13,8 +12,10 @@ pub(super) struct Case {
     pub(super) about: &'static str,
     /// The packing file.
     pub(super) packing: &'static str,
-    /// The element test without `[rve]`; one row a segment.
-    pub(super) test: &'static str,
+    /// The table `[contact]`.
+    pub(super) contact: &'static str,
+    /// Displacement gradient of one row, relative to the row before, row-major.
+    pub(super) gradient: [f64; 9],
     /// Strain of one row.
     pub(super) row_strain: f64,
     /// Windows in which the error is taken.
@@ -34,30 +35,17 @@ pub(super) enum PeerLaw {
     HertzShear,
 }
 
-const DISCS_PATH: &str = r#"packing = "packing.json"
-[contact]
-law = "linear"
-normal_stiffness = 1000.0
-stiffness_ratio = 0.5
-friction = 0.5
-[[path]]
-repeat = 24
-increments = 1
-strain = { xx = 0.0010005001667083846, yy = -0.0009995001666250083 }
-"#;
+const DISCS: &str = "law = 'linear'\nnormal_stiffness = 1000.0\nstiffness_ratio = 0.5\nfriction = 0.5";
 
-const SPHERES_PATH: &str = r#"packing = "packing.json"
-[contact]
-law = "hertz_mindlin"
-shear_modulus = 4166.666666666667
-poisson_ratio = 0.2
-tangential_unloading = "incremental"
-friction = 0.5
-[[path]]
-repeat = 30
-increments = 1
-strain = { xy = 1e-3 }
-"#;
+/// Logarithmic strains +1e-3 and -1e-3.
+const BIAXIAL: [f64; 9] =
+    [0.001_000_500_166_708_384_6, 0.0, 0.0, 0.0, -0.000_999_500_166_625_008_3, 0.0, 0.0, 0.0, 0.0];
+
+/// E = 1e4, Poisson ratio 0.2.
+const SPHERES: &str = "law = 'hertz_mindlin'\nshear_modulus = 4166.666666666667\npoisson_ratio = 0.2\nfriction = 0.5\n\
+                       unloading = 'incremental'";
+
+const SHEAR: [f64; 9] = [0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// All cases, in the order of the report.
 pub(super) const CASES: &[Case] = &[
@@ -65,7 +53,8 @@ pub(super) const CASES: &[Case] = &[
         name: "discs-400",
         about: "400 discs, k_n/p = 1000, marginally rigid; constant-area biaxial strain to 2.4 % (case A)",
         packing: include_str!("../../../../tests/data/case-a/packing.json"),
-        test: DISCS_PATH,
+        contact: DISCS,
+        gradient: BIAXIAL,
         row_strain: 1e-3,
         windows: &[
             Window { name: "start", after: 0.0, until: 0.003 },
@@ -79,7 +68,8 @@ pub(super) const CASES: &[Case] = &[
         name: "discs-1000",
         about: "1000 discs, k_n/p = 1000; constant-area biaxial strain to 2.4 %",
         packing: include_str!("../../../../tests/data/throughput/discs-1000.json"),
-        test: DISCS_PATH,
+        contact: DISCS,
+        gradient: BIAXIAL,
         row_strain: 1e-3,
         windows: &[
             Window { name: "start", after: 0.0, until: 0.003 },
@@ -93,7 +83,8 @@ pub(super) const CASES: &[Case] = &[
         name: "spheres-1000",
         about: "1000 spheres, Hertz-Mindlin, (E*/p)^(2/3) = 300; simple shear at constant volume to 3 % (case B)",
         packing: include_str!("../../../../tests/data/case-b/packing.json"),
-        test: SPHERES_PATH,
+        contact: SPHERES,
+        gradient: SHEAR,
         row_strain: 1e-3,
         windows: &[
             Window { name: "start", after: 0.0, until: 0.003 },
@@ -106,14 +97,22 @@ pub(super) const CASES: &[Case] = &[
 ];
 
 impl Case {
-    /// The element test with solver options.
+    /// Rows from the start to the end of the last window.
+    pub(super) fn rows(&self) -> u32 {
+        (self.strain() / self.row_strain).round() as u32
+    }
+
+    /// Strain at the end of the last window.
+    pub(super) fn strain(&self) -> f64 {
+        self.windows.iter().fold(0.0, |most: f64, window| most.max(window.until))
+    }
+
+    /// The contact law.
     ///
     /// # Panics
-    /// When the text of the case is not an element test, which a test excludes.
-    pub(super) fn test_with(&self, rve: &RveOptions) -> ElementTest {
-        let mut test = ElementTest::from_toml(self.test).expect("the texts of the cases are tested");
-        test.rve = rve.clone();
-        test
+    /// When the text of the case is no contact table, which a test excludes.
+    pub(super) fn contact(&self) -> ContactTable {
+        toml::from_str(self.contact).expect("the texts of the cases are tested")
     }
 }
 
@@ -122,12 +121,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cases_are_element_tests_with_packings_and_windows_within_their_path() {
+    fn cases_have_laws_packings_and_windows_that_follow_each_other() {
         for case in CASES {
-            let test = case.test_with(&RveOptions::default());
-            assert!(test.path.iter().all(|segment| segment.increments == 1), "{}", case.name);
-            let last = test.path.iter().map(|segment| f64::from(segment.repeat)).sum::<f64>() * case.row_strain;
-            assert!(case.windows.iter().all(|window| window.after < window.until && window.until <= last + 1e-12));
+            case.contact().validate().unwrap();
+            assert!(case.rows() >= 10 && case.windows.len() == 3, "{}", case.name);
+            assert!(case.windows.is_sorted_by(|first, second| first.until == second.after));
             assert!(case.packing.contains("grainspan-packing"));
         }
     }

@@ -3,13 +3,13 @@
 use super::case::Case;
 use super::window::CurveRow;
 use anyhow::Context;
-use protocol::TangentKind;
+use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rve_server::definition::RveOptions;
-use rve_server::element::run_element;
+use rve_server::definition::{AnyDefinition, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::packing::Packing;
 use std::fs;
-use std::path::Path;
 use std::time::Instant;
 
 /// A curve and its price.
@@ -31,46 +31,22 @@ pub(super) fn pressure(curve: &[CurveRow]) -> f64 {
     -curve[0].stress[..normal].iter().sum::<f64>() / normal as f64
 }
 
-/// Solves the case with `rve`; its packing lies in `folder`.
+/// The packing of a case, each grain displaced by up to `displacement` mean radii in each direction.
 ///
 /// # Errors
-/// The element test fails.
-pub(super) fn solve(case: &Case, rve: &RveOptions, folder: &Path) -> anyhow::Result<Run> {
-    let test = case.test_with(rve);
-    let mut curve = Vec::new();
-    let mut strain = 0.0;
-    let busy = thread_time();
-    let summary = run_element(&test, folder, TangentKind::None, &mut |row| {
-        curve.push(CurveRow { strain, stress: independent(&row.stress) });
-        strain += case.row_strain;
-    })
-    .with_context(|| format!("case {}", case.name))?;
-    Ok(Run {
-        curve,
-        processor: thread_time() - busy,
-        evaluations: summary.dem_steps,
-        not_equilibrated: summary.not_equilibrated,
-    })
-}
-
-/// The independent components of a plane stress: normal components first.
-fn independent(stress: &[[f64; 2]; 2]) -> Vec<f64> {
-    vec![stress[0][0], stress[1][1], stress[0][1]]
-}
-
-/// Writes the packing of a case to `folder`, each grain displaced by up to `displacement` mean radii in each direction.
-///
-/// # Errors
-/// The file cannot be written.
-pub(super) fn lay_out(case: &Case, folder: &Path, displacement: f64, seed: u64) -> anyhow::Result<()> {
-    fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+/// The packing cannot be read.
+pub(super) fn packing(case: &Case, displacement: f64, seed: u64) -> anyhow::Result<Packing> {
     let mut packing: serde_json::Value = serde_json::from_str(case.packing).context("an embedded packing")?;
     if displacement > 0.0 {
         let grains = packing["grains"].as_array_mut().context("an embedded packing has grains")?;
         shake(grains, displacement, &mut ChaCha8Rng::seed_from_u64(seed));
     }
-    let path = folder.join("packing.json");
-    fs::write(&path, packing.to_string()).with_context(|| format!("writing {}", path.display()))
+    let planar = packing["dimension"] == 2;
+    Ok(if planar {
+        Packing::Discs(serde_json::from_value(packing).context("an embedded packing")?)
+    } else {
+        Packing::Spheres(serde_json::from_value(packing).context("an embedded packing")?)
+    })
 }
 
 fn shake(grains: &mut [serde_json::Value], displacement: f64, random: &mut impl Rng) {
@@ -85,6 +61,42 @@ fn shake(grains: &mut [serde_json::Value], displacement: f64, random: &mut impl 
             *value = (value.as_f64().unwrap_or(0.0) + shift).into();
         }
     }
+}
+
+/// Strains `packing` along the path of the case.
+///
+/// # Errors
+/// The cell cannot be built, or a trial fails.
+pub(super) fn solve(case: &Case, rve: &RveOptions, packing: &Packing) -> anyhow::Result<Run> {
+    let definition = AnyDefinition::new(packing.clone(), case.contact(), rve.clone());
+    let mut cell = GrainEngine.create(&definition.to_protocol()).with_context(|| format!("case {}", case.name))?;
+    let planar = packing.dimension() == 2;
+    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let still = cell.trial(&Tensor2([0.0; 9]), &ask).context("the packing as given")?;
+    let mut run = Run {
+        curve: vec![CurveRow { strain: 0.0, stress: independent(&still.stress, planar) }],
+        processor: 0.0,
+        evaluations: 0,
+        not_equilibrated: 0,
+    };
+    let busy = thread_time();
+    for row in 1..=case.rows() {
+        let answer =
+            cell.trial(&Tensor2(case.gradient), &ask).with_context(|| format!("case {}, row {row}", case.name))?;
+        cell.commit().context("the trial just made")?;
+        run.evaluations += answer.cost.force_evaluations;
+        run.not_equilibrated += u64::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        let strain = f64::from(row) * case.row_strain;
+        run.curve.push(CurveRow { strain, stress: independent(&answer.stress, planar) });
+    }
+    run.processor = thread_time() - busy;
+    Ok(run)
+}
+
+/// The independent components: xx, yy, xy in the plane, xx, yy, zz, xy, yz, xz in space.
+fn independent(stress: &Tensor2, planar: bool) -> Vec<f64> {
+    let places: &[usize] = if planar { &[0, 4, 1] } else { &[0, 4, 8, 1, 5, 2] };
+    places.iter().map(|place| stress.0[*place]).collect()
 }
 
 /// Processor time of this thread, s; wall time where the system does not tell.

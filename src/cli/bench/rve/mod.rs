@@ -18,6 +18,7 @@ use case::{CASES, Case};
 use measure::Run;
 use peers::Peer;
 use rve_server::definition::RveOptions;
+use rve_server::packing::Packing;
 use setting::{Setting, is_beyond, settings};
 use std::path::Path;
 use window::{CurveRow, band, error};
@@ -34,7 +35,7 @@ const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
 /// A solve fails, a peer fails, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let scratch = tempfile::tempdir().context("making a scratch folder")?;
-    for case in effort.choose(&CASES[..2], &CASES[..1]) {
+    for case in effort.choose(CASES, &CASES[..1]) {
         study(case, *effort, scratch.path(), report)?;
     }
     Ok(())
@@ -51,12 +52,11 @@ struct Measured {
 }
 
 fn study(case: &Case, effort: Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {
-    let folder = scratch.join(case.name);
-    measure::lay_out(case, &folder, 0.0, 0)?;
+    let packing = measure::packing(case, 0.0, 0)?;
     report.note(&format!("\n{}: {}", case.name, case.about))?;
     let tight = if effort.quick { "strain_per_step = 5e-7\ntolerance = 1e-4" } else { case.reference };
     let options: RveOptions = toml::from_str(tight).context("reference of a case")?;
-    let reference = measure::solve(case, &options, &folder)?;
+    let reference = measure::solve(case, &options, &packing)?;
     let pressure = measure::pressure(&reference.curve);
     report.note(&format!(
         "reference: {}, {} force evaluations, {:.1} s",
@@ -66,12 +66,12 @@ fn study(case: &Case, effort: Effort, scratch: &Path, report: &mut Report) -> an
     ))?;
     let chosen: Vec<Setting> =
         settings(effort.quick)?.into_iter().filter(|setting| is_beyond(&options, &setting.rve)).collect();
-    let mut measured = ours(case, &chosen, effort, &folder, &reference.curve, pressure)?;
-    scatter(case, effort, scratch, pressure, report)?;
+    let mut measured = ours(case, &chosen, effort, &packing, &reference.curve, pressure)?;
+    scatter(case, effort, pressure, report)?;
     if let (Some(law), false) = (case.peer, effort.quick) {
         for peer in Peer::ALL {
             if peer.is_installed() {
-                let runs = theirs(peer, case, law, &folder)?;
+                let runs = theirs(peer, case, law, scratch)?;
                 measured.extend(judged(peer, case, &runs, &reference.curve, pressure));
             } else {
                 report.note(&format!("{} is not installed and left out ({})", peer.name(), peer.remedy()))?;
@@ -87,7 +87,7 @@ fn ours(
     case: &Case,
     chosen: &[Setting],
     effort: Effort,
-    folder: &Path,
+    packing: &Packing,
     reference: &[CurveRow],
     pressure: f64,
 ) -> anyhow::Result<Vec<Measured>> {
@@ -95,7 +95,7 @@ fn ours(
     for round in 0..effort.choose(3, 1) {
         for place in 0..chosen.len() {
             let index = if round % 2 == 0 { place } else { chosen.len() - 1 - place };
-            runs[index].push(measure::solve(case, &chosen[index].rve, folder)?);
+            runs[index].push(measure::solve(case, &chosen[index].rve, packing)?);
         }
     }
     Ok(chosen
@@ -117,12 +117,11 @@ fn errors(case: &Case, curve: &[CurveRow], reference: &[CurveRow], pressure: f64
 }
 
 /// The band of the default setting from perturbed starts: below it, an error says nothing.
-fn scatter(case: &Case, effort: Effort, scratch: &Path, pressure: f64, report: &mut Report) -> anyhow::Result<()> {
-    let folder = scratch.join(format!("{}-perturbed", case.name));
+fn scatter(case: &Case, effort: Effort, pressure: f64, report: &mut Report) -> anyhow::Result<()> {
     let mut ensemble = Vec::new();
     for seed in 0..effort.choose(6, 2) {
-        measure::lay_out(case, &folder, PERTURBATION, seed)?;
-        ensemble.push(measure::solve(case, &RveOptions::default(), &folder)?.curve);
+        let packing = measure::packing(case, PERTURBATION, seed)?;
+        ensemble.push(measure::solve(case, &RveOptions::default(), &packing)?.curve);
     }
     let mut table = Table::new(["window", "after", "until", "band"]);
     for window in case.windows {
@@ -142,6 +141,7 @@ fn scatter(case: &Case, effort: Effort, scratch: &Path, pressure: f64, report: &
 }
 
 fn theirs(peer: Peer, case: &Case, law: case::PeerLaw, folder: &Path) -> anyhow::Result<Vec<(f64, peers::PeerRun)>> {
+    std::fs::write(folder.join("packing.json"), case.packing).context("the packing for the other programs")?;
     PEER_RATES
         .iter()
         .map(|rate| Ok((*rate, peer.run(case, law, *rate, folder).with_context(|| peer.name().to_owned())?)))

@@ -75,7 +75,7 @@ impl Peer {
     /// # Errors
     /// The program fails or writes something that is not a curve.
     pub(super) fn run(self, case: &Case, law: PeerLaw, rate: f64, folder: &Path) -> anyhow::Result<PeerRun> {
-        let strain = case.windows.iter().fold(0.0, |most: f64, window| most.max(window.until));
+        let strain = case.strain();
         let planar = law == PeerLaw::LinearBiaxial;
         match self {
             Self::Yade => yade(law, rate, strain, folder)?,
