@@ -58,29 +58,29 @@ impl<const B: usize, const P: usize> Vectorised for Direct<'_, B, P> {
     fn run(self) -> Self::Output {
         if self.symmetric {
             let factors = Factors::<B, P, true>::of(self.matrix, self.elimination);
-            self.refine(MOST_CORRECTIONS, |right| factors.solve(right))
+            self.refine(&factors, MOST_CORRECTIONS)
         } else {
             let factors = Factors::<B, P, false>::of(self.matrix, self.elimination);
-            self.refine(1, |right| factors.solve(right))
+            self.refine(&factors, 1)
         }
     }
 }
 
 impl<const B: usize, const P: usize> Direct<'_, B, P> {
     #[inline(always)]
-    fn refine(
+    fn refine<const SYMMETRIC: bool>(
         &self,
+        factors: &Factors<'_, B, P, SYMMETRIC>,
         corrections: u32,
-        solve: impl Fn(&[Columns<B, P>]) -> Vec<Columns<B, P>>,
     ) -> Option<Vec<Columns<B, P>>> {
-        let mut answers = solve(self.columns);
+        let mut answers = factors.solve(self.columns);
         for correction in 0..=corrections {
             let residual = self.matrix.residual(self.columns, &answers);
             if is_trustworthy(self.columns, &answers, &residual, self.typical) {
                 return Some(answers);
             }
             if correction < corrections {
-                for (answer, change) in answers.iter_mut().flatten().zip(solve(&residual).iter().flatten()) {
+                for (answer, change) in answers.iter_mut().flatten().zip(factors.solve(&residual).iter().flatten()) {
                     for lane in 0..P {
                         answer[lane] += change[lane];
                     }
