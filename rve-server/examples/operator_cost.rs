@@ -17,7 +17,8 @@ fn main() {
     let repeats: usize = arguments.get(3).map_or(30, |text| text.parse().expect("a count"));
     let packing = PackingFile::read(Path::new(path)).expect("a packing");
     let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
-    let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() }).expect("a cell");
+    let mut cell =
+        GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() }).expect("a cell");
     let target = |size: f64| Tensor2::from_plane([[0.0, 0.0], [0.0, -size]]);
     cell.trial(&target(strain), &Ask::default()).expect("a trial");
     cell.commit().expect("a commit");
@@ -38,7 +39,7 @@ fn main() {
         increment[0],
         increment[1]
     );
-    for kind in TangentKind::ALL.into_iter().filter(|kind| tangent::is_served(*kind)) {
+    for kind in TangentKind::ALL.into_iter().filter(|kind| !rve_server::probing::is_probed(*kind)) {
         let mut times = Vec::new();
         let mut outcome = None;
         for _ in 0..repeats {

@@ -1,10 +1,11 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
-use crate::definition::{AnyDefinition, GrainDefinition, RveOptions};
+use crate::definition::{AnyDefinition, ContactTable, GrainDefinition, RveOptions};
 pub use crate::grains::{Grains, grains_of_snapshot};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::model::GrainModel;
 use crate::network::ContactNetwork;
+use crate::probing::{self, Probed};
 use crate::relaxation::{self, QuasiStatic};
 use crate::space::{Components, Discs, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::state::{ContactRecord, GrainState};
@@ -28,7 +29,7 @@ impl RveEngine for GrainEngine {
             engine: ENGINE_NAME.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             dimensions: vec![2, 3],
-            tangents: TangentKind::ALL.into_iter().filter(|kind| tangent::is_served(*kind)).collect(),
+            tangents: TangentKind::ALL.to_vec(),
             laws: vec!["linear".into(), "hertz_mindlin".into()],
             snapshot: SnapshotKind::State,
             deterministic: true,
@@ -53,6 +54,7 @@ fn refused(error: impl ToString) -> RveError {
 pub struct GrainRve<S: Space = Discs> {
     id: DefinitionId,
     model: GrainModel,
+    contact: ContactTable,
     committed: GrainState<S>,
     trial: Option<Trial<S>>,
     relaxation: Box<dyn QuasiStatic<S>>,
@@ -63,6 +65,11 @@ pub struct GrainRve<S: Space = Discs> {
 struct Trial<S: Space> {
     state: GrainState<S>,
     network: ContactNetwork<S>,
+    /// Its target and ramp.
+    h: S::Tensor,
+    ramp_steps: u32,
+    /// Its stress, Pa.
+    stress: S::Tensor,
 }
 
 /// What became of the tangential forces that a packing lists. Both counts are zero for a packing that was written in
@@ -125,6 +132,7 @@ impl<S: Space> Clone for GrainRve<S> {
         Self {
             id: self.id,
             model: self.model.clone(),
+            contact: self.contact.clone(),
             committed: self.committed.clone(),
             trial: self.trial.clone(),
             relaxation: self.relaxation.another(),
@@ -162,7 +170,8 @@ impl<S: Space> GrainRve<S> {
         }
         let committed = GrainState { dissipation: 0.0, ..relaxation.end_state(&given, unbalanced) };
         let listed_forces = ListedForces::compare(&given, &committed);
-        Ok(Self { id, model, committed, trial: None, relaxation, listed_forces })
+        let contact = definition.contact.clone();
+        Ok(Self { id, model, contact, committed, trial: None, relaxation, listed_forces })
     }
 
     /// What became of the tangential forces that the packing lists.
@@ -240,8 +249,9 @@ impl<S: Space> GrainRve<S> {
             tangent_nanoseconds: 0,
         };
         let f = add_scaled(&S::Tensor::IDENTITY, 1.0, h);
-        let answer = self.answer(&network, &state, &stress, &f, ask, cost, flags);
-        self.trial = Some(Trial { state, network });
+        let mut answer = self.answer(&network, &state, &stress, &f, ask, cost, flags);
+        self.trial = Some(Trial { state, network, h: *h, ramp_steps: solved.ramp_steps, stress });
+        self.add_tangent(&mut answer, ask.tangent);
         Ok(answer)
     }
 
@@ -253,11 +263,14 @@ impl<S: Space> GrainRve<S> {
         let mut flags = TrialFlags::SKIPPED_NULL_TARGET;
         note_condition(&network, &mut flags);
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
-        let answer = self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, ask, cost, flags);
-        self.trial = Some(Trial { state: self.committed.clone(), network });
+        let mut answer = self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, ask, cost, flags);
+        let (state, ramp_steps) = (self.committed.clone(), ask.ramp_steps.max(1));
+        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress });
+        self.add_tangent(&mut answer, ask.tangent);
         answer
     }
 
+    /// Everything but the tangent.
     #[expect(clippy::too_many_arguments, reason = "the parts of one answer, put together in one place")]
     fn answer(
         &self,
@@ -266,38 +279,60 @@ impl<S: Space> GrainRve<S> {
         stress: &S::Tensor,
         f: &S::Tensor,
         ask: &Ask,
-        mut cost: Cost,
-        mut flags: TrialFlags,
+        cost: Cost,
+        flags: TrialFlags,
     ) -> TrialAnswer {
-        let tangent = (ask.tangent != TangentKind::None).then(|| {
-            let started = Instant::now();
-            let outcome = tangent::evaluate(network, ask.tangent);
-            if outcome.fallback {
-                flags.insert(TrialFlags::TANGENT_FALLBACK);
-            }
-            if outcome.regularised {
-                flags.insert(TrialFlags::TANGENT_REGULARISED);
-            }
-            cost.tangent_nanoseconds = nanoseconds_since(started);
-            Box::new(outcome.operator)
-        });
         TrialAnswer {
             stress: in_space(stress),
-            tangent,
+            tangent: None,
             scalars: scalars(network, state),
             observed: observe(&self.relaxation.measures(), network, state, stress, f, ask.observables),
             cost,
             flags,
         }
     }
+
+    /// Adds the tangent asked for, its cost and the shortcuts it took.
+    fn add_tangent(&mut self, answer: &mut TrialAnswer, kind: TangentKind) {
+        if kind == TangentKind::None {
+            return;
+        }
+        let started = Instant::now();
+        let Probed { outcome, force_evaluations } = self.operator(kind).expect("the trial has just been made");
+        answer.cost.force_evaluations += force_evaluations;
+        if outcome.fallback {
+            answer.flags.insert(TrialFlags::TANGENT_FALLBACK);
+        }
+        if outcome.regularised {
+            answer.flags.insert(TrialFlags::TANGENT_REGULARISED);
+        }
+        answer.cost.tangent_nanoseconds = nanoseconds_since(started);
+        answer.tangent = Some(Box::new(outcome.operator));
+    }
+
+    /// An operator of the present trial, as the trial itself would have returned it; `None` without a trial. What the
+    /// operator learns goes into the trial state.
+    pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
+        let trial = self.trial.as_mut()?;
+        if !probing::is_probed(kind) {
+            return Some(Probed { outcome: tangent::evaluate(&trial.network, kind), force_evaluations: 0 });
+        }
+        let question = probing::Trial {
+            model: &self.model,
+            contact: &self.contact,
+            start: &self.committed,
+            h: &trial.h,
+            ramp_steps: trial.ramp_steps,
+            network: &trial.network,
+            stress: &trial.stress,
+        };
+        Some(question.operator(kind, &mut *self.relaxation, &mut trial.state))
+    }
 }
 
 impl<S: Space> RveSolver for GrainRve<S> {
     fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
         self.trial = None;
-        if !tangent::is_served(ask.tangent) {
-            return Err(RveError::Unsupported(format!("tangent = \"{}\"", ask.tangent.keyword())));
-        }
         let h = checked_target(target)?;
         if h == S::Tensor::ZERO { Ok(self.stay(ask)) } else { self.solve(&h, ask) }
     }

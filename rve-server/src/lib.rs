@@ -13,6 +13,7 @@ pub mod network;
 pub mod packing;
 pub mod pairs;
 pub mod plane;
+pub mod probing;
 mod relaxation;
 pub mod server;
 pub mod space;

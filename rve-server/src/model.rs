@@ -3,6 +3,7 @@
 use crate::cell::Cell;
 use crate::definition::{ContactLaw, GrainDefinition, Rotations, RveOptions};
 use crate::pairs::PairKey;
+use crate::probing::OperatorMemory;
 use crate::space::{Components, Space};
 use crate::state::{ContactRecord, GrainState};
 use protocol::RveError;
@@ -68,6 +69,7 @@ impl GrainModel {
             rotations: vec![S::Spin::ZERO; packing.grains.len()],
             contacts,
             rolling_moments: Vec::new(),
+            operators: OperatorMemory::default(),
             dissipation: 0.0,
             initial_measure: cell.measure(),
             unbalanced: 0.0,

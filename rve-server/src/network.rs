@@ -30,6 +30,8 @@ pub struct NetworkContact<S: Space = Discs> {
     pub tangential_force: S::Tangential,
     /// Whether the contact was at the Coulomb limit during the ramp of the evaluation that led here.
     pub slid: bool,
+    /// Whether the contact is at the Coulomb limit in this state.
+    pub at_limit: bool,
 }
 
 /// A frozen periodic assembly of grains.

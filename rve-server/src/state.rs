@@ -5,6 +5,7 @@
 
 use crate::cell::Cell;
 use crate::pairs::PairKey;
+use crate::probing::OperatorMemory;
 use crate::space::{Components, Discs, Space};
 use bytemuck::Pod;
 use protocol::{ContentId, DefinitionId};
@@ -66,6 +67,8 @@ pub struct GrainState<S: Space = Discs> {
     pub contacts: Vec<ContactRecord<S>>,
     /// Moment that each contact transmits onto its origin grain by rolling resistance, N m; empty for laws without.
     pub rolling_moments: Vec<S::Spin>,
+    /// What operators that learn have learnt on the way here.
+    pub operators: OperatorMemory,
     /// Stored energy lost since the initial state, to friction above all, J.
     pub dissipation: f64,
     /// Area (m2) or volume (m3) of the cell in the initial state.
@@ -81,6 +84,7 @@ struct Payload<'a, T> {
     dissipation: f64,
     initial_measure: f64,
     unbalanced: f64,
+    operators: OperatorMemory,
     #[serde(with = "serde_bytes")]
     positions: &'a [u8],
     #[serde(with = "serde_bytes")]
@@ -104,6 +108,7 @@ impl<S: Space> GrainState<S> {
             dissipation: self.dissipation,
             initial_measure: self.initial_measure,
             unbalanced: self.unbalanced,
+            operators: self.operators.clone(),
             positions: bytemuck::cast_slice(&self.positions),
             rotations: bytemuck::cast_slice(&self.rotations),
             contacts: &contacts,
@@ -129,6 +134,7 @@ impl<S: Space> GrainState<S> {
             rotations: copied(payload.rotations)?,
             contacts: payload.contacts.chunks_exact(ContactRecord::<S>::SIZE).map(ContactRecord::read).collect(),
             rolling_moments: copied(payload.rolling_moments)?,
+            operators: payload.operators,
             dissipation: payload.dissipation,
             initial_measure: payload.initial_measure,
             unbalanced: payload.unbalanced,
@@ -140,6 +146,9 @@ impl<S: Space> GrainState<S> {
         let moments = [0, state.contacts.len()].contains(&state.rolling_moments.len());
         if !moments || !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
             return Err("state with a contact list that is not sound".into());
+        }
+        if !state.operators.is_sound() {
+            return Err("state with an operator that is not sound".into());
         }
         Ok(state)
     }
@@ -206,6 +215,7 @@ mod tests {
             rotations: vec![0.0, -1e-17],
             contacts: vec![ContactRecord { origin: 0, end: 1, shift: [-1, 2], tangential_force: 0.1 + 0.2 }],
             rolling_moments: vec![],
+            operators: OperatorMemory::default(),
             dissipation: 1e-30,
             initial_measure: 2.03,
             unbalanced: 1e-4,
@@ -248,6 +258,7 @@ mod tests {
                 tangential_force: [0.1, 0.2, -0.3],
             }],
             rolling_moments: vec![],
+            operators: OperatorMemory::default(),
             dissipation: 0.0,
             initial_measure: 3.0,
             unbalanced: 0.0,

@@ -1,9 +1,11 @@
 //! What an RVE is made of: the tables `[contact]` and `[rve]` of a scene, and the definition that workers receive.
 
 mod contact;
+mod operator_options;
 mod options;
 
 pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations, TangentialUnloading};
+pub use operator_options::OperatorOptions;
 pub use options::{Accuracy, Criterion, Damping, RveOptions};
 
 use crate::packing::{Packing, PackingFile};

@@ -1,6 +1,6 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
-use super::{DefinitionError, positive};
+use super::{DefinitionError, OperatorOptions, positive};
 use serde::{Deserialize, Serialize};
 
 /// Named accuracy: a strain per ramp step and a tolerance.
@@ -83,6 +83,8 @@ pub struct RveOptions {
     pub max_steps: Option<u32>,
     /// Largest |H| of one trial, dimensionless; default 0.2.
     pub largest_target: Option<f64>,
+    /// How operators are probed and averaged.
+    pub operator: OperatorOptions,
 }
 
 impl RveOptions {
@@ -104,7 +106,7 @@ impl RveOptions {
         if self.max_steps() == 0 {
             return Err(DefinitionError("rve.max_steps must be at least 1".into()));
         }
-        Ok(())
+        self.operator.validate()
     }
 
     /// Strain per ramp step in force.

@@ -29,6 +29,8 @@ pub struct ElementSummary {
     pub trials: u64,
     /// DEM steps of all trials.
     pub dem_steps: u64,
+    /// DEM steps of the probes of all operators.
+    pub operator_steps: u64,
     /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
     pub stress_jumps: u64,
     /// Rows whose relaxation ended at the step cap.
@@ -120,7 +122,14 @@ impl<S: Space> Run<S> {
     fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow)) {
         let answer = self.cell.look(Observables::ALL);
         self.network = Some(self.cell.committed_network());
-        let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, self.operator());
+        let operator = (self.tangent != TangentKind::None).then(|| {
+            // Nothing moves in a null trial; it is dropped, so that the first step starts as without an operator.
+            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a null target cannot be refused");
+            let operator = self.operator();
+            self.cell.rollback();
+            operator.expect("one was asked for")
+        });
+        let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         self.deliver(&row, on_row);
     }
 
@@ -142,23 +151,23 @@ impl<S: Space> Run<S> {
             let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
             let accepted =
                 if targets.iter().all(Option::is_none) { self.prescribed(&step)? } else { self.controlled(&step)? };
+            let operator = self.operator();
             self.cell.commit().expect("the accepted trial is the latest");
             self.last_change = Some(add_scaled(&accepted.gradient, -1.0, &committed_gradient));
             committed_gradient = accepted.gradient;
             self.deformation = kinematics.deformation(&accepted.gradient);
-            self.accept(&accepted, on_row);
+            self.accept(&accepted, operator, on_row);
         }
         Ok(())
     }
 
-    fn accept(&mut self, accepted: &Accepted, on_row: &mut dyn FnMut(&ElementRow)) {
-        let mut row = ElementRow::new(
-            self.summary.rows,
-            S::DIMENSION as u32,
-            self.deformation,
-            &accepted.answer,
-            self.operator(),
-        );
+    fn accept(
+        &mut self,
+        accepted: &Accepted,
+        operator: Option<tangent::TangentOutcome>,
+        on_row: &mut dyn FnMut(&ElementRow),
+    ) {
+        let mut row = ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
         row.trials = accepted.trials;
         row.dem_steps = accepted.dem_steps;
         self.deliver(&row, on_row);
@@ -179,10 +188,14 @@ impl<S: Space> Run<S> {
         on_row(row);
     }
 
-    /// The operator asked for, in the committed state.
-    fn operator(&self) -> Option<tangent::TangentOutcome> {
-        let network = self.network.as_ref().expect("row 0 sets the network");
-        (self.tangent != TangentKind::None).then(|| tangent::evaluate(network, self.tangent))
+    /// The operator asked for, of the present trial.
+    fn operator(&mut self) -> Option<tangent::TangentOutcome> {
+        if self.tangent == TangentKind::None {
+            return None;
+        }
+        let probed = self.cell.operator(self.tangent).expect("there is a trial");
+        self.summary.operator_steps += probed.force_evaluations;
+        Some(probed.outcome)
     }
 
     /// One trial; keeps its network.

@@ -109,6 +109,14 @@ pub(crate) struct Relaxation<S: Space, L: ContactLaw<S::Kinematics>> {
     last_contacts: ContactSums,
 }
 
+fn is_at_limit<S: Space, L: ContactLaw<S::Kinematics>>(
+    assembly: &Assembly<S, L>,
+    pair: &kernel::PairSlot<S, L>,
+) -> bool {
+    let limit = assembly.law.friction_limit(&pair.constants, assembly.overlap(pair));
+    S::Kinematics::length(pair.tangential_force) >= AT_LIMIT * limit
+}
+
 /// Number of ramp increments for a strain, if the asker leaves the choice to the engine.
 pub(crate) fn chosen_ramp_steps<T: Tensor>(strain: &T, strain_per_step: f64) -> u32 {
     let steps = (largest_component(strain) / strain_per_step).ceil();
@@ -167,6 +175,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L>
                 })
                 .collect(),
             rolling_moments: moments.map(|(_, pair)| S::spin(assembly.law.rolling_moment(&pair.memory))).collect(),
+            operators: state.operators.clone(),
             dissipation: assembly.dissipation,
             initial_measure: state.initial_measure,
             unbalanced,
@@ -188,6 +197,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L>
                     normal_force: assembly.law.normal_force(&pair.constants, overlap),
                     tangential_force: record.tangential_force,
                     slid: pair.slid,
+                    at_limit: is_at_limit::<S, L>(assembly, pair),
                 }
             };
         ContactNetwork {
@@ -203,11 +213,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L>
 
     fn measures(&self) -> ContactMeasures {
         let assembly = &self.assembly;
-        let is_sliding = |pair: &kernel::PairSlot<S, L>| {
-            let limit = assembly.law.friction_limit(&pair.constants, assembly.overlap(pair));
-            S::Kinematics::length(pair.tangential_force) >= AT_LIMIT * limit
-        };
-        let sliding = assembly.contacts().filter(|(_, pair)| is_sliding(pair)).count();
+        let sliding = assembly.contacts().filter(|(_, pair)| is_at_limit(assembly, pair)).count();
         ContactMeasures {
             sliding_fraction: sliding as f64 / assembly.contacts().count().max(1) as f64,
             elastic_energy: criterion::elastic_energy(assembly),

@@ -3,7 +3,6 @@
 //! `D` is the number of space dimensions and `B` that of the unknowns of a grain: two displacements and one spin, or
 //! three and three. `B` is also the number of independent strains.
 
-use crate::law::AT_LIMIT;
 use crate::network::ContactNetwork;
 use crate::space::{Components, Space};
 
@@ -72,7 +71,6 @@ impl<const D: usize> LinkedGrains<D> {
                 let length = branch.norm();
                 let normal: [f64; D] = std::array::from_fn(|axis| branch[axis] / length);
                 let half_difference = 0.5 * (network.radii[origin] - network.radii[end]);
-                let limit = -network.friction * contact.normal_force;
                 Link {
                     origin,
                     end,
@@ -86,7 +84,7 @@ impl<const D: usize> LinkedGrains<D> {
                     normal_force: contact.normal_force,
                     tangential_force: std::array::from_fn(|axis| force[axis] - contact.normal_force * normal[axis]),
                     slid: contact.slid,
-                    at_limit: contact.tangential_force.norm() >= AT_LIMIT * limit,
+                    at_limit: contact.at_limit,
                 }
             })
             .collect();

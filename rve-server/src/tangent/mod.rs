@@ -9,6 +9,7 @@
 mod assembly;
 mod backbone;
 mod block_matrix;
+mod calibration;
 mod elimination;
 mod factors;
 mod link;
@@ -29,6 +30,7 @@ mod tests;
 
 use crate::network::ContactNetwork;
 use crate::space::Space;
+pub use calibration::Calibration;
 use link::LinkedGrains;
 use protocol::{TangentKind, Tensor4};
 use sliding::Sliding;
@@ -72,17 +74,31 @@ pub fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> Tan
     }
 }
 
-/// Whether an operator can be had from a network alone.
-pub fn is_served(kind: TangentKind) -> bool {
-    Sliding::of(kind).is_some()
-        || matches!(
-            kind,
-            TangentKind::None
-                | TangentKind::Kruyt
-                | TangentKind::KruytPrinted
-                | TangentKind::KruytAugmented
-                | TangentKind::KruytAugmentedPrinted
-        )
+/// The uniform-strain operator `kind` with calibrated stiffnesses.
+pub(crate) fn calibrated<S: Space>(
+    network: &ContactNetwork<S>,
+    kind: TangentKind,
+    calibration: &Calibration,
+) -> Tensor4 {
+    let factors = match kind {
+        TangentKind::KruytCalibrated | TangentKind::KruytCalibratedPrinted => [calibration.single; 2],
+        _ => calibration.pair,
+    };
+    let printed = matches!(kind, TangentKind::KruytCalibratedPrinted | TangentKind::KruytTwiceCalibratedPrinted);
+    if S::DIMENSION == 2 {
+        uniform::<2, 3>(&LinkedGrains::of(network), printed, factors)
+    } else {
+        uniform::<3, 6>(&LinkedGrains::of(network), printed, factors)
+    }
+}
+
+/// Calibrates the uniform-strain operators of `network` by a consistent one; `None` if that is noise.
+pub(crate) fn calibration<S: Space>(network: &ContactNetwork<S>, consistent: &Tensor4) -> Option<Calibration> {
+    if S::DIMENSION == 2 {
+        Calibration::of::<2, 3>(&LinkedGrains::of(network), consistent)
+    } else {
+        Calibration::of::<3, 6>(&LinkedGrains::of(network), consistent)
+    }
 }
 
 fn uniform<const D: usize, const B: usize>(grains: &LinkedGrains<D>, printed: bool, factors: Factors) -> Tensor4 {

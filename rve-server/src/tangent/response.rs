@@ -6,8 +6,8 @@
 //!
 //! `df = (k_n e + c) (e . db) + T s + f_n P db / l - e (f_t . db) / l + (theta . e) (e x f_t)`
 //!
-//! where the last term, absent in the plane, turns the tangential force with the mean spin of both grains about the
-//! normal. The moment on a grain is arm x f_t, and half of any lengthening goes to each arm (contact point in the middle
+//! where the last term, absent in the plane, turns the tangential force with the spin `l theta = l_O theta_O + l_E theta_E`
+//! of the pair about the normal. The moment on a grain is arm x f_t, and half of any lengthening goes to each arm (contact point in the middle
 //! of the overlap). All coefficients but those of the prestress are symmetric.
 
 use super::link::{Link, dot, turned};
@@ -65,15 +65,15 @@ impl<const D: usize, const B: usize> Response<D, B> {
                 for axis in 0..D {
                     let sideways = (tilt[axis] - tilt_along * e[axis]) / length;
                     response.moment[side][spin][axis] = along * e[axis] + arm * (resistance[spin][axis] - sideways);
-                    let twist = if D == 3 { 0.5 * e[spin] * turning[axis] / radii[side] } else { 0.0 };
-                    response.spin[side][spin][axis] = twist - arm * resistance[spin][axis];
+                    let twist = if D == 3 { e[spin] * turning[axis] / length } else { 0.0 };
+                    response.spin[side][spin][axis] = arm * (twist - resistance[spin][axis]);
                 }
                 for other in 0..2 {
                     let other_arm = link.arms[other] / radii[other];
                     for other_spin in 0..B - D {
-                        let twist = if D == 3 { 0.5 * e[other_spin] * force[spin] / radii[other] } else { 0.0 };
+                        let twist = if D == 3 { e[other_spin] * force[spin] / length } else { 0.0 };
                         response.moment_spin[side][spin][other][other_spin] =
-                            -arm * (other_arm * dot(&lever[spin], &resistance[other_spin]) + twist);
+                            -arm * other_arm * (dot(&lever[spin], &resistance[other_spin]) + twist);
                     }
                 }
             }

@@ -34,6 +34,7 @@ fn lattice(primitive: [[f64; 2]; 2], links: &[[i32; 2]], counts: [i32; 2], sprin
                     normal_force: springs.normal_force,
                     tangential_force: 0.0,
                     slid: false,
+                    at_limit: false,
                 });
             }
         }

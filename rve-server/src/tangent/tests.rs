@@ -168,6 +168,7 @@ fn bond(origin: usize, end: usize) -> NetworkContact {
         normal_force: 0.0,
         tangential_force: 0.0,
         slid: false,
+        at_limit: false,
     }
 }
 

@@ -1,0 +1,40 @@
+//! Factors that make the uniform-strain operators less stiff, from a consistent operator.
+
+use super::link::LinkedGrains;
+use super::uniform_strain::kruyt;
+use protocol::Tensor4;
+use serde::{Deserialize, Serialize};
+
+/// Factors of UCKO and UCKO-2DOF.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// The factor of both stiffnesses, UCKO.
+    pub single: f64,
+    /// The factors of `k_n` and of `k_t`, UCKO-2DOF.
+    pub pair: [f64; 2],
+}
+
+impl Calibration {
+    /// The single factor of UCKO ([Argilaga2018] eq. 16) matches `C_1111` of the consistent operator, the two of
+    /// UCKO-2DOF (eq. 17) match `C_1111` and `C_1122`. `None` if a factor is not a positive number: then the consistent
+    /// operator is noise.
+    pub(super) fn of<const D: usize, const B: usize>(grains: &LinkedGrains<D>, consistent: &Tensor4) -> Option<Self> {
+        let normal = kruyt::<D, B>(grains, [1.0, 0.0]);
+        let tangential = kruyt::<D, B>(grains, [0.0, 1.0]);
+        let uniaxial = [normal.get(0, 0, 0, 0), tangential.get(0, 0, 0, 0), consistent.get(0, 0, 0, 0)];
+        let lateral = [normal.get(0, 0, 1, 1), tangential.get(0, 0, 1, 1), consistent.get(0, 0, 1, 1)];
+        let single = uniaxial[2] / (uniaxial[0] + uniaxial[1]);
+        let determinant = uniaxial[0] * lateral[1] - uniaxial[1] * lateral[0];
+        // Without tangential stiffness there is nothing that a second factor could scale.
+        let pair = if tangential.0.iter().all(|value| *value == 0.0) {
+            [single; 2]
+        } else {
+            [
+                (uniaxial[2] * lateral[1] - uniaxial[1] * lateral[2]) / determinant,
+                (uniaxial[0] * lateral[2] - uniaxial[2] * lateral[0]) / determinant,
+            ]
+        };
+        let is_usable = |factor: f64| factor.is_finite() && factor > 0.0;
+        (is_usable(single) && pair.into_iter().all(is_usable)).then_some(Self { single, pair })
+    }
+}
