@@ -267,7 +267,7 @@ fn strategy(document: &Document, table: &SolverTable) -> Result<Strategy, InputE
         if *tangent.get_ref() == TangentKind::None {
             return Err(document
                 .error_at(tangent.span(), "the solver cannot work without a tangent operator")
-                .hint("use \"truss_like_slip\", \"truss_like\" or \"kruyt\""));
+                .hint("use \"truss_like_slip\", \"truss_like\" or another operator of docs/scene.md"));
         }
         strategy.tangent = *tangent.get_ref();
     }

@@ -167,7 +167,8 @@ impl<S: Space> Run<S> {
         operator: Option<tangent::TangentOutcome>,
         on_row: &mut dyn FnMut(&ElementRow),
     ) {
-        let mut row = ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
+        let mut row =
+            ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
         row.trials = accepted.trials;
         row.dem_steps = accepted.dem_steps;
         self.deliver(&row, on_row);

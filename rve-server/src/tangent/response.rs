@@ -73,7 +73,7 @@ impl<const D: usize, const B: usize> Response<D, B> {
                     for other_spin in 0..B - D {
                         let twist = if D == 3 { e[other_spin] * force[spin] / length } else { 0.0 };
                         response.moment_spin[side][spin][other][other_spin] =
-                            -arm * other_arm * (dot(&lever[spin], &resistance[other_spin]) + twist);
+                            -arm * (other_arm * (dot(&lever[spin], &resistance[other_spin]) + twist));
                     }
                 }
             }
