@@ -1,11 +1,13 @@
 //! `grainspan rve-server --run RUN`: one worker of a run, started by the run itself or by hand.
 
+mod standing;
+
 use super::exit::{Exit, Failure};
 use crate::engines::{BUILT_IN, Catalogue};
 use crate::workers::{DYING, follow_parent};
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
 use rve_server::engine::GrainEngine;
-use rve_server::server::{ExitReason, ServeOptions, serve};
+use rve_server::server::{ExitReason, ServeError, ServeOptions, serve};
 use std::io::IsTerminal;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -18,11 +20,17 @@ const STATE_CACHE: u32 = 256;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example, in two terminals:
   grainspan run scenes/biaxial.toml --attach mine
-  grainspan rve-server --run mine")]
+  grainspan rve-server --run mine
+
+A standing worker serves every run of that name, one after the other, until it gets SIGTERM:
+  grainspan rve-server --run mine --standing")]
 pub(crate) struct Arguments {
     /// Name of the run to join
     #[arg(long, value_name = "RUN")]
     run: String,
+    /// Wait for runs of this name for ever and serve one after the other
+    #[arg(long, conflicts_with_all = ["patience", "parent"])]
+    standing: bool,
     /// What solves the RVEs: `grains`, or an engine of the catalogue, see docs/external-engines.md
     #[arg(long, value_name = "NAME", default_value = BUILT_IN)]
     engine: String,
@@ -44,23 +52,36 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     log_to_stderr();
     let worker_failed = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
+    if arguments.standing && arguments.engine != BUILT_IN {
+        let engine = &arguments.engine;
+        let message = format!("--standing serves with the engine `{BUILT_IN}` only; start `{engine}` for each run");
+        return Err(Failure::new(Exit::BadInput, message));
+    }
     if arguments.engine != BUILT_IN {
         return Err(become_external(arguments));
     }
     follow_parent(arguments.parent, &arguments.run)
         .map_err(|error| Failure::new(Exit::WorkersLost, format!("could not follow the run's process: {error}")))?;
-    let mut port = SharedMemoryWorkerPort::join(&arguments.run, Duration::from_secs(arguments.patience))
+    if arguments.standing {
+        return standing::serve_for_ever(&arguments.run, |port| serve_one(port, arguments));
+    }
+    let port = SharedMemoryWorkerPort::join(&arguments.run, Duration::from_secs(arguments.patience))
         .map_err(|error| worker_failed(&error))?;
+    match serve_one(port, arguments).map_err(|error| worker_failed(&error))? {
+        ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
+        ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),
+    }
+}
+
+/// Serves the run behind the port until it ends or dismisses this worker.
+fn serve_one(mut port: SharedMemoryWorkerPort, arguments: &Arguments) -> Result<ExitReason, ServeError> {
     let options = ServeOptions { state_cache: arguments.state_cache, ..ServeOptions::new(&arguments.run) };
     let served = serve(&mut GrainEngine, &mut port, &options);
     drop(port);
     // The run may have ended without a chance to tidy up; one that lives is left alone, and there is nobody to tell.
     let patience = if matches!(served, Ok(ExitReason::MacroLost(_))) { DYING } else { Duration::ZERO };
     let _ = RunDirectory::remove_once_dead(&arguments.run, patience);
-    match served.map_err(|error| worker_failed(&error))? {
-        ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
-        ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),
-    }
+    served
 }
 
 /// Replaces this process by a worker of another engine; returns only when that fails.

@@ -365,12 +365,19 @@ impl Desk {
         if active == 0 {
             return None;
         }
-        // With few jobs left a second slice would wait behind a busy worker while another runs idle.
-        let depth = if waiting > active { self.settings.window.get() } else { 1 };
-        let worker = self.roster.idlest(group, depth)?;
+        let worker = self.roster.idle(group).or_else(|| self.ahead_of_time(group, active))?;
         let most = self.settings.slice.get().min(waiting.div_ceil(active));
         let indices = self.batch.queue.take(group, worker, most);
         Some(self.load(worker, &indices, now))
+    }
+
+    /// A busy worker that may get its next slice ahead of time, so that it need not wait for the channel: one whose
+    /// work then is no more than its share of all that is left. A job behind a long one would wait while others run idle.
+    fn ahead_of_time(&self, group: usize, active: usize) -> Option<WorkerId> {
+        let (worker, load) = self.roster.least_loaded(group, self.settings.window.get())?;
+        let next = u128::from(self.batch.queue.next_expected(group, worker));
+        let left = self.batch.queue.expected(group) + self.roster.load(group);
+        ((load + next) * active as u128 <= left).then_some(worker)
     }
 
     /// Whether every group that has points has a worker.
@@ -379,9 +386,9 @@ impl Desk {
     }
 
     fn load(&mut self, worker: WorkerId, indices: &[usize], now: Instant) -> Shipment {
-        let known = self.roster.workers.get_mut(&worker).expect("the idlest worker is on the roster");
+        let known = self.roster.workers.get_mut(&worker).expect("a worker that was just chosen is on the roster");
         let mut shipment = Shipment { worker, define: Vec::new(), jobs: Vec::new() };
-        let mut slice = Slice { jobs: Vec::new(), allowance: std::time::Duration::ZERO };
+        let mut slice = Slice { jobs: Vec::new(), expected: 0, allowance: std::time::Duration::ZERO };
         for &index in indices {
             let job = &mut self.batch.jobs[index];
             if known.definitions.insert(job.definition) {
@@ -395,6 +402,7 @@ impl Desk {
             self.statistics.bytes_sent += (size_of::<TrialJob>() + bytes.len()) as u64;
             shipment.jobs.push((TrialJob { state_length: bytes.len() as u64, ..job.wire }, bytes));
             slice.jobs.push(job.wire.job);
+            slice.expected += u128::from(job.expected);
             slice.allowance +=
                 self.settings.hang.allowance(self.paces[job.definition].duration(job.expected), job.blames());
         }

@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 pub(super) struct Slice {
     /// Numbers of the unanswered jobs.
     pub(super) jobs: Vec<u64>,
+    /// Expected force evaluations of what was sent.
+    pub(super) expected: u128,
     /// How long it may take once the worker has begun it.
     pub(super) allowance: Duration,
 }
@@ -74,6 +76,11 @@ impl Worker {
         self.slices.iter().flat_map(|slice| slice.jobs.iter().copied()).collect()
     }
 
+    /// Expected force evaluations of its unanswered slices.
+    fn load(&self) -> u128 {
+        self.slices.iter().map(|slice| slice.expected).sum()
+    }
+
     /// When it counts as hung; `None` while it has nothing to do. Time in which it got no processor does not count.
     pub(super) fn deadline(&self) -> Option<Instant> {
         let head = self.slices.front()?;
@@ -114,19 +121,29 @@ impl Roster {
 
     /// Number of workers of a group that get jobs.
     pub(super) fn active_in(&self, group: usize) -> usize {
-        let serves = |worker: &&Worker| worker.standing == Standing::Active && worker.group == group;
-        self.workers.values().filter(serves).count()
+        self.serving(group).count()
     }
 
-    /// The worker of a group with fewest unanswered slices below `depth`; the lowest number among equals.
-    pub(super) fn idlest(&self, group: usize, depth: usize) -> Option<WorkerId> {
-        self.workers
-            .iter()
-            .filter(|(_, worker)| {
-                worker.standing == Standing::Active && worker.group == group && worker.slices.len() < depth
-            })
-            .min_by_key(|(id, worker)| (worker.slices.len(), **id))
-            .map(|(id, _)| *id)
+    fn serving(&self, group: usize) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        let serves = move |worker: &Worker| worker.standing == Standing::Active && worker.group == group;
+        self.workers.iter().filter(move |(_, worker)| serves(worker)).map(|(id, worker)| (*id, worker))
+    }
+
+    /// A worker of a group that has nothing to do; the lowest number among several.
+    pub(super) fn idle(&self, group: usize) -> Option<WorkerId> {
+        self.serving(group).find(|(_, worker)| worker.slices.is_empty()).map(|(id, _)| id)
+    }
+
+    /// The worker of a group with the least expected work among those that hold fewer than `depth` slices, and that work;
+    /// the lowest number among equals.
+    pub(super) fn least_loaded(&self, group: usize, depth: usize) -> Option<(WorkerId, u128)> {
+        let room = self.serving(group).filter(|(_, worker)| worker.slices.len() < depth);
+        room.map(|(id, worker)| (id, worker.load())).min_by_key(|(id, load)| (*load, *id))
+    }
+
+    /// Expected force evaluations that the workers of a group were sent and have not answered.
+    pub(super) fn load(&self, group: usize) -> u128 {
+        self.serving(group).map(|(_, worker)| worker.load()).sum()
     }
 
     /// Earliest time at which some worker counts as hung.

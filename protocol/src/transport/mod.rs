@@ -77,6 +77,12 @@ pub enum TransportError {
         /// Bytes available.
         limit: usize,
     },
+    /// The run has as many workers as it has room for.
+    #[error("the run has no room for another worker: {limit} is the most; end some, or start another run")]
+    NoRoom {
+        /// Workers that the run has room for.
+        limit: u32,
+    },
     /// The shared-memory layer refused an operation.
     #[error("could not {action}: {reason}")]
     Channel {

@@ -67,6 +67,7 @@ impl SharedMemoryMacroPort {
         let to_workers =
             services.to_worker.notifier_builder().create().map_err(refused("prepare the workers' wake-ups"))?;
         let watch = Watch::new(&listener)?;
+        run.make_private().map_err(begin)?;
         run.announce().map_err(begin)?;
         Ok(Self {
             peers: BTreeMap::new(),
@@ -187,6 +188,14 @@ impl SharedMemoryMacroPort {
             (None, None)
         } else {
             match self.watch.process(pid, frame.sender) {
+                // The number may be that of a stranger, whom a kill would hit.
+                Ok(_) if !may_have_mapped(pid, &self.run.record().prefix) => (
+                    None,
+                    Some(format!(
+                        "its process number {pid} belongs to a process that is not in this run; do macro and worker \
+                         share one process id space?"
+                    )),
+                ),
                 Ok(process) => (Some(process), None),
                 Err(error) => (None, Some(format!("its process {pid} cannot be watched: {error}"))),
             }
@@ -287,6 +296,12 @@ impl SharedMemoryMacroPort {
             CallbackProgression::Stop
         });
     }
+}
+
+/// Whether a process has memory of the run with this prefix mapped, as every worker has; true when the system does not
+/// let us look.
+fn may_have_mapped(pid: u32, prefix: &str) -> bool {
+    std::fs::read_to_string(format!("/proc/{pid}/maps")).map_or(true, |maps| maps.is_empty() || maps.contains(prefix))
 }
 
 /// Answers a request in memory loaned from the channel.

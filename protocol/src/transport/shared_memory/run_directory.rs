@@ -10,14 +10,14 @@ use crate::{ContentId, PROTOCOL_VERSION};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, DirBuilder};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 
 /// Where POSIX shared memory lives on Linux; a directory in memory, so joining a run takes a millisecond.
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(super) const SHARED_MEMORY: &str = "/dev/shm";
 
 /// Root and prefix end up in the address of a Unix socket (108 bytes with iceoryx2's own part).
 const ADDRESS_LIMIT: usize = 64;
@@ -73,6 +73,8 @@ pub enum RunError {
         found_protocol: u32,
         /// iceoryx2 version of the run.
         found_iceoryx2: String,
+        /// Its prefix of shared-memory names, which tells it from later runs of the name.
+        prefix: String,
     },
     /// Shared memory is full. Writing to memory that the system cannot provide would end the process without a word.
     #[error(
@@ -216,6 +218,21 @@ impl RunDirectory {
         &self.record
     }
 
+    /// Takes from others what iceoryx2 gives them: it makes one small file of each run that everybody may write.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub(super) fn make_private(&self) -> Result<(), RunError> {
+        for (path, metadata) in segments(&self.record.prefix) {
+            let private = metadata.mode() & 0o700;
+            if metadata.mode() & 0o777 != private {
+                fs::set_permissions(&path, fs::Permissions::from_mode(private))
+                    .map_err(system("make private", &path))?;
+            }
+        }
+        Ok(())
+    }
+
     /// Tells workers that they can join.
     ///
     /// # Errors
@@ -245,6 +262,19 @@ impl RunDirectory {
                 Err(RunError::Unknown { name: name.to_owned(), living })
             }
         }
+    }
+
+    /// The record of a run that workers can join now; none if there is no such run, or not yet. Makes nothing and is
+    /// cheap, for those who look often.
+    ///
+    /// # Errors
+    /// [`RunError::Name`], [`RunError::Version`].
+    pub fn find(name: &str) -> Result<Option<RunRecord>, RunError> {
+        check_name(name)?;
+        let listing = look_at(&base_path(), name);
+        let Some(record) = listing.record.filter(|_| listing.alive) else { return Ok(None) };
+        check_version(&record)?;
+        Ok(record.ready.then_some(record))
     }
 
     /// All runs of this user, dead ones included, by name.
@@ -418,6 +448,7 @@ fn check_version(record: &RunRecord) -> Result<(), RunError> {
         name: record.name.clone(),
         found_protocol: record.protocol,
         found_iceoryx2: record.iceoryx2.clone(),
+        prefix: record.prefix.clone(),
     })
 }
 
@@ -486,8 +517,10 @@ mod tests {
         let name = name();
         let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
         assert_eq!(RunDirectory::open(&name).unwrap(), None);
+        assert_eq!(RunDirectory::find(&name).unwrap(), None);
         run.announce().unwrap();
         assert_eq!(RunDirectory::open(&name).unwrap().as_ref(), Some(run.record()));
+        assert_eq!(RunDirectory::find(&name).unwrap().as_ref(), Some(run.record()));
         assert!(RunDirectory::list().unwrap().iter().any(|listing| listing.name == name && listing.alive));
         assert!(!RunDirectory::remove(&name).unwrap(), "a living run was removed");
         let taken = RunDirectory::create(&name, ChannelLimits::default()).unwrap_err();
@@ -497,6 +530,7 @@ mod tests {
         drop(run);
         assert!(!exists(&name));
         assert!(matches!(RunDirectory::open(&name), Err(RunError::Unknown { .. })));
+        assert_eq!(RunDirectory::find(&name).unwrap(), None);
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl SharedMemoryWorkerPort {
         let deadline = Instant::now() + patience;
         loop {
             let failure = match RunDirectory::open(name) {
-                Ok(Some(record)) => match Self::enter(&record) {
+                Ok(Some(record)) => match Self::join_found(&record) {
                     Ok(port) => return Ok(port),
                     Err(error) => error,
                 },
@@ -75,6 +75,20 @@ impl SharedMemoryWorkerPort {
             }
             std::thread::sleep(RETRY);
         }
+    }
+
+    /// Joins a run whose record was found.
+    ///
+    /// # Errors
+    /// No room for another worker, the run has ended meanwhile, or a refusal of iceoryx2 or the system; in words.
+    pub fn join_found(record: &RunRecord) -> Result<Self, TransportError> {
+        Self::enter(record).map_err(|error| match error {
+            // One of the several limits of iceoryx2, all of which follow from ours.
+            TransportError::Channel { reason, .. } if reason.contains("ExceedsMax") => {
+                TransportError::NoRoom { limit: record.limits.workers }
+            }
+            error => error,
+        })
     }
 
     fn enter(record: &RunRecord) -> Result<Self, TransportError> {

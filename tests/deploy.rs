@@ -1,0 +1,64 @@
+//! Files under `deploy/` name things that exist: commands, options, files, services.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(name: &str) -> String {
+    fs::read_to_string(root().join("deploy").join(name)).unwrap()
+}
+
+/// Whether a command of the program takes all these options.
+fn takes(command: &str, options: &[&str]) {
+    let help = Command::new(env!("CARGO_BIN_EXE_grainspan")).args([command, "--help"]).output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    for option in options {
+        assert!(help.contains(option), "`grainspan {command}` does not take {option}");
+    }
+}
+
+#[test]
+fn commands_in_the_files_are_commands_of_the_program() {
+    assert!(read("systemd/grainspan-worker@.service").contains("rve-server --run ${GRAINSPAN_POOL} --standing"));
+    assert!(read("container/compose.yaml").contains("\"rve-server\", \"--run\", \"pool\", \"--standing\""));
+    takes("rve-server", &["--run", "--standing"]);
+    assert!(read("slurm/grainspan.sbatch").contains("run \"$@\" --workers \"$workers\" --quiet"));
+    takes("run", &["--workers", "--quiet", "--attach", "--out"]);
+}
+
+#[test]
+fn the_image_copies_what_there_is() {
+    let text = read("container/Containerfile");
+    let mut copied = 0;
+    for line in text.lines().filter_map(|line| line.strip_prefix("COPY --from=build /source/")) {
+        let source = PathBuf::from(line.split(' ').next().unwrap());
+        assert!(source.starts_with("target") || root().join(&source).exists(), "{}", source.display());
+        copied += 1;
+    }
+    assert_eq!(copied, 3);
+}
+
+/// The system's own checkers where they are installed; a machine without them has the tests above.
+#[test]
+fn the_systems_checkers_have_no_complaints() {
+    let run = |program: &str, arguments: &[&str]| {
+        let output = Command::new(program).args(arguments).current_dir(root().join("deploy")).output().ok()?;
+        Some((output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned()))
+    };
+    let (sound, said) = run("bash", &["-n", "slurm/grainspan.sbatch"]).expect("there is a shell");
+    assert!(sound, "{said}");
+    if let Some((sound, said)) = run("shellcheck", &["slurm/grainspan.sbatch"]) {
+        assert!(sound, "{said}");
+    }
+    let units = ["verify", "--man=no", "systemd/grainspan-pool.target", "systemd/grainspan-worker@1.service"];
+    if let Some((_, said)) = run("systemd-analyze", &units) {
+        // The program is not installed here, and the file is found by its path.
+        let complaints: Vec<_> =
+            said.lines().filter(|line| line.contains("grainspan") && !line.contains("is not executable")).collect();
+        assert!(complaints.is_empty(), "{complaints:?}");
+    }
+}
