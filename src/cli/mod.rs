@@ -10,6 +10,7 @@ mod pack;
 mod replay;
 mod run;
 mod rve_server;
+mod specimen;
 mod status;
 mod stdout;
 
@@ -43,6 +44,8 @@ enum Command {
     Element(element::Arguments),
     /// Prepare a packing of grains and say how good it is
     Pack(pack::Arguments),
+    /// Run single-scale grain dynamics of a whole specimen
+    Specimen(specimen::Arguments),
     /// Validate everything a run would need; run nothing
     Check(check::Arguments),
     /// Serve a run as one of its workers
@@ -63,6 +66,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Element(arguments) => element::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
+        Command::Specimen(arguments) => specimen::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::RveServer(arguments) => rve_server::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),

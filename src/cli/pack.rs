@@ -4,7 +4,7 @@ use super::exit::{Exit, Failure};
 use super::stdout::deliver;
 use crate::scene::Document;
 use indicatif::{ProgressBar, ProgressStyle};
-use rve_server::packing::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate};
+use rve_server::packing::{Packing, PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -37,13 +37,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;
     let bar = if arguments.quiet { ProgressBar::hidden() } else { spinner() };
-    let made = generate(&recipe, &mut |progress| bar.set_message(stage(progress)));
+    let made = generate_any(&recipe, &mut |progress| bar.set_message(stage(progress)));
     bar.finish_and_clear();
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
         Failure::new(Exit::NotConverged, format!("{text}\nhint: try another seed, more grains or a looser tolerance"))
     })?;
-    deliver(arguments.out.as_deref(), packing.to_json().as_bytes())?;
+    let text = match &packing {
+        Packing::Discs(packing) => packing.to_json(),
+        Packing::Spheres(packing) => packing.to_json(),
+    };
+    deliver(arguments.out.as_deref(), text.as_bytes())?;
     if !arguments.quiet {
         eprint!("{}", summary(&recipe, &report));
     }

@@ -40,7 +40,7 @@ pub struct ElementRow {
 }
 
 impl ElementRow {
-    pub(super) fn new(
+    pub(crate) fn new(
         increment: u64,
         dimension: u32,
         deformation: Matrix,

@@ -6,6 +6,7 @@ use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use super::{ElementError, ElementRow};
 use crate::definition::GrainDefinition;
 use crate::engine::{GrainRve, ListedForces};
+use crate::frame::element::run_frame_element;
 use crate::network::ContactNetwork;
 use crate::packing::{Packing, PackingFile};
 use crate::space::{Space, Tensor, add_scaled};
@@ -60,7 +61,13 @@ pub fn run_element(
     on_row: &mut dyn FnMut(&ElementRow),
 ) -> Result<ElementSummary, ElementError> {
     match Packing::read(&base_dir.join(&test.packing))? {
-        Packing::Discs(packing) => run_in_space(test, packing, tangent, on_row),
+        Packing::Discs(packing) => match &test.frame {
+            Some(options) => run_frame_element(test, options, packing, on_row),
+            None => run_in_space(test, packing, tangent, on_row),
+        },
+        Packing::Spheres(_) if test.frame.is_some() => {
+            Err(ElementError::Test("frame: boundary-particle frames are for plane packings; remove the table".into()))
+        }
         Packing::Spheres(packing) => run_in_space(test, packing, tangent, on_row),
     }
 }

@@ -3,6 +3,7 @@
 use super::ElementError;
 use super::path::{COMPONENTS, Matrix, tensor_of};
 use crate::definition::{ContactTable, RveOptions};
+use crate::frame::FrameOptions;
 use crate::space::{Tensor, add_scaled, determinant};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -22,6 +23,9 @@ pub struct ElementTest {
     /// Solver options.
     #[serde(default)]
     pub rve: RveOptions,
+    /// Boundary-particle frame instead of a periodic cell; `rve` is not read then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<FrameOptions>,
     /// Segments, one after the other.
     pub path: Vec<Segment>,
 }
@@ -127,6 +131,9 @@ impl ElementTest {
     fn validated(self) -> Result<Self, ElementError> {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
+        if let Some(frame) = &self.frame {
+            frame.validate().map_err(ElementError::Test)?;
+        }
         if !(self.stress_tolerance > 0.0 && self.stress_tolerance.is_finite()) {
             return refuse(format!("stress_tolerance = {} must be a positive number", self.stress_tolerance));
         }
@@ -142,7 +149,7 @@ impl ElementTest {
 
 impl ElementTest {
     /// Refuses components out of the plane for packings of discs.
-    pub(super) fn check_dimension(&self, dimension: usize) -> Result<(), ElementError> {
+    pub(crate) fn check_dimension(&self, dimension: usize) -> Result<(), ElementError> {
         if dimension == 3 {
             return Ok(());
         }

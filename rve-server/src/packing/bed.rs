@@ -6,8 +6,7 @@ use crate::packing::journal::{Journal, PackingProgress};
 use crate::packing::servo::{Response, aim, pressure};
 use crate::packing::stress_target::{Matrix, StressTarget, turned_in, turned_out};
 use crate::packing::{ListedContact, PackingError, PackingFile};
-use crate::plane;
-use crate::space::Discs;
+use crate::space::{Components, Space, Tensor, apply};
 use crate::state::ContactRecord;
 use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer};
 
@@ -39,27 +38,27 @@ pub(crate) struct Tolerances {
 }
 
 /// A cell with a target stress.
-pub(crate) struct Bed<'a> {
-    cell: GrainRve,
+pub(crate) struct Bed<'a, S: Space> {
+    cell: GrainRve<S>,
     target: StressTarget,
     tolerances: Tolerances,
     journal: &'a Journal<'a>,
 }
 
-impl<'a> Bed<'a> {
+impl<'a, S: Space> Bed<'a, S> {
     /// Takes grains over, wherever they are.
     ///
     /// # Errors
     /// [`PackingError::Content`].
     pub(crate) fn new(
-        packing: PackingFile,
+        packing: PackingFile<S>,
         contact: &ContactTable,
         target: StressTarget,
         tolerances: Tolerances,
         journal: &'a Journal<'a>,
     ) -> Result<Self, PackingError> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
-        let cell = GrainRve::new(&definition).map_err(content)?;
+        let cell = GrainRve::<S>::new(&definition).map_err(content)?;
         Ok(Self { cell, target, tolerances, journal })
     }
 
@@ -165,30 +164,25 @@ impl<'a> Bed<'a> {
     ///
     /// # Errors
     /// [`PackingError::Content`].
-    pub(crate) fn packing(&self, provenance: serde_json::Value) -> Result<PackingFile, PackingError> {
+    pub(crate) fn packing(&self, provenance: serde_json::Value) -> Result<PackingFile<S>, PackingError> {
         let state = self.cell.committed();
-        let [first, second, _] = self.axes();
-        let back = [[first[0], first[1]], [second[0], second[1]]];
-        let mut rows = state.cell.deformed(&back).rows;
-        rows[0][1] = 0.0;
+        let axes = self.axes();
+        let back = S::Tensor::from_fn(|i, j| axes[i][j]);
+        let turned = state.cell.deformed(&back).rows;
+        // Y1 along axis 1, Y2 in the plane of axes 1 and 2: what rounding has left elsewhere is taken out.
+        let rows = S::Tensor::from_fn(|row, axis| if axis > row { 0.0 } else { turned[row][axis] });
         let radii = &self.cell.model().radii;
-        let grains = state.positions.iter().zip(radii).map(|(position, radius)| {
-            let [x, y] = plane::apply(&back, *position);
-            [x, y, *radius]
-        });
-        let contacts = state.contacts.iter().filter(|contact| contact.tangential_force != 0.0).map(|contact| {
+        let grains =
+            state.positions.iter().zip(radii).map(|(position, radius)| S::grain(apply(&back, *position), *radius));
+        let contacts = state.contacts.iter().filter(|contact| contact.tangential_force.norm() > 0.0).map(|contact| {
             let ContactRecord { origin, end, shift, tangential_force } = *contact;
-            ListedContact { origin, end, shift, tangential_force }
+            ListedContact { origin, end, shift, tangential_force: S::turned_tangential(tangential_force, &back) }
         });
-        PackingFile::<Discs> {
-            format: PackingFile::FORMAT.into(),
-            version: PackingFile::VERSION,
-            dimension: 2,
+        PackingFile {
             thickness: self.cell.model().thickness,
-            periodicity: rows,
-            grains: grains.collect(),
             contacts: contacts.collect(),
             provenance,
+            ..PackingFile::<S>::new(rows, grains.collect())
         }
         .checked()
     }
@@ -208,10 +202,15 @@ impl<'a> Bed<'a> {
 
     /// Axes of the committed cell as rows: the first along Y1, the second in the plane of Y1 and Y2.
     fn axes(&self) -> Matrix {
-        let first = self.cell.committed().cell.rows[0];
-        let length = (first[0] * first[0] + first[1] * first[1]).sqrt();
-        let (cosine, sine) = (first[0] / length, first[1] / length);
-        [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]
+        let rows = &self.cell.committed().cell.rows;
+        let unit = |v: [f64; 3]| {
+            let length = v.dot(v).sqrt();
+            v.map(|component| component / length)
+        };
+        let row = |i: usize| std::array::from_fn(|axis| if axis < S::DIMENSION { rows[i][axis] } else { 0.0 });
+        let first: [f64; 3] = unit(row(0));
+        let third = if S::DIMENSION == 2 { [0.0, 0.0, 1.0] } else { unit(cross(first, row(1))) };
+        [first, cross(third, first), third]
     }
 
     fn isotropic(&self, strain: f64) -> Matrix {
@@ -257,6 +256,11 @@ impl<'a> Bed<'a> {
     }
 }
 
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A tensor by its rows.
 pub(crate) fn rows(tensor: &Tensor2) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| tensor.get(i, j)))
 }

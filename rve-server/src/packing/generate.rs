@@ -11,7 +11,8 @@ use crate::packing::recipe::{PackingRecipe, Removal, StateQuantity};
 use crate::packing::report::{PackingReport, measured};
 use crate::packing::scatter::{chosen, scattered};
 use crate::packing::stress_target::StressTarget;
-use crate::packing::{ListedContact, PackingError, PackingFile};
+use crate::packing::{ListedContact, Packing, PackingError, PackingFile};
+use crate::space::Space;
 use serde::Serialize;
 
 /// What the searches of a preparation tried; the last try is the one that was taken.
@@ -25,19 +26,43 @@ pub struct Searches {
     pub shear: Vec<ShearAttempt>,
 }
 
+/// Makes the packing that a recipe describes, of discs or of spheres.
+///
+/// # Errors
+/// As [`generate`].
+pub fn generate_any(
+    recipe: &PackingRecipe,
+    progress: &mut dyn FnMut(&PackingProgress),
+) -> Result<(Packing, PackingReport), PackingError> {
+    if recipe.dimension == 3 {
+        let (packing, report) = generate(recipe, progress)?;
+        Ok((Packing::Spheres(packing), report))
+    } else {
+        let (packing, report) = generate(recipe, progress)?;
+        Ok((Packing::Discs(packing), report))
+    }
+}
+
 /// Makes the packing that a recipe describes. Equal recipes give equal bits.
 ///
 /// # Errors
 /// [`PackingError::Content`] when the recipe is refused or something it asks for is not reached.
-pub fn generate(
+pub fn generate<S: Space>(
     recipe: &PackingRecipe,
     progress: &mut dyn FnMut(&PackingProgress),
-) -> Result<(PackingFile, PackingReport), PackingError> {
+) -> Result<(PackingFile<S>, PackingReport), PackingError> {
     recipe.validate()?;
+    if recipe.dimension as usize != S::DIMENSION {
+        return Err(PackingError::Content(format!(
+            "dimension = {}, but {} were asked for",
+            recipe.dimension,
+            S::GRAINS
+        )));
+    }
     let target = recipe.stress_target()?;
     let journal = Journal::new(progress);
     let workshop = Workshop { recipe, target, journal: &journal };
-    let (mut packing, contact, searches) = workshop.prepare()?;
+    let (mut packing, contact, searches) = workshop.prepare::<S>()?;
     if let Some(removal) = &recipe.removal {
         packing = workshop.weakened(&packing, &contact, removal)?;
     }
@@ -68,7 +93,7 @@ struct Workshop<'a> {
 
 impl<'a> Workshop<'a> {
     /// A packing at its target stress with the density and anisotropy asked for, and the law it is at rest under.
-    fn prepare(&self) -> Result<(PackingFile, ContactTable, Searches), PackingError> {
+    fn prepare<S: Space>(&self) -> Result<(PackingFile<S>, ContactTable, Searches), PackingError> {
         let mut contact = self.recipe.contact.clone();
         let mut searches = Searches::default();
         let mut packing = match &self.recipe.target {
@@ -102,7 +127,7 @@ impl<'a> Workshop<'a> {
     }
 
     /// Random places, compressed and brought to the target stress.
-    fn compacted(&self, contact: &ContactTable) -> Result<PackingFile, PackingError> {
+    fn compacted<S: Space>(&self, contact: &ContactTable) -> Result<PackingFile<S>, PackingError> {
         let mut bed = self.bed(scattered(self.recipe)?, contact)?;
         bed.compress()?;
         bed.servo()?;
@@ -110,19 +135,19 @@ impl<'a> Workshop<'a> {
     }
 
     /// The packing without some of its grains, at rest again.
-    fn weakened(
+    fn weakened<S: Space>(
         &self,
-        packing: &PackingFile,
+        packing: &PackingFile<S>,
         contact: &ContactTable,
         removal: &Removal,
-    ) -> Result<PackingFile, PackingError> {
+    ) -> Result<PackingFile<S>, PackingError> {
         let removed = chosen(packing.grains.len(), removal.number, removal.seed);
         let mut bed = self.bed(without(packing, &removed), contact)?;
         bed.servo()?;
         bed.packing(serde_json::Value::Null)
     }
 
-    fn bed(&self, packing: PackingFile, contact: &ContactTable) -> Result<Bed<'a>, PackingError> {
+    fn bed<S: Space>(&self, packing: PackingFile<S>, contact: &ContactTable) -> Result<Bed<'a, S>, PackingError> {
         let tolerances = Tolerances { force: self.recipe.tolerance, stress: self.recipe.stress_tolerance };
         Bed::new(packing, contact, self.target, tolerances, self.journal)
     }
@@ -139,7 +164,7 @@ pub(crate) fn value_of(report: &PackingReport, quantity: StateQuantity) -> f64 {
 }
 
 /// The packing without the grains `removed` (ascending) and their contacts; the others are numbered anew, in order.
-fn without(packing: &PackingFile, removed: &[usize]) -> PackingFile {
+fn without<S: Space>(packing: &PackingFile<S>, removed: &[usize]) -> PackingFile<S> {
     let mut numbers = vec![None; packing.grains.len()];
     let mut next = 0u32;
     for (grain, number) in numbers.iter_mut().enumerate() {

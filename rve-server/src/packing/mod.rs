@@ -16,11 +16,12 @@ mod stress_target;
 
 pub use file::{Packing, PackingError, PackingFile};
 pub use friction_search::FrictionAttempt;
-pub use generate::{Searches, generate};
+pub use generate::{Searches, generate, generate_any};
 pub use grading::Grading;
 pub use journal::PackingProgress;
 pub use listed_contact::ListedContact;
 pub use preshear::ShearAttempt;
 pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
+pub(crate) use report::anisotropy_of_fabric;
 pub use report::{PackingReport, Requirement};
 pub use stress_target::StressTarget;

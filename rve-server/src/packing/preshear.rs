@@ -5,6 +5,7 @@ use crate::packing::PackingError;
 use crate::packing::bed::Bed;
 use crate::packing::recipe::AnisotropyTarget;
 use crate::packing::stress_target::Matrix;
+use crate::space::Space;
 use serde::{Deserialize, Serialize};
 
 /// Change of fabric per shear strain that is assumed before the first try. Shortening an axis turns contacts towards it.
@@ -33,11 +34,11 @@ pub struct ShearAttempt {
 ///
 /// # Errors
 /// [`PackingError::Content`] if the anisotropy is not reached.
-pub(crate) fn presheared<'a>(
+pub(crate) fn presheared<'a, S: Space>(
     target: &AnisotropyTarget,
     dimension: usize,
-    prepared: &mut dyn FnMut() -> Result<Bed<'a>, PackingError>,
-) -> Result<(Bed<'a>, Vec<ShearAttempt>), PackingError> {
+    prepared: &mut dyn FnMut() -> Result<Bed<'a, S>, PackingError>,
+) -> Result<(Bed<'a, S>, Vec<ShearAttempt>), PackingError> {
     let wanted = axial_fabric(target, dimension);
     let mut attempts = Vec::new();
     let mut shear = [[0.0; 3]; 3];

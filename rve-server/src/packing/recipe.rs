@@ -197,7 +197,8 @@ impl PackingRecipe {
                 ));
             }
         }
-        self.contact.validate().map_err(|error| PackingError::Content(error.to_string()))?;
+        let sound = self.contact.validate().and_then(|()| self.contact.validate_for(self.dimension as usize));
+        sound.map_err(|error| PackingError::Content(error.to_string()))?;
         self.grading.validate()?;
         if let Some(target) = &self.target {
             target.validate()?;

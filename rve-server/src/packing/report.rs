@@ -8,6 +8,7 @@ use crate::packing::preshear::anisotropy_of;
 use crate::packing::recipe::PackingRecipe;
 use crate::packing::stress_target::{Matrix, StressTarget, symmetric_pairs};
 use crate::packing::{PackingError, PackingFile};
+use crate::space::Space;
 use protocol::Observables;
 use serde::Serialize;
 
@@ -99,17 +100,17 @@ impl PackingReport {
 ///
 /// # Errors
 /// [`PackingError::Content`] if the packing cannot be read as a cell.
-pub(crate) fn measured(
+pub(crate) fn measured<S: Space>(
     recipe: &PackingRecipe,
     target: &StressTarget,
-    packing: &PackingFile,
+    packing: &PackingFile<S>,
     contact: &ContactTable,
     searches: Searches,
     force_evaluations: u64,
 ) -> Result<PackingReport, PackingError> {
     let definition =
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
-    let mut cell = GrainRve::new(&definition).map_err(content)?;
+    let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
     let answer = cell.look(Observables::ALL);
     let (stress, fabric) = (rows(&answer.stress), rows(&answer.observed.fabric));
     let mut report = PackingReport {
@@ -121,7 +122,7 @@ pub(crate) fn measured(
         coordination_number: answer.scalars.coordination_number,
         coordination_number_no_rattlers: answer.observed.coordination_number_no_rattlers,
         fabric,
-        fabric_anisotropy: anisotropy_of(&without_mean(&fabric, target.dimension), target.dimension),
+        fabric_anisotropy: anisotropy_of_fabric(&fabric, target.dimension),
         stress_error: stress_error(&stress, target),
         unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
         max_overlap_ratio: answer.scalars.max_overlap_ratio,
@@ -176,6 +177,11 @@ fn stress_error(stress: &Matrix, target: &StressTarget) -> f64 {
         }
     }
     largest / target.pressure
+}
+
+/// Major over minor principal value of a contact fabric, minus 1.
+pub(crate) fn anisotropy_of_fabric(fabric: &Matrix, dimension: usize) -> f64 {
+    anisotropy_of(&without_mean(fabric, dimension), dimension)
 }
 
 fn without_mean(fabric: &Matrix, dimension: usize) -> Matrix {

@@ -2,12 +2,12 @@
 
 use crate::packing::recipe::PackingRecipe;
 use crate::packing::{PackingError, PackingFile};
-use crate::space::Discs;
+use crate::space::{Components, Space, Tensor};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Solid fraction of the random places: sparse enough that sequential insertion never jams.
-const START_SOLID_FRACTION: f64 = 0.45;
+/// Solid fraction of the random places in the plane and in space: sparse enough that sequential insertion never jams.
+const START_SOLID_FRACTION: [f64; 2] = [0.45, 0.28];
 
 /// Places tried for one grain before giving up.
 const PLACES_PER_GRAIN: u32 = 100_000;
@@ -16,38 +16,30 @@ const PLACES_PER_GRAIN: u32 = 100_000;
 ///
 /// # Errors
 /// [`PackingError::Content`] if the grains do not fit.
-pub(crate) fn scattered(recipe: &PackingRecipe) -> Result<PackingFile, PackingError> {
+pub(crate) fn scattered<S: Space>(recipe: &PackingRecipe) -> Result<PackingFile<S>, PackingError> {
     let radii = recipe.radii();
-    let solid: f64 = radii.iter().map(|radius| std::f64::consts::PI * radius * radius).sum();
-    let side = (solid / START_SOLID_FRACTION).sqrt();
-    let sides = match recipe.aspect.as_deref() {
-        Some([first, second]) => [side * (first / second).sqrt(), side * (second / first).sqrt()],
-        _ => [side, side],
-    };
+    let solid: f64 = radii.iter().map(|radius| S::grain_measure(*radius)).sum();
+    let volume = solid / START_SOLID_FRACTION[S::DIMENSION - 2];
+    let side = if S::DIMENSION == 2 { volume.sqrt() } else { volume.cbrt() };
+    let shape = recipe.aspect.clone().unwrap_or_else(|| vec![1.0; S::DIMENSION]);
+    let mean = shape.iter().product::<f64>().powf(1.0 / S::DIMENSION as f64);
+    let sides = S::Vector::from_fn(|axis| if recipe.aspect.is_some() { side * shape[axis] / mean } else { side });
     let mut order: Vec<usize> = (0..radii.len()).collect();
     order.sort_by(|a, b| radii[*b].total_cmp(&radii[*a]));
     let mut random = ChaCha8Rng::seed_from_u64(recipe.seed);
-    let mut placed: Vec<[f64; 3]> = Vec::with_capacity(radii.len());
+    let mut placed: Vec<S::Grain> = Vec::with_capacity(radii.len());
     for grain in order {
         let radius = radii[grain];
         let place = (0..PLACES_PER_GRAIN)
-            .map(|_| [sides[0] * unit_interval(&mut random), sides[1] * unit_interval(&mut random)])
-            .find(|place| placed.iter().all(|other| !overlap(sides, *place, radius, other)))
+            .map(|_| S::Vector::from_fn(|axis| sides[axis] * unit_interval(&mut random)))
+            .find(|place| placed.iter().all(|other| !overlap::<S>(sides, *place, radius, other)))
             .ok_or_else(|| {
                 PackingError::Content("the grains do not fit at random; the grading is too wide".into())
             })?;
-        placed.push([place[0], place[1], radius]);
+        placed.push(S::grain(place, radius));
     }
-    Ok(PackingFile::<Discs> {
-        format: PackingFile::FORMAT.into(),
-        version: PackingFile::VERSION,
-        dimension: 2,
-        thickness: recipe.thickness,
-        periodicity: [[sides[0], 0.0], [0.0, sides[1]]],
-        grains: placed,
-        contacts: Vec::new(),
-        provenance: serde_json::Value::Null,
-    })
+    let periodicity = S::Tensor::from_fn(|i, j| if i == j { sides[i] } else { 0.0 });
+    Ok(PackingFile { thickness: recipe.thickness, ..PackingFile::<S>::new(periodicity, placed) })
 }
 
 /// `count` different numbers below `number`, ascending.
@@ -64,10 +56,12 @@ pub(crate) fn chosen(number: usize, count: usize, seed: u64) -> Vec<usize> {
     taken
 }
 
-fn overlap(sides: [f64; 2], place: [f64; 2], radius: f64, other: &[f64; 3]) -> bool {
-    let nearest = |difference: f64, side: f64| difference - side * (difference / side).round();
-    let (dx, dy) = (nearest(place[0] - other[0], sides[0]), nearest(place[1] - other[1], sides[1]));
-    dx * dx + dy * dy < (radius + other[2]).powi(2)
+fn overlap<S: Space>(sides: S::Vector, place: S::Vector, radius: f64, other: &S::Grain) -> bool {
+    let between = S::Vector::from_fn(|axis| {
+        let difference = place[axis] - other[axis];
+        difference - sides[axis] * (difference / sides[axis]).round()
+    });
+    between.dot(between) < (radius + S::radius(other)).powi(2)
 }
 
 /// 53 random bits as a number in [0, 1).

@@ -3,6 +3,7 @@
 use crate::samples::assert_close;
 use crate::samples::packing;
 use rve_server::packing::{AnisotropyTarget, Grading, PackingRecipe, Removal, StateTarget, generate};
+use rve_server::space::Discs;
 use std::path::Path;
 
 fn recipe(name: &str) -> PackingRecipe {
@@ -15,7 +16,7 @@ fn recipe(name: &str) -> PackingRecipe {
 fn hundred_discs_are_made_again_to_the_same_bits() {
     let recipe = recipe("discs-100.toml");
     let mut stages = Vec::new();
-    let (made, report) = generate(&recipe, &mut |progress| stages.push(progress.stage)).unwrap();
+    let (made, report) = generate::<Discs>(&recipe, &mut |progress| stages.push(progress.stage)).unwrap();
     assert_eq!(made.to_json(), packing("discs-100.json").to_json());
     assert!(stages.starts_with(&["compression"]) && stages.ends_with(&["servo"]));
     assert!(report.stress_error < 1e-5, "stress error {:e}", report.stress_error);
@@ -30,7 +31,7 @@ fn recipes_with_defects_are_refused_by_key() {
     let refused = |change: &dyn Fn(&mut PackingRecipe)| {
         let mut recipe = sound.clone();
         change(&mut recipe);
-        generate(&recipe, &mut |_| ()).unwrap_err().to_string()
+        generate::<Discs>(&recipe, &mut |_| ()).unwrap_err().to_string()
     };
     assert!(refused(&|r| r.number = 3).contains("number = 3"));
     assert!(refused(&|r| r.pressure = Some(-1.0)).contains("pressure = -1"));
@@ -77,7 +78,7 @@ fn full_stress_tensor_is_reached_in_the_axes_of_the_file() {
         contact: rve_server::definition::ContactTable { friction: 0.3, ..coarse().contact },
         ..coarse()
     };
-    let (made, report) = generate(&asked, &mut |_| ()).unwrap();
+    let (made, report) = generate::<Discs>(&asked, &mut |_| ()).unwrap();
     assert_eq!(made.periodicity[0][1], 0.0, "Y1 is axis 1");
     assert_close(report.stress[0][0], -1.0e5, 20.0, "sigma_11");
     assert_close(report.stress[1][1], -1.6e5, 20.0, "sigma_22");
@@ -91,7 +92,7 @@ fn full_stress_tensor_is_reached_in_the_axes_of_the_file() {
 fn void_ratio_is_met_through_the_preparation_friction() {
     let number = 50;
     let asked = PackingRecipe { number, target: Some(void_ratio(0.22, 4e-3)), ..coarse() };
-    let (made, report) = generate(&asked, &mut |_| ()).unwrap();
+    let (made, report) = generate::<Discs>(&asked, &mut |_| ()).unwrap();
     assert_close(report.void_ratio, 0.22, 4e-3, "void ratio");
     let tried = &report.searches.friction;
     assert!(tried[0].value < tried[1].value, "friction makes loose: {tried:?}");
@@ -99,14 +100,15 @@ fn void_ratio_is_met_through_the_preparation_friction() {
     assert_eq!((taken.friction, taken.value), (report.friction, report.void_ratio));
     assert_eq!(made.provenance["searches"]["friction"].as_array().unwrap().len(), tried.len());
     let beyond = PackingRecipe { number, target: Some(void_ratio(1.0, 4e-3)), ..coarse() };
-    assert!(generate(&beyond, &mut |_| ()).unwrap_err().to_string().contains("out of reach"));
+    assert!(generate::<Discs>(&beyond, &mut |_| ()).unwrap_err().to_string().contains("out of reach"));
 }
 
 /// [Liu2018] compares packings of initial anisotropy 0.02, 0.05 and 0.08 under the same pressure.
 #[test]
 fn anisotropy_is_left_by_a_shear_while_the_stress_is_isotropic() {
     let target = AnisotropyTarget { value: 0.08, tolerance: 0.01, axis: 2, friction: 0.4 };
-    let (_, report) = generate(&PackingRecipe { anisotropy: Some(target), ..coarse() }, &mut |_| ()).unwrap();
+    let (_, report) =
+        generate::<Discs>(&PackingRecipe { anisotropy: Some(target), ..coarse() }, &mut |_| ()).unwrap();
     assert_close(report.fabric_anisotropy, 0.08, 0.01, "anisotropy");
     assert!(report.fabric[1][1] > report.fabric[0][0]);
     assert!(report.stress_error < 1.1e-4);
@@ -115,7 +117,8 @@ fn anisotropy_is_left_by_a_shear_while_the_stress_is_isotropic() {
 
 #[test]
 fn removed_grains_are_gone_and_the_rest_bears_the_stress() {
-    let (made, report) = generate(&PackingRecipe { removal: Some(removal(6)), ..coarse() }, &mut |_| ()).unwrap();
+    let (made, report) =
+        generate::<Discs>(&PackingRecipe { removal: Some(removal(6)), ..coarse() }, &mut |_| ()).unwrap();
     assert_eq!(made.grains.len(), 94);
     assert!(report.stress_error < 1.1e-4);
 }
@@ -123,6 +126,6 @@ fn removed_grains_are_gone_and_the_rest_bears_the_stress() {
 #[test]
 fn sieve_curves_that_few_grains_cannot_follow_are_refused() {
     let grading = Grading::Sieve { sizes: vec![2e-4, 4e-4, 8e-4], passing: vec![0.0, 0.3, 1.0], tolerance: 1e-4 };
-    let reason = generate(&PackingRecipe { grading, ..coarse() }, &mut |_| ()).unwrap_err().to_string();
+    let reason = generate::<Discs>(&PackingRecipe { grading, ..coarse() }, &mut |_| ()).unwrap_err().to_string();
     assert!(reason.contains("sieve curve"), "{reason}");
 }

@@ -1,0 +1,147 @@
+//! How a frame is solved.
+
+use super::constraint::FrameConstraint;
+use serde::{Deserialize, Serialize};
+
+/// Damping of the grains.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameDamping {
+    /// Velocities are steered towards the forces and reset when they oppose them; ends at a force tolerance.
+    #[default]
+    Fire,
+    /// `f_d = -coefficient |f| sign(v)` per component; ends at a ratio of kinetic to stored energy, [Liu2018] eq. 31.
+    Local {
+        /// Coefficient, in (0, 1); [Liu2018] uses 0.7.
+        coefficient: f64,
+    },
+}
+
+/// How opposite boundary grains are brought to cancelling loads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameControl {
+    /// Both move in every step along the sum of their loads, like one grain.
+    #[default]
+    Direct,
+    /// They are held while the inner grains relax and corrected in between, as in [Liu2018] table 2.
+    Servo {
+        /// Correction over the sum of loads per contact stiffness of the pair, dimensionless; 1 converges slowly but surely, 1.8 was seen to diverge.
+        gain: f64,
+    },
+}
+
+/// How a frame is solved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameOptions {
+    /// Boundary condition.
+    pub constraint: FrameConstraint,
+    /// Contacts between two grains of one side count half, because the neighbouring frame has them as well; a periodic
+    /// frame then is the periodic cell. [Liu2018] counts them whole.
+    #[serde(default)]
+    pub shared_sides: bool,
+    /// How opposite grains are balanced.
+    #[serde(default)]
+    pub control: FrameControl,
+    /// Damping.
+    #[serde(default)]
+    pub damping: FrameDamping,
+    /// Strain per ramp step; default 1e-6.
+    #[serde(default)]
+    pub strain_per_step: Option<f64>,
+    /// Largest load left over mean normal contact force; default 1e-3.
+    #[serde(default)]
+    pub tolerance: Option<f64>,
+    /// Kinetic over stored energy at the end under local damping; default 1e-6. The 1e-3 of [Liu2018] leaves motion.
+    #[serde(default)]
+    pub energy_tolerance: Option<f64>,
+    /// Residual of opposite boundary loads over mean contact force; default 1e-2 for servo and local damping, otherwise
+    /// thirty times the force tolerance.
+    #[serde(default)]
+    pub servo_tolerance: Option<f64>,
+    /// Most relaxation steps of one hold; default 50 000.
+    #[serde(default)]
+    pub max_steps: Option<u32>,
+    /// Most corrections of the servo in one trial; default 500.
+    #[serde(default)]
+    pub most_corrections: Option<u32>,
+}
+
+impl FrameOptions {
+    /// Default options with a constraint.
+    pub fn new(constraint: FrameConstraint) -> Self {
+        Self {
+            constraint,
+            shared_sides: false,
+            control: FrameControl::Direct,
+            damping: FrameDamping::Fire,
+            strain_per_step: None,
+            tolerance: None,
+            energy_tolerance: None,
+            servo_tolerance: None,
+            max_steps: None,
+            most_corrections: None,
+        }
+    }
+
+    /// Strain per ramp step in force.
+    pub fn strain_per_step(&self) -> f64 {
+        self.strain_per_step.unwrap_or(1e-6)
+    }
+
+    /// Force tolerance in force.
+    pub fn tolerance(&self) -> f64 {
+        self.tolerance.unwrap_or(1e-3)
+    }
+
+    /// Energy tolerance in force.
+    pub fn energy_tolerance(&self) -> f64 {
+        self.energy_tolerance.unwrap_or(1e-6)
+    }
+
+    /// Tolerance of opposite boundary loads in force. Where both grains move as one it follows the force tolerance: the
+    /// residual is a norm over the whole boundary.
+    pub fn servo_tolerance(&self) -> f64 {
+        let follows = self.control == FrameControl::Direct && self.damping == FrameDamping::Fire;
+        self.servo_tolerance.unwrap_or(if follows { 30.0 * self.tolerance() } else { 1e-2 })
+    }
+
+    /// Step cap in force.
+    pub fn max_steps(&self) -> u32 {
+        self.max_steps.unwrap_or(50_000)
+    }
+
+    /// Cap of servo corrections in force.
+    pub fn most_corrections(&self) -> u32 {
+        self.most_corrections.unwrap_or(500)
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// The first offending key with the remedy.
+    pub fn validate(&self) -> Result<(), String> {
+        let numbers = [
+            ("strain_per_step", self.strain_per_step()),
+            ("tolerance", self.tolerance()),
+            ("energy_tolerance", self.energy_tolerance()),
+            ("servo_tolerance", self.servo_tolerance()),
+        ];
+        if let Some((key, value)) = numbers.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+            return Err(format!("frame.{key} = {value} must be a positive number"));
+        }
+        match self.damping {
+            FrameDamping::Local { coefficient } if !(coefficient > 0.0 && coefficient < 1.0) => {
+                return Err(format!("frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"));
+            }
+            _ => (),
+        }
+        match self.control {
+            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => {
+                Err(format!("frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Single-scale grain dynamics: a whole specimen of grains between walls, on the contact laws of the periodic cells.
+
+pub mod assembly;
+mod block;
+pub mod body;
+pub mod contact;
+pub mod csv_table;
+pub mod dynamics;
+pub mod run;
+pub mod test_file;
+#[cfg(test)]
+mod tests;
+pub mod wall;
+
+pub use body::Body;
+pub use contact::{ContactSums, Grain, Load};
+pub use csv_table::SpecimenCsv;
+pub use dynamics::{Dynamics, GrainSums, Motion};
+pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenSummary, run_specimen};
+pub use test_file::SpecimenTest;
+pub use wall::{Wall, WallDrive};
+
+use crate::lanes::Kinematics;
+use crate::space::Space;
+
+/// Discs or spheres, seen as both a space and what the force kernel makes of it.
+pub trait SpecimenSpace: Kinematics + Space<Kinematics = Self> {}
+
+impl<S: Kinematics + Space<Kinematics = Self>> SpecimenSpace for S {}

@@ -1,0 +1,374 @@
+//! The driver of a specimen test: stages of wall motion, rows of results.
+
+use super::assembly::{Joinable, assembled};
+use super::body::Body;
+use super::dynamics::{Dynamics, GrainSums, Motion};
+use super::test_file::{SpecimenTest, Stage};
+use super::wall::{Wall, WallDrive};
+use crate::definition::Rotations;
+use crate::lanes::Tuple;
+use crate::law::{ComposedLaw, Springs};
+use crate::packing::PackingFile;
+
+/// Default speed of the servo per missing force, relative to the walls' stiffness.
+const SERVO_GAIN: f64 = 0.02;
+
+/// Default largest strain of one step of a servo-controlled wall.
+const LARGEST_STRAIN_PER_STEP: f64 = 1e-5;
+
+/// Steps between two looks at whether a stage has come to balance.
+const BALANCE_INTERVAL: u64 = 100;
+
+/// One row of results. Stresses in Pa, tension positive; axes that are periodic or do not exist have zero wall stress.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpecimenRow {
+    /// Name of the stage.
+    pub stage: String,
+    /// Steps since the start.
+    pub step: u64,
+    /// Time since the start, s; steps where masses are scaled.
+    pub time: f64,
+    /// Distance of opposite walls over that at the start, minus 1.
+    pub strain: [f64; 3],
+    /// Mean of both walls' forces over their area, per axis.
+    pub wall_stress: [f64; 3],
+    /// Love-Weber stress of all contacts between grains over the box, components xx, yy, zz, xy, xz, yz.
+    pub contact_stress: [f64; 6],
+    /// Void volume over grain volume.
+    pub void_ratio: f64,
+    /// 2 x contacts over grains, contacts with walls left out.
+    pub coordination_number: f64,
+    /// Major over minor principal value of the contact fabric, minus 1.
+    pub fabric_anisotropy: f64,
+    /// Share of contacts at the friction limit.
+    pub sliding_fraction: f64,
+    /// Largest unbalanced force over mean contact force.
+    pub unbalanced_force_ratio: f64,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Stored contact energy, J.
+    pub elastic_energy: f64,
+    /// Work lost to friction since the start, J.
+    pub friction_work: f64,
+    /// Work lost to contact viscosity since the start, J.
+    pub viscous_work: f64,
+    /// Work lost to local damping since the start, J.
+    pub damping_work: f64,
+    /// Largest overlap over the smaller diameter.
+    pub max_overlap_ratio: f64,
+}
+
+/// What a test cost and where it fell short.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SpecimenSummary {
+    /// Number of grains.
+    pub grains: usize,
+    /// Steps.
+    pub steps: u64,
+    /// Renewals of the pair list.
+    pub renewals: u64,
+    /// How often the step had to be shortened.
+    pub shortenings: u64,
+    /// Stages that ended at their step cap before they came to balance.
+    pub unbalanced_stages: u64,
+}
+
+/// Grains as pictures need them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpecimenPicture {
+    /// Centres, m.
+    pub centres: Vec<[f64; 3]>,
+    /// Radii, m.
+    pub radii: Vec<f64>,
+    /// Rotations since the start, rad; about z in the plane.
+    pub rotations: Vec<[f64; 3]>,
+    /// Velocities, m/s.
+    pub velocities: Vec<[f64; 3]>,
+}
+
+/// What a run tells while it goes.
+pub enum SpecimenEvent<'a> {
+    /// A step of `steps` in stage `stage` of the test is done; called every hundred steps.
+    Progress {
+        /// Number of the stage, from 0.
+        stage: usize,
+        /// Steps done in it.
+        step: u64,
+    },
+    /// A row, with a picture of the grains at this moment on request.
+    Row(&'a SpecimenRow, &'a dyn Fn() -> SpecimenPicture),
+}
+
+/// Runs a test on a packing. Equal input gives equal bits for any number of threads.
+///
+/// # Errors
+/// A test or packing that is not sound, or a motion that went out of control.
+pub fn run_specimen<S: Joinable>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+) -> Result<SpecimenSummary, String> {
+    test.validate(S::DIMENSION)?;
+    let parts = test.contact_without_damping().parts();
+    let linear = || parts.linear_springs().map_err(|error| error.to_string());
+    match parts.hertz_springs() {
+        Some(springs) if parts.is_extended() => run_with::<S, _, 4>(test, packing, parts.law(springs), listener),
+        Some(springs) => run_with::<S, _, 1>(test, packing, parts.law(springs), listener),
+        None if parts.is_extended() => run_with::<S, _, 4>(test, packing, parts.law(linear()?), listener),
+        None => run_with::<S, _, 0>(test, packing, parts.law(linear()?), listener),
+    }
+}
+
+fn run_with<S: Joinable, N: Springs, const MEMORY: usize>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    law: ComposedLaw<N, MEMORY>,
+    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+) -> Result<SpecimenSummary, String> {
+    let mut run = Run::<S, N, MEMORY>::new(test, packing, law)?;
+    for (number, stage) in test.stage.iter().enumerate() {
+        run.follow(number, stage, listener)?;
+    }
+    Ok(SpecimenSummary {
+        grains: run.dynamics.body.grains.len(),
+        steps: run.dynamics.steps,
+        renewals: run.dynamics.body.renewals,
+        shortenings: run.dynamics.shortenings,
+        unbalanced_stages: run.unbalanced_stages,
+    })
+}
+
+struct Run<'a, S: Joinable, N: Springs, const MEMORY: usize> {
+    test: &'a SpecimenTest,
+    dynamics: Dynamics<S, ComposedLaw<N, MEMORY>>,
+    /// Numbers of the lower and upper wall of every walled axis.
+    walls: [Option<[usize; 2]>; 3],
+    /// Side lengths of the box at the start, m.
+    sides: [f64; 3],
+    thickness: f64,
+    solid: f64,
+    unbalanced_stages: u64,
+    last: GrainSums,
+}
+
+impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
+    fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: ComposedLaw<N, MEMORY>) -> Result<Self, String> {
+        let assembled = assembled(packing, &test.tiles, test.cut)?;
+        let periodic = test.periodic_axes(S::DIMENSION)?;
+        let wall_law = ComposedLaw { friction: test.walls.friction, ..law };
+        let thickness = packing.thickness;
+        let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
+        let masses: Vec<f64> =
+            assembled.grains.iter().map(|grain| test.contact.density * measure(grain.radius)).collect();
+        let solid = assembled.grains.iter().map(|grain| measure(grain.radius)).sum();
+        let mut sides = assembled.sides;
+        let mut walls = Vec::new();
+        let mut numbers = [None; 3];
+        for axis in (0..S::DIMENSION).filter(|axis| !periodic[*axis]) {
+            let surfaces = |sign: f64| {
+                let far = |grain: &super::Grain<S>| sign * grain.position.as_ref()[axis] + grain.radius;
+                sign * assembled.grains.iter().map(far).fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (low, high) = (surfaces(-1.0), surfaces(1.0));
+            sides[axis] = high - low;
+            numbers[axis] = Some([walls.len(), walls.len() + 1]);
+            for (place, sign, end) in [(low, 1.0, "low"), (high, -1.0, "high")] {
+                let unit = <S::Coordinates<f64>>::build(|i| if i == axis { 1.0 } else { 0.0 });
+                let name = format!("{} {end}", ["x", "y", "z"][axis]);
+                let drive = WallDrive::Velocity(0.0);
+                walls.push(Wall::new(
+                    &name,
+                    unit.scaled(place),
+                    unit.scaled(sign),
+                    wall_law,
+                    drive,
+                    test.contact.damping,
+                ));
+            }
+        }
+        let periods = std::array::from_fn(|axis| periodic[axis].then_some(sides[axis]));
+        let body = Body::new(law, assembled.grains, masses, test.contact.damping, periods);
+        let motion = Motion {
+            gravity: std::array::from_fn(|axis| test.motion.gravity.get(axis).copied().unwrap_or(0.0)),
+            local_damping: test.motion.local_damping,
+            safety: test.motion.safety,
+            step: test.motion.step,
+            rotations_free: test.contact.rotations == Rotations::Free,
+            scaled_masses: test.motion.scaled_masses,
+        };
+        let dynamics = Dynamics::new(body, walls, motion);
+        Ok(Self {
+            test,
+            dynamics,
+            walls: numbers,
+            sides,
+            thickness: if S::DIMENSION == 2 { thickness } else { 1.0 },
+            solid,
+            unbalanced_stages: 0,
+            last: GrainSums::default(),
+        })
+    }
+
+    fn follow(
+        &mut self,
+        number: usize,
+        stage: &Stage,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<(), String> {
+        let friction = stage.friction.unwrap_or(self.test.contact.friction);
+        let law = ComposedLaw { friction, ..*self.dynamics.body.law() };
+        self.dynamics.body.change_law(law);
+        let lengths: [f64; 3] = std::array::from_fn(|axis| self.length(axis));
+        let mut balanced = stage.until_balance.is_none();
+        let mut row = 0;
+        for step in 0..stage.steps {
+            self.drive(stage, &lengths);
+            self.last = self.dynamics.advance();
+            let done = step + 1;
+            if !self.last.kinetic_energy.is_finite() {
+                return Err(format!(
+                    "stage \"{}\": the motion went out of control at step {done}; lower motion.safety or the strain \
+                     per step",
+                    stage.name
+                ));
+            }
+            let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
+                && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
+            if done.is_multiple_of(BALANCE_INTERVAL) {
+                listener(&SpecimenEvent::Progress { stage: number, step: done });
+            }
+            // Row k of n is due when k / n of the stage is done.
+            if done * stage.rows >= (row + 1) * stage.steps || at_balance || done == stage.steps {
+                row = done * stage.rows / stage.steps;
+                let result = self.row(stage);
+                listener(&SpecimenEvent::Row(&result, &|| self.picture()));
+            }
+            if at_balance {
+                balanced = true;
+                break;
+            }
+        }
+        self.unbalanced_stages += u64::from(!balanced);
+        Ok(())
+    }
+
+    /// Sets every wall's drive for the next step.
+    fn drive(&mut self, stage: &Stage, lengths: &[f64; 3]) {
+        let step = self.dynamics.step;
+        let (strains, stresses) = (stage.strain.values(), stage.stress.values());
+        for axis in 0..S::DIMENSION {
+            let Some(pair) = self.walls[axis] else { continue };
+            let drive = match (strains[axis], stresses[axis]) {
+                (Some(strain), _) => {
+                    // Both walls move, so that the middle of the specimen stays where it is.
+                    let way = 0.5 * strain * lengths[axis] / stage.steps as f64;
+                    WallDrive::Velocity(-way / step)
+                }
+                (None, Some(stress)) => {
+                    let largest = self.test.walls.largest_strain_per_step.unwrap_or(LARGEST_STRAIN_PER_STEP);
+                    WallDrive::Force {
+                        target: -stress * self.area(axis),
+                        gain: self.test.walls.servo_gain.unwrap_or(SERVO_GAIN),
+                        largest_speed: 0.5 * largest * self.length(axis) / step,
+                    }
+                }
+                (None, None) => WallDrive::Velocity(0.0),
+            };
+            for wall in pair {
+                self.dynamics.walls[wall].drive = drive;
+            }
+        }
+    }
+
+    fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
+        let targets: Vec<(usize, f64)> =
+            stage.stress.values().iter().enumerate().filter_map(|(axis, stress)| Some((axis, (*stress)?))).collect();
+        let mean = targets.iter().map(|(_, stress)| stress.abs()).sum::<f64>() / targets.len().max(1) as f64;
+        let near = targets.iter().all(|(axis, stress)| (self.wall_stress(*axis) - stress).abs() <= limit * mean);
+        near && self.unbalanced() <= limit
+    }
+
+    /// Distance of the walls of an axis, or its period, m.
+    fn length(&self, axis: usize) -> f64 {
+        match self.walls[axis] {
+            Some([low, high]) => {
+                let place = |wall: usize| self.dynamics.walls[wall].point.as_ref()[axis];
+                place(high) - place(low)
+            }
+            None => self.sides[axis],
+        }
+    }
+
+    /// Area of a wall, m2.
+    fn area(&self, axis: usize) -> f64 {
+        (0..S::DIMENSION).filter(|other| *other != axis).map(|other| self.length(other)).product::<f64>()
+            * self.thickness
+    }
+
+    fn wall_stress(&self, axis: usize) -> f64 {
+        self.walls[axis].map_or(0.0, |[low, high]| {
+            let force = |wall: usize| self.dynamics.walls[wall].normal_force();
+            -0.5 * (force(low) + force(high)) / self.area(axis)
+        })
+    }
+
+    fn unbalanced(&self) -> f64 {
+        let contacts = &self.dynamics.contacts;
+        if contacts.contacts == 0 {
+            return 0.0;
+        }
+        self.last.largest_force / (contacts.normal_force / contacts.contacts as f64)
+    }
+
+    fn row(&self, stage: &Stage) -> SpecimenRow {
+        let body = &self.dynamics.body;
+        let contacts = &self.dynamics.contacts;
+        let volume = (0..S::DIMENSION).map(|axis| self.length(axis)).product::<f64>() * self.thickness;
+        let sum = body.stress_sum();
+        let at_walls: usize = self.dynamics.walls.iter().map(Wall::contacts).sum();
+        let inside = contacts.contacts.saturating_sub(at_walls as u64) as f64;
+        SpecimenRow {
+            stage: stage.name.clone(),
+            step: self.dynamics.steps,
+            time: self.dynamics.time,
+            strain: std::array::from_fn(|axis| self.length(axis) / self.sides[axis] - 1.0),
+            wall_stress: std::array::from_fn(|axis| self.wall_stress(axis)),
+            contact_stress: [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+                .map(|(i, j): (usize, usize)| 0.5 * (sum[i][j] + sum[j][i]) / volume),
+            void_ratio: (volume - self.solid) / self.solid,
+            coordination_number: 2.0 * inside / body.grains.len() as f64,
+            fabric_anisotropy: crate::packing::anisotropy_of_fabric(&body.fabric(), S::DIMENSION),
+            sliding_fraction: contacts.sliding as f64 / contacts.contacts.max(1) as f64,
+            unbalanced_force_ratio: self.unbalanced(),
+            kinetic_energy: self.last.kinetic_energy,
+            elastic_energy: contacts.elastic_energy,
+            friction_work: self.dynamics.works[0],
+            viscous_work: self.dynamics.works[1],
+            damping_work: self.dynamics.works[2],
+            max_overlap_ratio: 0.5 * contacts.largest_overlap,
+        }
+    }
+
+    fn picture(&self) -> SpecimenPicture {
+        let spread = |components: &[f64]| {
+            let mut all = [0.0; 3];
+            all[..components.len()].copy_from_slice(components);
+            all
+        };
+        let grains = &self.dynamics.body.grains;
+        SpecimenPicture {
+            centres: grains.iter().map(|grain| spread(grain.position.as_ref())).collect(),
+            radii: grains.iter().map(|grain| grain.radius).collect(),
+            rotations: self
+                .dynamics
+                .rotations
+                .iter()
+                .map(|rotation| match rotation.as_ref() {
+                    [about_z] => [0.0, 0.0, *about_z],
+                    components => spread(components),
+                })
+                .collect(),
+            velocities: grains.iter().map(|grain| spread(grain.velocity.as_ref())).collect(),
+        }
+    }
+}

@@ -1,0 +1,232 @@
+//! Statistical checks of packings, frames and specimens that take minutes. Not part of the usual tests:
+//!
+//! `cargo test --release -p grainspan-rve-server --test release_suite -- --nocapture --test-threads 1`
+//!
+//! The last result is in `docs/verification.md`.
+
+#![expect(clippy::print_stderr, reason = "the figures are for people")]
+
+use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
+use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
+use rve_server::element::{ElementTest, run_element};
+use rve_server::engine::GrainRve;
+use rve_server::network::ContactNetwork;
+use rve_server::packing::{Grading, PackingFile, PackingRecipe, PackingReport, generate};
+use rve_server::space::{Discs, Space, Spheres};
+use rve_server::specimen::{SpecimenEvent, SpecimenTest, run_specimen};
+use std::path::Path;
+use std::time::Instant;
+
+/// A recipe of monodisperse or bidisperse grains of radius 1 (and 1.4), stiffness 1.
+fn recipe(dimension: u32, number: usize, seed: u64, pressure: f64, friction: f64, ratio: f64) -> PackingRecipe {
+    let grading = if ratio == 1.0 {
+        Grading::List { radii: vec![1.0] }
+    } else {
+        Grading::Bidisperse { small_radius: 1.0, large_radius: ratio, large_share: 0.5 }
+    };
+    let text = format!(
+        "dimension = {dimension}\nnumber = {number}\nseed = {seed}\npressure = {pressure:e}\ntolerance = 1e-4\n\
+         stress_tolerance = 1e-2\n[grading]\ndistribution = \"list\"\nradii = [1.0]\n[contact]\nlaw = \"linear\"\n\
+         normal_stiffness = 1.0\nstiffness_ratio = 0.5\nfriction = {friction:e}\n"
+    );
+    PackingRecipe { grading, ..PackingRecipe::from_toml(&text).unwrap() }
+}
+
+fn made<S: Space>(recipe: &PackingRecipe) -> (PackingFile<S>, PackingReport) {
+    let started = Instant::now();
+    let (packing, report) = generate::<S>(recipe, &mut |_| ()).unwrap();
+    eprintln!(
+        "  {} {}: friction {}, solid fraction {:.4}, z {:.3}, z* {:.3}, {} evaluations, {:.1} s",
+        recipe.number,
+        S::GRAINS,
+        recipe.contact.friction,
+        1.0 - report.porosity,
+        report.coordination_number,
+        report.coordination_number_no_rattlers,
+        report.force_evaluations,
+        started.elapsed().as_secs_f64()
+    );
+    (packing, report)
+}
+
+/// G-1 and G-2 in the plane: frictionless discs jam at z* = 4 and a solid fraction of 0.842 (bidisperse 1 : 1.4).
+#[test]
+fn frictionless_discs_jam_isostatically() {
+    eprintln!("G-1, G-2 (2D)");
+    let (_, report) = made::<Discs>(&recipe(2, 1000, 1, 1e-5, 0.0, 1.4));
+    assert!((report.coordination_number_no_rattlers - 4.0).abs() < 0.05);
+    assert!((1.0 - report.porosity - 0.842).abs() < 5e-3);
+}
+
+/// G-1 and G-2 in space: z* = 6, solid fraction 0.639 (equal spheres).
+#[test]
+fn frictionless_spheres_jam_isostatically() {
+    eprintln!("G-1, G-2 (3D)");
+    let (_, report) = made::<Spheres>(&recipe(3, 1000, 1, 1e-5, 0.0, 1.0));
+    assert!((report.coordination_number_no_rattlers - 6.0).abs() < 0.05);
+    assert!((1.0 - report.porosity - 0.639).abs() < 5e-3);
+}
+
+/// G-6: with ever more friction z* tends to d + 1.
+#[test]
+fn rough_grains_need_one_contact_more_than_dimensions() {
+    eprintln!("G-6");
+    let (_, discs) = made::<Discs>(&recipe(2, 1000, 2, 1e-5, 1e3, 1.4));
+    assert!((discs.coordination_number_no_rattlers - 3.0).abs() < 0.2);
+    let (_, spheres) = made::<Spheres>(&recipe(3, 1000, 2, 1e-5, 1e3, 1.0));
+    assert!((spheres.coordination_number_no_rattlers - 4.0).abs() < 0.2);
+}
+
+/// Major minus minor over their sum of `sum f x n`, and the three anisotropies, all from one network.
+fn stress_and_anisotropies(network: &ContactNetwork) -> [f64; 4] {
+    // cos 2 theta and sin 2 theta parts of contacts, normal forces and tangential forces.
+    let mut sums = [[0.0; 2]; 3];
+    let (mut count, mut normal) = (0.0, 0.0);
+    for contact in &network.contacts {
+        let [x, y] = network.branch(contact);
+        let square = x * x + y * y;
+        let double = [(x * x - y * y) / square, 2.0 * x * y / square];
+        let force = -contact.normal_force;
+        for axis in 0..2 {
+            sums[0][axis] += double[axis];
+            sums[1][axis] += force * double[axis];
+        }
+        // t x n + n x t has the doubled angle turned by 90 degrees.
+        sums[2][0] += contact.tangential_force * double[1];
+        sums[2][1] -= contact.tangential_force * double[0];
+        count += 1.0;
+        normal += force;
+    }
+    let contacts = sums[0].map(|part| 2.0 * part / count);
+    let normals = [0, 1].map(|axis| 2.0 * sums[1][axis] / normal - contacts[axis]);
+    let tangentials = sums[2].map(|part| 2.0 * part / normal);
+    let size = |v: [f64; 2]| v[0].hypot(v[1]);
+    let stress = network.stress();
+    let mean = 0.5 * (stress[0][0] + stress[1][1]);
+    let radius = (0.5 * (stress[0][0] - stress[1][1])).hypot(0.5 * (stress[0][1] + stress[1][0]));
+    [radius / mean.abs(), size(contacts), size(normals), size(tangentials)]
+}
+
+/// G-7: `(s1 - s2) / (s1 + s2) = (a_c + a_n + a_t) / 2`.
+#[test]
+fn stress_ratio_is_half_the_sum_of_the_anisotropies() {
+    eprintln!("G-7");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-400-dense.json");
+    let contact = ContactTable { normal_stiffness: None, modulus: Some(6e7), ..ContactTable::linear(1.0, 0.5, 0.5) };
+    let options = RveOptions { accuracy: Accuracy::Draft, ..RveOptions::default() };
+    let mut cell =
+        GrainRve::new(&GrainDefinition { packing: PackingFile::read(&path).unwrap(), contact, options }).unwrap();
+    for increment in 1..=20 {
+        let h = Tensor2::from_plane([[4e-4, 0.0], [0.0, -5e-4]]);
+        cell.trial(&h, &Ask { observables: Observables::NONE, ..Ask::default() }).unwrap();
+        let [ratio, contacts, normals, tangentials] = stress_and_anisotropies(cell.network().unwrap());
+        cell.commit().unwrap();
+        if increment % 5 == 0 {
+            let sum = 0.5 * (contacts + normals + tangentials);
+            eprintln!("  strain {:.4}: stress ratio {ratio:.4}, half the sum {sum:.4}", 5e-4 * f64::from(increment));
+            assert!((sum / ratio - 1.0).abs() < 0.05);
+        }
+    }
+}
+
+/// The material of [Liu2018] at p/k_n = 0.015: peak of (s1 - s2)/(s1 + s2) and the strain at it.
+fn peak(packing: &Path, friction: f64) -> (f64, f64) {
+    let text = format!(
+        "packing = \"{}\"\nstress_tolerance = 2e-3\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1e7\n\
+         stiffness_ratio = 0.2\nfriction = {friction}\n[rve]\naccuracy = \"draft\"\nstrain_per_step = 1e-5\n\
+         [[path]]\nincrements = 40\nstrain = {{ yy = -0.08 }}\nstress = {{ xx = -1.5e5 }}\n",
+        packing.display()
+    );
+    let test = ElementTest::from_toml(&text).unwrap();
+    let mut best = (0.0, 0.0);
+    let ended = run_element(&test, Path::new(""), TangentKind::None, &mut |row| {
+        let ratio = (row.stress[0][0] - row.stress[1][1]) / (row.stress[0][0] + row.stress[1][1]).abs();
+        if ratio > best.0 {
+            best = (ratio, 1.0 - row.deformation[1][1]);
+        }
+    });
+    ended.unwrap();
+    best
+}
+
+fn liu_packing(folder: &Path, seed: u64) -> std::path::PathBuf {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-liu2018.toml"));
+    let recipe = PackingRecipe::from_toml(&text.unwrap()).unwrap();
+    let recipe = PackingRecipe { number: 228, seed, anisotropy: None, ..recipe };
+    let path = folder.join(format!("{seed}.json"));
+    made::<Discs>(&recipe).0.write(&path).unwrap();
+    path
+}
+
+/// G-10: strength of the material of [Liu2018], three periodic samples; the mean within two standard deviations of an
+/// independent code.
+#[test]
+fn peak_strength_of_the_published_material() {
+    eprintln!("G-10");
+    let folder = tempfile::tempdir().unwrap();
+    let packings: Vec<_> = (1..=3).map(|seed| liu_packing(folder.path(), seed)).collect();
+    for (friction, expected, deviation) in [(0.2, 0.298, 0.026), (0.4, 0.406, 0.010)] {
+        let peaks: Vec<(f64, f64)> = packings.iter().map(|packing| peak(packing, friction)).collect();
+        let mean = peaks.iter().map(|peak| peak.0).sum::<f64>() / 3.0;
+        eprintln!("  friction {friction}: mean {mean:.4} of {peaks:.4?}, expected {expected} +- {deviation}");
+        assert!((mean - expected).abs() < 2.0 * deviation);
+    }
+}
+
+/// DNS A and B of [Liu2018]: 441 and 1681 grains between smooth walls, and how fast they run.
+#[test]
+fn whole_specimens_reach_the_strength_of_the_material() {
+    eprintln!("DNS A, B");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let text = std::fs::read_to_string(root.join("scenes/specimen-biaxial.toml")).unwrap();
+    let packing = PackingFile::<Discs>::read(&root.join("packings/discs-liu2018.json")).unwrap();
+    for tiles in [vec![1, 2], vec![2, 4]] {
+        let test = SpecimenTest { tiles: tiles.clone(), ..toml::from_str::<SpecimenTest>(&text).unwrap() };
+        let mut best = (0.0, 0.0);
+        let started = Instant::now();
+        let summary = run_specimen(&test, &packing, &mut |event| {
+            if let SpecimenEvent::Row(row, _) = event {
+                let [lateral, axial, _] = row.wall_stress;
+                let ratio = (lateral - axial) / (lateral + axial).abs();
+                if row.stage == "biaxial" && ratio > best.0 {
+                    best = (ratio, -row.strain[1]);
+                }
+            }
+        })
+        .unwrap();
+        let seconds = started.elapsed().as_secs_f64();
+        let rate = summary.grains as f64 * summary.steps as f64 / seconds;
+        eprintln!(
+            "  {} grains: peak {:.4} at {:.4}, {} steps, {seconds:.1} s, {rate:.2e} grain-steps per second",
+            summary.grains, best.0, best.1, summary.steps
+        );
+        assert!((0.30..0.50).contains(&best.0));
+        assert_eq!(summary.unbalanced_stages, 0);
+    }
+}
+
+/// Speed of a specimen of some 10^5 grains.
+#[test]
+fn large_specimens_run() {
+    eprintln!("10^5 grains");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let text = std::fs::read_to_string(root.join("scenes/specimen-biaxial.toml")).unwrap();
+    let packing = PackingFile::<Discs>::read(&root.join("packings/discs-liu2018.json")).unwrap();
+    let mut test: SpecimenTest = toml::from_str(&text).unwrap();
+    test.tiles = vec![16, 32];
+    test.stage.truncate(1);
+    test.stage[0].steps = 300;
+    test.stage[0].until_balance = None;
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let started = Instant::now();
+        let summary = pool.install(|| run_specimen(&test, &packing, &mut |_| ())).unwrap();
+        let seconds = started.elapsed().as_secs_f64();
+        let rate = summary.grains as f64 * summary.steps as f64 / seconds;
+        eprintln!(
+            "  {} grains, {threads} threads: {seconds:.1} s, {rate:.2e} grain-steps per second",
+            summary.grains
+        );
+        assert!(summary.grains > 90_000);
+    }
+}

@@ -1,0 +1,168 @@
+//! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
+
+use super::exit::{Exit, Failure};
+use super::stdout::deliver;
+use crate::scene::Document;
+use indicatif::{ProgressBar, ProgressStyle};
+use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
+use rve_server::packing::Packing;
+use rve_server::specimen::{
+    SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen,
+};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `grainspan specimen`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
+  grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]")]
+pub(crate) struct Arguments {
+    /// Specimen test: packing, tiles, contact law, walls and stages; see docs/specimen.md
+    #[arg(value_name = "TEST.toml")]
+    test: PathBuf,
+    /// File to write [default: standard output, at the end]
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// Folder for ParaView files of the grains, one per row
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// Threads [default: one per core]; the results do not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Override a key of the test
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Say nothing on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the test.
+///
+/// # Errors
+/// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written).
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let document = Document::read(&arguments.test, &arguments.overrides)?;
+    let test: SpecimenTest = document.deserialize()?;
+    let packing = Packing::read(&document.resolve(Path::new(&test.packing)))
+        .map_err(|error| document.error_at_key(&["packing"], error))?;
+    test.validate(packing.dimension() as usize).map_err(|error| document.table_error(error))?;
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|error| Failure::new(Exit::BadInput, format!("--threads {threads}: {error}")))?;
+    }
+    let mut output = Output::new(arguments, &test)?;
+    let ended = match &packing {
+        Packing::Discs(packing) => run_specimen(&test, packing, &mut |event| output.take(event)),
+        Packing::Spheres(packing) => run_specimen(&test, packing, &mut |event| output.take(event)),
+    };
+    let bytes = output.finish()?;
+    deliver(arguments.out.as_deref(), &bytes)?;
+    match ended {
+        Ok(summary) => {
+            if !arguments.quiet {
+                eprintln!("{}", closing(&summary));
+            }
+            Ok(if summary.unbalanced_stages > 0 { Exit::NotConverged } else { Exit::Done })
+        }
+        Err(reason) => Err(Failure::new(Exit::NotConverged, format!("{}: {reason}", arguments.test.display()))),
+    }
+}
+
+/// Table, pictures and progress bar of one run.
+struct Output {
+    csv: SpecimenCsv<Vec<u8>>,
+    pictures: Option<Pictures>,
+    bar: ProgressBar,
+    /// Steps before each stage.
+    before: Vec<u64>,
+    failure: Option<Failure>,
+}
+
+impl Output {
+    fn new(arguments: &Arguments, test: &SpecimenTest) -> Result<Self, Failure> {
+        let mut whole = 0;
+        let mut before = Vec::new();
+        for stage in &test.stage {
+            before.push(whole);
+            whole += stage.steps;
+        }
+        let bar = if arguments.quiet { ProgressBar::hidden() } else { ProgressBar::new(whole) };
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} steps  {elapsed} of {duration}  {msg}")
+            .expect("the template is a constant");
+        bar.set_style(style);
+        Ok(Self {
+            csv: SpecimenCsv::new(Vec::new()).map_err(|error| Failure::new(Exit::BadInput, error))?,
+            pictures: arguments.pictures.as_deref().map(Pictures::create).transpose()?,
+            bar,
+            before,
+            failure: None,
+        })
+    }
+
+    fn take(&mut self, event: &SpecimenEvent<'_>) {
+        match event {
+            SpecimenEvent::Progress { stage, step } => self.bar.set_position(self.before[*stage] + step),
+            SpecimenEvent::Row(row, picture) => {
+                self.bar.set_message(format!("{}: unbalanced {:.1e}", row.stage, row.unbalanced_force_ratio));
+                let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
+                let drawn = written.and_then(|()| match &mut self.pictures {
+                    Some(pictures) => Ok(pictures.draw(row, &picture())?),
+                    None => Ok(()),
+                });
+                if let Err(failure) = drawn {
+                    self.failure.get_or_insert(failure);
+                }
+            }
+        }
+    }
+
+    fn finish(self) -> Result<Vec<u8>, Failure> {
+        self.bar.finish_and_clear();
+        match self.failure {
+            Some(failure) => Err(failure),
+            None => self.csv.into_inner().map_err(|error| Failure::new(Exit::BadInput, error)),
+        }
+    }
+}
+
+/// ParaView files of the grains.
+struct Pictures {
+    folder: PathBuf,
+    series: FieldSeries,
+    drawn: usize,
+}
+
+impl Pictures {
+    fn create(folder: &Path) -> Result<Self, Failure> {
+        std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
+        Ok(Self { folder: folder.to_owned(), series: FieldSeries::new(&folder.join("grains.pvd")), drawn: 0 })
+    }
+
+    fn draw(&mut self, row: &SpecimenRow, picture: &SpecimenPicture) -> Result<(), OutputError> {
+        let name = format!("grains-{:04}.vtp", self.drawn);
+        self.drawn += 1;
+        let fields = [
+            Field::scalar("radius", picture.radii.clone()),
+            Field::vector("rotation", &picture.rotations),
+            Field::vector("velocity", &picture.velocities),
+        ];
+        write_particles(&self.folder.join(&name), &picture.centres, &fields)?;
+        self.series.add(row.step as f64, name)
+    }
+}
+
+fn closing(summary: &SpecimenSummary) -> String {
+    let SpecimenSummary { grains, steps, renewals, shortenings, unbalanced_stages } = summary;
+    let mut shortfalls = Vec::new();
+    if *unbalanced_stages > 0 {
+        shortfalls.push(format!("stages that did not come to balance: {unbalanced_stages}"));
+    }
+    if *shortenings > 0 {
+        shortfalls.push(format!("step shortened: {shortenings} times"));
+    }
+    let shortfalls = if shortfalls.is_empty() { "nothing".to_owned() } else { shortfalls.join(", ") };
+    format!("{grains} grains, {steps} steps, {renewals} pair lists; fell short: {shortfalls}")
+}
