@@ -8,7 +8,7 @@ use crate::definition::{ContactTable, Rotations};
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::lanes::Tuple;
-use crate::law::PlainLinear;
+use crate::law::{AT_LIMIT, PlainLinear};
 use crate::network::{ContactNetwork, NetworkContact};
 use crate::packing::PackingFile;
 use crate::pairs::PairKey;
@@ -127,6 +127,7 @@ impl FrameRve {
             rotations: vec![0.0; geometry.places.len()],
             contacts: listed_contacts(&packing, &geometry),
             rolling_moments: Vec::new(),
+            operators: Default::default(),
             dissipation: 0.0,
             initial_measure: reference.measure(),
             unbalanced: 0.0,
@@ -358,6 +359,7 @@ impl FrameRelaxation<'_, PlainLinear> {
             let normal_force = slot.weight * slot.normal_force;
             let tangential_force = slot.weight * slot.tangential_force[0];
             let (origin, end, shift) = (key.origin, key.end, key.shift);
+            let limit = self.body.law().friction * slot.normal_force.abs() * slot.weight;
             NetworkContact {
                 origin,
                 end,
@@ -367,6 +369,7 @@ impl FrameRelaxation<'_, PlainLinear> {
                 normal_force,
                 tangential_force,
                 slid: false,
+                at_limit: tangential_force.abs() >= AT_LIMIT * limit,
             }
         });
         ContactNetwork {
