@@ -109,7 +109,7 @@ impl<'a> Solver<'a> {
         let loads = Loads::new(problem)?;
         let body = Body::new(problem.mesh.clone(), problem.formulation, problem.hourglass);
         let block_dofs = body.block_dofs(&loads);
-        let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints);
+        let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints, problem.equations);
         let empty =
             Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new(), hourglass_energy: 0.0 };
         let statistics = Statistics {

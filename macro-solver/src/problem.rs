@@ -218,6 +218,16 @@ impl Default for Strategy {
     }
 }
 
+/// How the global equations are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EquationSolver {
+    /// Sparse LU; the choice for the plane and for small solids.
+    #[default]
+    Direct,
+    /// BiCGStab with an incomplete factorization; what it cannot solve is solved directly and counted.
+    Iterative,
+}
+
 /// A boundary-value problem of one load stage; in the plane per metre of thickness.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
@@ -233,6 +243,8 @@ pub struct Problem {
     pub strategy: Strategy,
     /// What motion means for the points, and which stress is integrated where.
     pub formulation: Formulation,
+    /// How the global equations are solved.
+    pub equations: EquationSolver,
     /// What holds the hourglass modes of elements with one point.
     pub hourglass: HourglassControl,
     /// Optional results asked of every point in every evaluation.
@@ -253,6 +265,7 @@ impl Problem {
             tolerances: Tolerances::default(),
             strategy: Strategy::default(),
             formulation: Formulation::default(),
+            equations: EquationSolver::default(),
             hourglass: HourglassControl::default(),
             observables: Observables::NONE,
             strain_per_step: 0.0,

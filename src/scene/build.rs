@@ -8,8 +8,8 @@ use super::mesh::mesh;
 
 use super::probes::probes;
 use super::schema::{
-    BodyForceTable, BoundaryTable, FormulationKeyword, LoadingTable, ObservableKeyword, OutputTable, PlatenKind,
-    PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable, TractionTable,
+    BodyForceTable, BoundaryTable, EquationKeyword, FormulationKeyword, LoadingTable, ObservableKeyword, OutputTable,
+    PlatenKind, PredictorKeyword, PressureKeyword, PressureTable, SceneFile, SolverTable, TractionTable,
 };
 use super::sets::Sets;
 use super::supervision::{PoolKeys, checkpoint_policy};
@@ -18,7 +18,8 @@ use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::output::{Probe, RecordPlan};
 use macro_solver::problem::{
-    Condition, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl, Strategy, Tolerances,
+    Condition, EquationSolver, Platen, Predictor, PressureKind, Problem, ProblemError, SecantGates, StepControl,
+    Strategy, Tolerances,
 };
 use protocol::{Observables, TangentKind};
 use rve_server::definition::AnyDefinition;
@@ -93,6 +94,10 @@ impl Scene {
         problem.tolerances = tolerances(&file.solver);
         problem.strategy = strategy(&document, &file.solver)?;
         problem.formulation = formulation(file.solver.formulation);
+        problem.equations = match file.solver.equations {
+            EquationKeyword::Direct => EquationSolver::Direct,
+            EquationKeyword::Iterative => EquationSolver::Iterative,
+        };
         if let Some(coefficient) = &file.solver.hourglass_coefficient {
             problem.hourglass = HourglassControl::Stiffness { coefficient: *coefficient.get_ref() };
         }

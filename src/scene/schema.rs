@@ -202,6 +202,7 @@ pub(crate) struct LoadingTable {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SolverTable {
     pub(crate) formulation: FormulationKeyword,
+    pub(crate) equations: EquationKeyword,
     pub(crate) hourglass_coefficient: Option<Spanned<f64>>,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,
@@ -211,6 +212,15 @@ pub(crate) struct SolverTable {
     pub(crate) tangent_floor: Option<Spanned<f64>>,
     pub(crate) capped_change: Option<Spanned<f64>>,
     pub(crate) keep_unchanged: Option<bool>,
+}
+
+/// Ways to solve the global equations.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum EquationKeyword {
+    #[default]
+    Direct,
+    Iterative,
 }
 
 /// Formulations.

@@ -12,6 +12,7 @@ use crate::element::{PointGeometry, point_geometry, shapes_at_points};
 use crate::formulation::{Configuration, Formulation};
 use crate::mesh::Mesh;
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 /// Geometry that moves.
 #[derive(Clone, Debug)]
@@ -43,6 +44,13 @@ pub(super) struct Balance {
     pub(super) blocks: Vec<Block>,
     /// Energy of the hourglass control, J, in the plane per metre.
     pub(super) hourglass_energy: f64,
+}
+
+/// Contribution of one element.
+struct Part {
+    block: Block,
+    force: Vec<f64>,
+    hourglass_energy: f64,
 }
 
 impl Balance {
@@ -220,7 +228,6 @@ impl Body {
 
     /// Balance after `increment` at a load factor, from the points' latest stresses and moduli.
     pub(super) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, load: f64) -> Balance {
-        let dimension = self.mesh.dimension.count();
         let positions = self.positions(increment);
         let current;
         let geometry = match self.formulation.integration() {
@@ -230,34 +237,47 @@ impl Body {
                 &current
             }
         };
+        // Elements in parallel; their contributions are added up in their order, so the bits do not depend on threads.
+        let parts: Vec<Part> = (0..self.mesh.elements.len())
+            .into_par_iter()
+            .map(|element| self.part(element, geometry, &positions, points))
+            .collect();
         let mut internal = self.zero();
         let mut hourglass_energy = 0.0;
-        let mut blocks = Vec::with_capacity(self.mesh.elements.len());
-        for (element, nodes) in self.mesh.elements.iter().enumerate() {
-            let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
-            let mut force = vec![0.0; block.dofs.len()];
-            for number in self.first_points[element]..self.first_points[element + 1] {
-                let (stress, moduli) = points[number].integrand(self.formulation);
-                add_force(dimension, &geometry[number], nodes.len(), &stress, &mut force);
-                add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block.matrix);
-            }
-            if let Some(modes) = &self.hourglass[element] {
-                let shear = points[self.first_points[element]].first_shear_modulus();
-                let stiffness = modes.stiffness(self.hourglass_coefficient, shear);
-                // Of displacements, not positions: exactly zero in the initial state.
-                let moved = |&node: &usize| std::array::from_fn(|i| positions[node][i] - self.mesh.nodes[node][i]);
-                let amplitudes = modes.amplitudes(&nodes.iter().map(moved).collect::<Vec<_>>());
-                modes.add_force(dimension, stiffness, &amplitudes, &mut force);
-                modes.add_stiffness(dimension, stiffness, &mut block.matrix);
-                hourglass_energy += modes.energy(stiffness, &amplitudes);
-            }
-            for (&dof, value) in block.dofs.iter().zip(&force) {
+        let mut blocks = Vec::with_capacity(parts.len());
+        for part in parts {
+            for (&dof, value) in part.block.dofs.iter().zip(&part.force) {
                 internal[dof] += value;
             }
-            blocks.push(block);
+            hourglass_energy += part.hourglass_energy;
+            blocks.push(part.block);
         }
         blocks.extend(loads.stiffness(&positions));
         Balance { internal, external: loads.force(&positions, load), blocks, hourglass_energy }
+    }
+
+    /// Forces and stiffness of one element.
+    fn part(&self, element: usize, geometry: &[PointGeometry], positions: &[[f64; 3]], points: &[Point]) -> Part {
+        let (dimension, nodes) = (self.mesh.dimension.count(), &self.mesh.elements[element]);
+        let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+        let mut force = vec![0.0; block.dofs.len()];
+        let mut hourglass_energy = 0.0;
+        for number in self.first_points[element]..self.first_points[element + 1] {
+            let (stress, moduli) = points[number].integrand(self.formulation);
+            add_force(dimension, &geometry[number], nodes.len(), &stress, &mut force);
+            add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block.matrix);
+        }
+        if let Some(modes) = &self.hourglass[element] {
+            let shear = points[self.first_points[element]].first_shear_modulus();
+            let stiffness = modes.stiffness(self.hourglass_coefficient, shear);
+            // Of displacements, not positions: exactly zero in the initial state.
+            let moved = |&node: &usize| std::array::from_fn(|i| positions[node][i] - self.mesh.nodes[node][i]);
+            let amplitudes = modes.amplitudes(&nodes.iter().map(moved).collect::<Vec<_>>());
+            modes.add_force(dimension, stiffness, &amplitudes, &mut force);
+            modes.add_stiffness(dimension, stiffness, &mut block.matrix);
+            hourglass_energy = modes.energy(stiffness, &amplitudes);
+        }
+        Part { block, force, hourglass_energy }
     }
 
     /// Makes the configuration after `increment` the reference of the next step.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

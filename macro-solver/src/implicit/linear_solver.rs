@@ -1,13 +1,17 @@
-//! Sparse direct solution of the global equations.
+//! Sparse solution of the global equations, direct or iterative.
 //!
-//! LU with partial pivoting: the matrix is not symmetric (slip tangents, follower pressure) and past the peak not
+//! The direct way is LU with partial pivoting: the matrix is not symmetric (slip tangents, follower pressure) and past the peak not
 //! definite. The pattern and its symbolic factor are computed once per run. One thread and a fixed order of additions
 //! make the result reproducible to the bit.
 
+mod krylov;
+
 use super::constraints::Constraints;
+use crate::problem::EquationSolver;
 use faer::prelude::Solve;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use krylov::{Columns, IncompleteFactors};
 use thiserror::Error;
 
 /// The equations cannot be solved.
@@ -36,6 +40,10 @@ const LARGEST_ERROR: f64 = 1e-6;
 /// Largest accepted relative error of a known solution found again: condition numbers beyond about 1e13 are refused.
 const LARGEST_PROBE_ERROR: f64 = 1e-3;
 
+/// Tolerance and cap of the iterative way; what does not converge is solved directly.
+const ITERATIVE_TOLERANCE: f64 = 1e-9;
+const MOST_ITERATIONS: u64 = 1000;
+
 /// Dense square contribution to the global matrix, row-major.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
@@ -61,13 +69,21 @@ pub(super) struct LinearSolver {
     places: Vec<Option<usize>>,
     symbolic: Option<SymbolicLu<usize>>,
     factors: Option<Lu<usize, f64>>,
+    method: EquationSolver,
+    incomplete: Option<IncompleteFactors>,
+    iteration_count: u64,
+    fallback_count: u64,
     symbolic_count: u64,
     numeric_count: u64,
 }
 
 impl LinearSolver {
     /// Prepares the pattern for blocks over these degrees of freedom; later blocks must keep this order.
-    pub(super) fn new<'a>(blocks: impl Iterator<Item = &'a [usize]> + Clone, constraints: &Constraints) -> Self {
+    pub(super) fn new<'a>(
+        blocks: impl Iterator<Item = &'a [usize]> + Clone,
+        constraints: &Constraints,
+        method: EquationSolver,
+    ) -> Self {
         let size = constraints.free().len();
         let mut columns: Vec<Vec<usize>> = vec![Vec::new(); size];
         for dofs in blocks.clone() {
@@ -97,7 +113,29 @@ impl LinearSolver {
         }
         let values = vec![0.0; rows.len()];
         let pattern = SymbolicSparseColMat::new_checked(size, size, starts, None, rows);
-        Self { pattern, values, places, symbolic: None, factors: None, symbolic_count: 0, numeric_count: 0 }
+        Self {
+            pattern,
+            values,
+            places,
+            symbolic: None,
+            factors: None,
+            method,
+            incomplete: None,
+            iteration_count: 0,
+            fallback_count: 0,
+            symbolic_count: 0,
+            numeric_count: 0,
+        }
+    }
+
+    /// Iterations of the iterative way so far.
+    pub(super) fn iteration_count(&self) -> u64 {
+        self.iteration_count
+    }
+
+    /// Times that the iterative way failed and the direct one was taken.
+    pub(super) fn fallback_count(&self) -> u64 {
+        self.fallback_count
     }
 
     /// Symbolic factorizations so far: 1 once anything was solved.
@@ -135,6 +173,23 @@ impl LinearSolver {
         if !self.values.iter().all(|value| value.is_finite()) {
             return Err(LinearSolverError::NotFinite);
         }
+        self.incomplete = None;
+        if self.method == EquationSolver::Iterative {
+            self.incomplete = IncompleteFactors::new(self.columns());
+            if self.incomplete.is_some() {
+                return Ok(());
+            }
+            self.fallback_count += 1;
+        }
+        self.factorize_directly()
+    }
+
+    fn columns(&self) -> Columns<'_> {
+        let (starts, rows) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        Columns { starts, rows, values: &self.values }
+    }
+
+    fn factorize_directly(&mut self) -> Result<(), LinearSolverError> {
         if self.symbolic.is_none() {
             let symbolic = SymbolicLu::try_new(self.pattern.as_ref())
                 .map_err(|error| LinearSolverError::Resources(format!("{error:?}")))?;
@@ -172,10 +227,23 @@ impl LinearSolver {
     ///
     /// # Errors
     /// [`LinearSolverError::Singular`] if the solution does not satisfy the equations.
-    pub(super) fn solve(&self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
+    pub(super) fn solve(&mut self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
         let length = norm(right);
         if right.is_empty() || length == 0.0 {
             return Ok(vec![0.0; right.len()]);
+        }
+        if let Some(incomplete) = &self.incomplete {
+            match krylov::solve(self.columns(), incomplete, right, ITERATIVE_TOLERANCE, MOST_ITERATIONS) {
+                Some(solution) => {
+                    self.iteration_count += solution.iterations;
+                    return Ok(solution.values);
+                }
+                None => {
+                    self.fallback_count += 1;
+                    self.incomplete = None;
+                    self.factorize_directly()?;
+                }
+            }
         }
         let Some(factors) = &self.factors else {
             return Err(LinearSolverError::Singular { error: f64::INFINITY });
@@ -233,7 +301,8 @@ mod tests {
     #[test]
     fn indefinite_nonsymmetric_systems_are_solved_and_the_symbolic_factor_is_kept() {
         let (blocks, constraints) = chain(60);
-        let mut solver = LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints);
+        let mut solver =
+            LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints, EquationSolver::Direct);
         for round in 1..4 {
             solver.factorize(&blocks).unwrap();
             let right: Vec<f64> = (0..60).map(|row| (row as f64).sin()).collect();
@@ -247,12 +316,49 @@ mod tests {
     fn singular_systems_are_refused() {
         let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
         let constraints = Constraints::new(vec![None, None]);
-        let mut solver = LinearSolver::new(std::iter::once(block.dofs.as_slice()), &constraints);
+        let mut solver =
+            LinearSolver::new(std::iter::once(block.dofs.as_slice()), &constraints, EquationSolver::Direct);
         let outcome = solver.factorize(std::slice::from_ref(&block)).and_then(|()| solver.solve(&[1.0, 0.0]));
         assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
         assert_eq!(
             solver.factorize(&[Block { matrix: vec![f64::NAN; 4], ..block }]),
             Err(LinearSolverError::NotFinite)
         );
+    }
+
+    /// A grid of springs, nonsymmetric by a drift: both ways find the same solution; a singular matrix falls back to the
+    /// direct way, which refuses it.
+    #[test]
+    fn the_iterative_way_agrees_with_the_direct_one_and_falls_back_where_it_fails() {
+        let side = 12;
+        let node = |x: usize, y: usize| side * y + x;
+        let pairs = (0..side).flat_map(|x| (0..side).map(move |y| (x, y))).flat_map(|(x, y)| {
+            let right = (x + 1 < side).then(|| [node(x, y), node(x + 1, y)]);
+            let up = (y + 1 < side).then(|| [node(x, y), node(x, y + 1)]);
+            right.into_iter().chain(up)
+        });
+        let blocks: Vec<Block> =
+            pairs.map(|dofs| Block { dofs: dofs.to_vec(), matrix: vec![1.0, -0.9, -1.1, 1.0] }).collect();
+        let mut prescribed = vec![None; side * side];
+        prescribed[0] = Some(0.0);
+        let constraints = Constraints::new(prescribed);
+        let solver =
+            |method| LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints, method);
+        let (mut direct, mut iterative) = (solver(EquationSolver::Direct), solver(EquationSolver::Iterative));
+        let right: Vec<f64> = (0..side * side - 1).map(|row| (row as f64).cos()).collect();
+        direct.factorize(&blocks).unwrap();
+        iterative.factorize(&blocks).unwrap();
+        let (one, other) = (direct.solve(&right).unwrap(), iterative.solve(&right).unwrap());
+        let error: Vec<f64> = one.iter().zip(&other).map(|(one, other)| one - other).collect();
+        assert!(norm(&error) < 1e-7 * norm(&one), "{:e}", norm(&error) / norm(&one));
+        assert!(iterative.iteration_count() > 3 && iterative.fallback_count() == 0);
+        assert_eq!((iterative.symbolic_count(), direct.symbolic_count()), (0, 1));
+        let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
+        let free = Constraints::new(vec![None, None]);
+        let mut singular =
+            LinearSolver::new(std::iter::once(block.dofs.as_slice()), &free, EquationSolver::Iterative);
+        let outcome = singular.factorize(std::slice::from_ref(&block));
+        assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
+        assert_eq!(singular.fallback_count(), 1);
     }
 }

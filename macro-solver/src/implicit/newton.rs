@@ -174,6 +174,8 @@ impl Solver<'_> {
         });
         self.statistics.symbolic_factorizations = self.linear.symbolic_count();
         self.statistics.numeric_factorizations = self.linear.numeric_count();
+        self.statistics.linear_iterations = self.linear.iteration_count();
+        self.statistics.direct_fallbacks = self.linear.fallback_count();
         Ok(self.constraints.expand(&solution?))
     }
 

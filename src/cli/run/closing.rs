@@ -104,6 +104,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
         ("iterates_turned_down", statistics.turned_down),
+        ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", about.differences.operators),
         ("difference_evaluations", about.differences.probes),
         ("workers_left", pool.workers_left),

@@ -173,3 +173,16 @@ fn a_compressed_solid_follows_its_closed_form() {
         assert!((top / (exact[(1, 1)] * low * low) - 1.0).abs() < 1e-8, "{kind:?}: {top}");
     }
 }
+
+/// The iterative way to solve the global equations changes nothing but round-off, and is really taken.
+#[test]
+fn the_iterative_equations_give_the_same_body() {
+    let mut problem = squeezed(ElementKind::H8, Formulation::Updated, 2);
+    let direct = solved(&problem);
+    problem.equations = crate::problem::EquationSolver::Iterative;
+    let (run, iterative) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert!(distance(&direct, &iterative) < 1e-9, "{:e}", distance(&direct, &iterative));
+    assert!(run.statistics.linear_iterations > 0 && run.statistics.direct_fallbacks == 0);
+    assert_eq!(run.statistics.symbolic_factorizations, 0);
+}

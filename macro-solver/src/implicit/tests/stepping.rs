@@ -168,3 +168,20 @@ fn ramp_counts_are_fixed_within_a_step() {
         }
     }
 }
+
+/// S-12. A motion that turns an element inside out is found before any point is asked for it.
+#[test]
+fn an_inverted_element_is_refused_before_any_point_is_asked() {
+    let mut problem = compression(-1.0);
+    let height = problem.mesh.nodes.iter().map(|node| node[1]).fold(0.0, f64::max);
+    problem = compression(-1.5 * height);
+    problem.control.increments = 1;
+    problem.control.min = 1.0;
+    let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    let (run, _) = run(&problem, &mut spy);
+    match run.outcome {
+        Outcome::DidNotConverge { reason } => assert!(reason.contains("turned inside out"), "{reason}"),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(run.statistics.evaluations, problem.point_count() as u64, "those of the initial state");
+}
