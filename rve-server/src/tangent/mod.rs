@@ -12,6 +12,7 @@ mod block_matrix;
 mod calibration;
 mod elimination;
 mod factors;
+mod iterative;
 mod link;
 mod network_operator;
 mod network_solver;
@@ -25,6 +26,8 @@ mod vectorised;
 mod probe_tests;
 #[cfg(test)]
 mod sample_networks;
+#[cfg(test)]
+mod space_tests;
 #[cfg(test)]
 mod tests;
 

@@ -3,6 +3,7 @@
 
 use super::assembly::System;
 use super::backbone::Backbone;
+use super::iterative;
 use super::link::LinkedGrains;
 use super::network_solver;
 use super::sliding::{ContactStiffness, Sliding};
@@ -21,10 +22,23 @@ pub(super) struct NetworkOperator {
     pub regularised: bool,
 }
 
+/// Most spheres that are solved for directly: the fill of a factor grows with the square of their number, and so does its
+/// cost per sphere.
+const MOST_DIRECT_SPHERES: usize = 150;
+
 /// Linearises `network`: every grain finds its own translation and spin. `None` when no solution was found.
 pub(super) fn solve<const D: usize, const B: usize, const P: usize>(
     network: &LinkedGrains<D>,
     sliding: Sliding,
+) -> Option<NetworkOperator> {
+    solve_within::<D, B, P>(network, sliding, if D == 2 { usize::MAX } else { MOST_DIRECT_SPHERES })
+}
+
+/// As [`solve`]; networks of more than `most_direct` load-carrying grains are solved by iteration.
+pub(super) fn solve_within<const D: usize, const B: usize, const P: usize>(
+    network: &LinkedGrains<D>,
+    sliding: Sliding,
+    most_direct: usize,
 ) -> Option<NetworkOperator> {
     let stiffness: Vec<ContactStiffness<D>> =
         network.links.iter().map(|link| ContactStiffness::of(link, sliding, network.friction)).collect();
@@ -36,13 +50,20 @@ pub(super) fn solve<const D: usize, const B: usize, const P: usize>(
         / backbone.contacts.len() as f64;
     let mut system = System::<D, B, P>::of(network, &backbone, &stiffness, typical);
     let mut regularised = backbone.spin_held_against_load;
-    let symmetric = sliding.is_symmetric();
-    let answers = match network_solver::solve(&system.matrix, &system.loads, typical, symmetric) {
+    let iterate = backbone.radii.len() > most_direct;
+    let answer = |system: &System<D, B, P>| {
+        if iterate {
+            iterative::solve(&system.matrix, &system.loads)
+        } else {
+            network_solver::solve(&system.matrix, &system.loads, typical, sliding.is_symmetric())
+        }
+    };
+    let answers = match answer(&system) {
         Some(answers) => answers,
         None => {
             regularised = true;
             system.matrix.shift_diagonal(RELATIVE_SHIFT * typical);
-            network_solver::solve(&system.matrix, &system.loads, typical, symmetric)?
+            answer(&system)?
         }
     };
     let rate = system.stress_rate(&answers).map(|row| row.map(|value| value / network.volume));

@@ -1,6 +1,7 @@
 //! Networks for tests: perfect lattices with closed-form moduli and random ones in exact balance.
 
 use crate::network::{ContactNetwork, NetworkContact};
+use crate::space::Spheres;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -135,4 +136,76 @@ fn geometry(network: &ContactNetwork, contact: &NetworkContact) -> Geometry {
 /// Love-Weber stress, Pa.
 pub(super) fn stress(network: &ContactNetwork) -> [[f64; 2]; 2] {
     network.stress()
+}
+
+/// `counts` primitive cells of a crystal of spheres, one grain in each, linked to the neighbours `links`.
+pub(super) fn crystal(
+    primitive: [[f64; 3]; 3],
+    links: &[[i32; 3]],
+    counts: [i32; 3],
+    springs: Springs,
+) -> ContactNetwork<Spheres> {
+    let at = |cell: [i32; 3]| -> [f64; 3] {
+        std::array::from_fn(|axis| (0..3).map(|vector| f64::from(cell[vector]) * primitive[vector][axis]).sum())
+    };
+    let number = |cell: [i32; 3]| ((cell[2] * counts[1] + cell[1]) * counts[0] + cell[0]) as u32;
+    let cells = (0..counts[0] * counts[1] * counts[2])
+        .map(|place| [place % counts[0], place / counts[0] % counts[1], place / (counts[0] * counts[1])]);
+    let mut network = ContactNetwork {
+        cell: [at([counts[0], 0, 0]), at([0, counts[1], 0]), at([0, 0, counts[2]])],
+        thickness: 1.0,
+        positions: Vec::new(),
+        radii: Vec::new(),
+        rotations_free: true,
+        friction: 0.5,
+        contacts: Vec::new(),
+    };
+    let spacing = at(links[0]).iter().map(|component| component * component).sum::<f64>().sqrt();
+    for cell in cells {
+        network.positions.push(at(cell));
+        network.radii.push(0.5 * spacing);
+        for link in links {
+            let reached: [i32; 3] = std::array::from_fn(|axis| cell[axis] + link[axis]);
+            network.contacts.push(NetworkContact {
+                origin: number(cell),
+                end: number(std::array::from_fn(|axis| reached[axis].rem_euclid(counts[axis]))),
+                shift: std::array::from_fn(|axis| reached[axis].div_euclid(counts[axis])),
+                normal_stiffness: springs.normal,
+                tangential_stiffness: springs.tangential,
+                normal_force: springs.normal_force,
+                tangential_force: [0.0; 3],
+                slid: false,
+                at_limit: false,
+            });
+        }
+    }
+    network
+}
+
+/// A face-centred crystal of `side`^3 primitive cells with jittered grains, unequal stiffnesses, missing contacts and
+/// arbitrary forces of `pressure_ratio` of stiffness times diameter, some of them sliding. Its forces are not in balance.
+pub(super) fn disordered(side: i32, seed: u64, pressure_ratio: f64) -> ContactNetwork<Spheres> {
+    let mut generator = ChaCha12Rng::seed_from_u64(seed);
+    let mut uniform =
+        move |low: f64, high: f64| low + (high - low) * ((generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64);
+    let h = std::f64::consts::FRAC_1_SQRT_2;
+    let links = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, -1, 0], [1, 0, -1], [0, 1, -1]];
+    let springs = Springs { normal: 1.0, tangential: 0.5, normal_force: 0.0 };
+    let mut network = crystal([[0.0, h, h], [h, 0.0, h], [h, h, 0.0]], &links, [side; 3], springs);
+    for position in &mut network.positions {
+        *position = position.map(|coordinate| coordinate + uniform(-0.02, 0.02));
+    }
+    network.contacts.retain(|_| uniform(0.0, 1.0) < 0.8);
+    let normals: Vec<[f64; 3]> = network.contacts.iter().map(|contact| network.branch(contact)).collect();
+    for (contact, normal) in network.contacts.iter_mut().zip(normals) {
+        contact.normal_stiffness = uniform(0.5, 1.5);
+        contact.tangential_stiffness = uniform(0.2, 1.0);
+        contact.normal_force = -pressure_ratio * uniform(0.5, 1.5);
+        let force: [f64; 3] = std::array::from_fn(|_| pressure_ratio * uniform(-0.3, 0.3));
+        let square: f64 = normal.iter().map(|component| component * component).sum();
+        let along: f64 = normal.iter().zip(force).map(|(a, b)| a * b).sum::<f64>() / square;
+        contact.tangential_force = std::array::from_fn(|axis| force[axis] - along * normal[axis]);
+        contact.slid = uniform(0.0, 1.0) < 0.1;
+    }
+    network
 }

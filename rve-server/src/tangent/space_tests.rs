@@ -1,0 +1,185 @@
+//! Networks of spheres: crystals with closed-form moduli (D-3 to D-5), identities and bound on random networks (T-2, T-5),
+//! rattlers (S-13), the grain solver itself (T-1), and the two ways to solve.
+
+use super::sample_networks::{Springs, crystal, disordered};
+use super::*;
+use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+use crate::engine::GrainRve;
+use crate::packing::PackingFile;
+use crate::space::Spheres;
+use protocol::{Ask, RveSolver, Tensor2};
+
+fn truss_like(network: &ContactNetwork<Spheres>) -> Tensor4 {
+    let outcome = evaluate(network, TangentKind::TrussLike);
+    assert!(!outcome.fallback && !outcome.regularised);
+    outcome.operator
+}
+
+fn assert_cubic(operator: &Tensor4, [c11, c12, c44]: [f64; 3], name: &str) {
+    for i in 0..3 {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        for (value, wanted) in [
+            (operator.get(i, i, i, i), c11),
+            (operator.get(i, i, j, j), c12),
+            (operator.get(j, j, i, i), c12),
+            (operator.get(i, j, i, j), c44),
+            (operator.get(i, j, j, i), c44),
+            (operator.get(i, i, j, k), 0.0),
+            (operator.get(i, j, k, k), 0.0),
+        ] {
+            assert!((value - wanted).abs() < 1e-10 * c11, "{name}: {value:e} against {wanted:e}");
+        }
+    }
+}
+
+#[test]
+fn crystals_have_their_closed_form_moduli() {
+    let (root2, root3) = (2.0_f64.sqrt(), 3.0_f64.sqrt());
+    for (normal, tangential, d) in [(1.0, 0.5, 1.0), (3e6, 1e6, 2e-3)] {
+        let springs = Springs { normal, tangential, normal_force: 0.0 };
+        for counts in [[1, 1, 1], [3, 3, 3], [3, 1, 5]] {
+            let simple =
+                truss_like(&crystal([[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]], &SIMPLE, counts, springs));
+            assert_cubic(&simple, [normal / d, 0.0, 0.5 * tangential / d], "simple cubic");
+            let h = d / root2;
+            let faces = [[0.0, h, h], [h, 0.0, h], [h, h, 0.0]];
+            let scale = 1.0 / (root2 * d);
+            let expected = [2.0 * (normal + tangential), normal - tangential, normal + tangential].map(|c| c * scale);
+            assert_cubic(&truss_like(&crystal(faces, &FACES, counts, springs)), expected, "face-centred cubic");
+            let h = d / root3;
+            let bodies = [[-h, h, h], [h, -h, h], [h, h, -h]];
+            let scale = root3 / (3.0 * d);
+            let expected =
+                [normal + 2.0 * tangential, normal - tangential, normal + 0.5 * tangential].map(|c| c * scale);
+            assert_cubic(&truss_like(&crystal(bodies, &BODIES, counts, springs)), expected, "body-centred cubic");
+        }
+    }
+}
+
+const SIMPLE: [[i32; 3]; 3] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const FACES: [[i32; 3]; 6] = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, -1, 0], [1, 0, -1], [0, 1, -1]];
+const BODIES: [[i32; 3]; 4] = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]];
+
+#[test]
+fn superposed_rotation_turns_the_stress_in_space() {
+    let network = disordered(3, 3, 0.01);
+    let stress = network.stress();
+    let kinds = [TangentKind::TrussLike, TangentKind::TrussLikeSlip, TangentKind::KruytAugmentedPrinted];
+    for operator in kinds.map(|kind| evaluate(&network, kind).operator) {
+        let scale = operator.get(0, 0, 0, 0);
+        for (k, l) in [(0, 1), (1, 2), (0, 2)] {
+            for i in 0..3 {
+                for j in 0..3 {
+                    // W = e_l e_k - e_k e_l.
+                    let w = |m: usize, n: usize| f64::from(i8::from(m == l && n == k) - i8::from(m == k && n == l));
+                    let turned: f64 = (0..3).map(|m| w(i, m) * stress[m][j] - stress[i][m] * w(m, j)).sum();
+                    let found = operator.get(i, j, l, k) - operator.get(i, j, k, l);
+                    assert!((found - turned).abs() < 1e-12 * scale, "{found:e} against {turned:e}");
+                }
+            }
+        }
+    }
+}
+
+/// Quadratic form of an operator on a strain.
+fn energy(operator: &Tensor4, strain: &[[f64; 3]; 3]) -> f64 {
+    let mut sum = 0.0;
+    for place in 0..81 {
+        let [i, j, k, l] = [place / 27, place / 9 % 3, place / 3 % 3, place % 3];
+        sum += strain[i][j] * operator.get(i, j, k, l) * strain[k][l];
+    }
+    sum
+}
+
+#[test]
+fn uniform_strain_bounds_the_relaxed_network_in_space() {
+    let strains = [
+        [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.3, 0.1, -0.4], [0.1, -0.7, 0.2], [-0.4, 0.2, 0.5]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    ];
+    let network = disordered(3, 5, 0.0);
+    let (relaxed, uniform) = (truss_like(&network), evaluate(&network, TangentKind::Kruyt).operator);
+    for strain in &strains {
+        let (soft, stiff) = (energy(&relaxed, strain), energy(&uniform, strain));
+        assert!(soft > 0.0 && soft < stiff * (1.0 - 1e-3), "{soft} against {stiff}");
+    }
+}
+
+/// S-13: a fifth of the grains touch nothing or hang on one contact.
+#[test]
+fn rattlers_change_nothing_in_space() {
+    let network = disordered(3, 7, 0.01);
+    let reference = truss_like(&network);
+    let mut crowded = network.clone();
+    let (grains, bond) = (network.radii.len(), network.contacts[0]);
+    for rattler in 0..grains / 4 {
+        crowded.positions.push([0.3 + 0.01 * rattler as f64, 0.7, 0.2]);
+        crowded.radii.push(0.2);
+        if rattler % 2 == 0 {
+            crowded.contacts.push(crate::network::NetworkContact {
+                origin: rattler as u32,
+                end: (grains + rattler) as u32,
+                tangential_force: [0.0; 3],
+                normal_force: 0.0,
+                ..bond
+            });
+        }
+    }
+    let operator = truss_like(&crowded);
+    let scale = reference.get(0, 0, 0, 0);
+    let same = operator.0.iter().zip(reference.0).all(|(a, b)| (a - b).abs() < 1e-10 * scale);
+    assert!(same);
+}
+
+#[test]
+fn iterations_and_factors_give_the_same_operator() {
+    // 3 x 3 x 3 cells of four grains are solved directly, 5 x 5 x 5 by iteration; both are solved both ways here.
+    let network = disordered(4, 11, 0.01);
+    for sliding in [Sliding::Sticks, Sliding::of(TangentKind::TrussLikeSlip).unwrap()] {
+        let grains = LinkedGrains::<3>::of(&network);
+        let [direct, iterated] = [usize::MAX, 0]
+            .map(|most| network_operator::solve_within::<3, 6, 8>(&grains, sliding, most).unwrap().operator);
+        let scale = frobenius_norm(&direct);
+        let error = direct.0.iter().zip(iterated.0).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() / scale;
+        assert!(error < 1e-5, "{error:.2e}");
+    }
+}
+
+/// T-1 in space: a disturbed crystal of rough spheres, strained so that all kinds of forces are there.
+#[test]
+fn truss_like_operator_equals_probes_of_spheres() {
+    let network = disordered(2, 1, 0.0);
+    let grains: Vec<[f64; 4]> =
+        network.positions.iter().zip(&network.radii).map(|(p, r)| [p[0], p[1], p[2], 1.03 * r]).collect();
+    let text = serde_json::json!({
+        "format": "grainspan-packing", "version": 1, "dimension": 3, "periodicity": network.cell, "grains": grains,
+    });
+    let packing: PackingFile<Spheres> = serde_json::from_value(text).unwrap();
+    let contact = ContactTable::linear(1000.0, 0.5, 1e9);
+    let options = RveOptions { tolerance: Some(1e-10), ..RveOptions::default() };
+    let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options }).unwrap();
+    let stress = |cell: &mut GrainRve<Spheres>, h: [f64; 9], ramp_steps| {
+        cell.trial(&Tensor2(h), &Ask { ramp_steps, ..Ask::default() }).unwrap().stress
+    };
+    stress(&mut cell, [1e-3, 5e-4, 0.0, 0.0, -1e-3, 2e-4, 0.0, 0.0, 5e-4], 200);
+    let operator = evaluate(cell.network().unwrap(), TangentKind::TrussLike);
+    assert!(!operator.fallback && !operator.regularised);
+    cell.commit().unwrap();
+    let size = 1e-7;
+    let scale = frobenius_norm(&operator.operator);
+    for (k, l) in [(0, 0), (1, 2), (2, 1), (0, 1)] {
+        let mut h = [0.0; 9];
+        h[3 * k + l] = size;
+        let forward = stress(&mut cell, h, 1);
+        let backward = stress(&mut cell, h.map(|value| -value), 1);
+        for i in 0..3 {
+            for j in 0..3 {
+                let probed = (forward.get(i, j) - backward.get(i, j)) / (2.0 * size);
+                let found = operator.operator.get(i, j, k, l);
+                assert!((found - probed).abs() < 1e-5 * scale, "C {i}{j}{k}{l}: {found:e} against {probed:e}");
+            }
+        }
+    }
+}
