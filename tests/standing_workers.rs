@@ -66,8 +66,8 @@ fn one_pool_serves_two_runs_byte_equal_to_own_workers_and_idles_cheaply() {
         assert!(worker.runs(), "{}", worker.said());
         signal(worker.pid(), Signal::TERM);
     }
-    for worker in workers {
-        assert_eq!(worker.end().status.code(), Some(143));
+    for worker in &mut workers {
+        eventually("end of a worker that got SIGTERM", || (!worker.runs()).then_some(()));
     }
     eventually("end of what the runs had in memory", || {
         (!fs::exists(format!("/dev/shm/grainspan-{}/{run}", rustix::process::getuid().as_raw())).unwrap())
