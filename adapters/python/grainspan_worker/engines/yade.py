@@ -154,7 +154,10 @@ class YadeRve(Rve):
                 verletDist=0.05 * float(made_of.radii.mean()),
             ),
             wrapper.InteractionLoop(
-                [wrapper.Ig2_Sphere_Sphere_ScGeom()], [physics], [wrapper.Law2_ScGeom_FrictPhys_CundallStrack()]
+                # Lever arms end at the contact, as in docs/theory.md, not at the surface.
+                [wrapper.Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)],
+                [physics],
+                [wrapper.Law2_ScGeom_FrictPhys_CundallStrack()],
             ),
             wrapper.NewtonIntegrator(damping=DAMPING, dead=True),
         ]
