@@ -84,7 +84,8 @@ pub struct EngineTable {
     pub hertz_mindlin: u32,
     pub largest_target: f64,
     pub create: Option<unsafe extern "C" fn(*const Cell, *mut c_char, usize) -> *mut c_void>,
-    pub trial: Option<unsafe extern "C" fn(*mut c_void, *const f64, *const Ask, *mut Answer, *mut c_char, usize) -> c_int>,
+    pub trial:
+        Option<unsafe extern "C" fn(*mut c_void, *const f64, *const Ask, *mut Answer, *mut c_char, usize) -> c_int>,
     pub commit: Option<unsafe extern "C" fn(*mut c_void)>,
     pub rollback: Option<unsafe extern "C" fn(*mut c_void)>,
     pub snapshot: Option<unsafe extern "C" fn(*const c_void, c_int, *mut u8, usize) -> usize>,
