@@ -27,3 +27,33 @@ pub(super) fn dispatch<T: Vectorised>(work: T) -> T::Output {
 fn with_avx2<T: Vectorised>(work: T) -> T::Output {
     work.run()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone)]
+    struct Chain(Vec<[f64; 4]>);
+
+    impl Vectorised for Chain {
+        type Output = [f64; 4];
+
+        #[inline(always)]
+        fn run(self) -> [f64; 4] {
+            let mut sum = [0.1; 4];
+            for values in &self.0 {
+                for lane in 0..4 {
+                    sum[lane] = sum[lane].mul_add(values[lane], 1.0 / values[lane]);
+                }
+            }
+            sum
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let chain =
+            Chain((1..100).map(|place| [0.3, 0.7, -0.2, 0.9].map(|value| value / f64::from(place))).collect());
+        assert_eq!(dispatch(chain.clone()).map(f64::to_bits), chain.run().map(f64::to_bits));
+    }
+}

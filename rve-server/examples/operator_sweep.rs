@@ -1,0 +1,92 @@
+//! How good operators are on a packing of discs, as CSV: checks T-7 (relaxed over uniform-strain moduli with k_t = k_n) and
+//! T-8 (distance of consistent and quasi-static operators from PSTLO over the size of the probe).
+//! `cargo run --release -p grainspan-rve-server --example operator_sweep -- [PACKING]`.
+
+use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
+use rve_server::definition::{ContactTable, GrainDefinition, OperatorOptions, RveOptions};
+use rve_server::engine::GrainRve;
+use rve_server::packing::PackingFile;
+use std::path::Path;
+
+fn main() {
+    let path = std::env::args().nth(1).unwrap_or_else(|| "tests/data/case-a/packing.json".into());
+    let packing: PackingFile = PackingFile::read(Path::new(&path)).expect("a packing of discs");
+    moduli(&packing);
+    sweep(&packing);
+}
+
+fn cell(packing: &PackingFile, ratio: f64, options: RveOptions) -> GrainRve {
+    let contact = ContactTable::linear(1000.0, ratio, 0.5);
+    GrainRve::new(&GrainDefinition { packing: packing.clone(), contact, options }).expect("a cell")
+}
+
+fn operator(cell: &mut GrainRve, target: &Tensor2, kind: TangentKind) -> (Tensor4, u64) {
+    let answer = cell.trial(target, &Ask { tangent: kind, ..Ask::default() }).expect("a trial");
+    (*answer.tangent.expect("one was asked for"), answer.cost.force_evaluations)
+}
+
+#[expect(clippy::print_stdout, reason = "a program for people")]
+fn moduli(packing: &PackingFile) {
+    let mut cell = cell(packing, 1.0, RveOptions { tolerance: Some(1e-6), ..RveOptions::default() });
+    let small = Tensor2::from_plane([[-1e-8, 0.0], [0.0, -1e-8]]);
+    let pair = |operator: &Tensor4| {
+        let bulk = 0.25
+            * (operator.get(0, 0, 0, 0)
+                + operator.get(0, 0, 1, 1)
+                + operator.get(1, 1, 0, 0)
+                + operator.get(1, 1, 1, 1));
+        let shear = 0.25
+            * (operator.get(0, 0, 0, 0) - operator.get(0, 0, 1, 1) - operator.get(1, 1, 0, 0)
+                + operator.get(1, 1, 1, 1));
+        [bulk, shear]
+    };
+    let [relaxed, uniform] =
+        [TangentKind::TrussLike, TangentKind::Kruyt].map(|kind| operator(&mut cell, &small, kind).0);
+    let ([bulk, shear], [bulk_bound, shear_bound]) = (pair(&relaxed), pair(&uniform));
+    println!("check,bulk_ratio,shear_ratio,C1111_over_kn,C1122_over_kn,C1212_over_kn");
+    println!(
+        "T-7,{:.4},{:.4},{:.4},{:.4},{:.4}",
+        bulk / bulk_bound,
+        shear / shear_bound,
+        relaxed.get(0, 0, 0, 0) / 1e3,
+        relaxed.get(0, 0, 1, 1) / 1e3,
+        relaxed.get(0, 1, 0, 1) / 1e3
+    );
+}
+
+#[expect(clippy::print_stdout, reason = "a program for people")]
+fn sweep(packing: &PackingFile) {
+    println!("check,strain_before,kind,probe,distance_from_truss_like,force_evaluations");
+    let target = Tensor2::from_plane([[1e-4, 0.0], [0.0, -1e-4]]);
+    for before in [0.0, 2e-3] {
+        for exponent in [-8, -7, -6, -5, -4, -3] {
+            let probe = 10f64.powi(exponent);
+            let operator_options =
+                OperatorOptions { probe: Some(probe), quasi_static_probe: Some(probe), ..OperatorOptions::default() };
+            let options =
+                RveOptions { operator: operator_options, strain_per_step: Some(2e-6), ..RveOptions::default() };
+            let mut cell = cell(packing, 0.5, options);
+            if before > 0.0 {
+                let path = Tensor2::from_plane([[before, 0.0], [0.0, -before]]);
+                cell.trial(&path, &Ask::default()).expect("a trial");
+                cell.commit().expect("a commit");
+            }
+            let elastic = operator(&mut cell, &target, TangentKind::TrussLike).0;
+            for kind in [TangentKind::Consistent, TangentKind::ConsistentCentral, TangentKind::QuasiStatic] {
+                let (probed, evaluations) = operator(&mut cell, &target, kind);
+                println!(
+                    "T-8,{before:e},{},{probe:e},{:.3e},{evaluations}",
+                    kind.keyword(),
+                    distance(&probed, &elastic)
+                );
+            }
+        }
+    }
+}
+
+/// Frobenius distance relative to `expected`.
+fn distance(operator: &Tensor4, expected: &Tensor4) -> f64 {
+    let square = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>();
+    let difference = square(&mut operator.0.iter().zip(expected.0).map(|(value, wanted)| value - wanted));
+    (difference / square(&mut expected.0.into_iter())).sqrt()
+}
