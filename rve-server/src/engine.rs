@@ -6,13 +6,13 @@ use crate::homogenization::observation::{in_space, note_condition, observe, of_s
 use crate::model::GrainModel;
 use crate::network::ContactNetwork;
 use crate::probing::{self, Probed};
-use crate::relaxation::{self, QuasiStatic};
-use crate::space::{Components, Discs, Space, Tensor, add_scaled, determinant, norm, rotated};
+use crate::relaxation::{self, End, Job, QuasiStatic};
+use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::state::{ContactRecord, GrainState};
 use crate::tangent;
 use protocol::{
-    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, RveEngine, RveError, RveSolver, SnapshotKind,
-    TangentKind, Tensor2, TrialAnswer, TrialFlags, snapshot,
+    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Question, RveEngine, RveError, RveSolver,
+    SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, answer_alone, snapshot,
 };
 use std::time::Instant;
 
@@ -126,6 +126,26 @@ pub fn listed_forces(definition: &AnyDefinition) -> Result<ListedForces, RveErro
 /// Share by which a listed force may shrink before it counts as cut: forces exactly at the limit are rounded.
 const CUT_MARGIN: f64 = 1e-9;
 
+/// What a target asks of the solver.
+#[derive(Clone, Copy, Debug)]
+struct Stretch<S: Space> {
+    h: S::Tensor,
+    polar: PolarParts<S>,
+    ramp_steps: u32,
+}
+
+/// A question whose state has been read.
+struct Opened<S: Space> {
+    /// Its place among the questions.
+    place: usize,
+    state: GrainState<S>,
+    stretch: Stretch<S>,
+    ask: Ask,
+}
+
+/// An answer with the sealed snapshot of its trial state.
+type Answered = Result<(TrialAnswer, Vec<u8>), RveError>;
+
 impl<S: Space> Clone for GrainRve<S> {
     /// The same cell; working memory is not copied, it cannot reach a result.
     fn clone(&self) -> Self {
@@ -218,8 +238,21 @@ impl<S: Space> GrainRve<S> {
         self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, &ask, cost, flags)
     }
 
+    /// Whether several trials are solved side by side; no result depends on it.
+    pub fn use_lanes(&mut self, uses_lanes: bool) {
+        self.relaxation.use_lanes(uses_lanes);
+    }
+
     fn solve(&mut self, h: &S::Tensor, ask: &Ask) -> Result<TrialAnswer, RveError> {
         let started = Instant::now();
+        let stretch = self.stretch(h, ask)?;
+        let job = Job { state: &self.committed, strain: stretch.polar.strain, ramp_steps: stretch.ramp_steps };
+        let end = self.relaxation.solve_all(&self.model, &[job]).pop().expect("one job, one end")?;
+        Ok(self.conclude(end, &stretch, ask, nanoseconds_since(started)))
+    }
+
+    /// What a target asks of the solver.
+    fn stretch(&self, h: &S::Tensor, ask: &Ask) -> Result<Stretch<S>, RveError> {
         let polar = S::polar(h);
         // Only the stretch is solved for; a rotation costs nothing and needs no limit.
         let (norm, limit) = (norm(&polar.strain), self.model.options.largest_target());
@@ -230,13 +263,20 @@ impl<S: Space> GrainRve<S> {
             0 => relaxation::chosen_ramp_steps(&polar.strain, self.model.options.strain_per_step()),
             given => given,
         };
-        let solved = self.relaxation.solve(&self.model, &self.committed, &polar.strain, ramp_steps)?;
-        let straight = self.relaxation.end_state(&self.committed, solved.unbalanced);
+        Ok(Stretch { h: *h, polar, ramp_steps })
+    }
+
+    /// Makes the end of a solve from the committed state the trial state, and answers.
+    fn conclude(&mut self, end: End<S>, stretch: &Stretch<S>, ask: &Ask, nanoseconds: u64) -> TrialAnswer {
+        let solved = end.solved;
+        let straight = end.state.clone();
+        self.relaxation.adopt(end);
         let stress = self.relaxation.network(&self.model, &straight).stress();
         // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
-        let state = straight.turned(polar.turn);
+        let turn = stretch.polar.turn;
+        let state = straight.turned(turn);
         let network = self.relaxation.network(&self.model, &state);
-        let stress = rotated(&stress, &S::rotation_matrix(polar.turn));
+        let stress = rotated(&stress, &S::rotation_matrix(turn));
         let mut flags = TrialFlags::default();
         if !solved.equilibrated {
             flags.insert(TrialFlags::NOT_EQUILIBRATED);
@@ -245,14 +285,45 @@ impl<S: Space> GrainRve<S> {
         let cost = Cost {
             force_evaluations: solved.force_evaluations,
             ramp_steps: u64::from(solved.ramp_steps),
-            solve_nanoseconds: nanoseconds_since(started),
+            solve_nanoseconds: nanoseconds,
             tangent_nanoseconds: 0,
         };
-        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, h);
+        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
         let mut answer = self.answer(&network, &state, &stress, &f, ask, cost, flags);
-        self.trial = Some(Trial { state, network, h: *h, ramp_steps: solved.ramp_steps, stress });
+        self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps: solved.ramp_steps, stress });
         self.add_tangent(&mut answer, ask.tangent);
-        Ok(answer)
+        answer
+    }
+
+    /// Answers several questions whose states have been read and whose targets are stretches, side by side.
+    fn solve_side_by_side(&mut self, opened: Vec<Opened<S>>) -> Vec<Answered> {
+        let started = Instant::now();
+        let jobs: Vec<Job<'_, S>> = opened
+            .iter()
+            .map(|one| Job {
+                state: &one.state,
+                strain: one.stretch.polar.strain,
+                ramp_steps: one.stretch.ramp_steps,
+            })
+            .collect();
+        let ends = self.relaxation.solve_all(&self.model, &jobs);
+        // Nobody can tell whose time it was; evaluations are a fair key.
+        let evaluations = |end: &Result<End<S>, RveError>| end.as_ref().map_or(0, |end| end.solved.force_evaluations);
+        let all = ends.iter().map(evaluations).sum::<u64>().max(1) as f64;
+        let spent = nanoseconds_since(started) as f64;
+        let mut answers = Vec::with_capacity(opened.len());
+        for (end, one) in ends.into_iter().zip(opened) {
+            let share = (spent * evaluations(&end) as f64 / all) as u64;
+            answers.push(end.and_then(|end| {
+                self.committed = one.state;
+                let answer = self.conclude(end, &one.stretch, &one.ask, share);
+                let mut state = Vec::new();
+                self.snapshot_trial(&mut state)?;
+                self.trial = None;
+                Ok((answer, state))
+            }));
+        }
+        answers
     }
 
     /// A target of exactly zero: the committed state is the answer.
@@ -286,7 +357,7 @@ impl<S: Space> GrainRve<S> {
             stress: in_space(stress),
             tangent: None,
             scalars: scalars(network, state),
-            observed: observe(&self.relaxation.measures(), network, state, stress, f, ask.observables),
+            observed: observe(&self.relaxation.measures(&self.model), network, state, stress, f, ask.observables),
             cost,
             flags,
         }
@@ -335,6 +406,30 @@ impl<S: Space> RveSolver for GrainRve<S> {
         self.trial = None;
         let h = checked_target(target)?;
         if h == S::Tensor::ZERO { Ok(self.stay(ask)) } else { self.solve(&h, ask) }
+    }
+
+    fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
+        let mut answers: Vec<Option<Answered>> = questions.iter().map(|_| None).collect();
+        let mut opened = Vec::new();
+        for (place, question) in questions.iter().enumerate() {
+            let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
+                if h == S::Tensor::ZERO {
+                    return Ok(None);
+                }
+                let state = self::opened(question.state, self.id, self.model.radii.len())?;
+                Ok(Some((state, self.stretch(&h, &question.ask)?)))
+            });
+            match stretched {
+                Ok(Some((state, stretch))) => opened.push(Opened { place, state, stretch, ask: question.ask }),
+                Ok(None) => answers[place] = Some(answer_alone(self, question)),
+                Err(error) => answers[place] = Some(Err(error)),
+            }
+        }
+        let places: Vec<usize> = opened.iter().map(|one| one.place).collect();
+        for (answer, place) in self.solve_side_by_side(opened).into_iter().zip(places) {
+            answers[place] = Some(answer);
+        }
+        answers.into_iter().map(|answer| answer.expect("every question has been answered")).collect()
     }
 
     fn commit(&mut self) -> Result<(), RveError> {

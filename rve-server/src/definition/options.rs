@@ -51,6 +51,12 @@ pub enum Damping {
     Fire,
     /// Non-viscous local damping of the peculiar velocity.
     Local,
+    /// Mass-proportional viscous damping of the peculiar velocity.
+    Viscous,
+    /// All motion stops whenever the kinetic energy has passed a peak.
+    Kinetic,
+    /// Viscous damping, critical for the mode that moves at the moment.
+    Adaptive,
 }
 
 impl Damping {
@@ -59,6 +65,9 @@ impl Damping {
         match self {
             Self::Fire => "fire",
             Self::Local => "local",
+            Self::Viscous => "viscous",
+            Self::Kinetic => "kinetic",
+            Self::Adaptive => "adaptive",
         }
     }
 }
@@ -79,6 +88,9 @@ pub struct RveOptions {
     pub damping: Damping,
     /// Coefficient of local damping, in (0, 1); default 0.7.
     pub local_damping: Option<f64>,
+    /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
+    /// near 1.6.
+    pub viscous_damping: Option<f64>,
     /// Most relaxation steps after the ramp; default 50 000. A trial that needs more is flagged, not failed.
     pub max_steps: Option<u32>,
     /// Largest |H| of one trial, dimensionless; default 0.2.
@@ -102,6 +114,13 @@ impl RveOptions {
         let coefficient = self.local_coefficient();
         if !(coefficient > 0.0 && coefficient < 1.0) {
             return Err(DefinitionError(format!("rve.local_damping = {coefficient} must lie between 0 and 1")));
+        }
+        if self.viscous_damping.is_some() && self.damping != Damping::Viscous {
+            return Err(DefinitionError("rve.viscous_damping needs damping = \"viscous\"".into()));
+        }
+        let coefficient = self.viscous_coefficient();
+        if !(coefficient > 0.0 && coefficient < 2.0) {
+            return Err(DefinitionError(format!("rve.viscous_damping = {coefficient} must lie between 0 and 2")));
         }
         if self.max_steps() == 0 {
             return Err(DefinitionError("rve.max_steps must be at least 1".into()));
@@ -131,6 +150,21 @@ impl RveOptions {
     /// Coefficient of local damping in force.
     pub fn local_coefficient(&self) -> f64 {
         self.local_damping.unwrap_or(0.7)
+    }
+
+    /// Coefficient of local damping that acts: 0 with any other rule.
+    pub(crate) fn local_share(&self) -> f64 {
+        if self.damping == Damping::Local { self.local_coefficient() } else { 0.0 }
+    }
+
+    /// Coefficient of viscous damping in force.
+    pub fn viscous_coefficient(&self) -> f64 {
+        self.viscous_damping.unwrap_or(0.1)
+    }
+
+    /// Whether the damping rule looks at the work of the forces before a step.
+    pub(crate) fn needs_old_power(&self) -> bool {
+        self.damping == Damping::Adaptive
     }
 
     /// Step cap in force.

@@ -7,8 +7,8 @@ use super::kernel::{
     Grain, GrainConstants, MoveSums, Steering, StepData, StepSums, kick_grain, load_pairs, sum_grain,
 };
 use super::kinematics::Kinematics;
-use super::law::ContactLaw;
 use super::real::Real;
+use crate::law::ContactLaw;
 use std::sync::OnceLock;
 
 /// Instruction sets, from the plainest to the widest.

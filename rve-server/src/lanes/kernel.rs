@@ -6,9 +6,9 @@
 //! contacts alone: not on the pairs that are listed beside them, not on the other lanes. Nothing allocates.
 
 use super::kinematics::Kinematics;
-use super::law::{ContactLaw, ContactMotion};
 use super::real::{Mask, Real};
 use super::tuple::Tuple;
+use crate::law::{ContactLaw, ContactMotion};
 
 /// Squared motion per step, m2 or rad2, below which a grain is put to rest: products of numbers so small become
 /// subnormal, and those cost a hundred times more.
@@ -394,22 +394,16 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     if born.any() {
         sums.births += R::select(born, R::splat(1.0), R::default());
     }
-    // The branch's own turn is measured as an angle, not as a chord: a rigidly rotating pair then slips by exactly
-    // nothing. arcsin by its series; the next term is below rounding for turns under 0.02 rad.
-    let sine = K::cross(before, direction);
-    let sine_square = sine.dot(sine);
-    let series = sine_square.mul_add(R::splat(0.075), R::splat(1.0 / 6.0)).mul_add(sine_square, R::splat(1.0));
-    let spins = origin.spin.scaled(arms[0]).plus(end.spin.scaled(arms[1]));
-    let mean_spin = origin.spin.plus(end.spin).scaled(R::splat(0.5));
-    let motion = ContactMotion::<K, R> {
-        overlap,
-        length,
-        touched,
-        carried: K::carried(contact.tangential_force, sine, sine_square, direction, mean_spin),
-        slip: K::across(sine.scaled(length * series).minus(spins), direction),
-        rolling: origin.spin.minus(end.spin),
-    };
+    let (slip, carrier) = K::slip_and_turning(before, direction, reciprocal, length, arms, [origin.spin, end.spin]);
+    let rolling = if C::ROLLS { K::across(origin.spin.minus(end.spin), direction) } else { Tuple::zero() };
+    let carried = K::carried(&carrier, contact.tangential_force);
+    let motion = ContactMotion::<K, R> { overlap, touched, carried, slip, rolling };
     let mut memory = contact.memory;
+    data.law.carry(
+        &mut memory,
+        #[inline(always)]
+        |moment| K::carried(&carrier, moment),
+    );
     let response = data.law.respond(&law_constants, &motion, &mut memory);
 
     // From here on everything is zero in lanes that do not touch.
@@ -418,8 +412,14 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     let normal = R::select(touching, response.normal_force, R::default());
     *contact = Contact { direction, tangential_force: tangential, memory: memory.where_or(touching, Tuple::zero()) };
     data.live[index] = true;
-    let force = direction.scaled_plus(normal, K::turn(tangential, direction));
-    let mut moments = [tangential.scaled(arms[0]), tangential.scaled(arms[1])];
+    // Viscous forces act, but they are no part of a contact's history.
+    let (mut acting, mut across) = (normal, tangential);
+    if let Some(viscous) = response.viscous {
+        acting += R::select(touching, viscous.normal_force, R::default());
+        across = across.plus(viscous.tangential_force.where_or(touching, Tuple::zero()));
+    }
+    let force = direction.scaled_plus(acting, K::turn(across, direction));
+    let mut moments = [across.scaled(arms[0]), across.scaled(arms[1])];
     if let Some(couple) = response.couple {
         let couple = couple.where_or(touching, Tuple::zero());
         moments = [moments[0].plus(couple), moments[1].minus(couple)];
@@ -441,7 +441,7 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
         sums.contact_force_square += normal.mul_add(normal, tangential.dot(tangential));
     }
     if data.wanted.elastic_energy {
-        let energy = data.law.energy(&law_constants, overlap, K::length(tangential));
+        let energy = data.law.energy(&law_constants, overlap, K::length(tangential), &contact.memory);
         sums.elastic_energy += R::select(touching, energy, R::default());
     }
 }

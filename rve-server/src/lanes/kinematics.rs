@@ -7,6 +7,7 @@
 
 use super::real::Real;
 use super::tuple::Tuple;
+use crate::law::{Slip, slip_of_spheres};
 use crate::space::{Discs, Space, Spheres};
 
 /// Discs in the plane, or spheres in space.
@@ -17,12 +18,6 @@ pub trait Kinematics: Space {
     /// Axial vectors: moments, spins, tangential forces.
     type Axial<R: Real>: Tuple<R>;
 
-    /// The axial vector of a tangential force on a contact with this direction.
-    fn axial_of(tangential: Self::Tangential, direction: Self::Vector) -> Self::Axial<f64>;
-
-    /// The tangential force of an axial vector on a contact with this direction.
-    fn tangential_of(axial: Self::Axial<f64>, direction: Self::Vector) -> Self::Tangential;
-
     /// `a x b`.
     fn cross<R: Real>(a: Self::Coordinates<R>, b: Self::Coordinates<R>) -> Self::Axial<R>;
 
@@ -32,15 +27,23 @@ pub trait Kinematics: Space {
     /// The part of `w` perpendicular to `n`: all of it in the plane.
     fn across<R: Real>(w: Self::Axial<R>, n: Self::Coordinates<R>) -> Self::Axial<R>;
 
-    /// Carries a tangential force along when the normal turns from `before` to `n` with `sine = before x n`, and when
-    /// both grains spin about the normal. Lengths are kept.
-    fn carried<R: Real>(
-        tau: Self::Axial<R>,
-        sine: Self::Axial<R>,
-        sine_square: R,
-        n: Self::Coordinates<R>,
-        mean_spin: Self::Axial<R>,
-    ) -> Self::Axial<R>;
+    /// What carries a contact's history along in one step.
+    type Turning<R: Real>: Copy;
+
+    /// Slip of a step in which the normal went from `before` to `direction` and the grains span, m, and what carries
+    /// the contact's history along. A pair that rotates rigidly slips by exactly nothing. `length` is the distance of the
+    /// centres and `reciprocal` one over it; `arms` lead from the centres to the contact point.
+    fn slip_and_turning<R: Real>(
+        before: Self::Coordinates<R>,
+        direction: Self::Coordinates<R>,
+        reciprocal: R,
+        length: R,
+        arms: [R; 2],
+        spins: [Self::Axial<R>; 2],
+    ) -> (Self::Axial<R>, Self::Turning<R>);
+
+    /// An axial vector of a contact's history, turned along with the contact.
+    fn carried<R: Real>(carrier: &Self::Turning<R>, axial: Self::Axial<R>) -> Self::Axial<R>;
 
     /// Length of an axial vector.
     fn length<R: Real>(w: Self::Axial<R>) -> R;
@@ -52,14 +55,8 @@ pub trait Kinematics: Space {
 impl Kinematics for Discs {
     type Coordinates<R: Real> = [R; 2];
     type Axial<R: Real> = [R; 1];
-
-    fn axial_of(tangential: f64, _: [f64; 2]) -> [f64; 1] {
-        [tangential]
-    }
-
-    fn tangential_of([axial]: [f64; 1], _: [f64; 2]) -> f64 {
-        axial
-    }
+    /// A tangential force is the same number whichever way the contact points.
+    type Turning<R: Real> = ();
 
     #[inline(always)]
     fn cross<R: Real>(a: [R; 2], b: [R; 2]) -> [R; 1] {
@@ -78,8 +75,26 @@ impl Kinematics for Discs {
     }
 
     #[inline(always)]
-    fn carried<R: Real>(tau: [R; 1], _: [R; 1], _: R, _: [R; 2], _: [R; 1]) -> [R; 1] {
-        tau
+    fn slip_and_turning<R: Real>(
+        before: [R; 2],
+        direction: [R; 2],
+        _: R,
+        length: R,
+        arms: [R; 2],
+        [[first], [second]]: [[R; 1]; 2],
+    ) -> ([R; 1], ()) {
+        // The branch's own turn is measured as an angle, not as a chord: a rigidly rotating pair then slips by exactly
+        // nothing. arcsin by its series; the next term is below rounding for turns under 0.02 rad.
+        let [sine] = Self::cross(before, direction);
+        let square = sine * sine;
+        let series = square.mul_add(R::splat(0.075), R::splat(1.0 / 6.0)).mul_add(square, R::splat(1.0));
+        let rolled = arms[0].mul_add(first, arms[1] * second);
+        ([(length * series).mul_add(sine, -rolled)], ())
+    }
+
+    #[inline(always)]
+    fn carried<R: Real>((): &(), axial: [R; 1]) -> [R; 1] {
+        axial
     }
 
     #[inline(always)]
@@ -96,14 +111,7 @@ impl Kinematics for Discs {
 impl Kinematics for Spheres {
     type Coordinates<R: Real> = [R; 3];
     type Axial<R: Real> = [R; 3];
-
-    fn axial_of(tangential: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
-        Self::cross(direction, tangential)
-    }
-
-    fn tangential_of(axial: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
-        Self::cross(axial, direction)
-    }
+    type Turning<R: Real> = Slip<R>;
 
     #[inline(always)]
     fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
@@ -121,27 +129,21 @@ impl Kinematics for Spheres {
     }
 
     #[inline(always)]
-    fn carried<R: Real>(tau: [R; 3], sine: [R; 3], sine_square: R, n: [R; 3], mean_spin: [R; 3]) -> [R; 3] {
-        // Rotation about sine x: tau + sine x tau + sine x (sine x tau) / (1 + cosine), the last factor by its series:
-        // the next term is below rounding for turns under 0.02 rad.
-        let first = Self::cross(sine, tau);
-        let second = Self::cross(sine, first);
-        let factor = sine_square
-            .mul_add(R::splat(5.0 / 128.0), R::splat(1.0 / 16.0))
-            .mul_add(sine_square, R::splat(0.125))
-            .mul_add(sine_square, R::splat(0.5));
-        let turned = second.scaled_plus(factor, tau.plus(first));
-        // Then about n by the twist, again by series, and back to the plane: rounding must not pile up along n.
-        let twist = mean_spin.dot(n);
-        let square = twist * twist;
-        let about =
-            square.mul_add(R::splat(1.0 / 120.0), R::splat(-1.0 / 6.0)).mul_add(square, R::splat(1.0)) * twist;
-        let along = square
-            .mul_add(R::splat(-1.0 / 720.0), R::splat(1.0 / 24.0))
-            .mul_add(square, R::splat(-0.5))
-            .mul_add(square, R::splat(1.0));
-        let twisted = Self::cross(n, turned).scaled_plus(about, turned.scaled(along));
-        Self::across(twisted, n)
+    fn slip_and_turning<R: Real>(
+        before: [R; 3],
+        direction: [R; 3],
+        reciprocal: R,
+        length: R,
+        arms: [R; 2],
+        spins: [[R; 3]; 2],
+    ) -> ([R; 3], Slip<R>) {
+        let slip = slip_of_spheres(before, direction, reciprocal, length, arms, spins);
+        (slip.slip, slip)
+    }
+
+    #[inline(always)]
+    fn carried<R: Real>(carrier: &Slip<R>, axial: [R; 3]) -> [R; 3] {
+        carrier.carried(axial)
     }
 
     #[inline(always)]

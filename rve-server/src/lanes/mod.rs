@@ -11,8 +11,6 @@ mod array;
 pub mod backend;
 mod kernel;
 mod kinematics;
-mod law;
-mod linear;
 mod real;
 #[cfg(test)]
 mod tests;
@@ -23,7 +21,5 @@ pub use kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, Steering, StepData, StepSums, Wanted,
 };
 pub use kinematics::Kinematics;
-pub use law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse};
-pub use linear::LinearLaw;
 pub use real::{Mask, Real};
 pub use tuple::Tuple;

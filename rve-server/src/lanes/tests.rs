@@ -1,7 +1,6 @@
 //! Lanes do what single numbers do, bit for bit, with every set of instructions.
 
 use super::*;
-use crate::space::Spheres;
 use proptest::prelude::*;
 
 proptest! {
@@ -28,32 +27,5 @@ proptest! {
             }
         }
         prop_assert_eq!(mask.any(), a.iter().zip(&b).any(|(p, q)| p < q));
-    }
-
-    /// In space: a force carried along a turning normal keeps its length, stays across the normal, and a rigid turn of
-    /// everything turns it likewise.
-    #[test]
-    fn forces_are_carried_along_rigidly(
-        axis in proptest::array::uniform3(-1.0..1.0f64), angle in -0.02..0.02f64, start in proptest::array::uniform3(-1.0..1.0f64),
-    ) {
-        let size = axis.dot(axis).sqrt();
-        prop_assume!(size > 0.1 && start.dot(start) > 0.1);
-        let axis = axis.scaled(1.0 / size);
-        let before = start.scaled(1.0 / start.dot(start).sqrt());
-        let turn = |v: [f64; 3]| {
-            let across = Spheres::cross(axis, v);
-            Spheres::cross(axis, across).scaled_plus(2.0 * (0.5 * angle).sin().powi(2), across.scaled_plus(angle.sin(), v))
-        };
-        let force = Spheres::across([0.3, -0.7, 0.2], before);
-        let after = turn(before);
-        let sine = Spheres::cross(before, after);
-        let carried = Spheres::carried(force, sine, sine.dot(sine), after, axis.scaled(angle));
-        prop_assert!(carried.dot(after).abs() < 1e-15);
-        let expected = turn(force);
-        let miss = carried.minus(expected);
-        // The two rotations, along the normal's way and then about the normal, differ from the one in space by half of
-        // their commutator: second order in the angle.
-        prop_assert!(miss.dot(miss).sqrt() < angle * angle + 1e-15, "{miss:?}");
-        prop_assert!((Spheres::length(carried) - Spheres::length(force)).abs() < 1e-14);
     }
 }

@@ -1,48 +1,86 @@
-//! The quasi-static solver: stretches the cell in small increments while the grains relax, then holds until the grains
+//! The quasi-static solver: stretches cells in small increments while the grains relax, then holds each until its grains
 //! are in equilibrium.
 //!
 //! The deformation is applied as the pure stretch `I + tau (U - I)`; the caller turns the result by the rotation. A solve
-//! depends on the state, the stretch, the ramp count and the options only, to the last bit.
+//! depends on the state, the stretch, the ramp count and the options only, to the last bit: not on the cells that are
+//! solved beside it, the instructions of the processor, or the age of a pair list.
 
-pub(crate) mod assembly;
+pub(crate) mod batch;
 pub(crate) mod criterion;
-pub(crate) mod kernel;
+mod damping;
 #[cfg(test)]
 mod kernel_tests;
-pub(crate) mod motion;
+mod listing;
+mod run;
+#[cfg(test)]
+mod sample;
+mod setting;
 pub(crate) mod stiffness;
+#[cfg(test)]
+mod tests;
 
 use crate::cell::Cell;
-use crate::definition::{ContactTable, Criterion, DefinitionError, Rotations};
-use crate::lanes::Kinematics;
+use crate::definition::{ContactTable, DefinitionError, Rotations};
+use crate::lanes::{Contact, Grain, Lanes, Real, Steering, StepSums, Tuple, Wanted};
 use crate::law::{AT_LIMIT, ContactLaw, ExtendedHertzMindlin, ExtendedLinear, PlainHertzMindlin, PlainLinear};
 use crate::model::GrainModel;
 use crate::network::{ContactNetwork, NetworkContact};
-use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product, scaled};
+use crate::pairs::PairKey;
+use crate::space::{Axial, Components, Space, Tensor, largest_component};
 use crate::state::{ContactRecord, GrainState};
-use assembly::Assembly;
-use criterion::ENERGY_HITS;
-use kernel::ContactSums;
-use motion::Motion;
+use batch::{Batch, LaneContents, branch_of};
 use protocol::RveError;
+use run::Run;
+pub(crate) use run::Solved;
+pub(crate) use setting::Setting;
+use std::collections::VecDeque;
 use std::fmt::Debug;
 
 /// Fewest ramp increments that the engine chooses by itself.
 const FEWEST_RAMP_STEPS: u32 = 5;
 
-/// Fewest relaxation steps after the ramp: the moment at which the ramp ends says little about equilibrium.
-const FEWEST_HOLD_STEPS: u32 = 10;
+/// Cells side by side in a batch.
+const LANES: usize = 8;
 
-/// Steps between two looks at the stiffness bound; a look costs about two force evaluations.
-const STIFFNESS_INTERVAL: u32 = 64;
+/// Fewer cells than this are faster one by one.
+const FEWEST_LANES: usize = 3;
 
-/// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Solved {
-    pub(crate) force_evaluations: u64,
+/// Number of ramp increments for a strain, if the asker leaves the choice to the engine.
+pub(crate) fn chosen_ramp_steps<T: Tensor>(strain: &T, strain_per_step: f64) -> u32 {
+    let steps = (largest_component(strain) / strain_per_step).ceil();
+    (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS)
+}
+
+/// A stretch to be solved.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Job<'a, S: Space> {
+    pub(crate) state: &'a GrainState<S>,
+    /// `U - I`.
+    pub(crate) strain: S::Tensor,
+    /// Increments of the ramp; with 0 the state is evaluated as it is, and nothing moves.
     pub(crate) ramp_steps: u32,
-    pub(crate) unbalanced: f64,
-    pub(crate) equilibrated: bool,
+}
+
+/// The end of a solve.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct End<S: Space> {
+    pub(crate) solved: Solved,
+    pub(crate) state: GrainState<S>,
+    /// Whether each contact of the state was at the friction limit in most samples of the second half of the ramp.
+    pub(crate) slid: Vec<bool>,
+}
+
+/// A solver with its working memory. Nothing but speed depends on what it has done before.
+#[derive(Clone, Debug)]
+pub(crate) struct Relaxation<S: Space, C: ContactLaw<S::Kinematics>> {
+    law: C,
+    single: Option<Batch<S, C, f64>>,
+    lanes: Option<Batch<S, C, Lanes<LANES>>>,
+    last: Option<End<S>>,
+    /// Whether several jobs are solved side by side.
+    pub(crate) uses_lanes: bool,
+    /// Another skin of the pair list than usual, in mean radii.
+    pub(crate) skin_in_radii: Option<f64>,
 }
 
 /// What the contacts of a state amount to, beyond the network that is linearised.
@@ -54,9 +92,11 @@ pub(crate) struct ContactMeasures {
     pub elastic_energy: f64,
 }
 
-/// The solver of one cell, whatever its contact law: one choice per trial, none per contact.
+/// The solver of one packing, whatever its contact law: one choice per trial, none per contact. It holds the end of its
+/// last solve, look or adoption until the next one.
 pub(crate) trait QuasiStatic<S: Space>: Debug + Send + Sync {
-    /// Evaluates a state as it is: nothing moves. Returns the value of the equilibrium criterion.
+    /// Evaluates a state as it is: nothing moves. Returns the value of the equilibrium criterion, not finite where the
+    /// forces are not.
     fn look(&mut self, model: &GrainModel, state: &GrainState<S>) -> f64;
 
     /// Stretches the state by `I + strain` in `ramp_steps` increments and relaxes it.
@@ -71,15 +111,24 @@ pub(crate) trait QuasiStatic<S: Space>: Debug + Send + Sync {
         ramp_steps: u32,
     ) -> Result<Solved, RveError>;
 
+    /// Solves several jobs, side by side if there are enough of them. The bits are those of solving each alone.
+    fn solve_all(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>>;
+
+    /// Takes an end of [`solve_all`](Self::solve_all) for the last one.
+    fn adopt(&mut self, end: End<S>);
+
+    /// Whether several jobs are solved side by side.
+    fn use_lanes(&mut self, uses_lanes: bool);
+
     /// The end state of the last solve or look; `state` is the one it started from.
     fn end_state(&self, state: &GrainState<S>, unbalanced: f64) -> GrainState<S>;
 
-    /// The contacts of the last solve or look, frozen; positions, cell and tangential forces are those of `state`, which
-    /// is the end state, perhaps turned as a whole.
+    /// The contacts of the last end, frozen; positions, cell and tangential forces are those of `state`, which is the end
+    /// state, perhaps turned as a whole.
     fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S>;
 
-    /// Measures of the contacts of the last solve or look.
-    fn measures(&self) -> ContactMeasures;
+    /// Measures of the contacts of the last end.
+    fn measures(&self, model: &GrainModel) -> ContactMeasures;
 
     /// A solver for the same law without any working memory.
     fn another(&self) -> Box<dyn QuasiStatic<S>>;
@@ -101,32 +150,10 @@ pub(crate) fn for_contact<S: Space>(contact: &ContactTable) -> Result<Box<dyn Qu
     })
 }
 
-/// Working memory of the solver; holds the end state of the last solve until the next one.
-#[derive(Clone, Debug)]
-pub(crate) struct Relaxation<S: Space, L: ContactLaw<S::Kinematics>> {
-    pub(crate) assembly: Assembly<S, L>,
-    motion: Motion<S>,
-    last_contacts: ContactSums,
-}
-
-fn is_at_limit<S: Space, L: ContactLaw<S::Kinematics>>(
-    assembly: &Assembly<S, L>,
-    pair: &kernel::PairSlot<S, L>,
-) -> bool {
-    let limit = assembly.law.friction_limit(&pair.constants, assembly.overlap(pair));
-    S::Kinematics::length(pair.tangential_force) >= AT_LIMIT * limit
-}
-
-/// Number of ramp increments for a strain, if the asker leaves the choice to the engine.
-pub(crate) fn chosen_ramp_steps<T: Tensor>(strain: &T, strain_per_step: f64) -> u32 {
-    let steps = (largest_component(strain) / strain_per_step).ceil();
-    (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS)
-}
-
-impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L> {
+impl<S: Space, C: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, C> {
     fn look(&mut self, model: &GrainModel, state: &GrainState<S>) -> f64 {
-        self.begin(model, state);
-        self.measure(model).0
+        let solved = self.solve(model, state, &S::Tensor::ZERO, 0);
+        solved.map_or(f64::NAN, |solved| solved.unbalanced)
     }
 
     fn solve(
@@ -136,246 +163,318 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, L>
         strain: &S::Tensor,
         ramp_steps: u32,
     ) -> Result<Solved, RveError> {
-        self.begin(model, state);
-        let start = state.cell;
-        let mut evaluations = 1;
-        let mut before = S::Tensor::IDENTITY;
-        for step in 1..=ramp_steps {
-            let share = f64::from(step) / f64::from(ramp_steps);
-            let stretch = add_scaled(&S::Tensor::IDENTITY, share, strain);
-            // (I + tau' S) = (I + D) (I + tau S) with D = (tau' - tau) S (I + tau S)^-1, formed without cancellation.
-            let increment = scaled(strain, 1.0 / f64::from(ramp_steps));
-            let affine = product(&increment, &inverse(&before));
-            before = stretch;
-            if step == ramp_steps / 2 + 1 {
-                self.clear_limit_counts();
-            }
-            self.advance(model, &affine, start.deformed(&stretch), evaluations)?;
-            evaluations += 1;
-        }
-        let samples = ramp_steps - ramp_steps / 2;
-        let (unbalanced, equilibrated) = self.hold(model, samples, &mut evaluations)?;
-        Ok(Solved { force_evaluations: evaluations, ramp_steps, unbalanced, equilibrated })
+        let job = Job { state, strain: *strain, ramp_steps };
+        let end = self.solve_all(model, &[job]).pop().expect("one job, one end")?;
+        let solved = end.solved;
+        self.last = Some(end);
+        Ok(solved)
     }
 
-    fn end_state(&self, state: &GrainState<S>, unbalanced: f64) -> GrainState<S> {
-        let assembly = &self.assembly;
-        let moments = assembly.contacts().filter(|_| L::ROLLS);
-        GrainState {
-            cell: assembly.cell(),
-            positions: assembly.grains.iter().map(|grain| grain.position).collect(),
-            rotations: assembly.rotations.clone(),
-            contacts: assembly
-                .contacts()
-                .map(|(key, pair)| ContactRecord {
-                    origin: key.origin,
-                    end: key.end,
-                    shift: key.shift,
-                    tangential_force: S::from_axial(pair.tangential_force, pair.direction),
-                })
-                .collect(),
-            rolling_moments: moments.map(|(_, pair)| S::spin(assembly.law.rolling_moment(&pair.memory))).collect(),
-            operators: state.operators.clone(),
-            dissipation: assembly.dissipation,
-            initial_measure: state.initial_measure,
-            unbalanced,
-        }
+    fn solve_all(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>> {
+        let law = self.law;
+        self.solve_in(&Setting::of(model, &law), jobs)
+    }
+
+    fn adopt(&mut self, end: End<S>) {
+        self.last = Some(end);
+    }
+
+    fn use_lanes(&mut self, uses_lanes: bool) {
+        self.uses_lanes = uses_lanes;
+    }
+
+    fn end_state(&self, _: &GrainState<S>, unbalanced: f64) -> GrainState<S> {
+        GrainState { unbalanced, ..self.last().state.clone() }
     }
 
     fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S> {
-        let assembly = &self.assembly;
-        let frozen =
-            |((key, pair), record): ((&crate::pairs::PairKey<S>, &kernel::PairSlot<S, L>), &ContactRecord<S>)| {
-                let overlap = assembly.overlap(pair);
-                let [normal_stiffness, tangential_stiffness, _] = assembly.law.stiffness(&pair.constants, overlap);
-                NetworkContact {
-                    origin: key.origin,
-                    end: key.end,
-                    shift: key.shift,
-                    normal_stiffness,
-                    tangential_stiffness,
-                    normal_force: assembly.law.normal_force(&pair.constants, overlap),
-                    tangential_force: record.tangential_force,
-                    slid: pair.slid,
-                    at_limit: is_at_limit::<S, L>(assembly, pair),
-                }
-            };
-        ContactNetwork {
-            cell: state.cell.rows,
-            thickness: model.thickness,
-            positions: state.positions.clone(),
-            radii: model.radii.clone(),
-            rotations_free: model.rotations == Rotations::Free,
-            friction: model.friction,
-            contacts: assembly.contacts().zip(&state.contacts).map(frozen).collect(),
-        }
+        frozen(model, &self.law, self.last(), state)
     }
 
-    fn measures(&self) -> ContactMeasures {
-        let assembly = &self.assembly;
-        let sliding = assembly.contacts().filter(|(_, pair)| is_at_limit(assembly, pair)).count();
-        ContactMeasures {
-            sliding_fraction: sliding as f64 / assembly.contacts().count().max(1) as f64,
-            elastic_energy: criterion::elastic_energy(assembly),
+    fn measures(&self, model: &GrainModel) -> ContactMeasures {
+        let state = &self.last().state;
+        let mut measures = ContactMeasures::default();
+        let mut sliding = 0;
+        for (place, contact) in state.contacts.iter().enumerate() {
+            let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
+            let (_, overlap) = geometry(state, contact, radii);
+            let constants = self.law.constants(radii);
+            let memory = self.law.resumed(overlap, rolling_moment(state, place));
+            sliding += usize::from(is_at_limit(&self.law, state, contact, radii));
+            let force = contact.tangential_force.norm();
+            measures.elastic_energy += self.law.energy(&constants, overlap, force, &memory);
         }
+        measures.sliding_fraction = sliding as f64 / state.contacts.len().max(1) as f64;
+        measures
     }
 
     fn another(&self) -> Box<dyn QuasiStatic<S>> {
-        Box::new(Self::new(self.assembly.law))
+        Box::new(Self { uses_lanes: self.uses_lanes, ..Self::new(self.law) })
     }
 }
 
-impl<S: Space, L: ContactLaw<S::Kinematics>> Relaxation<S, L> {
-    /// Empty working memory for a law.
-    pub(crate) fn new(law: L) -> Self {
-        Self { assembly: Assembly::new(law), motion: Motion::default(), last_contacts: ContactSums::default() }
+impl<S: Space, C: ContactLaw<S::Kinematics>> Relaxation<S, C> {
+    /// A solver for a law, without any working memory.
+    pub(crate) fn new(law: C) -> Self {
+        Self { law, single: None, lanes: None, last: None, uses_lanes: true, skin_in_radii: None }
     }
 
-    fn begin(&mut self, model: &GrainModel, state: &GrainState<S>) {
-        self.assembly.load(model, state);
-        self.last_contacts = self.assembly.evaluate();
-        self.motion.start(model, &self.assembly);
-    }
-
-    /// One DEM step: move, renew the pair list if due, evaluate.
-    fn advance(
-        &mut self,
-        model: &GrainModel,
-        affine: &S::Tensor,
-        cell: Cell<S>,
-        evaluations: u64,
-    ) -> Result<(), RveError> {
-        if evaluations.is_multiple_of(u64::from(STIFFNESS_INTERVAL)) {
-            self.motion.raise_mass(model, &self.assembly);
-        }
-        let sums = self.motion.sums(model, &self.assembly);
-        let moved = self.motion.step(model, &mut self.assembly, &sums, affine);
-        if !moved.is_finite() {
-            return Err(RveError::NotFinite { force_evaluations: evaluations });
-        }
-        self.assembly.wander(moved);
-        self.assembly.set_cell(cell);
-        self.assembly.keep_list_complete(model);
-        self.last_contacts = self.assembly.evaluate();
-        if !self.last_contacts.normal_force.is_finite() {
-            return Err(RveError::NotFinite { force_evaluations: evaluations + 1 });
-        }
-        Ok(())
-    }
-
-    /// Relaxes at constant cell until the criterion is met or the step cap is reached.
-    fn hold(
-        &mut self,
-        model: &GrainModel,
-        ramp_samples: u32,
-        evaluations: &mut u64,
-    ) -> Result<(f64, bool), RveError> {
-        self.note_sliding(ramp_samples);
-        let needed = if model.options.criterion == Criterion::Energy { ENERGY_HITS } else { 1 };
-        let (tolerance, cap) = (model.options.tolerance(), model.options.max_steps());
-        let cell = self.assembly.cell();
-        let mut hits = 0;
-        let mut step = 0;
-        loop {
-            let (mut unbalanced, mut finite) = self.measure(model);
-            if unbalanced <= tolerance && model.is_viscous {
-                // Viscous forces that hold the grains back could pass for equilibrium: look again without motion.
-                self.last_contacts = self.assembly.evaluate_at_rest();
-                *evaluations += 1;
-                (unbalanced, finite) = self.measure(model);
-            }
-            if !finite {
-                return Err(RveError::NotFinite { force_evaluations: *evaluations });
-            }
-            hits = if unbalanced <= tolerance { hits + 1 } else { 0 };
-            let done = hits >= needed && step >= FEWEST_HOLD_STEPS;
-            if done || step >= cap {
-                return Ok((unbalanced, done));
-            }
-            self.advance(model, &S::Tensor::ZERO, cell, *evaluations)?;
-            *evaluations += 1;
-            step += 1;
-        }
-    }
-
-    fn measure(&self, model: &GrainModel) -> (f64, bool) {
-        let sums = self.motion.sums(model, &self.assembly);
-        let value = criterion::unbalanced(model.options.criterion, &self.assembly, &self.last_contacts, &sums);
-        (value, value.is_finite() && self.last_contacts.normal_force.is_finite())
-    }
-
-    fn clear_limit_counts(&mut self) {
-        for pair in &mut self.assembly.pairs {
-            pair.limit_count = 0;
-        }
-    }
-
-    /// Remembers in the slots which contacts slid; the pair list may be renewed during the hold.
-    fn note_sliding(&mut self, samples: u32) {
-        for pair in &mut self.assembly.pairs {
-            pair.slid = 2 * pair.limit_count > samples;
-        }
+    fn last(&self) -> &End<S> {
+        self.last.as_ref().expect("something has been solved or looked at")
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::definition::{ContactTable, GrainDefinition, RveOptions};
-    use crate::law::PlainLinear;
-    use crate::packing::PackingFile;
-    use crate::space::Discs;
-    use std::path::Path;
+/// A job under way in a lane.
+struct Ride<S: Space> {
+    job: usize,
+    run: Run<S>,
+}
 
-    fn hundred_discs() -> (GrainModel, GrainState, PlainLinear) {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
-        let contact =
-            ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
-        let packing = PackingFile::read(&path).unwrap();
-        let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
-        let model = GrainModel::new(&definition).unwrap();
-        let state = model.initial_state(&definition);
-        let law = definition.contact.parts().law(definition.contact.parts().linear_springs().unwrap());
-        (model, state, law)
-    }
-
-    /// Whatever the skin, and so however often the pair list is renewed, the end state has the same bits.
-    #[test]
-    fn pair_list_cannot_reach_the_result() {
-        let (model, state, law) = hundred_discs();
-        let strain = [[0.01, 2e-3], [2e-3, -0.02]];
-        let end_with = |skin: f64| {
-            let mut relaxation = Relaxation::<Discs, _>::new(law);
-            relaxation.assembly.skin_in_radii = Some(skin);
-            let solved = relaxation.solve(&model, &state, &strain, 2_000).unwrap();
-            (
-                relaxation.end_state(&state, solved.unbalanced),
-                solved.force_evaluations,
-                relaxation.assembly.pairs.len(),
-            )
+impl<S: Space, C: ContactLaw<S::Kinematics>> Relaxation<S, C> {
+    /// As [`QuasiStatic::solve_all`].
+    pub(crate) fn solve_in(
+        &mut self,
+        setting: &Setting<'_, C>,
+        jobs: &[Job<'_, S>],
+    ) -> Vec<Result<End<S>, RveError>> {
+        let mut setting = *setting;
+        if let Some(skin) = self.skin_in_radii {
+            setting.skin = skin * setting.mean_radius;
+        }
+        let mut ends: Vec<Option<Result<End<S>, RveError>>> = jobs.iter().map(|_| None).collect();
+        // The longest first: what is short fills the gaps at the end.
+        let mut order: Vec<usize> = (0..jobs.len()).collect();
+        order.sort_by_key(|job| std::cmp::Reverse(jobs[*job].ramp_steps));
+        let mut queue: VecDeque<(Ride<S>, LaneContents<S, C>)> = VecDeque::new();
+        for job in order {
+            let Job { state, strain, ramp_steps } = jobs[job];
+            let run = Run::new(state.cell, strain, ramp_steps);
+            queue.push_back((Ride { job, run }, contents(&setting, state)));
+        }
+        let mut finish = |ride: Ride<S>, outcome: Result<Solved, RveError>, lane: LaneContents<S, C>| {
+            let end = outcome.map(|solved| end_of(setting.law, jobs[ride.job].state, &ride.run, solved, lane));
+            ends[ride.job] = Some(end);
         };
-        let (usual, steps, pairs) = end_with(SKIN_IN_USE);
-        for skin in [0.002, 0.02, 0.5] {
-            let (other, other_steps, other_pairs) = end_with(skin);
-            assert_ne!(other_pairs, pairs, "skin {skin} lists other pairs");
-            assert_eq!(other_steps, steps);
-            assert!(other == usual, "skin {skin} changed the state");
+        if self.uses_lanes && jobs.len() >= FEWEST_LANES {
+            let batch = self.lanes.get_or_insert_with(|| Batch::new(&setting));
+            drive(batch, &setting, &mut queue, FEWEST_LANES, &mut finish);
+        }
+        let batch = self.single.get_or_insert_with(|| Batch::new(&setting));
+        drive(batch, &setting, &mut queue, 1, &mut finish);
+        ends.into_iter().map(|end| end.expect("every job has been driven to its end")).collect()
+    }
+}
+
+/// Drives the jobs of the queue through the lanes of a batch until fewer than `fewest` are left, which go back to the
+/// queue as they are.
+fn drive<S: Space, C: ContactLaw<S::Kinematics>, R: Real>(
+    batch: &mut Batch<S, C, R>,
+    setting: &Setting<'_, C>,
+    queue: &mut VecDeque<(Ride<S>, LaneContents<S, C>)>,
+    fewest: usize,
+    finish: &mut impl FnMut(Ride<S>, Result<Solved, RveError>, LaneContents<S, C>),
+) {
+    let mut rides: Vec<Option<Ride<S>>> = (0..R::LANES).map(|_| None).collect();
+    loop {
+        for (lane, place) in rides.iter_mut().enumerate().filter(|(_, place)| place.is_none()) {
+            let Some((ride, contents)) = queue.pop_front() else { break };
+            batch.put(setting, lane, &contents);
+            *place = Some(ride);
+        }
+        if rides.iter().flatten().count() < fewest {
+            break;
+        }
+        let evaluated = step(batch, setting, &mut rides);
+        for (lane, place) in rides.iter_mut().enumerate() {
+            let Some(ride) = place else { continue };
+            let (sums, old_power) = (evaluated.sums.lane(lane), evaluated.old_power.lane(lane));
+            if let Some(outcome) = ride.run.note(setting, &sums, old_power) {
+                let ride = place.take().expect("the lane is occupied");
+                finish(ride, outcome, batch.take(lane));
+            }
         }
     }
-
-    const SKIN_IN_USE: f64 = 0.05;
-
-    /// A solver that has done other work before answers with the same bits as a new one.
-    #[test]
-    fn used_working_memory_leaves_no_trace() {
-        let (model, state, law) = hundred_discs();
-        let strain = [[1e-3, 0.0], [0.0, -2e-3]];
-        let mut fresh = Relaxation::<Discs, _>::new(law);
-        let solved = fresh.solve(&model, &state, &strain, 200).unwrap();
-        let expected = fresh.end_state(&state, solved.unbalanced);
-        let mut used = Relaxation::<Discs, _>::new(law);
-        used.solve(&model, &state, &[[-0.02, 0.0], [0.0, 0.03]], 300).unwrap();
-        let solved = used.solve(&model, &state, &strain, 200).unwrap();
-        assert!(used.end_state(&state, solved.unbalanced) == expected);
+    for (lane, place) in rides.iter_mut().enumerate() {
+        if let Some(ride) = place.take() {
+            queue.push_back((ride, batch.take(lane)));
+        }
     }
+}
+
+/// Sums of one step of all lanes.
+struct Evaluated<R: Real> {
+    sums: StepSums<R>,
+    old_power: R,
+}
+
+/// One step of every lane: move, renew the pair lists that are due, evaluate.
+fn step<S: Space, C: ContactLaw<S::Kinematics>, R: Real>(
+    batch: &mut Batch<S, C, R>,
+    setting: &Setting<'_, C>,
+    rides: &mut [Option<Ride<S>>],
+) -> Evaluated<R> {
+    let options = setting.options;
+    let mut steering = Steering::<S::Kinematics, R> {
+        affine: [Tuple::zero(); 3],
+        keep: R::default(),
+        push: R::default(),
+        local: options.local_share(),
+    };
+    let mut sampling = R::default();
+    let mut wanted = Wanted { old_power: options.needs_old_power(), ..criterion::wanted_by(options.criterion) };
+    let mut cells = vec![None; R::LANES];
+    for (lane, ride) in rides.iter_mut().enumerate() {
+        let Some(ride) = ride else { continue };
+        let next = ride.run.next_move(setting, batch, lane);
+        steering.keep.set_lane(lane, next.kick.keep);
+        steering.push.set_lane(lane, next.kick.push);
+        for (axis, row) in steering.affine.iter_mut().enumerate().take(S::DIMENSION) {
+            for (place, value) in next.affine[axis].components().iter().enumerate() {
+                row.as_mut()[place].set_lane(lane, *value);
+            }
+        }
+        if next.clears_counts {
+            batch.clear_limit_counts(lane);
+        }
+        if next.samples {
+            sampling.set_lane(lane, 1.0);
+            wanted.limit_counts = true;
+        }
+        cells[lane] = Some(next.cell);
+    }
+    let moved = batch.advance(setting, &steering, wanted);
+    for (lane, cell) in cells.into_iter().enumerate() {
+        if let Some(cell) = cell {
+            batch.follow(setting, lane, cell, moved.farthest_square.lane(lane).sqrt());
+        }
+    }
+    Evaluated { sums: batch.evaluate(setting, wanted, sampling), old_power: moved.old_power }
+}
+
+/// A state as a lane holds it. Contacts get their force back, and their direction as the kernel would compute it, so
+/// that the first evaluation sees a turn of exactly zero.
+fn contents<S: Space, C: ContactLaw<S::Kinematics>>(
+    setting: &Setting<'_, C>,
+    state: &GrainState<S>,
+) -> LaneContents<S, C> {
+    // Adding zero makes a negative zero positive, which a step without motion would do as well.
+    let grains: Vec<Grain<S::Kinematics, f64>> = state
+        .positions
+        .iter()
+        .map(|position| Grain::at_rest(S::Vector::from_fn(|axis| position[axis] + 0.0)))
+        .collect();
+    let contacts = state.contacts.iter().enumerate().filter_map(|(place, record)| {
+        let (origin, end) = (&grains[record.origin as usize], &grains[record.end as usize]);
+        let image = state.cell.translation(record.shift);
+        let (branch, length) = branch_of::<S::Kinematics>(origin.position, end.position, image);
+        let radii = [setting.radii[record.origin as usize], setting.radii[record.end as usize]];
+        let overlap = (radii[0] + radii[1]) - length;
+        if overlap.is_nan() || overlap <= 0.0 {
+            return None;
+        }
+        let direction = branch.times(1.0 / length);
+        let tangential_force = S::to_axial(record.tangential_force, direction);
+        let memory = setting.law.resumed(overlap, rolling_moment(state, place));
+        Some((record.key(), Contact { direction, tangential_force, memory }, 0.0))
+    });
+    let contacts: Vec<(PairKey<S>, Contact<S::Kinematics, C, f64>, f64)> = contacts.collect();
+    LaneContents { contacts, grains, listing: None, cell: Cell { rows: state.cell.rows } }
+}
+
+/// What a lane holds at the end of a run, as a state.
+fn end_of<S: Space, C: ContactLaw<S::Kinematics>>(
+    law: &C,
+    start: &GrainState<S>,
+    run: &Run<S>,
+    solved: Solved,
+    lane: LaneContents<S, C>,
+) -> End<S> {
+    let positions = lane.grains.iter().map(|grain| grain.position).collect();
+    let turned = start.rotations.iter().zip(&lane.grains);
+    let rotations = turned.map(|(before, grain)| Components::plus(*before, S::spin(grain.turned))).collect();
+    let contacts = lane
+        .contacts
+        .iter()
+        .map(|(key, contact, _)| ContactRecord {
+            origin: key.origin,
+            end: key.end,
+            shift: key.shift,
+            tangential_force: S::from_axial(contact.tangential_force, contact.direction),
+        })
+        .collect();
+    let rolling = lane.contacts.iter().filter(|_| C::ROLLS);
+    let rolling_moments = rolling.map(|(_, contact, _)| S::spin(law.rolling_moment(&contact.memory))).collect();
+    let samples = f64::from(run.samples());
+    let slid = lane.contacts.iter().map(|(_, _, count)| 2.0 * count > samples).collect();
+    let state = GrainState {
+        cell: lane.cell,
+        positions,
+        rotations,
+        contacts,
+        rolling_moments,
+        operators: start.operators.clone(),
+        dissipation: start.dissipation + run.dissipation,
+        initial_measure: start.initial_measure,
+        unbalanced: solved.unbalanced,
+    };
+    End { solved, state, slid }
+}
+
+/// The contacts of an end as a network; positions, cell and tangential forces are those of `state`.
+fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(
+    model: &GrainModel,
+    law: &C,
+    end: &End<S>,
+    state: &GrainState<S>,
+) -> ContactNetwork<S> {
+    let straight = &end.state;
+    let contacts = state.contacts.iter().zip(&straight.contacts).zip(&end.slid).map(|((record, contact), slid)| {
+        let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
+        let constants = law.constants(radii);
+        let (_, overlap) = geometry(straight, contact, radii);
+        let [normal_stiffness, tangential_stiffness, _] = law.stiffness(&constants, overlap);
+        NetworkContact {
+            origin: record.origin,
+            end: record.end,
+            shift: record.shift,
+            normal_stiffness,
+            tangential_stiffness,
+            normal_force: law.normal_force(&constants, overlap),
+            tangential_force: record.tangential_force,
+            slid: *slid,
+            at_limit: is_at_limit(law, straight, contact, radii),
+        }
+    });
+    ContactNetwork {
+        cell: state.cell.rows,
+        thickness: model.thickness,
+        positions: state.positions.clone(),
+        radii: model.radii.clone(),
+        rotations_free: model.rotations == Rotations::Free,
+        friction: model.friction,
+        contacts: contacts.collect(),
+    }
+}
+
+/// Whether a contact of a state is at its friction limit.
+fn is_at_limit<S: Space, C: ContactLaw<S::Kinematics>>(
+    law: &C,
+    state: &GrainState<S>,
+    contact: &ContactRecord<S>,
+    radii: [f64; 2],
+) -> bool {
+    let (_, overlap) = geometry(state, contact, radii);
+    contact.tangential_force.norm() >= AT_LIMIT * law.friction_limit(&law.constants(radii), overlap)
+}
+
+/// Branch vector and overlap of a contact of a state, m.
+fn geometry<S: Space>(state: &GrainState<S>, contact: &ContactRecord<S>, radii: [f64; 2]) -> (S::Vector, f64) {
+    let (origin, end) = (state.positions[contact.origin as usize], state.positions[contact.end as usize]);
+    let branch = Components::plus(Components::minus(end, origin), state.cell.translation(contact.shift));
+    (branch, (radii[0] + radii[1]) - branch.norm())
+}
+
+/// Rolling moment of a contact of a state, N m; zero for laws without.
+fn rolling_moment<S: Space>(state: &GrainState<S>, place: usize) -> Axial<S> {
+    S::axial(state.rolling_moments.get(place).copied().unwrap_or(S::Spin::ZERO))
 }

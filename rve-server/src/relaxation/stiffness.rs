@@ -5,7 +5,10 @@
 //! rotations), because `(a - b)^2 <= 2 a^2 + 2 b^2` in every contact. Erratum: the single-contact frequencies of
 //! [Liu2015] eq. 64 are not bounds; on crystals they allow steps up to four times too long.
 
-use crate::space::Space;
+use crate::lanes::{GrainConstants, PairConstants};
+use crate::law::ContactLaw;
+use crate::pairs::PairKey;
+use crate::space::{Components, Space};
 
 /// Inertia of a grain in the relaxation is this times mass times radius squared; measured best, a solid disc has 0.5.
 pub(crate) const INERTIA_FACTOR: f64 = 0.8;
@@ -28,6 +31,59 @@ pub(crate) struct ContactTerms<S: Space> {
     pub(crate) stiffness: [f64; 2],
     /// Rolling stiffness over radius squared, N/m.
     pub(crate) rolling: f64,
+}
+
+/// A touching pair as the stiffness bound sees it: its name, its constants, its direction and its overlap, m.
+pub(crate) type TouchingPair<'a, S, L> =
+    (&'a PairKey<S>, &'a PairConstants<<S as Space>::Kinematics, L>, <S as Space>::Vector, f64);
+
+/// Largest eigenvalue over all grains of the own stiffness block divided by its unit masses and inertias, N/m.
+/// `inertia` is that of rotation over mass times radius squared; 0 means that grains do not rotate.
+pub(crate) fn largest_own_stiffness<'a, S: Space, L: ContactLaw<S::Kinematics>>(
+    law: &L,
+    inertia: f64,
+    radii: &[f64],
+    grains: &[GrainConstants],
+    contacts: impl Iterator<Item = TouchingPair<'a, S, L>>,
+    blocks: &mut Vec<Block>,
+) -> f64 {
+    blocks.clear();
+    blocks.resize(grains.len(), [0.0; 21]);
+    for (key, constants, direction, overlap) in contacts {
+        let [normal, tangential, rolling] = law.stiffness(&constants.law, overlap);
+        for (grain, direction) in [(key.origin as usize, direction), (key.end as usize, direction.times(-1.0))] {
+            let rolling = rolling / (radii[grain] * radii[grain]);
+            let terms = ContactTerms { direction, stiffness: [normal, tangential], rolling };
+            add_contact::<S>(&mut blocks[grain], &terms, inertia);
+        }
+    }
+    let mut largest = 0.0;
+    for (block, grain) in blocks.iter().zip(grains) {
+        // The close bound is dear in space: only for blocks that a cheap one does not rule out.
+        if cheap_bound::<S>(block) * grain.inverse_mass > largest {
+            largest = f64::max(largest, largest_eigenvalue::<S>(block) * grain.inverse_mass);
+        }
+    }
+    largest
+}
+
+/// Upper bound of the largest eigenvalue by Gershgorin's circles.
+fn cheap_bound<S: Space>(block: &Block) -> f64 {
+    if S::DIMENSION == 2 {
+        return f64::INFINITY;
+    }
+    let mut sums = [0.0; 6];
+    let mut place = 0;
+    for i in 0..6 {
+        for j in i..6 {
+            sums[i] += block[place].abs();
+            if i != j {
+                sums[j] += block[place].abs();
+            }
+            place += 1;
+        }
+    }
+    sums.into_iter().fold(0.0, f64::max)
 }
 
 /// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with the rotation scaled by its inertia. The lever arm is taken as the radius,

@@ -6,7 +6,9 @@
 use super::states::StateCache;
 use protocol::transport::LoadedReply;
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
-use protocol::{ContentId, Definition, DefinitionId, RveEngine, RveError, RveSolver, StateId, TrialAnswer};
+use protocol::{
+    Ask, ContentId, Definition, DefinitionId, Question, RveEngine, RveError, RveSolver, StateId, TrialAnswer,
+};
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -80,21 +82,46 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// Does one job; `carried` is the snapshot that came with it, or empty.
-    pub(super) fn answer(&mut self, job: &TrialJob, carried: &[u8]) -> Answer {
+    /// Does the jobs of one message; jobs on the same RVE side by side, if its engine can. `carried` beside each job is
+    /// the snapshot that came with it, or empty.
+    pub(super) fn answer_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<Answer> {
         let begin = Instant::now();
-        let mut answer = match self.try_answer(job, carried) {
-            Ok(answer) => answer,
-            Err(error) => Answer::failed(job, &error),
-        };
+        let mut answers: Vec<Option<Answer>> = slice.iter().map(|_| None).collect();
+        let mut ready: BTreeMap<DefinitionId, Vec<Ready>> = BTreeMap::new();
+        for (place, (job, carried)) in slice.iter().enumerate() {
+            match self.prepare(job, carried) {
+                Ok(Prepared::Ready { ask, wanted, start }) => {
+                    ready.entry(job.definition).or_default().push(Ready { place, ask, wanted, start });
+                }
+                Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
+                Err(error) => answers[place] = Some(Answer::failed(job, &error)),
+            }
+        }
+        for (definition, group) in ready {
+            if let [one] = group.as_slice() {
+                answers[one.place] = Some(self.do_alone(&slice[one.place].0, one));
+                continue;
+            }
+            for (one, answer) in group.iter().zip(self.do_together(definition, slice, &group)) {
+                answers[one.place] = Some(answer);
+            }
+        }
+        let mut answers: Vec<Answer> =
+            answers.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
         let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        let cost = &answer.reply.cost;
-        answer.reply.overhead_nanoseconds =
-            total.saturating_sub(cost.solve_nanoseconds.saturating_add(cost.tangent_nanoseconds));
-        answer
+        let worked = answers.iter().map(|answer| &answer.reply.cost);
+        let worked = worked.fold(0u64, |sum, cost| {
+            sum.saturating_add(cost.solve_nanoseconds).saturating_add(cost.tangent_nanoseconds)
+        });
+        let overhead = total.saturating_sub(worked) / answers.len().max(1) as u64;
+        for answer in &mut answers {
+            answer.reply.overhead_nanoseconds = overhead;
+        }
+        answers
     }
 
-    fn try_answer(&mut self, job: &TrialJob, carried: &[u8]) -> Result<Answer, RveError> {
+    /// Checks a job and finds the state it starts from.
+    fn prepare(&mut self, job: &TrialJob, carried: &[u8]) -> Result<Prepared, RveError> {
         let ask = job.ask()?;
         if !job.target.is_finite() {
             return Err(RveError::TargetNotFinite);
@@ -103,46 +130,118 @@ impl<'a> Bench<'a> {
             check_name(job.state, carried)?;
             self.states.keep(job.state, carried);
         }
-        let Some(rve) = self.rves.get_mut(&job.definition) else {
-            return Ok(Answer::bare(job, ReplyStatus::NeedDefinition));
+        let Some(rve) = self.rves.get(&job.definition) else {
+            return Ok(Prepared::Answered(Answer::bare(job, ReplyStatus::NeedDefinition)));
         };
         let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
         let start = if wanted == rve.initial_id { Some(rve.initial.as_slice()) } else { self.states.get(wanted) };
-        let Some(start) = start else {
-            return Ok(Answer::bare(job, ReplyStatus::NeedState));
-        };
-        let mut solver = match rve.solver.take() {
-            Some(solver) => solver,
+        Ok(match start {
+            Some(start) => Prepared::Ready { ask, wanted, start: start.to_vec() },
+            None => Prepared::Answered(Answer::bare(job, ReplyStatus::NeedState)),
+        })
+    }
+
+    /// The solver of a known RVE; whoever takes it puts it back whole.
+    fn solver(&mut self, definition: DefinitionId) -> Result<Box<dyn RveSolver>, RveError> {
+        let rve = self.rves.get_mut(&definition).expect("the RVE has been found before");
+        match rve.solver.take() {
+            Some(solver) => Ok(solver),
             None => {
                 rve.committed = rve.initial_id;
-                build(self.engine, &rve.definition)?.0
+                Ok(build(self.engine, &rve.definition)?.0)
             }
-        };
-        let committed = rve.committed;
+        }
+    }
+
+    fn put_back(&mut self, definition: DefinitionId, solver: Box<dyn RveSolver>, committed: StateId) {
+        let rve = self.rves.get_mut(&definition).expect("the RVE has been found before");
+        rve.solver = Some(solver);
+        rve.committed = committed;
+    }
+
+    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> Answer {
+        self.try_alone(job, ready).unwrap_or_else(|error| Answer::failed(job, &error))
+    }
+
+    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<Answer, RveError> {
+        let Ready { ask, wanted, start, .. } = ready;
+        let mut solver = self.solver(job.definition)?;
+        let committed = self.rves[&job.definition].committed;
         // The solver moves into the guarded call and only comes back from it whole.
         let (solver, outcome) = guarded(move || {
-            let outcome = try_trial(solver.as_mut(), committed == wanted, start, job, &ask);
+            let outcome = try_trial(solver.as_mut(), committed == *wanted, start, job, ask);
             solver.rollback();
             (solver, outcome)
         })?;
-        rve.solver = Some(solver);
-        let (answer, state) = match outcome {
-            Outcome::NotRestored(error) => return Err(error),
-            Outcome::NotSolved(error) => {
-                rve.committed = wanted;
-                return Err(error);
-            }
-            Outcome::Solved(answer, state) => (answer, state),
+        let after = if matches!(outcome, Outcome::NotRestored(_)) { committed } else { *wanted };
+        self.put_back(job.definition, solver, after);
+        match outcome {
+            Outcome::NotRestored(error) | Outcome::NotSolved(error) => Err(error),
+            Outcome::Solved(answer, state) => self.delivered(job, &answer, state),
+        }
+    }
+
+    /// Several jobs on one RVE.
+    fn do_together(
+        &mut self,
+        definition: DefinitionId,
+        slice: &[(TrialJob, Vec<u8>)],
+        group: &[Ready],
+    ) -> Vec<Answer> {
+        let job_of = |ready: &Ready| &slice[ready.place].0;
+        let mut solver = match self.solver(definition) {
+            Ok(solver) => solver,
+            Err(error) => return group.iter().map(|ready| Answer::failed(job_of(ready), &error)).collect(),
         };
-        rve.committed = wanted;
+        let questions: Vec<Question<'_>> = group
+            .iter()
+            .map(|ready| Question { state: &ready.start, target: job_of(ready).target, ask: ready.ask })
+            .collect();
+        let together = guarded(|| {
+            let outcomes = solver.answer_all(&questions);
+            (solver, outcomes)
+        });
+        let Ok((solver, outcomes)) = together else {
+            // One of them brought the engine down. Alone, each takes only itself along.
+            return group.iter().map(|ready| self.do_alone(job_of(ready), ready)).collect();
+        };
+        // No state has this name: the next job restores its own.
+        self.put_back(definition, solver, StateId::NONE);
+        let answered = outcomes.into_iter().zip(group).map(|(outcome, ready)| {
+            let job = job_of(ready);
+            let delivered = outcome.and_then(|(answer, state)| self.delivered(job, &answer, state));
+            delivered.unwrap_or_else(|error| Answer::failed(job, &error))
+        });
+        answered.collect()
+    }
+
+    /// A finished answer as it is sent; its state stays at hand.
+    fn delivered(&mut self, job: &TrialJob, answer: &TrialAnswer, state: Vec<u8>) -> Result<Answer, RveError> {
         let id = StateId::of(&state);
-        let reply = TrialReply::done(job, &answer, id, state.len() as u64);
+        let reply = TrialReply::done(job, answer, id, state.len() as u64);
         if !reply.is_finite() {
             return Err(RveError::NotFinite { force_evaluations: answer.cost.force_evaluations });
         }
         self.states.keep(id, &state);
         Ok(Answer { reply, state, error: Vec::new() })
     }
+}
+
+/// A job that can be done.
+struct Ready {
+    /// Its place in the message.
+    place: usize,
+    ask: Ask,
+    /// Name of the state it starts from.
+    wanted: StateId,
+    /// Snapshot of that state.
+    start: Vec<u8>,
+}
+
+/// What became of a job on its arrival.
+enum Prepared {
+    Ready { ask: Ask, wanted: StateId, start: Vec<u8> },
+    Answered(Answer),
 }
 
 enum Outcome {
@@ -154,13 +253,7 @@ enum Outcome {
     Solved(Box<TrialAnswer>, Vec<u8>),
 }
 
-fn try_trial(
-    solver: &mut dyn RveSolver,
-    at_start: bool,
-    start: &[u8],
-    job: &TrialJob,
-    ask: &protocol::Ask,
-) -> Outcome {
+fn try_trial(solver: &mut dyn RveSolver, at_start: bool, start: &[u8], job: &TrialJob, ask: &Ask) -> Outcome {
     if !at_start && let Err(error) = solver.restore(start) {
         return Outcome::NotRestored(error);
     }

@@ -176,7 +176,7 @@ fn perform(bench: &mut Bench<'_>, port: &mut dyn WorkerPort, task: Task) -> Resu
             Ok(())
         }
         Task::Slice(slice) => {
-            let answers: Vec<Answer> = slice.iter().map(|(job, state)| bench.answer(job, state)).collect();
+            let answers = bench.answer_all(&slice);
             match send(port, &answers) {
                 Err(error @ TransportError::TooLarge { .. }) => {
                     let error = RveError::EngineFault(error.to_string());

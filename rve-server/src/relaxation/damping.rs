@@ -1,0 +1,100 @@
+//! How motion is turned into rest: factors of the old velocity and of the forces for the next step.
+//!
+//! Only the *peculiar* velocity is integrated and damped, the velocity against the affine motion of the cell: damping the
+//! whole velocity would resist the imposed strain and depend on the frame.
+
+use crate::definition::{Damping, RveOptions};
+use crate::lanes::StepSums;
+
+/// FIRE mixes this share of the force direction into the velocity at first.
+const MIXING: f64 = 0.1;
+
+/// Each step with positive power after the first few multiplies the mixing by this.
+const MIXING_DECAY: f64 = 0.99;
+
+/// Steps with positive power before the mixing decays.
+const PATIENCE: u32 = 5;
+
+/// Most damping that the adaptive rule applies, in pseudo-time: critical for the stiffest mode.
+const MOST_ADAPTIVE: f64 = 1.5;
+
+/// Memory of a damping rule. Starts afresh in every trial.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Damper {
+    mixing: f64,
+    positive_steps: u32,
+}
+
+/// Factors of one step: `v <- keep v + push F / m` with relative masses `m`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Kick {
+    pub(crate) keep: f64,
+    pub(crate) push: f64,
+}
+
+impl Default for Damper {
+    fn default() -> Self {
+        Self { mixing: MIXING, positive_steps: 0 }
+    }
+}
+
+impl Damper {
+    /// Factors for the next step from the sums of the last evaluation; `old_power` is the work of the forces before the
+    /// last step on its motion.
+    pub(crate) fn kick(&mut self, options: &RveOptions, mass: f64, sums: &StepSums<f64>, old_power: f64) -> Kick {
+        if mass <= 0.0 {
+            // No contact, no force: the grains follow the cell.
+            return Kick { keep: 0.0, push: 0.0 };
+        }
+        let push = 1.0 / mass;
+        match options.damping {
+            Damping::Fire => self.fire(mass, sums),
+            Damping::Local => Kick { keep: 1.0, push },
+            Damping::Viscous => damped(options.viscous_coefficient(), push),
+            Damping::Kinetic => Self::kinetic(push, sums),
+            Damping::Adaptive => {
+                // Rayleigh quotient of the stiffness in the direction of motion: omega^2 of the mode that moves now.
+                let quotient = (old_power - sums.power) / (mass * sums.motion_square);
+                let omega = if quotient > 0.0 { quotient.sqrt() } else { 0.0 };
+                damped((2.0 * omega).min(MOST_ADAPTIVE), push)
+            }
+        }
+    }
+
+    /// FIRE: velocities are mixed with the force direction while they run downhill, and reset when they do not.
+    fn fire(&mut self, mass: f64, sums: &StepSums<f64>) -> Kick {
+        let push = 1.0 / mass;
+        if sums.power <= 0.0 {
+            self.mixing = MIXING;
+            self.positive_steps = 0;
+            return Kick { keep: 0.0, push };
+        }
+        self.positive_steps += 1;
+        if self.positive_steps > PATIENCE {
+            self.mixing *= MIXING_DECAY;
+        }
+        // |v| / |F| in mass-weighted norms: sqrt(sum m v^2) / sqrt(sum F^2 / m), times the mass.
+        let ratio = mass * (sums.motion_square / sums.scaled_force_square).sqrt();
+        Kick { keep: 1.0 - self.mixing, push: push * (1.0 + self.mixing * ratio) }
+    }
+
+    /// Kinetic damping: all motion stops whenever the kinetic energy has passed a peak, which is where the power of the
+    /// forces changes its sign.
+    fn kinetic(push: f64, sums: &StepSums<f64>) -> Kick {
+        Kick { keep: if sums.power < 0.0 { 0.0 } else { 1.0 }, push }
+    }
+}
+
+/// Mass-proportional viscous damping, centred in the step.
+fn damped(coefficient: f64, push: f64) -> Kick {
+    let denominator = 1.0 + 0.5 * coefficient;
+    Kick { keep: (1.0 - 0.5 * coefficient) / denominator, push: push / denominator }
+}
+
+/// Factor on the mass that keeps the step stable with a damping rule: local damping shortens the stable step.
+pub(crate) fn mass_factor(options: &RveOptions) -> f64 {
+    match options.damping {
+        Damping::Local => 1.0 + options.local_coefficient(),
+        Damping::Fire | Damping::Viscous | Damping::Kinetic | Damping::Adaptive => 1.0,
+    }
+}

@@ -1,0 +1,233 @@
+//! One cell on its way through a trial: which step comes next, and when it is over.
+//!
+//! Everything here is decided from the cell's own numbers, so the way a cell takes does not depend on who else is in the
+//! batch.
+
+use super::batch::Batch;
+use super::criterion::{ENERGY_HITS, unbalanced};
+use super::damping::{Damper, Kick, mass_factor};
+use super::setting::Setting;
+use super::stiffness::{Block, largest_own_stiffness};
+use crate::cell::Cell;
+use crate::definition::Criterion;
+use crate::lanes::{Real, StepSums};
+use crate::law::ContactLaw;
+use crate::space::{Space, Tensor, add_scaled, inverse, product};
+use protocol::RveError;
+
+/// `omega_max` stays below this share of the stability limit, so that contacts born between two looks do no harm.
+const SAFETY: f64 = 0.8;
+
+/// Steps between two looks at the stiffness bound.
+const STIFFNESS_INTERVAL: u64 = 64;
+
+/// Growth of the normal forces that calls for a new look: contacts stiffen with them in some laws, at most in proportion.
+const PRESSED: f64 = 1.05;
+
+/// Fewest relaxation steps after the ramp: the moment at which the ramp ends says little about equilibrium.
+const FEWEST_HOLD_STEPS: u32 = 10;
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Solved {
+    pub(crate) force_evaluations: u64,
+    pub(crate) ramp_steps: u32,
+    pub(crate) unbalanced: f64,
+    pub(crate) equilibrated: bool,
+}
+
+/// Where a cell is on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Its contacts have not been evaluated yet.
+    Fresh,
+    Ramp,
+    Hold,
+    /// Held still for an evaluation without viscous forces, which could pass for equilibrium.
+    Rest,
+}
+
+/// The way of one cell through `I + tau strain`, `tau` from 0 to 1, and the hold after it.
+#[derive(Clone, Debug)]
+pub(crate) struct Run<S: Space> {
+    start: Cell<S>,
+    strain: S::Tensor,
+    ramp_steps: u32,
+    phase: Phase,
+    /// Steps done in the present phase.
+    step: u32,
+    stretch: S::Tensor,
+    evaluations: u64,
+    hits: u32,
+    mass: f64,
+    /// Whether contacts have been born, or pressed harder, since the last look at the stiffness bound.
+    is_stiffer: bool,
+    /// Sum of the normal forces at that look, N.
+    looked_at: f64,
+    damper: Damper,
+    sums: StepSums<f64>,
+    old_power: f64,
+    /// Work lost to friction since the start of the run, J.
+    pub(crate) dissipation: f64,
+    blocks: Vec<Block>,
+}
+
+/// What one step does to a cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Move<S: Space> {
+    /// Affine motion in the step.
+    pub(crate) affine: S::Tensor,
+    /// The cell after it.
+    pub(crate) cell: Cell<S>,
+    pub(crate) kick: Kick,
+    /// Whether contacts at the friction limit are counted.
+    pub(crate) samples: bool,
+    /// Whether the counts begin anew.
+    pub(crate) clears_counts: bool,
+}
+
+impl<S: Space> Run<S> {
+    /// At the start of a run. Without any ramp step the cell is only evaluated: nothing moves.
+    pub(crate) fn new(start: Cell<S>, strain: S::Tensor, ramp_steps: u32) -> Self {
+        Self {
+            start,
+            strain,
+            ramp_steps,
+            phase: Phase::Fresh,
+            step: 0,
+            stretch: S::Tensor::IDENTITY,
+            evaluations: 0,
+            hits: 0,
+            mass: 0.0,
+            is_stiffer: true,
+            looked_at: 0.0,
+            damper: Damper::default(),
+            sums: StepSums::default(),
+            old_power: 0.0,
+            dissipation: 0.0,
+            blocks: Vec::new(),
+        }
+    }
+
+    /// Number of evaluations in which contacts at the limit are counted.
+    pub(crate) fn samples(&self) -> u32 {
+        self.ramp_steps - self.ramp_steps / 2
+    }
+
+    /// The next step.
+    pub(crate) fn next_move<C: ContactLaw<S::Kinematics>, R: Real>(
+        &mut self,
+        setting: &Setting<'_, C>,
+        batch: &Batch<S, C, R>,
+        lane: usize,
+    ) -> Move<S> {
+        let still = Move {
+            affine: S::Tensor::ZERO,
+            cell: batch.cell(lane),
+            kick: Kick::default(),
+            samples: false,
+            clears_counts: false,
+        };
+        if matches!(self.phase, Phase::Fresh | Phase::Rest) {
+            return still;
+        }
+        if self.is_stiffer && (self.mass == 0.0 || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)) {
+            self.raise_mass(setting, batch, lane);
+        }
+        let kick = self.damper.kick(setting.options, self.mass, &self.sums, self.old_power);
+        if self.phase == Phase::Hold {
+            return Move { kick, ..still };
+        }
+        let step = self.step + 1;
+        let share = f64::from(step) / f64::from(self.ramp_steps);
+        let stretch = add_scaled(&S::Tensor::IDENTITY, share, &self.strain);
+        // (I + tau' S) = (I + D) (I + tau S) with D = (tau' - tau) S (I + tau S)^-1, formed without cancellation.
+        let increment = add_scaled(&S::Tensor::ZERO, 1.0 / f64::from(self.ramp_steps), &self.strain);
+        let affine = product(&increment, &inverse(&self.stretch));
+        self.stretch = stretch;
+        let half = self.ramp_steps / 2;
+        let cell = self.start.deformed(&stretch);
+        Move { affine, cell, kick, samples: step > half, clears_counts: step == half + 1 }
+    }
+
+    /// Takes note of an evaluation. Returns how the run ended once it has.
+    pub(crate) fn note<C>(
+        &mut self,
+        setting: &Setting<'_, C>,
+        sums: &StepSums<f64>,
+        old_power: f64,
+    ) -> Option<Result<Solved, RveError>> {
+        self.evaluations += 1;
+        let is_finite = sums.motion_square.is_finite()
+            && sums.normal_force.is_finite()
+            && sums.force_square.is_finite()
+            && sums.dissipation.is_finite();
+        if !is_finite {
+            return Some(Err(RveError::NotFinite { force_evaluations: self.evaluations }));
+        }
+        self.is_stiffer |= sums.births > 0.0 || sums.normal_force > PRESSED * self.looked_at;
+        self.sums = *sums;
+        self.old_power = old_power;
+        self.dissipation += sums.dissipation + sums.opening_loss;
+        match self.phase {
+            Phase::Fresh if self.ramp_steps > 0 => {
+                self.phase = Phase::Ramp;
+                return None;
+            }
+            Phase::Ramp if self.step + 1 < self.ramp_steps => {
+                self.step += 1;
+                return None;
+            }
+            Phase::Fresh => {
+                self.phase = Phase::Hold;
+                return Some(Ok(self.solved(self.unbalanced(setting), true)));
+            }
+            Phase::Ramp => (self.phase, self.step) = (Phase::Hold, 0),
+            Phase::Hold => self.step += 1,
+            Phase::Rest => {}
+        }
+        let needed = if setting.options.criterion == Criterion::Energy { ENERGY_HITS } else { 1 };
+        let unbalanced = self.unbalanced(setting);
+        if !unbalanced.is_finite() {
+            return Some(Err(RveError::NotFinite { force_evaluations: self.evaluations }));
+        }
+        self.hits = if unbalanced <= setting.options.tolerance() { self.hits + 1 } else { 0 };
+        let mut is_done = self.hits >= needed && self.step >= FEWEST_HOLD_STEPS;
+        if setting.is_viscous && is_done && self.phase == Phase::Hold {
+            (self.phase, is_done) = (Phase::Rest, false);
+        } else {
+            self.phase = Phase::Hold;
+        }
+        let is_over = is_done || self.step >= setting.options.max_steps();
+        is_over.then(|| Ok(self.solved(unbalanced, is_done)))
+    }
+
+    fn solved(&self, unbalanced: f64, equilibrated: bool) -> Solved {
+        Solved { force_evaluations: self.evaluations, ramp_steps: self.ramp_steps, unbalanced, equilibrated }
+    }
+
+    fn unbalanced<C>(&self, setting: &Setting<'_, C>) -> f64 {
+        unbalanced(setting.options.criterion, setting.radii.len(), self.mass, &self.sums)
+    }
+
+    /// Raises the mass if the contacts have become stiffer; never lowers it within a run.
+    fn raise_mass<C: ContactLaw<S::Kinematics>, R: Real>(
+        &mut self,
+        setting: &Setting<'_, C>,
+        batch: &Batch<S, C, R>,
+        lane: usize,
+    ) {
+        let stiffness = largest_own_stiffness(
+            setting.law,
+            setting.inertia_factor(),
+            setting.radii,
+            batch.grain_constants(),
+            batch.touching(lane),
+            &mut self.blocks,
+        );
+        let factor = mass_factor(setting.options) * setting.law.mass_factor();
+        self.mass = self.mass.max(factor * stiffness / (2.0 * SAFETY * SAFETY));
+        self.is_stiffer = false;
+        self.looked_at = self.sums.normal_force;
+    }
+}
