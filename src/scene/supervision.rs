@@ -5,11 +5,19 @@ use super::input_error::InputError;
 use super::schema::{CheckpointTable, PoolTable};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::pool::PoolSettings;
+use std::num::NonZeroUsize;
 use std::time::Duration;
 use toml::Spanned;
 
 /// Longest time that makes sense, s: a month.
 const LONGEST: f64 = 31.0 * 86_400.0;
+
+/// Trials per message unless the scene says otherwise: enough for two rounds through the lanes of a worker, so that a
+/// lane that is done early finds more to do.
+const SLICE: NonZeroUsize = NonZeroUsize::new(16).unwrap();
+
+/// Most trials per message, and messages, that make sense.
+const MOST: usize = 4096;
 
 /// How the workers of a run are led; what is left out takes the pool's default.
 #[derive(Clone, Debug, Default)]
@@ -20,6 +28,8 @@ pub(crate) struct PoolKeys {
     stopped_limit: Option<Duration>,
     patience: Option<Duration>,
     quarantine_after: Option<u32>,
+    slice: Option<NonZeroUsize>,
+    window: Option<NonZeroUsize>,
     /// Fruitless replacements in a row before a run gives up.
     pub(crate) restarts: Option<u32>,
 }
@@ -45,7 +55,10 @@ impl PoolKeys {
                 .error_at(after.span(), "a job that has ended no worker cannot be held to be deadly")
                 .hint("give the number of workers that one job may end, at least 1"));
         }
+        let slice = count(document, &table.slice)?;
         Ok(Self {
+            slice: if table.lanes == Some(false) { Some(NonZeroUsize::MIN) } else { slice },
+            window: count(document, &table.window)?,
             hang_floor: seconds(&table.hang_floor)?,
             hang_factor: table.hang_factor.as_ref().map(|factor| *factor.get_ref()),
             hang_unknown: seconds(&table.hang_unknown)?,
@@ -58,6 +71,8 @@ impl PoolKeys {
 
     /// Replaces what is given.
     pub(crate) fn apply(&self, settings: &mut PoolSettings) {
+        settings.slice = self.slice.unwrap_or(SLICE);
+        replace(&mut settings.window, self.window);
         replace(&mut settings.hang.floor, self.hang_floor);
         replace(&mut settings.hang.factor, self.hang_factor);
         replace(&mut settings.hang.unknown, self.hang_unknown);
@@ -87,6 +102,16 @@ pub(super) fn checkpoint_policy(
         policy.steps = Some(*steps.get_ref());
     }
     Ok(policy)
+}
+
+fn count(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<NonZeroUsize>, InputError> {
+    let Some(given) = given else { return Ok(None) };
+    match NonZeroUsize::new(*given.get_ref()).filter(|number| number.get() <= MOST) {
+        Some(number) => Ok(Some(number)),
+        None => Err(document
+            .error_at(given.span(), format!("{} is not a usable number", given.get_ref()))
+            .hint(format!("give a number from 1 to {MOST}"))),
+    }
 }
 
 fn replace<T>(target: &mut T, given: Option<T>) {

@@ -45,6 +45,8 @@ const ATTRACTION: usize = 2;
 const LIMIT: usize = 3;
 const ROLLING_ARM_SQUARE: usize = 4;
 const ROLLING_LIMIT_ARM: usize = 5;
+/// 1 / k_t of springs whose tangential stiffness is constant; 0 without tangential stiffness.
+const COMPLIANCE: usize = 6;
 
 impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
     const IS_EXTENDED: bool = MEMORY == 4;
@@ -78,19 +80,22 @@ impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
 }
 
 impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedLaw<N, MEMORY> {
-    type Constants<R: Real> = [R; 6];
+    type Constants<R: Real> = [R; 7];
     type Memory<R: Real> = [R; MEMORY];
     const ROLLS: bool = Self::IS_EXTENDED;
 
-    fn constants(&self, radii: [f64; 2]) -> [f64; 6] {
+    fn constants(&self, radii: [f64; 2]) -> [f64; 7] {
         let [normal, tangential] = self.springs.coefficients(radii);
-        let mut constants = [0.0; 6];
+        let mut constants = [0.0; 7];
         constants[NORMAL] = normal;
         constants[TANGENTIAL] = tangential;
         constants[ATTRACTION] = attraction::<N>(normal, self.cohesion);
         constants[LIMIT] = self.friction * normal;
         constants[ROLLING_ARM_SQUARE] = self.rolling.arm_square(radii);
         constants[ROLLING_LIMIT_ARM] = self.rolling.limit_arm(radii);
+        if !N::TANGENT_VARIES && tangential > 0.0 {
+            constants[COMPLIANCE] = 1.0 / tangential;
+        }
         constants
     }
 
@@ -118,7 +123,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
     #[inline(always)]
     fn respond<R: Real>(
         &self,
-        constants: &[R; 6],
+        constants: &[R; 7],
         motion: &ContactMotion<K, R>,
         memory: &mut [R; MEMORY],
     ) -> ContactResponse<K, R> {
@@ -140,8 +145,11 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
         let attempt = carried.plus(motion.slip.scaled(tangential)).where_or(motion.touched, K::Axial::zero());
         let kept = K::shortened(attempt, limit);
         let at_limit = (limit * R::splat(AT_LIMIT)).at_most(K::length(attempt));
-        let slides = R::default().less(tangential);
-        let compliance = R::select(slides, R::splat(1.0) / tangential, zero);
+        let compliance = if N::TANGENT_VARIES {
+            R::select(zero.less(tangential), R::splat(1.0) / tangential, zero)
+        } else {
+            constants[COMPLIANCE]
+        };
         dissipation = dissipation + kept.dot(attempt.minus(kept)) * compliance;
         let mut response = ContactResponse {
             normal_force: constants[ATTRACTION] - elastic,
@@ -177,24 +185,24 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
     }
 
     #[inline(always)]
-    fn normal_force<R: Real>(&self, constants: &[R; 6], overlap: R) -> R {
+    fn normal_force<R: Real>(&self, constants: &[R; 7], overlap: R) -> R {
         constants[ATTRACTION] - N::force(constants[NORMAL], overlap)
     }
 
     #[inline(always)]
-    fn stiffness<R: Real>(&self, constants: &[R; 6], overlap: R) -> [R; 3] {
+    fn stiffness<R: Real>(&self, constants: &[R; 7], overlap: R) -> [R; 3] {
         let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
         let rolling = if Self::IS_EXTENDED { constants[ROLLING_ARM_SQUARE] * tangential } else { R::default() };
         [N::normal_stiffness(constants[NORMAL], overlap), tangential, rolling]
     }
 
     #[inline(always)]
-    fn friction_limit<R: Real>(&self, constants: &[R; 6], overlap: R) -> R {
+    fn friction_limit<R: Real>(&self, constants: &[R; 7], overlap: R) -> R {
         N::force(constants[LIMIT], overlap)
     }
 
     #[inline(always)]
-    fn energy<R: Real>(&self, constants: &[R; 6], overlap: R, tangential_force: R, memory: &[R; MEMORY]) -> R {
+    fn energy<R: Real>(&self, constants: &[R; 7], overlap: R, tangential_force: R, memory: &[R; MEMORY]) -> R {
         let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
         let normal = N::normal_energy(constants[NORMAL], overlap) - constants[ATTRACTION] * overlap;
         let stored = normal + Self::spring_energy(tangential_force * tangential_force, tangential);
@@ -206,7 +214,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
     }
 
     #[inline(always)]
-    fn opening_loss<R: Real>(&self, constants: &[R; 6], tangential_force: K::Axial<R>, memory: &[R; MEMORY]) -> R {
+    fn opening_loss<R: Real>(&self, constants: &[R; 7], tangential_force: K::Axial<R>, memory: &[R; MEMORY]) -> R {
         let tangential = N::tangential_stiffness(constants[TANGENTIAL], Self::old_overlap(memory));
         let lost = Self::spring_energy(tangential_force.dot(tangential_force), tangential);
         if !Self::IS_EXTENDED {
