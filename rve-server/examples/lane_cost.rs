@@ -20,8 +20,11 @@ fn processor_time() -> f64 {
     text.split(' ').next().and_then(|first| first.parse::<f64>().ok()).unwrap_or(f64::NAN) * 1e-9
 }
 
-fn measure<S: Space>(packing: PackingFile<S>, cells: usize, contact: ContactTable) -> Result<(), Box<dyn std::error::Error>>
-{
+fn measure<S: Space>(
+    packing: PackingFile<S>,
+    cells: usize,
+    contact: ContactTable,
+) -> Result<(), Box<dyn std::error::Error>> {
     let grains = packing.grains.len();
     let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
     let mut state = Vec::new();
@@ -38,7 +41,9 @@ fn measure<S: Space>(packing: PackingFile<S>, cells: usize, contact: ContactTabl
         })
         .collect();
     let mut fingerprints = Vec::new();
-    for (name, uses_lanes) in [("one by one", false), ("side by side", true), ("one by one", false), ("side by side", true)] {
+    for (name, uses_lanes) in
+        [("one by one", false), ("side by side", true), ("one by one", false), ("side by side", true)]
+    {
         rve.use_lanes(uses_lanes);
         let begin = processor_time();
         let answers = rve.answer_all(&questions);
@@ -59,7 +64,10 @@ fn measure<S: Space>(packing: PackingFile<S>, cells: usize, contact: ContactTabl
             grains as f64 / per_step * 1e-6,
         );
     }
-    println!("bits are {}", if fingerprints.windows(2).all(|two| two[0] == two[1]) { "the same" } else { "NOT the same" });
+    println!(
+        "bits are {}",
+        if fingerprints.windows(2).all(|two| two[0] == two[1]) { "the same" } else { "NOT the same" }
+    );
     Ok(())
 }
 
@@ -67,9 +75,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let path = arguments.first().ok_or("usage: lane_cost PACKING.json [CELLS] [hertz]")?;
     let cells = arguments.get(1).map_or(Ok(32), |text| text.parse())?;
-    let mut contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
+    let mut contact =
+        ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
     if arguments.get(2).is_some_and(|word| word == "hertz") {
-        contact = toml::from_str("law = \"hertz_mindlin\"\nshear_modulus = 29e9\npoisson_ratio = 0.2\nfriction = 0.5")?;
+        contact =
+            toml::from_str("law = \"hertz_mindlin\"\nshear_modulus = 29e9\npoisson_ratio = 0.2\nfriction = 0.5")?;
     }
     match PackingFile::<Discs>::read(path.as_ref()) {
         Ok(discs) => measure(discs, cells, contact),
