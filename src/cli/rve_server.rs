@@ -60,8 +60,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     if arguments.engine != BUILT_IN {
         return Err(become_external(arguments));
     }
-    follow_parent(arguments.parent, &arguments.run)
-        .map_err(|error| Failure::new(Exit::WorkersLost, format!("could not follow the run's process: {error}")))?;
+    follow_parent(arguments.parent, &arguments.run).map_err(|error| {
+        // A run that has ended before its first worker was there has nobody else to tidy up after it.
+        let _ = RunDirectory::remove_once_dead(&arguments.run, DYING);
+        Failure::new(Exit::WorkersLost, format!("could not follow the run's process: {error}"))
+    })?;
     if arguments.standing {
         return standing::serve_for_ever(&arguments.run, |port| serve_one(port, arguments));
     }
