@@ -40,7 +40,7 @@ mod tests {
 
         #[inline(always)]
         fn run(self) -> [f64; 4] {
-            let mut sum = [0.1; 4];
+            let mut sum = [0.1_f64; 4];
             for values in &self.0 {
                 for lane in 0..4 {
                     sum[lane] = sum[lane].mul_add(values[lane], 1.0 / values[lane]);
