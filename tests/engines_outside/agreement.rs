@@ -23,7 +23,7 @@ fn yade_agrees() {
     if foreign::is_there("yade") {
         let mut talk = Conversation::begin(Partner::Process(|| foreign::command("yade")));
         crystals(&mut talk, 1e-6);
-        random_packing(&mut talk, 0.02);
+        random_packing(&mut talk, 0.01);
     }
 }
 
@@ -32,8 +32,7 @@ fn lammps_agrees() {
     if foreign::is_there("lammps") {
         let mut talk = Conversation::begin(Partner::Process(|| foreign::command("lammps")));
         crystals(&mut talk, 1e-6);
-        // It starts without the packing's tangential forces.
-        random_packing(&mut talk, 0.03);
+        random_packing(&mut talk, 0.01);
     }
 }
 

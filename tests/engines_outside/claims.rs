@@ -1,7 +1,7 @@
 //! What every engine must do, said once and asked of each over each transport.
 
 use super::conversation::{Conversation, Partner, Said};
-use super::foreign;
+use super::{foreign, native};
 use protocol::wire::{ReplyStatus, TrialJob};
 use protocol::{ContentId, Definition, RveError, StateId, TrialFlags};
 use rve_server::definition::{ContactTable, GrainDefinition};
@@ -59,6 +59,13 @@ fn yade_over_shared_memory() {
 fn lammps_over_shared_memory() {
     if foreign::is_there("lammps") {
         conforms(Partner::Process(|| foreign::command("lammps")));
+    }
+}
+
+#[test]
+fn native_engine_behind_the_c_header() {
+    if native::is_there() {
+        conforms(Partner::Process(native::command));
     }
 }
 

@@ -11,4 +11,5 @@ mod conversation;
 mod foreign;
 #[path = "../harness/mod.rs"]
 mod harness;
+mod native;
 mod runs;

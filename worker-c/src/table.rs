@@ -92,3 +92,15 @@ pub struct EngineTable {
     pub restore: Option<unsafe extern "C" fn(*mut c_void, *const u8, usize, *mut c_char, usize) -> c_int>,
     pub release: Option<unsafe extern "C" fn(*mut c_void)>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sizes as a C compiler gives them for the header, on machines with 64-bit pointers.
+    #[test]
+    fn types_have_the_sizes_of_the_header() {
+        let sizes = [size_of::<Cell>(), size_of::<Ask>(), size_of::<Answer>(), size_of::<EngineTable>()];
+        assert_eq!(sizes, [168, 16, 784, 96]);
+    }
+}

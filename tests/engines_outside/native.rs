@@ -1,0 +1,48 @@
+//! An engine written in C against the header of `adapters/c`: compiled and linked here with the system's compiler.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+/// The compiled example, or why there is none.
+fn example() -> &'static Result<PathBuf, String> {
+    static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    BUILT.get_or_init(build)
+}
+
+fn build() -> Result<PathBuf, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = Path::new(env!("CARGO_BIN_EXE_grainspan")).parent().expect("the program lies in a folder");
+    let library = folder.join("libgrainspan_worker_c.a");
+    if !library.exists() {
+        return Err(format!("{} was not built: cargo build -p grainspan-worker-c", library.display()));
+    }
+    let program = folder.join("grainspan-example-c");
+    let source = root.join("adapters/c/elastic.c");
+    let compiled = Command::new("cc")
+        .args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-O2", "-I"])
+        .arg(root.join("adapters/c"))
+        .args([&source, &library])
+        .args(["-lm", "-lpthread", "-ldl", "-o"])
+        .arg(&program)
+        .output()
+        .map_err(|error| format!("there is no C compiler: {error}"))?;
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    Ok(program)
+}
+
+/// Whether the example can be run; says so when it cannot.
+pub(crate) fn is_there() -> bool {
+    match example() {
+        Ok(_) => true,
+        Err(reason) => {
+            eprintln!("SKIPPED: the C example: {reason}");
+            false
+        }
+    }
+}
+
+/// The example, without its role.
+pub(crate) fn command() -> Command {
+    Command::new(example().as_ref().expect("asked for only where it is there"))
+}
