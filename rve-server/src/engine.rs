@@ -1,5 +1,6 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
+use crate::cell_reduction::reduced;
 use crate::definition::{AnyDefinition, ContactTable, GrainDefinition, RveOptions};
 pub use crate::grains::{Grains, grains_of_snapshot};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
@@ -290,6 +291,8 @@ impl<S: Space> GrainRve<S> {
         };
         let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
         let mut answer = self.answer(&network, &state, &stress, &f, ask, cost, flags);
+        // The network keeps the names of the contacts that the answer was computed with.
+        let state = reduced(state);
         self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps: solved.ramp_steps, stress });
         self.add_tangent(&mut answer, ask.tangent);
         answer

@@ -1,6 +1,7 @@
 //! The grain side: a periodic cell of discs or spheres, its quasi-static solver, homogenization, tangent operators, packings.
 
 pub mod cell;
+mod cell_reduction;
 pub mod definition;
 pub mod element;
 pub mod engine;
@@ -21,3 +22,4 @@ pub mod space;
 pub mod specimen;
 pub mod state;
 pub mod tangent;
+pub mod two_body;

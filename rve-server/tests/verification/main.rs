@@ -1,8 +1,12 @@
-//! Cells of discs against closed forms, invariances and the engine contract. Names such as `D-1` are check numbers of
+//! Cells of discs and spheres against closed forms, invariances and the engine contract. Names such as `D-1` are check numbers of
 //! the verification catalogue.
 
+mod case_b;
 mod contract;
 mod invariances;
+mod large_shear;
 mod lattices;
 mod packings;
 mod samples;
+mod spheres;
+mod two_body;
