@@ -135,6 +135,8 @@ fn a_mesh_file_is_read_and_its_defects_are_named() {
                 6 3 2 6 1 1 2 3 4\n$EndElements\n";
     desk.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
     fs::write(desk.path("square.msh"), good).unwrap();
+    desk.refused(&["check", "scene.toml"], &["`generator` belongs to a generated mesh", "remove `generator`"]);
+    desk.spoil("scene.toml", "generator = \"block\"", "");
     desk.refused(&["check", "scene.toml"], &["`elements` belongs to a generated mesh", "remove `elements`"]);
     desk.spoil("scene.toml", "elements = [2, 4]", "");
     desk.refused(&["check", "scene.toml"], &["no node set 'bottom_left'", "group_5"]);

@@ -1,8 +1,8 @@
 //! Shape functions, Gauss points and geometry of elements and their sides.
 //!
-//! Natural coordinates of quadrilaterals and hexahedra run from -1 to 1, those of triangles and tetrahedra from 0 to
-//! 1. Node order is that of [`ElementKind`]. A plane element is treated as a slab of unit thickness: its third
-//! natural coordinate is `z`, and nothing depends on it.
+//! Natural coordinates of quadrilaterals and hexahedra run from -1 to 1, those of triangles and tetrahedra from 0 to 1.
+//! Node order is that of [`ElementKind`]. A plane element is treated as a slab of unit thickness: its third natural
+//! coordinate is `z`, and nothing depends on it.
 
 use crate::mesh::{Dimension, ElementKind};
 use nalgebra::Matrix3;

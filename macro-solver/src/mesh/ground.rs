@@ -7,6 +7,9 @@ use super::block::graded;
 use super::lattice::{Lattice, LatticeMesh};
 use super::{Dimension, ElementKind, Mesh, MeshError};
 
+/// A named part of the boundary and the places that belong to it.
+type Part<'a> = (&'a str, &'a dyn Fn([usize; 3]) -> bool);
+
 /// A part of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
@@ -97,7 +100,7 @@ impl Slope {
                 node[0] *= 1.0 - share * self.run / self.body.length;
             }
         }
-        let parts: [(&str, &dyn Fn([usize; 3]) -> bool); 6] = [
+        let parts: [Part<'_>; 6] = [
             ("left", &|p| p[0] == 0),
             ("right", &|p| p[0] == wide),
             ("bottom", &|p| p[1] == 0),
@@ -118,7 +121,7 @@ impl HalfFooting {
         let x = [self.footing, self.beside];
         let found = lattice(self.kind, [&x, &[self.depth], &[self.thickness]])?.mesh(|_| true);
         let ([edge, wide], high) = (ends(&x), 2 * self.depth.cells);
-        let parts: [(&str, &dyn Fn([usize; 3]) -> bool); 6] = [
+        let parts: [Part<'_>; 6] = [
             ("left", &|p| p[0] == 0),
             ("right", &|p| p[0] == wide),
             ("bottom", &|p| p[1] == 0),
@@ -139,7 +142,7 @@ impl RetainingWall {
         let y = [self.below, self.wall];
         let found = lattice(self.kind, [&[self.width], &y, &[self.thickness]])?.mesh(|_| true);
         let ([foot, high], wide) = (ends(&y), 2 * self.width.cells);
-        let parts: [(&str, &dyn Fn([usize; 3]) -> bool); 6] = [
+        let parts: [Part<'_>; 6] = [
             ("left", &|p| p[0] == 0),
             ("right", &|p| p[0] == wide),
             ("bottom", &|p| p[1] == 0),
@@ -175,14 +178,9 @@ fn lattice(kind: ElementKind, axes: [&[Section]; 3]) -> Result<Lattice, MeshErro
 }
 
 /// Names sides and their nodes, the ends along z and the whole.
-fn named(
-    mut found: LatticeMesh,
-    parts: &[(&str, &dyn Fn([usize; 3]) -> bool)],
-    kind: ElementKind,
-    thickness: Section,
-) -> Mesh {
+fn named(mut found: LatticeMesh, parts: &[Part<'_>], kind: ElementKind, thickness: Section) -> Mesh {
     let deep = 2 * thickness.cells;
-    let along_z: [(&str, &dyn Fn([usize; 3]) -> bool); 2] = [("back", &|p| p[2] == 0), ("front", &|p| p[2] == deep)];
+    let along_z: [Part<'_>; 2] = [("back", &|p| p[2] == 0), ("front", &|p| p[2] == deep)];
     let more = if kind.dimension() == Dimension::Space { &along_z[..] } else { &[] };
     for (name, on) in parts.iter().chain(more) {
         let (nodes, sides) = (found.nodes(on), found.sides(on));

@@ -104,7 +104,7 @@ const CUBE: [[usize; 3]; 8] =
 fn cell_corners(kind: ElementKind, cell: [usize; 3]) -> Vec<Vec<[usize; 3]>> {
     let pick = |locals: &[usize]| locals.iter().map(|&local| SQUARE[local]).collect::<Vec<_>>();
     match (kind.dimension(), kind.corner_count()) {
-        (Dimension::Plane, 3) if (cell[0] + cell[1]) % 2 == 0 => vec![pick(&[0, 1, 2]), pick(&[0, 2, 3])],
+        (Dimension::Plane, 3) if (cell[0] + cell[1]).is_multiple_of(2) => vec![pick(&[0, 1, 2]), pick(&[0, 2, 3])],
         (Dimension::Plane, 3) => vec![pick(&[0, 1, 3]), pick(&[1, 2, 3])],
         (Dimension::Plane, _) => vec![SQUARE.to_vec()],
         (Dimension::Space, 4) => kuhn_tetrahedra(),

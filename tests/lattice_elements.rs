@@ -1,0 +1,183 @@
+//! Finite elements whose points are crystals with one grain, asked through the real service: problems of elasticity with
+//! known answers, without an elastic law anywhere (checks I-3 and I-4).
+//!
+//! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
+//! as the overlap bonds it without stress, so that it also carries tension.
+
+use macro_solver::formulation::Formulation;
+use macro_solver::implicit::solve;
+use macro_solver::mesh::block::Block;
+use macro_solver::mesh::{ElementKind, Mesh};
+use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
+use macro_solver::problem::{Axis, Condition, Problem, Tolerances};
+use protocol::transport::in_process::channel;
+use protocol::{Definition, TangentKind, Tensor2};
+use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::packing::PackingFile;
+use rve_server::server::{ServeOptions, serve};
+use rve_server::space::Discs;
+
+const OVERLAP: f64 = 0.02;
+const NORMAL: f64 = 0.866_025_403_784_438_6;
+
+/// One disc of unit diameter per cell, bonded without stress at `OVERLAP`.
+fn bonded(stiffness_ratio: f64) -> Definition {
+    let side = 1.0 - OVERLAP;
+    let packing = PackingFile::<Discs> {
+        format: PackingFile::FORMAT.into(),
+        version: PackingFile::VERSION,
+        dimension: 2,
+        thickness: 1.0,
+        periodicity: [[side, 0.0], [0.5 * side, 0.75f64.sqrt() * side]],
+        grains: vec![[0.2, 0.1, 0.5]],
+        contacts: Vec::new(),
+        provenance: serde_json::Value::Null,
+    };
+    let contact = ContactTable { cohesion: OVERLAP, ..ContactTable::linear(NORMAL, stiffness_ratio, 1e9) };
+    let options = RveOptions { accuracy: Accuracy::Tight, strain_per_step: Some(1e-3), ..RveOptions::default() };
+    GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+/// The last accepted state.
+#[derive(Default)]
+struct Last {
+    displacements: Vec<[f64; 3]>,
+    stresses: Vec<Tensor2>,
+    deformations: Vec<Tensor2>,
+}
+
+impl Observer for Last {
+    fn accepted(&mut self, _report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        self.displacements = fields.displacements.to_vec();
+        self.stresses = fields.points.iter().map(|point| point.stress).collect();
+        self.deformations = fields.points.iter().map(|point| point.deformation).collect();
+        Ok(())
+    }
+}
+
+/// Solves with a lattice behind every point and one worker in this process.
+fn through_the_service(problem: &Problem, definition: Definition) -> Last {
+    let (port, door) = channel();
+    let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
+    let mut settings = PoolSettings::new("test");
+    settings.tangents = vec![problem.strategy.tangent];
+    let points = vec![0; problem.point_count()];
+    let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &points);
+    pool.gather(1).unwrap();
+    let mut last = Last::default();
+    let run = solve(problem, &mut pool, &mut last);
+    pool.close();
+    drop(pool);
+    worker.join().unwrap().unwrap();
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    last
+}
+
+fn problem(mesh: Mesh, conditions: Vec<Condition>) -> Problem {
+    let mut problem = Problem::new(mesh, conditions);
+    problem.control.increments = 1;
+    problem.tolerances = Tolerances { force: 1e-7, displacement: 1e-7 };
+    problem.strategy.tangent = TangentKind::TrussLike;
+    problem.strategy.tangent_floor = None;
+    problem
+}
+
+/// I-3 with H-1. An irregular patch follows an affine field; the stress is that of plane stress with the lattice's
+/// `E` and `nu`, here `k_t / k_n = 1/3` for `nu = 1/5`.
+#[test]
+fn an_irregular_patch_of_lattices_has_a_constant_stress() {
+    let size = 1e-6;
+    for kind in [ElementKind::Q4, ElementKind::Q8, ElementKind::T3, ElementKind::T6] {
+        let mut mesh = Block::plane([2.0, 2.0], [2, 2], kind).mesh().unwrap();
+        let sides = ["left", "right", "bottom", "top"];
+        let held: Vec<usize> = sides.iter().flat_map(|side| mesh.node_sets[*side].clone()).collect();
+        let centre = (0..mesh.nodes.len()).find(|&n| mesh.nodes[n] == [1.0, 1.0, 0.0]).unwrap();
+        mesh.nodes[centre] = [1.15, 0.9, 0.0];
+        if kind.is_quadratic() {
+            // Middle nodes stay between their corners.
+            for (element, nodes) in mesh.elements.clone().iter().enumerate() {
+                let corners = mesh.kinds[element].corner_count();
+                for (middle, [from, to]) in mesh.kinds[element].middles().iter().enumerate() {
+                    let ends = [mesh.nodes[nodes[*from]], mesh.nodes[nodes[*to]]];
+                    mesh.nodes[nodes[corners + middle]] = std::array::from_fn(|i| 0.5 * (ends[0][i] + ends[1][i]));
+                }
+            }
+        }
+        let mut conditions = Vec::new();
+        for &node in &held {
+            let name = format!("node {node}");
+            let [x, y, _] = mesh.nodes[node];
+            mesh.node_sets.insert(name.clone(), vec![node]);
+            let field = [(Axis::X, size * (x + 0.5 * y)), (Axis::Y, size * (y + 0.5 * x))];
+            conditions.extend(field.map(|(axis, value)| Condition::Displacement {
+                nodes: name.clone(),
+                axis,
+                value,
+            }));
+        }
+        let last = through_the_service(&problem(mesh, conditions), bonded(1.0 / 3.0));
+        let (bulk, shear) = (0.75f64.sqrt() * NORMAL, 0.1875f64.sqrt() * NORMAL * 4.0 / 3.0);
+        // The lattice is measured per its own spacing: stiffness per contact over a cell of the same size.
+        for stress in &last.stresses {
+            let [[xx, xy], [_, yy]] = stress.plane();
+            for (found, exact) in [(xx, 2.0 * bulk * size), (yy, 2.0 * bulk * size), (xy, shear * size)] {
+                assert!((found / exact - 1.0).abs() < 2e-5, "{kind:?}: {found:e} {exact:e}");
+            }
+        }
+    }
+}
+
+/// I-3 with H-3. Cook's membrane with `k_t = 0`, `k_n = sqrt(3)/2`: Young's modulus 1, Poisson's ratio 1/3.
+#[test]
+fn cook_membrane_of_lattices_deflects_as_published() {
+    let (count, small) = (8, 1e-6);
+    let mut mesh = Block::plane([1.0, 1.0], [count, count], ElementKind::Q4).mesh().unwrap();
+    for node in &mut mesh.nodes {
+        let [along, up, _] = *node;
+        *node = [48.0 * along, 44.0 * along + up * (44.0 - 28.0 * along), 0.0];
+    }
+    let middle = mesh.node_sets["right"][count / 2];
+    let conditions = vec![
+        Condition::fixed("left", Axis::X),
+        Condition::fixed("left", Axis::Y),
+        Condition::Traction { sides: "right".into(), value: [0.0, small / 16.0, 0.0] },
+    ];
+    let last = through_the_service(&problem(mesh, conditions), bonded(0.0));
+    let deflection = last.displacements[middle][1] / small;
+    assert!((deflection / 22.079 - 1.0).abs() < 1e-4, "{deflection}");
+}
+
+/// I-4. Uniaxial strain of a bonded lattice to 20 %, in every finite-strain formulation: horizontal rows keep their
+/// length, the inclined contacts shorten; `sigma = sum f b x e / area` with `f = k_n (l0 - l)`.
+#[test]
+fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
+    for formulation in [Formulation::Updated, Formulation::TotalLagrangian, Formulation::Corotational] {
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let hold = |nodes: &str, axis| Condition::fixed(nodes, axis);
+        let conditions = vec![
+            hold("left", Axis::X),
+            hold("right", Axis::X),
+            hold("bottom", Axis::Y),
+            Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -0.2 },
+        ];
+        let mut problem = problem(mesh, conditions);
+        problem.formulation = formulation;
+        problem.control.increments = 4;
+        let last = through_the_service(&problem, bonded(0.0));
+        let rest = 1.0 - OVERLAP;
+        let (half, height) = (0.5 * rest, 0.75f64.sqrt() * rest * 0.8);
+        let length = half.hypot(height);
+        let force = NORMAL * (rest - length);
+        // Two inclined contacts per grain on the cell's area.
+        let exact = |one: f64, other: f64| -2.0 * force * one * other / length / (rest * height);
+        for (stress, deformation) in last.stresses.iter().zip(&last.deformations) {
+            let ([[xx, xy], [_, yy]], total) = (stress.plane(), deformation.plane());
+            assert!((total[1][1] - 0.8).abs() < 1e-12);
+            for (found, exact) in [(xx, exact(half, half)), (yy, exact(height, height)), (xy, 0.0)] {
+                assert!((found - exact).abs() < 1e-8, "{formulation:?}: {found:e} {exact:e}");
+            }
+        }
+    }
+}
