@@ -95,7 +95,7 @@ fn check_gives_an_overview() {
     let output = succeeded(&["check", "scenes/biaxial.toml"]);
     let text = String::from_utf8(output.stdout).unwrap();
     for line in
-        ["32 elements (q8), 121 nodes", "242 of which 19 are prescribed", "128", "400 grains", "nothing was run"]
+        ["32 elements (q8), 121 nodes", "242 of which 19 are prescribed", "128", "400 discs", "nothing was run"]
     {
         assert!(text.contains(line), "{line}: {text}");
     }

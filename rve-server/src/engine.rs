@@ -182,7 +182,7 @@ impl<S: Space> GrainRve<S> {
 
     fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
         let model = GrainModel::new(definition)?;
-        let mut relaxation = relaxation::for_contact(&definition.contact).map_err(refused)?;
+        let mut relaxation = S::solver(&definition.contact).map_err(refused)?;
         let given = model.initial_state(definition);
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
         let unbalanced = relaxation.look(&model, &given);

@@ -15,7 +15,7 @@ pub use memory::OperatorMemory;
 use crate::definition::{ContactTable, Criterion, RveOptions};
 use crate::model::GrainModel;
 use crate::network::ContactNetwork;
-use crate::relaxation::{self, QuasiStatic};
+use crate::relaxation::QuasiStatic;
 use crate::space::{Space, Tensor, add_scaled, product, rotated};
 use crate::state::GrainState;
 use crate::tangent::{self, TangentOutcome};
@@ -113,7 +113,7 @@ impl<S: Space> Trial<'_, S> {
     /// out of the differences.
     fn quasi_static(&self, end: &GrainState<S>, spent: &mut u64) -> Option<Tensor4> {
         let sticking = ContactTable { friction: STICKING_FRICTION, ..self.contact.clone() };
-        let mut solver = relaxation::for_contact::<S>(&sticking).ok()?;
+        let mut solver = S::solver(&sticking).ok()?;
         let operator = &self.model.options.operator;
         let mut model = self.model.clone();
         model.friction = STICKING_FRICTION;

@@ -53,7 +53,7 @@ pub(crate) fn chosen_ramp_steps<T: Tensor>(strain: &T, strain_per_step: f64) -> 
 
 /// A stretch to be solved.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Job<'a, S: Space> {
+pub struct Job<'a, S: Space> {
     pub(crate) state: &'a GrainState<S>,
     /// `U - I`.
     pub(crate) strain: S::Tensor,
@@ -63,7 +63,7 @@ pub(crate) struct Job<'a, S: Space> {
 
 /// The end of a solve.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct End<S: Space> {
+pub struct End<S: Space> {
     pub(crate) solved: Solved,
     pub(crate) state: GrainState<S>,
     /// Whether each contact of the state was at the friction limit in most samples of the second half of the ramp.
@@ -85,7 +85,7 @@ pub(crate) struct Relaxation<S: Space, C: ContactLaw<S::Kinematics>> {
 
 /// What the contacts of a state amount to, beyond the network that is linearised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct ContactMeasures {
+pub struct ContactMeasures {
     /// Share of contacts at the Coulomb limit.
     pub sliding_fraction: f64,
     /// Energy stored in all contacts, J.
@@ -94,7 +94,7 @@ pub(crate) struct ContactMeasures {
 
 /// The solver of one packing, whatever its contact law: one choice per trial, none per contact. It holds the end of its
 /// last solve, look or adoption until the next one.
-pub(crate) trait QuasiStatic<S: Space>: Debug + Send + Sync {
+pub trait QuasiStatic<S: Space>: Debug + Send + Sync {
     /// Evaluates a state as it is: nothing moves. Returns the value of the equilibrium criterion, not finite where the
     /// forces are not.
     fn look(&mut self, model: &GrainModel, state: &GrainState<S>) -> f64;
@@ -135,7 +135,7 @@ pub(crate) trait QuasiStatic<S: Space>: Debug + Send + Sync {
 }
 
 /// The solver for a contact law. This is where laws are compiled: one kernel per kind of springs, with and without the
-/// parts that most scenes do without.
+/// parts that most scenes do without. Called by [`Space::solver`] alone, so that no other crate compiles them again.
 ///
 /// # Errors
 /// A table that is not valid.

@@ -34,7 +34,7 @@ const FEWEST_HOLD_STEPS: u32 = 10;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Solved {
+pub struct Solved {
     pub(crate) force_evaluations: u64,
     pub(crate) ramp_steps: u32,
     pub(crate) unbalanced: f64,

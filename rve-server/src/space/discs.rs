@@ -1,7 +1,9 @@
 //! Discs in a plane.
 
 use super::{PolarParts, Space};
+use crate::definition::{ContactTable, DefinitionError};
 use crate::plane::{self, Plane};
+use crate::relaxation::{self, QuasiStatic};
 
 /// Discs in a plane. Rotations, moments and tangential forces are single numbers, counter-clockwise positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,6 +24,10 @@ impl Space for Discs {
     type Grain = [f64; 3];
     /// Angle, rad.
     type Turn = f64;
+
+    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError> {
+        relaxation::for_contact(contact)
+    }
 
     fn grain([x, y]: [f64; 2], radius: f64) -> [f64; 3] {
         [x, y, radius]

@@ -16,7 +16,9 @@ pub use tensor::{
     Tensor, add_scaled, apply, determinant, inverse, largest_component, norm, product, rotated, scaled, transpose,
 };
 
+use crate::definition::{ContactTable, DefinitionError};
 use crate::lanes::Kinematics;
+use crate::relaxation::QuasiStatic;
 use bytemuck::Pod;
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
@@ -41,6 +43,14 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
 
     /// What the grains are called in messages.
     const GRAINS: &'static str;
+
+    /// The solver for a contact law. Not generic, unlike what it calls: the kernels are compiled once per dimension, here,
+    /// and not again in every program that uses this library.
+    ///
+    /// # Errors
+    /// A table that is not valid.
+    #[doc(hidden)]
+    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError>;
 
     /// What this dimension means to the force kernel.
     type Kinematics: Kinematics<Coordinates<f64> = Self::Vector>;

@@ -3,7 +3,9 @@
 use super::components::Components;
 use super::tensor::{add_scaled, apply, cross, inverse, largest_component, product, scaled, transpose};
 use super::{PolarParts, Space, Tensor};
+use crate::definition::{ContactTable, DefinitionError};
 use crate::law::{Slip, slip_of_spheres};
+use crate::relaxation::{self, QuasiStatic};
 
 /// Spheres in space. Rotations and moments are vectors; a tangential force is a vector normal to the branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -83,6 +85,10 @@ impl Space for Spheres {
     type Tangential = [f64; 3];
     type Grain = [f64; 4];
     type Turn = Quaternion;
+
+    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError> {
+        relaxation::for_contact(contact)
+    }
 
     fn grain([x, y, z]: [f64; 3], radius: f64) -> [f64; 4] {
         [x, y, z, radius]
