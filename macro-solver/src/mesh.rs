@@ -1,7 +1,7 @@
 //! Nodes, elements and named sets of a plane or spatial mesh, which may mix element kinds.
 //!
 //! Positions always have three coordinates; those of a plane mesh have `z = 0` and lie in a body of unit thickness.
-//! The order of an element's nodes and sides is that of [`kind`]; Gauss points are numbered through, element by
+//! The order of an element's nodes and sides is that of [`ElementKind`]; Gauss points are numbered through, element by
 //! element ([`Mesh::first_points`]).
 
 use std::collections::BTreeMap;

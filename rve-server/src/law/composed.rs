@@ -150,7 +150,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
         } else {
             constants[COMPLIANCE]
         };
-        dissipation = dissipation + kept.dot(attempt.minus(kept)) * compliance;
+        dissipation += kept.dot(attempt.minus(kept)) * compliance;
         let mut response = ContactResponse {
             normal_force: constants[ATTRACTION] - elastic,
             tangential_force: kept,
@@ -175,7 +175,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
                 constants[ROLLING_LIMIT_ARM] * elastic,
             );
             response.couple = Some(moment);
-            response.dissipation = response.dissipation + lost;
+            response.dissipation += lost;
             Self::keep_moment::<K, R>(memory, moment);
         }
         if MEMORY > 0 {

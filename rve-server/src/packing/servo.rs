@@ -17,7 +17,7 @@ pub(crate) fn aim(target: &StressTarget, deviator: &Matrix, stress: &Tensor2) ->
     let share = pressure / target.pressure;
     let mut aim = deviator.map(|row| row.map(|value| share * value));
     for (i, row) in aim.iter_mut().enumerate().take(target.dimension) {
-        row[i] = -pressure + row[i];
+        row[i] += -pressure;
     }
     aim
 }

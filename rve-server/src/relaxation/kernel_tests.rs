@@ -228,7 +228,7 @@ fn critical_steps_of_space_crystals_are_met_and_bounded() {
     for (ratio, critical) in [(0.2, 0.8452), (0.5, 0.6325), (1.0, 0.4472)] {
         check_critical_step::<Spheres>(cube(1.0), &simple, ratio, critical);
     }
-    for (ratio, critical) in [(0.0, 0.7071), (0.2, 0.6455), (0.5, 0.4472), (1.0, 0.3162)] {
+    for (ratio, critical) in [(0.0, 0.5_f64.sqrt()), (0.2, 0.6455), (0.5, 0.4472), (1.0, 0.3162)] {
         check_critical_step::<Spheres>(cube(2f64.sqrt()), &centred, ratio, critical);
     }
 }

@@ -239,6 +239,7 @@ struct Ready {
 }
 
 /// What became of a job on its arrival.
+#[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
     Ready { ask: Ask, wanted: StateId, start: Vec<u8> },
     Answered(Answer),

@@ -198,8 +198,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         let limit = 0.25 * self.skin * self.skin;
         let has_wandered = |(grain, listed): (&Grain<S>, &S::Coordinates<f64>)| {
             let way = grain.position.minus(*listed);
-            // Written so that a position that is not a number counts as far away.
-            !(way.dot(way) < limit)
+            let covered = way.dot(way);
+            // A position that is not a number has moved as well.
+            covered.is_nan() || covered >= limit
         };
         let renew = if self.grains.len() >= FEWEST_FOR_THREADS {
             self.grains.par_iter().zip(&self.listed_at).any(has_wandered)

@@ -199,6 +199,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
     }
 
     /// Forces of a grain that overlaps a wall with the inward unit normal `normal`, after a motion of `step` seconds.
+    #[expect(clippy::too_many_arguments, reason = "the parts of one contact with a wall, put together in one place")]
     pub(crate) fn press_wall(
         &mut self,
         law: &C,
