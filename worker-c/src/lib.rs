@@ -1,5 +1,5 @@
 //! The worker side for engines in C: [`grainspan_serve`] runs the same worker loop as the built-in engine, behind a
-//! table of C functions. The header is `adapters/c/grainspan_worker.h`; the types in [`table`] mirror it.
+//! table of C functions. The header is `adapters/c/grainspan_worker.h`; the types in its module `table` mirror it.
 //!
 //! # Why `unsafe` is allowed here, and what makes it sound
 //!
