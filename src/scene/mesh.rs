@@ -2,7 +2,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{ElementKeyword, Generator, MeshTable};
+use super::schema::{Generator, MeshTable};
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::ground::{HalfFooting, RetainingWall, Section, Slope};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
@@ -20,7 +20,7 @@ pub(super) fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Me
         return from_file(document, keys, file);
     }
     let generator = keys.generator.as_ref().map_or(Generator::Block, |generator| *generator.get_ref());
-    let numbers = Numbers { document, table, kind: keys.element.unwrap_or_default().kind() };
+    let numbers = Numbers { document, table, kind: keys.element.unwrap_or(ElementKind::Q8) };
     if let Some(run) = &keys.run
         && generator != Generator::Slope
     {
@@ -52,7 +52,7 @@ fn from_file(document: &Document, keys: &MeshTable, file: &Spanned<std::path::Pa
     let text = std::fs::read_to_string(&path).map_err(|source| {
         refuse(format!("could not read {}: {source}", path.display()), "the path is relative to this file's folder")
     })?;
-    let mesh = gmsh::read(&text, keys.element.map(ElementKeyword::kind))
+    let mesh = gmsh::read(&text, keys.element)
         .map_err(|error| refuse(place(&path, error.line, &error.problem), &error.remedy))?;
     mesh.validate().map_err(|error| {
         refuse(
@@ -186,24 +186,4 @@ fn padded<T: Copy>(values: &[T], filler: T) -> [T; 3] {
 
 fn join(values: &[impl Display]) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(" x ")
-}
-
-impl ElementKeyword {
-    /// The kind it names.
-    fn kind(self) -> ElementKind {
-        match self {
-            Self::Q4 => ElementKind::Q4,
-            Self::Q4Single => ElementKind::Q4Single,
-            Self::Q8 => ElementKind::Q8,
-            Self::Q8Full => ElementKind::Q8Full,
-            Self::T3 => ElementKind::T3,
-            Self::T6 => ElementKind::T6,
-            Self::H8 => ElementKind::H8,
-            Self::H8Single => ElementKind::H8Single,
-            Self::H20 => ElementKind::H20,
-            Self::H20Full => ElementKind::H20Full,
-            Self::T4 => ElementKind::T4,
-            Self::T10 => ElementKind::T10,
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! Keys of the scene file, exactly as `docs/scene.md` lists them. What they mean together is in `build`.
 
+use macro_solver::mesh::ElementKind;
 use macro_solver::problem::Axis;
 use protocol::TangentKind;
 use rve_server::definition::{ContactTable, RveOptions};
@@ -81,7 +82,7 @@ pub(crate) struct MeshTable {
     pub(crate) elements: Option<Spanned<Vec<usize>>>,
     pub(crate) grading: Option<Spanned<Vec<f64>>>,
     pub(crate) run: Option<Spanned<f64>>,
-    pub(crate) element: Option<ElementKeyword>,
+    pub(crate) element: Option<ElementKind>,
 }
 
 /// Mesh generators.
@@ -93,25 +94,6 @@ pub(crate) enum Generator {
     Slope,
     Footing,
     Wall,
-}
-
-/// Element kinds.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum ElementKeyword {
-    Q4,
-    Q4Single,
-    #[default]
-    Q8,
-    Q8Full,
-    T3,
-    T6,
-    H8,
-    H8Single,
-    H20,
-    H20Full,
-    T4,
-    T10,
 }
 
 /// `[[boundary]]`.

@@ -83,36 +83,27 @@ impl Components for f64 {
     }
 }
 
-impl Components for [f64; 2] {
-    const COUNT: usize = 2;
-    const ZERO: Self = [0.0; 2];
+/// Neither `Default` nor `Pod` is known of arrays of any length.
+macro_rules! array {
+    ($count:literal) => {
+        impl Components for [f64; $count] {
+            const COUNT: usize = $count;
+            const ZERO: Self = [0.0; $count];
 
-    fn from_fn(component: impl FnMut(usize) -> f64) -> Self {
-        std::array::from_fn(component)
-    }
+            fn from_fn(component: impl FnMut(usize) -> f64) -> Self {
+                std::array::from_fn(component)
+            }
 
-    fn components(&self) -> &[f64] {
-        self
-    }
+            fn components(&self) -> &[f64] {
+                self
+            }
 
-    fn components_mut(&mut self) -> &mut [f64] {
-        self
-    }
+            fn components_mut(&mut self) -> &mut [f64] {
+                self
+            }
+        }
+    };
 }
 
-impl Components for [f64; 3] {
-    const COUNT: usize = 3;
-    const ZERO: Self = [0.0; 3];
-
-    fn from_fn(component: impl FnMut(usize) -> f64) -> Self {
-        std::array::from_fn(component)
-    }
-
-    fn components(&self) -> &[f64] {
-        self
-    }
-
-    fn components_mut(&mut self) -> &mut [f64] {
-        self
-    }
-}
+array!(2);
+array!(3);

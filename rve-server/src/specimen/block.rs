@@ -7,59 +7,55 @@ use crate::lanes::Tuple;
 use crate::lanes::backend::Backend;
 use crate::law::ContactLaw;
 
-/// Forces of the touching pairs of one block; pairs that have come apart are let go.
-#[expect(unsafe_code, reason = "a function for an instruction set may only be called where the processor has it")]
-pub(super) fn evaluate_block<S: SpecimenSpace, C: ContactLaw<S>>(
-    law: &C,
-    grains: &[Grain<S>],
-    images: &[S::Coordinates<f64>],
-    pairs: &[Listed],
-    slots: &mut [Slot<S, C>],
-    loads: &mut [PairLoad<S>],
-    step: f64,
-) -> ContactSums {
-    #[cfg(target_arch = "x86_64")]
-    if Backend::Avx2.is_available() {
-        // SAFETY: `is_available` has just found every feature that the function is compiled with.
-        return unsafe { with_fused_products(law, grains, images, pairs, slots, loads, step) };
-    }
-    evaluate_pairs(law, grains, images, pairs, slots, loads, step)
+/// What the forces of one block are computed from, and where they go.
+pub(super) struct Block<'a, S: SpecimenSpace, C: ContactLaw<S>> {
+    /// The law of every contact.
+    pub law: &'a C,
+    /// All grains.
+    pub grains: &'a [Grain<S>],
+    /// Shifts of the periodic images.
+    pub images: &'a [S::Coordinates<f64>],
+    /// The pairs of this block.
+    pub pairs: &'a [Listed],
+    /// What the contacts of these pairs remember.
+    pub slots: &'a mut [Slot<S, C>],
+    /// Loads of these pairs on their grains.
+    pub loads: &'a mut [PairLoad<S>],
+    /// Length of the motion, s.
+    pub step: f64,
 }
 
-/// The same arithmetic; without the instruction every fused product is a call into a library.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn with_fused_products<S: SpecimenSpace, C: ContactLaw<S>>(
-    law: &C,
-    grains: &[Grain<S>],
-    images: &[S::Coordinates<f64>],
-    pairs: &[Listed],
-    slots: &mut [Slot<S, C>],
-    loads: &mut [PairLoad<S>],
-    step: f64,
-) -> ContactSums {
-    evaluate_pairs(law, grains, images, pairs, slots, loads, step)
-}
-
-#[inline(always)]
-fn evaluate_pairs<S: SpecimenSpace, C: ContactLaw<S>>(
-    law: &C,
-    grains: &[Grain<S>],
-    images: &[S::Coordinates<f64>],
-    pairs: &[Listed],
-    slots: &mut [Slot<S, C>],
-    loads: &mut [PairLoad<S>],
-    step: f64,
-) -> ContactSums {
-    let mut sums = ContactSums::default();
-    for ((pair, slot), load) in pairs.iter().zip(slots).zip(loads) {
-        let ends = [&grains[pair.origin as usize], &grains[pair.end as usize]];
-        let branch = ends[1].position.minus(ends[0].position).plus(images[pair.image as usize]);
-        if branch.dot(branch) < pair.near_square {
-            *load = slot.press(law, branch, ends, step, &mut sums);
-        } else if slot.touches {
-            slot.open(law, &mut sums);
+impl<S: SpecimenSpace, C: ContactLaw<S>> Block<'_, S, C> {
+    /// Forces of the touching pairs; pairs that have come apart are let go.
+    #[expect(unsafe_code, reason = "a function for an instruction set may only be called where the processor has it")]
+    pub(super) fn evaluate(self) -> ContactSums {
+        #[cfg(target_arch = "x86_64")]
+        if Backend::Avx2.is_available() {
+            // SAFETY: `is_available` has just found every feature that the function is compiled with.
+            return unsafe { self.with_fused_products() };
         }
+        self.pair_by_pair()
     }
-    sums
+
+    /// The same arithmetic; without the instruction every fused product is a call into a library.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    fn with_fused_products(self) -> ContactSums {
+        self.pair_by_pair()
+    }
+
+    #[inline(always)]
+    fn pair_by_pair(self) -> ContactSums {
+        let mut sums = ContactSums::default();
+        for ((pair, slot), load) in self.pairs.iter().zip(self.slots).zip(self.loads) {
+            let ends = [&self.grains[pair.origin as usize], &self.grains[pair.end as usize]];
+            let branch = ends[1].position.minus(ends[0].position).plus(self.images[pair.image as usize]);
+            if branch.dot(branch) < pair.near_square {
+                *load = slot.press(self.law, branch, ends, self.step, &mut sums);
+            } else if slot.touches {
+                slot.open(self.law, &mut sums);
+            }
+        }
+        sums
+    }
 }

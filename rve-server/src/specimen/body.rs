@@ -5,7 +5,7 @@
 //! block order: no sum depends on who computed what.
 
 use super::SpecimenSpace;
-use super::block::evaluate_block;
+use super::block::Block;
 use super::contact::{ContactSums, Grain, Load, PairLoad, Slot};
 use crate::cell::Cell;
 use crate::lanes::Tuple;
@@ -226,7 +226,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(sums.par_iter_mut())
                 .for_each(|(((pairs, slots), loads), sums)| {
-                    *sums = evaluate_block(law, grains, images, pairs, slots, loads, step);
+                    *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
                 });
         } else {
             let blocks = self
@@ -235,7 +235,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.slots.chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
             for (((pairs, slots), loads), sums) in blocks.zip(&mut sums) {
-                *sums = evaluate_block(law, grains, images, pairs, slots, loads, step);
+                *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
             }
         }
         self.collect(threaded);

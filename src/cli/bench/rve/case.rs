@@ -47,6 +47,15 @@ const SPHERES: &str = "law = 'hertz_mindlin'\nshear_modulus = 4166.666666666667\
 
 const SHEAR: [f64; 9] = [0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
+/// The start, the way to the peak, and what follows until the strain `end`.
+const fn up_to(end: f64) -> [Window; 3] {
+    [
+        Window { name: "start", after: 0.0, until: 0.003 },
+        Window { name: "to_peak", after: 0.003, until: 0.01 },
+        Window { name: "after", after: 0.01, until: end },
+    ]
+}
+
 /// All cases, in the order of the report.
 pub(super) const CASES: &[Case] = &[
     Case {
@@ -56,11 +65,7 @@ pub(super) const CASES: &[Case] = &[
         contact: DISCS,
         gradient: BIAXIAL,
         row_strain: 1e-3,
-        windows: &[
-            Window { name: "start", after: 0.0, until: 0.003 },
-            Window { name: "to_peak", after: 0.003, until: 0.01 },
-            Window { name: "after", after: 0.01, until: 0.024 },
-        ],
+        windows: &up_to(0.024),
         reference: "strain_per_step = 1e-8\ntolerance = 1e-8",
         peer: Some(PeerLaw::LinearBiaxial),
     },
@@ -71,11 +76,7 @@ pub(super) const CASES: &[Case] = &[
         contact: DISCS,
         gradient: BIAXIAL,
         row_strain: 1e-3,
-        windows: &[
-            Window { name: "start", after: 0.0, until: 0.003 },
-            Window { name: "to_peak", after: 0.003, until: 0.01 },
-            Window { name: "after", after: 0.01, until: 0.024 },
-        ],
+        windows: &up_to(0.024),
         reference: "strain_per_step = 2e-8\ntolerance = 1e-7",
         peer: None,
     },
@@ -86,11 +87,7 @@ pub(super) const CASES: &[Case] = &[
         contact: SPHERES,
         gradient: SHEAR,
         row_strain: 1e-3,
-        windows: &[
-            Window { name: "start", after: 0.0, until: 0.003 },
-            Window { name: "to_peak", after: 0.003, until: 0.01 },
-            Window { name: "after", after: 0.01, until: 0.03 },
-        ],
+        windows: &up_to(0.03),
         reference: "strain_per_step = 5e-8\ntolerance = 1e-7",
         peer: Some(PeerLaw::HertzShear),
     },
