@@ -6,7 +6,7 @@
 //! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
 //! cut back when it does not converge, and the run ends in an honest failure when the smallest step does not.
 
-mod body;
+mod balance;
 mod checkpoint;
 mod constraints;
 mod fields;
@@ -19,11 +19,12 @@ mod secant;
 #[cfg(test)]
 mod tests;
 
+use crate::body::Body;
 use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
 use crate::problem::{Problem, ProblemError};
-use body::{Balance, Body};
+use balance::Balance;
 use constraints::Constraints;
 use linear_solver::LinearSolver;
 use loads::Loads;

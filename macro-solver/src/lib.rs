@@ -1,5 +1,6 @@
 //! The finite-element side: mesh, elements, formulations, implicit solver, worker pool, outputs. It never sees a grain.
 
+mod body;
 pub mod checkpoint;
 pub mod difference;
 pub mod elastic;

@@ -1,6 +1,7 @@
 //! The committed state in the form that observers get.
 
 use super::Solver;
+use crate::body::by_node;
 use crate::formulation::tensor::tensor;
 use crate::observer::PointFields;
 use nalgebra::Matrix3;
@@ -55,9 +56,4 @@ impl Solver<'_> {
         }
         fields
     }
-}
-
-fn by_node(dimension: usize, values: &[f64]) -> Vec<[f64; 3]> {
-    let padded = |node: &[f64]| std::array::from_fn(|axis| node.get(axis).copied().unwrap_or(0.0));
-    values.chunks_exact(dimension).map(padded).collect()
 }

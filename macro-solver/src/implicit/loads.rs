@@ -1,6 +1,7 @@
 //! Pressures, tractions and body forces: nodal forces and, for a follower pressure, their change with the geometry.
 
 use super::linear_solver::Block;
+use crate::body::degrees_of_freedom;
 use crate::element::side::{SideShape, side_shapes};
 use crate::element::{point_geometry, shapes_at_points};
 use crate::mesh::{Mesh, Side};
@@ -151,9 +152,4 @@ impl Follower {
 fn area_vector(shape: &SideShape, nodes: &[usize], positions: &[[f64; 3]]) -> Vector3<f64> {
     let [first, second] = shape.tangents(nodes.iter().map(|&node| positions[node]));
     first.cross(&second)
-}
-
-/// All degrees of freedom of every node, in order.
-pub(super) fn degrees_of_freedom(dimension: usize, nodes: &[usize]) -> Vec<usize> {
-    nodes.iter().flat_map(|&node| (0..dimension).map(move |axis| dimension * node + axis)).collect()
 }
