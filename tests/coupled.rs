@@ -88,8 +88,8 @@ fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_p
         pressure("right"),
     ];
     let mut problem = Problem::new(mesh, conditions);
-    problem.control.increments = increments;
-    problem.tolerances.force = 1e-4;
+    problem.stages[0].control.increments = increments;
+    problem.stages[0].tolerances.force = 1e-4;
     problem.strain_per_step = strain_per_step;
     let points = problem.point_count();
 

@@ -62,7 +62,7 @@ fn through_the_service(problem: &Problem, definition: Definition) -> Last {
     let (port, door) = channel();
     let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
     let mut settings = PoolSettings::new("test");
-    settings.tangents = vec![problem.strategy.tangent];
+    settings.tangents = vec![problem.stages[0].strategy.tangent];
     let points = vec![0; problem.point_count()];
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &points);
     pool.gather(1).unwrap();
@@ -77,10 +77,10 @@ fn through_the_service(problem: &Problem, definition: Definition) -> Last {
 
 fn problem(mesh: Mesh, conditions: Vec<Condition>) -> Problem {
     let mut problem = Problem::new(mesh, conditions);
-    problem.control.increments = 1;
-    problem.tolerances = Tolerances { force: 1e-7, displacement: 1e-7 };
-    problem.strategy.tangent = TangentKind::TrussLike;
-    problem.strategy.tangent_floor = None;
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].tolerances = Tolerances { force: 1e-7, displacement: 1e-7 };
+    problem.stages[0].strategy.tangent = TangentKind::TrussLike;
+    problem.stages[0].strategy.tangent_floor = None;
     problem
 }
 
@@ -164,7 +164,7 @@ fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
         ];
         let mut problem = problem(mesh, conditions);
         problem.formulation = formulation;
-        problem.control.increments = 4;
+        problem.stages[0].control.increments = 4;
         let last = through_the_service(&problem, bonded(0.0));
         let rest = 1.0 - OVERLAP;
         let (half, height) = (0.5 * rest, 0.75f64.sqrt() * rest * 0.8);

@@ -63,7 +63,7 @@ fn measure(case: &Case) {
     let points = mesh.point_count();
     let mut problem = Problem::new(mesh, conditions(case.kind));
     problem.equations = case.equations;
-    problem.control.increments = 1;
+    problem.stages[0].control.increments = 1;
     let mut material = ElasticMaterial::new(ElasticLaw::SaintVenant, 2e7, 1e7, points);
     let run = solve(&problem, &mut material, &mut Silent);
     let statistics = &run.statistics;

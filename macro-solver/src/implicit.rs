@@ -16,6 +16,7 @@ mod newton;
 mod points;
 mod safeguard;
 mod secant;
+mod stage;
 #[cfg(test)]
 mod tests;
 
@@ -23,7 +24,7 @@ use crate::body::Body;
 use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
-use crate::problem::{Problem, ProblemError};
+use crate::problem::{Problem, ProblemError, Procedure};
 use balance::Balance;
 use constraints::Constraints;
 use linear_solver::LinearSolver;
@@ -31,11 +32,12 @@ use loads::Loads;
 use newton::Converged;
 use points::{Points, failure};
 use protocol::TangentKind;
+use stage::Equations;
 use std::time::Instant;
 
-/// Solves a problem from load 0 to load 1.
+/// Solves a problem: all its stages, each from load 0 to load 1, counting steps through.
 ///
-/// Step 0 is the equilibrium at load 0 with whatever stress the material starts with; it is iterated only if that
+/// Step 0 is the equilibrium at load 0 of the first stage with whatever stress the material starts with; it is iterated only if that
 /// stress is out of balance. The material is left with the last accepted state committed, however the run ends.
 pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
     solve_kept(problem, material, observer, &mut NoKeeper)
@@ -50,7 +52,9 @@ pub fn solve_kept(
     keeper: &mut dyn Keeper,
 ) -> Run {
     let run = match Solver::new(problem) {
-        Err(error) => Run { outcome: Outcome::Refused(error), load: 0.0, statistics: Statistics::default() },
+        Err(error) => {
+            Run { outcome: Outcome::Refused(error), stage: 0, load: 0.0, statistics: Statistics::default() }
+        }
         Ok(mut solver) => {
             let session = &mut Session { material: &mut *material, observer: &mut *observer, keeper };
             let outcome = match solver.run(session) {
@@ -58,7 +62,7 @@ pub fn solve_kept(
                 Err(outcome) => outcome,
             };
             session.material.rollback();
-            Run { outcome, load: solver.load, statistics: solver.statistics }
+            Run { outcome, stage: solver.stage, load: solver.load, statistics: solver.statistics }
         }
     };
     observer.finished(&run);
@@ -84,6 +88,10 @@ enum Failure {
 /// State of a run.
 struct Solver<'a> {
     problem: &'a Problem,
+    /// Number of the stage under way.
+    stage: usize,
+    /// Displacements when it began, m, by degree of freedom.
+    stage_start: Vec<f64>,
     constraints: Constraints,
     loads: Loads,
     linear: LinearSolver,
@@ -96,9 +104,10 @@ struct Solver<'a> {
     committed_balance: Balance,
     /// Displacements and size of the last accepted load step.
     last_increment: Option<(Vec<f64>, f64)>,
+    /// Share of the stage that has passed.
     load: f64,
     step: usize,
-    /// Share of the path that the next step tries.
+    /// Share of the stage that the next step tries.
     size: f64,
     statistics: Statistics,
 }
@@ -106,11 +115,10 @@ struct Solver<'a> {
 impl<'a> Solver<'a> {
     fn new(problem: &'a Problem) -> Result<Self, ProblemError> {
         problem.validate()?;
-        let constraints = Constraints::new(problem.prescribed_displacements()?);
-        let loads = Loads::new(problem)?;
+        let first = &problem.stages[0];
         let body = Body::new(problem.mesh.clone(), problem.formulation, problem.hourglass);
-        let block_dofs = body.block_dofs(&loads);
-        let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints, problem.equations);
+        let stage_start = body.zero();
+        let Equations { constraints, loads, linear } = Equations::new(problem, first, &body, &stage_start)?;
         let empty =
             Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new(), hourglass_energy: 0.0 };
         let statistics = Statistics {
@@ -120,6 +128,8 @@ impl<'a> Solver<'a> {
         };
         Ok(Self {
             problem,
+            stage: 0,
+            stage_start,
             constraints,
             loads,
             linear,
@@ -132,7 +142,7 @@ impl<'a> Solver<'a> {
             last_increment: None,
             load: 0.0,
             step: 0,
-            size: 1.0 / problem.control.increments as f64,
+            size: 1.0 / first.control.increments as f64,
             statistics,
         })
     }
@@ -141,23 +151,37 @@ impl<'a> Solver<'a> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
         let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
         if !resume(session.keeper, self, session.material, session.observer).map_err(unfit)? {
+            session.observer.stage_started(self.stage, self.stage());
             self.equilibrate(session)?;
             self.keep(session);
         }
-        let base = 1.0 / self.problem.control.increments as f64;
+        loop {
+            match self.stage().procedure {
+                Procedure::Implicit => self.follow(session)?,
+            }
+            if !self.enter_next_stage(session)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Takes load steps to the end of the stage.
+    fn follow(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
+        let control = &self.stage().control;
+        let base = 1.0 / control.increments as f64;
         while self.load < 1.0 {
             self.step += 1;
             let mut size = self.size;
             let iterations = self.advance(&mut size, session)?;
-            let is_easy = iterations <= self.problem.control.target_iterations;
-            self.size = if is_easy { (size * self.problem.control.growth).min(base) } else { size };
+            let is_easy = iterations <= control.target_iterations;
+            self.size = if is_easy { (size * control.growth).min(base) } else { size };
             self.keep(session);
         }
         Ok(())
     }
 
     fn keep(&self, session: &mut Session<'_>) {
-        let mark = Mark { step: self.step as u64, load: self.load };
+        let mark = Mark { step: self.step as u64, stage: self.stage as u64, load: self.load };
         keep(session.keeper, mark, self, session.material, session.observer);
     }
 
@@ -171,11 +195,11 @@ impl<'a> Solver<'a> {
         let counters = Counters::of(&self.statistics);
         let still = self.body.zero();
         let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
-        self.tangent_asked = self.problem.strategy.tangent;
+        self.tangent_asked = self.stage().strategy.tangent;
         self.committed_balance.clone_from(&self.balance);
         session.material.rollback();
         self.points.forget_trials();
-        let converged = if start.ratio() <= self.problem.tolerances.force {
+        let converged = if start.ratio() <= self.stage().tolerances.force {
             Converged { increment: still, iterations: 0, force_ratio: start.ratio(), displacement_ratio: 0.0 }
         } else {
             let converged = self.attempt(0.0, session).map_err(ended)?;
@@ -187,7 +211,7 @@ impl<'a> Solver<'a> {
 
     /// Takes one load step, cutting it back as often as needed; returns the iterations of the successful attempt.
     fn advance(&mut self, size: &mut f64, session: &mut Session<'_>) -> Result<usize, Outcome> {
-        let control = &self.problem.control;
+        let control = &self.stage().control;
         let counters = Counters::of(&self.statistics);
         self.points.start_step();
         for cut_backs in 0.. {
@@ -209,7 +233,10 @@ impl<'a> Solver<'a> {
                     let from = load - self.load;
                     *size = from * control.cut;
                     if *size < control.min {
-                        let reason = format!("at load {load:.6} with the smallest step {from:.2e}: {reason}");
+                        let reason = format!(
+                            "at load {load:.6}{} with the smallest step {from:.2e}: {reason}",
+                            self.of_stage()
+                        );
                         return Err(Outcome::DidNotConverge { reason });
                     }
                     self.statistics.cut_backs += 1;
@@ -241,7 +268,10 @@ impl<'a> Solver<'a> {
         self.load = load;
         let report = StepReport {
             step: self.step,
+            stage: self.stage,
             load,
+            time: self.problem.begin_of(self.stage) + self.moment(load).time,
+            share: (self.stage as f64 + load) / self.problem.stages.len() as f64,
             size,
             iterations: converged.iterations,
             evaluations: self.statistics.evaluations - before.evaluations,

@@ -5,7 +5,7 @@
 
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::mesh::Mesh;
-use crate::problem::{Problem, ProblemError};
+use crate::problem::{Problem, ProblemError, Stage};
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -28,10 +28,14 @@ pub trait Observer {
         Ok(())
     }
 
+    /// A stage, counted from 0, is about to begin. Not told again when an interrupted run goes on within it.
+    fn stage_started(&mut self, _number: usize, _stage: &Stage) {}
+
     /// One iteration of a step is done: all points have answered, the residual is known.
     fn iterated(&mut self, _report: &IterationReport) {}
 
-    /// A step was accepted and committed. Step 0 is the initial equilibrium at load 0.
+    /// A step was accepted and committed. Step 0 is the initial equilibrium at load 0 of the first stage; numbers go on
+    /// over all stages.
     ///
     /// # Errors
     /// Ends the run after this step.
@@ -88,8 +92,14 @@ pub struct IterationReport {
 pub struct StepReport {
     /// Counted over accepted steps; 0 is the initial equilibrium.
     pub step: usize,
-    /// Load factor reached, 0 to 1.
+    /// Stage, from 0.
+    pub stage: usize,
+    /// Share of the stage reached, 0 to 1.
     pub load: f64,
+    /// Time since the start of the run, s.
+    pub time: f64,
+    /// Share of the whole path reached, 0 to 1; every stage counts the same.
+    pub share: f64,
     /// Load factor covered by this step.
     pub size: f64,
     /// Iterations of the successful attempt.
@@ -262,7 +272,7 @@ pub struct Statistics {
 /// How a run ended.
 #[derive(Debug)]
 pub enum Outcome {
-    /// Load 1 was reached.
+    /// The end of the last stage was reached.
     Completed,
     /// The smallest step did not converge; everything up to the last accepted step is valid.
     DidNotConverge {
@@ -287,7 +297,9 @@ pub enum Outcome {
 pub struct Run {
     /// How it ended.
     pub outcome: Outcome,
-    /// Load factor of the last accepted step, 0 to 1.
+    /// Stage of the last accepted step, from 0.
+    pub stage: usize,
+    /// Load factor within its stage of the last accepted step, 0 to 1.
     pub load: f64,
     /// Counts and times.
     pub statistics: Statistics,

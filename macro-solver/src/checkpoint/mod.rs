@@ -116,7 +116,9 @@ pub trait Checkpointed {
 pub struct Mark {
     /// Accepted steps.
     pub step: u64,
-    /// Share of the path, 0 to 1.
+    /// Stage, from 0.
+    pub stage: u64,
+    /// Share of the stage, 0 to 1.
     pub load: f64,
 }
 

@@ -90,7 +90,7 @@ fn a_checkpoint_that_finds_no_room_leaves_the_last_one_and_the_run_alone() {
     fs::create_dir(folder.path().join(".checkpoint.partial")).unwrap();
     let policy = CheckpointPolicy { steps: Some(1), ..CheckpointPolicy::default() };
     let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
-    keeper.keep(Mark { step: 1, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
+    keeper.keep(Mark { step: 1, stage: 0, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
     assert_eq!((keeper.figures().written, keeper.figures().failed), (0, 1));
     assert!(keeper.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
     let Found::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
@@ -105,7 +105,7 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
         let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
         let counts: Vec<u64> = (0..5)
             .map(|step| {
-                keeper.keep(Mark { step, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
+                keeper.keep(Mark { step, stage: 0, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
                 keeper.figures().written
             })
             .collect();
@@ -160,8 +160,8 @@ fn problem() -> Problem {
             Condition::Pressure { sides: "right".into(), value: 1.0e5, kind: PressureKind::Follower },
         ],
     );
-    problem.control.increments = 6;
-    problem.control.max_iterations = 8;
+    problem.stages[0].control.increments = 6;
+    problem.stages[0].control.max_iterations = 8;
     problem
 }
 

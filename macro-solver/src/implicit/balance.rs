@@ -8,6 +8,7 @@ use super::points::Point;
 use crate::body::{Body, degrees_of_freedom};
 use crate::element::PointGeometry;
 use crate::element::integrals::{add_force, add_stiffness};
+use crate::problem::Moment;
 use rayon::prelude::*;
 
 /// Forces and stiffness of one iterate. Vectors run over all degrees of freedom; N, in the plane per metre.
@@ -68,8 +69,8 @@ impl Body {
         elements.chain(loads.block_dofs()).collect()
     }
 
-    /// Balance after `increment` at a load factor, from the points' latest stresses and moduli.
-    pub(super) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, load: f64) -> Balance {
+    /// Balance after `increment` at a moment of the stage, from the points' latest stresses and moduli.
+    pub(super) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, moment: Moment) -> Balance {
         let positions = self.positions(increment);
         let geometry = self.integration_geometry(&positions);
         // Elements in parallel; their contributions are added up in their order, so the bits do not depend on threads.
@@ -87,8 +88,8 @@ impl Body {
             hourglass_energy += part.hourglass_energy;
             blocks.push(part.block);
         }
-        blocks.extend(loads.stiffness(&positions));
-        Balance { internal, external: loads.force(&positions, load), blocks, hourglass_energy }
+        blocks.extend(loads.stiffness(&positions, moment));
+        Balance { internal, external: loads.force(&positions, moment), blocks, hourglass_energy }
     }
 
     /// Forces and stiffness of one element.

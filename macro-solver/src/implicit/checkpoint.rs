@@ -10,17 +10,21 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
     displacements: Vec<f64>,
     points: Vec<PointRecord>,
     last_increment: Option<(Vec<f64>, f64)>,
+    stage: u64,
+    stage_start: Vec<f64>,
     load: f64,
     step: u64,
     size: f64,
     statistics: Statistics,
+    /// Whether the equations of the stage have been analysed and that is counted.
+    analysed: bool,
 }
 
 impl Checkpointed for Solver<'_> {
@@ -29,10 +33,13 @@ impl Checkpointed for Solver<'_> {
             displacements: self.body.displacements.clone(),
             points: self.points.records(),
             last_increment: self.last_increment.clone(),
+            stage: self.stage as u64,
+            stage_start: self.stage_start.clone(),
             load: self.load,
             step: self.step as u64,
             size: self.size,
             statistics: self.statistics.clone(),
+            analysed: self.linear.is_analysed(),
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -48,14 +55,18 @@ impl Checkpointed for Solver<'_> {
         self.points.restore(SECTION, record.points)?;
         self.last_increment = record.last_increment;
         (self.load, self.size) = (record.load, record.size);
-        self.step = usize::try_from(record.step).map_err(|error| CheckpointError::unfit(SECTION, error))?;
+        let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));
+        (self.step, self.stage) = (number(record.step)?, number(record.stage)?);
+        if self.stage >= self.problem.stages.len() {
+            return Err(CheckpointError::unfit(SECTION, "it stands in a stage that the scene does not have"));
+        }
+        copy(SECTION, &mut self.stage_start, &record.stage_start)?;
         self.statistics = record.statistics;
-        self.linear.count_from(self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
-        self.tangent_asked = self.problem.strategy.tangent;
-        let still = self.body.zero();
+        self.tangent_asked = self.stage().strategy.tangent;
         self.body.settle();
-        self.balance = self.body.balance(&still, self.points.all(), &self.loads, self.load);
-        self.committed_balance.clone_from(&self.balance);
+        self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
+        let counts = (self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
+        self.linear.count_from(counts, record.analysed);
         Ok(())
     }
 }

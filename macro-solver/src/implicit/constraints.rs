@@ -1,30 +1,57 @@
-//! Which displacement components are prescribed, and the numbering of the rest.
+//! Which displacement components are prescribed in a stage, and the numbering of the rest.
 //!
 //! Degrees of freedom are numbered `dimension * node + axis`. Prescribed ones are eliminated: unknowns are the free ones in
 //! ascending order.
 
+use crate::problem::{Amplitude, Moment, Origin, Prescribed};
+
 /// Split of the degrees of freedom.
 #[derive(Clone, Debug)]
 pub(super) struct Constraints {
-    final_values: Vec<Option<f64>>,
+    paths: Vec<Option<Path>>,
+    histories: Vec<Amplitude>,
     unknowns: Vec<Option<usize>>,
     free: Vec<usize>,
 }
 
+/// Displacement of one degree of freedom over a stage: `start + change x factor`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Path {
+    start: f64,
+    change: f64,
+    history: usize,
+}
+
 impl Constraints {
-    /// From the displacement of every degree of freedom at load 1, m; `None` where free.
-    pub(super) fn new(final_values: Vec<Option<f64>>) -> Self {
-        let free: Vec<usize> = (0..final_values.len()).filter(|&dof| final_values[dof].is_none()).collect();
-        let mut unknowns = vec![None; final_values.len()];
+    /// From what is prescribed at every degree of freedom and the displacements at the beginning of the stage, m.
+    pub(super) fn new(prescribed: &[Option<Prescribed<'_>>], start: &[f64]) -> Self {
+        let mut histories: Vec<Amplitude> = Vec::new();
+        let mut paths = Vec::with_capacity(prescribed.len());
+        for (given, &start) in prescribed.iter().zip(start) {
+            paths.push(given.map(|given| {
+                let known = histories.iter().position(|history| history == given.history);
+                let history = known.unwrap_or_else(|| {
+                    histories.push(given.history.clone());
+                    histories.len() - 1
+                });
+                let change = match given.origin {
+                    Origin::Stage => given.value,
+                    Origin::Run => given.value - start,
+                };
+                Path { start, change, history }
+            }));
+        }
+        let free: Vec<usize> = (0..paths.len()).filter(|&dof| paths[dof].is_none()).collect();
+        let mut unknowns = vec![None; paths.len()];
         for (unknown, &dof) in free.iter().enumerate() {
             unknowns[dof] = Some(unknown);
         }
-        Self { final_values, unknowns, free }
+        Self { paths, histories, unknowns, free }
     }
 
     /// Degrees of freedom, free and prescribed.
     pub(super) fn count(&self) -> usize {
-        self.final_values.len()
+        self.paths.len()
     }
 
     /// Free degrees of freedom, ascending.
@@ -37,9 +64,9 @@ impl Constraints {
         self.unknowns[dof]
     }
 
-    /// Prescribed total displacement at a load factor, m.
-    pub(super) fn prescribed(&self, dof: usize, load: f64) -> Option<f64> {
-        self.final_values[dof].map(|value| value * load)
+    /// Prescribed total displacement at a moment of the stage, m.
+    pub(super) fn prescribed(&self, dof: usize, moment: Moment) -> Option<f64> {
+        self.paths[dof].map(|path| path.start + path.change * self.histories[path.history].factor(moment))
     }
 
     /// The free components of a vector over all degrees of freedom.

@@ -1,7 +1,7 @@
 //! Sparse solution of the global equations, direct or iterative.
 //!
 //! The direct way is LU with partial pivoting: the matrix is not symmetric (slip tangents, follower pressure) and past the peak not
-//! definite. The pattern and its symbolic factor are computed once per run. One thread and a fixed order of additions
+//! definite. The pattern and its symbolic factor are computed once per stage. One thread and a fixed order of additions
 //! make the result reproducible to the bit.
 
 mod krylov;
@@ -75,6 +75,8 @@ pub(super) struct LinearSolver {
     fallback_count: u64,
     symbolic_count: u64,
     numeric_count: u64,
+    /// Whether the analysis of this pattern is in the count.
+    analysed: bool,
 }
 
 impl LinearSolver {
@@ -125,6 +127,7 @@ impl LinearSolver {
             fallback_count: 0,
             symbolic_count: 0,
             numeric_count: 0,
+            analysed: false,
         }
     }
 
@@ -148,10 +151,25 @@ impl LinearSolver {
         self.numeric_count
     }
 
-    /// Counts on from an earlier process; the pattern is analysed again, which changes no bit and is not counted.
-    pub(super) fn count_from(&mut self, symbolic: u64, numeric: u64) {
-        self.symbolic_count = symbolic;
-        self.numeric_count = numeric;
+    /// Whether the analysis of this pattern has been counted.
+    pub(super) fn is_analysed(&self) -> bool {
+        self.analysed
+    }
+
+    /// Counts on from an earlier process; a pattern that was analysed there is analysed again, which changes no bit and
+    /// is not counted.
+    pub(super) fn count_from(&mut self, (symbolic, numeric): (u64, u64), analysed: bool) {
+        (self.symbolic_count, self.numeric_count, self.analysed) = (symbolic, numeric, analysed);
+    }
+
+    /// All counts so far: symbolic and numeric factorizations, iterations, direct fallbacks.
+    pub(super) fn counts(&self) -> [u64; 4] {
+        [self.symbolic_count, self.numeric_count, self.iteration_count, self.fallback_count]
+    }
+
+    /// Counts on from the equations of an earlier stage.
+    pub(super) fn go_on_counting(&mut self, counts: [u64; 4]) {
+        [self.symbolic_count, self.numeric_count, self.iteration_count, self.fallback_count] = counts;
     }
 
     /// Adds up the blocks and factorizes the sum.
@@ -194,7 +212,8 @@ impl LinearSolver {
             let symbolic = SymbolicLu::try_new(self.pattern.as_ref())
                 .map_err(|error| LinearSolverError::Resources(format!("{error:?}")))?;
             self.symbolic = Some(symbolic);
-            self.symbolic_count = self.symbolic_count.max(1);
+            self.symbolic_count += u64::from(!self.analysed);
+            self.analysed = true;
         }
         let symbolic = self.symbolic.clone().expect("computed above");
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &self.values);
@@ -287,15 +306,21 @@ pub(super) fn norm(vector: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::problem::{Amplitude, Origin, Prescribed};
+
+    /// So many degrees of freedom, the first of them held or not.
+    fn split(count: usize, first_is_held: bool) -> Constraints {
+        let hold = Prescribed { value: 0.0, origin: Origin::Stage, history: &Amplitude::Constant };
+        let prescribed: Vec<_> = (0..count).map(|dof| (first_is_held && dof == 0).then_some(hold)).collect();
+        Constraints::new(&prescribed, &vec![0.0; count])
+    }
 
     fn chain(length: usize) -> (Vec<Block>, Constraints) {
         let blocks = (0..length).map(|first| Block {
             dofs: vec![first, first + 1],
             matrix: vec![1.5 - (first % 3) as f64, -1.2, -0.8, 0.25 * (first % 2) as f64],
         });
-        let mut prescribed = vec![None; length + 1];
-        prescribed[0] = Some(0.0);
-        (blocks.collect(), Constraints::new(prescribed))
+        (blocks.collect(), split(length + 1, true))
     }
 
     #[test]
@@ -315,7 +340,7 @@ mod tests {
     #[test]
     fn singular_systems_are_refused() {
         let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
-        let constraints = Constraints::new(vec![None, None]);
+        let constraints = split(2, false);
         let mut solver =
             LinearSolver::new(std::iter::once(block.dofs.as_slice()), &constraints, EquationSolver::Direct);
         let outcome = solver.factorize(std::slice::from_ref(&block)).and_then(|()| solver.solve(&[1.0, 0.0]));
@@ -339,9 +364,7 @@ mod tests {
         });
         let blocks: Vec<Block> =
             pairs.map(|dofs| Block { dofs: dofs.to_vec(), matrix: vec![1.0, -0.9, -1.1, 1.0] }).collect();
-        let mut prescribed = vec![None; side * side];
-        prescribed[0] = Some(0.0);
-        let constraints = Constraints::new(prescribed);
+        let constraints = split(side * side, true);
         let solver =
             |method| LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints, method);
         let (mut direct, mut iterative) = (solver(EquationSolver::Direct), solver(EquationSolver::Iterative));
@@ -354,7 +377,7 @@ mod tests {
         assert!(iterative.iteration_count() > 3 && iterative.fallback_count() == 0);
         assert_eq!((iterative.symbolic_count(), direct.symbolic_count()), (0, 1));
         let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
-        let free = Constraints::new(vec![None, None]);
+        let free = split(2, false);
         let mut singular =
             LinearSolver::new(std::iter::once(block.dofs.as_slice()), &free, EquationSolver::Iterative);
         let outcome = singular.factorize(std::slice::from_ref(&block));

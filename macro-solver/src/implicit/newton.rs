@@ -48,11 +48,11 @@ impl Solver<'_> {
         let mut iterate = self.predict(load)?;
         let gradients = self.body.gradients(&iterate);
         self.points.fix_ramps(&gradients);
-        let capped_change = self.problem.strategy.capped_change;
+        let capped_change = self.stage().strategy.capped_change;
         let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
         let full_step = self.full_step(load);
         let mut last = String::new();
-        for iteration in 1..=self.problem.control.max_iterations {
+        for iteration in 1..=self.stage().control.max_iterations {
             self.statistics.iterations += 1;
             let mut report = self.blank_report(load, iteration);
             if let Err(reason) = self.try_iterate(&iterate, &mut safeguard, &mut report, session)? {
@@ -68,7 +68,7 @@ impl Solver<'_> {
             let force_ratio = report.force_ratio;
             report.displacement_ratio = Some(displacement_ratio);
             session.observer.iterated(&report);
-            let tolerances = &self.problem.tolerances;
+            let tolerances = &self.stage().tolerances;
             if force_ratio <= tolerances.force && displacement_ratio <= tolerances.displacement {
                 return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
             }
@@ -82,7 +82,7 @@ impl Solver<'_> {
                 *value += share * change;
             }
         }
-        let iterations = self.problem.control.max_iterations;
+        let iterations = self.stage().control.max_iterations;
         Err(Failure::Attempt(format!("not converged after {iterations} iterations: {last}")))
     }
 
@@ -113,7 +113,7 @@ impl Solver<'_> {
         };
         report.evaluations = evaluated.asked;
         report.force_ratio = evaluated.ratio();
-        let settled = self.problem.tolerances.force * evaluated.scale;
+        let settled = self.stage().tolerances.force * evaluated.scale;
         if safeguard.accepts(iterate, evaluated.residual, settled) {
             return Ok(Ok(()));
         }
@@ -138,8 +138,9 @@ impl Solver<'_> {
         });
         self.statistics.material_nanoseconds += waiting;
         let asked = asked?.asked;
+        let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
-            self.body.balance(increment, self.points.all(), &self.loads, load)
+            self.body.balance(increment, self.points.all(), &self.loads, moment)
         });
         let residual = self.balance.residual();
         Ok(Evaluated {
@@ -182,13 +183,14 @@ impl Solver<'_> {
     /// First iterate of a step: prescribed components are exact, free ones extrapolated or from the tangent of the
     /// committed state.
     fn predict(&mut self, load: f64) -> Result<Vec<f64>, Failure> {
+        let moment = self.moment(load);
         let mut increment = self.body.zero();
         for (dof, value) in increment.iter_mut().enumerate() {
-            if let Some(prescribed) = self.constraints.prescribed(dof, load) {
+            if let Some(prescribed) = self.constraints.prescribed(dof, moment) {
                 *value = prescribed - self.body.displacements[dof];
             }
         }
-        let linear = self.problem.strategy.predictor == Predictor::Linear;
+        let linear = self.stage().strategy.predictor == Predictor::Linear;
         match self.last_increment.as_ref().filter(|_| linear) {
             Some((last, size)) => {
                 for &dof in self.constraints.free() {
@@ -197,7 +199,7 @@ impl Solver<'_> {
             }
             None => {
                 self.balance.clone_from(&self.committed_balance);
-                self.balance.external = self.loads.force(&self.body.positions(&self.body.zero()), load);
+                self.balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
                 let mut right = self.balance.residual();
                 for (value, pulled) in right.iter_mut().zip(self.balance.stiffness_times(&increment)) {
                     *value = -(*value + pulled);
@@ -215,7 +217,7 @@ impl Solver<'_> {
     /// Size of a full step over that of the step to `load`; 1 for the initial equilibrium, which has no size.
     fn full_step(&self, load: f64) -> f64 {
         let size = load - self.load;
-        if size > 0.0 { 1.0 / (self.problem.control.increments as f64 * size) } else { 1.0 }
+        if size > 0.0 { 1.0 / (self.stage().control.increments as f64 * size) } else { 1.0 }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::formulation::{Formulation, Operator, Response};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Dimension;
 use crate::observer::{FlagCounts, Outcome, Statistics};
-use crate::problem::{Problem, SecantGates};
+use crate::problem::{Problem, SecantGates, Strategy};
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
 
@@ -93,16 +93,24 @@ pub(super) struct Points {
 impl Points {
     /// Undeformed points.
     pub(super) fn new(problem: &Problem) -> Self {
+        let strategy = &problem.stages[0].strategy;
         Self {
             points: vec![Point::new(); problem.point_count()],
             dimension: problem.mesh.dimension,
             formulation: problem.formulation,
             observables: problem.observables,
             strain_per_step: problem.strain_per_step,
-            tangent_floor: problem.strategy.tangent_floor,
-            secant: problem.strategy.secant,
-            keep_unchanged: problem.strategy.keep_unchanged,
+            tangent_floor: strategy.tangent_floor,
+            secant: strategy.secant,
+            keep_unchanged: strategy.keep_unchanged,
         }
+    }
+
+    /// Takes up the choices of a stage.
+    pub(super) fn choose(&mut self, strategy: &Strategy) {
+        self.tangent_floor = strategy.tangent_floor;
+        self.secant = strategy.secant;
+        self.keep_unchanged = strategy.keep_unchanged;
     }
 
     /// The points, by number.

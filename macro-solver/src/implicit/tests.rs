@@ -6,6 +6,7 @@ mod equilibrium;
 mod formulations;
 mod patch;
 mod plane_benchmarks;
+mod stages;
 mod stepping;
 mod tangent;
 
@@ -15,7 +16,7 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::block::Block;
 use crate::mesh::{Dimension, ElementKind, Mesh};
 use crate::observer::{CutBack, FieldsView, IterationReport, Observer, PointFields, Run, StepReport, StopRequest};
-use crate::problem::{Axis, Condition, Problem, Tolerances};
+use crate::problem::{Axis, Condition, Problem, Stage, Tolerances};
 use protocol::TrialAnswer;
 
 /// Keeps everything that a run reports.
@@ -24,6 +25,7 @@ struct Recorder {
     iterations: Vec<IterationReport>,
     steps: Vec<StepReport>,
     cut_backs: Vec<CutBack>,
+    stages: Vec<String>,
     displacements: Vec<[f64; 3]>,
     reactions: Vec<[f64; 3]>,
     points: Vec<PointFields>,
@@ -31,6 +33,10 @@ struct Recorder {
 }
 
 impl Observer for Recorder {
+    fn stage_started(&mut self, _: usize, stage: &Stage) {
+        self.stages.push(stage.name.clone());
+    }
+
     fn iterated(&mut self, report: &IterationReport) {
         self.iterations.push(*report);
     }
@@ -110,7 +116,8 @@ fn prescribe_field(problem: &mut Problem, nodes: &[usize], field: impl Fn([f64; 
         let value = field(problem.mesh.nodes[node]);
         problem.mesh.node_sets.insert(name.clone(), vec![node]);
         for (axis, value) in Axis::ALL.into_iter().zip(value).take(problem.mesh.dimension.count()) {
-            problem.conditions.push(Condition::Displacement { nodes: name.clone(), axis, value });
+            let moved = Condition::Displacement { nodes: name.clone(), axis, value };
+            problem.stages[0].conditions.push(moved.into());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `history.csv`: one row per accepted step, then one column per probe.
+//! `history.csv`: one row per accepted step, with one column per probe behind the fixed ones, and the stage last.
 //!
 //! Invariants: no timings (equal runs give equal bytes); after every [`HistoryWriter::append`] the file on disk ends
 //! with a complete row, also when the disk is full.
@@ -20,14 +20,25 @@ pub struct HistoryRow {
     pub step: u64,
     /// Time of the scene, s; a parameter of the path in a quasi-static run.
     pub time: f64,
-    /// Load factor, 0 at the start and 1 at the end.
+    /// Share of the stage that has passed, 0 to 1.
     pub load: f64,
     /// Newton iterations of the step, those of cut-back attempts included.
     pub iterations: u64,
     /// RVE evaluations of the step, those of cut-back attempts included.
     pub evaluations: u64,
+    /// Stage, from 0.
+    pub stage: usize,
     /// Values of the probes, in the order of the header; each in its own SI unit.
     pub probes: Vec<f64>,
+}
+
+/// What a history holds beside the columns that every history has.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HistoryLayout {
+    /// A column for each probe.
+    pub probes: Vec<String>,
+    /// Names of the stages; a last column `stage` tells them apart where there are several.
+    pub stages: Vec<String>,
 }
 
 /// Appends rows to a history file.
@@ -36,7 +47,7 @@ pub struct HistoryWriter {
     path: PathBuf,
     file: File,
     length: u64,
-    probes: usize,
+    layout: HistoryLayout,
 }
 
 impl HistoryWriter {
@@ -44,10 +55,11 @@ impl HistoryWriter {
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub fn create(path: &Path, probes: &[String]) -> Result<Self, OutputError> {
+    pub fn create(path: &Path, layout: HistoryLayout) -> Result<Self, OutputError> {
         let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
-        let mut writer = Self { path: path.to_owned(), file, length: 0, probes: probes.len() };
-        writer.append_line(&header(path, probes)?)?;
+        let header = layout.header(path)?;
+        let mut writer = Self { path: path.to_owned(), file, length: 0, layout };
+        writer.append_line(&header)?;
         Ok(writer)
     }
 
@@ -56,14 +68,14 @@ impl HistoryWriter {
     ///
     /// # Errors
     /// As [`HistoryWriter::append`].
-    pub fn reopen(path: &Path, probes: &[String], rows: &[HistoryRow]) -> Result<Self, OutputError> {
-        let mut text = header(path, probes)?;
+    pub fn reopen(path: &Path, layout: HistoryLayout, rows: &[HistoryRow]) -> Result<Self, OutputError> {
+        let mut text = layout.header(path)?;
         for row in rows {
-            text.extend(line(path, row, probes.len())?);
+            text.extend(layout.line(path, row)?);
         }
         write_atomically(path, &text)?;
         let file = OpenOptions::new().append(true).open(path).map_err(|source| OutputError::write(path, source))?;
-        Ok(Self { path: path.to_owned(), file, length: text.len() as u64, probes: probes.len() })
+        Ok(Self { path: path.to_owned(), file, length: text.len() as u64, layout })
     }
 
     /// Appends one row and flushes it.
@@ -72,7 +84,7 @@ impl HistoryWriter {
     /// [`OutputError::Encode`] when the number of probes is not that of the header; [`OutputError::Write`] when the
     /// system refuses, in which case the file is cut back to its last complete row.
     pub fn append(&mut self, row: &HistoryRow) -> Result<(), OutputError> {
-        self.append_line(&line(&self.path, row, self.probes)?)
+        self.append_line(&self.layout.line(&self.path, row)?)
     }
 
     fn append_line(&mut self, line: &[u8]) -> Result<(), OutputError> {
@@ -86,24 +98,32 @@ impl HistoryWriter {
     }
 }
 
-fn header(path: &Path, probes: &[String]) -> Result<Vec<u8>, OutputError> {
-    let names = FIXED_COLUMNS.iter().copied().chain(probes.iter().map(String::as_str));
-    encode(path, names.map(str::to_owned))
-}
-
-fn line(path: &Path, row: &HistoryRow, probes: usize) -> Result<Vec<u8>, OutputError> {
-    if row.probes.len() != probes {
-        let reason = format!("{} probe values for {probes} probe columns", row.probes.len());
-        return Err(OutputError::encode(path, reason));
+impl HistoryLayout {
+    fn header(&self, path: &Path) -> Result<Vec<u8>, OutputError> {
+        let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
+        encode(path, names.chain(self.tells_stages().then_some("stage")).map(str::to_owned))
     }
-    let fixed = [
-        row.step.to_string(),
-        number(row.time),
-        number(row.load),
-        row.iterations.to_string(),
-        row.evaluations.to_string(),
-    ];
-    encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)))
+
+    fn line(&self, path: &Path, row: &HistoryRow) -> Result<Vec<u8>, OutputError> {
+        let probes = self.probes.len();
+        if row.probes.len() != probes {
+            let reason = format!("{} probe values for {probes} probe columns", row.probes.len());
+            return Err(OutputError::encode(path, reason));
+        }
+        let fixed = [
+            row.step.to_string(),
+            number(row.time),
+            number(row.load),
+            row.iterations.to_string(),
+            row.evaluations.to_string(),
+        ];
+        let stage = self.tells_stages().then(|| self.stages.get(row.stage).cloned().unwrap_or_default());
+        encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)).chain(stage))
+    }
+
+    fn tells_stages(&self) -> bool {
+        self.stages.len() > 1
+    }
 }
 
 fn encode(path: &Path, record: impl Iterator<Item = String>) -> Result<Vec<u8>, OutputError> {
@@ -125,7 +145,11 @@ mod tests {
     fn numbers_read_back_to_the_same_bits_and_names_are_quoted() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("history.csv");
-        let mut history = HistoryWriter::create(&path, &["plain".to_owned(), "with, comma".to_owned()]).unwrap();
+        let layout = HistoryLayout {
+            probes: vec!["plain".to_owned(), "with, comma".to_owned()],
+            stages: vec!["squeeze".to_owned(), "shear".to_owned()],
+        };
+        let mut history = HistoryWriter::create(&path, layout).unwrap();
         let values = vec![0.1 + 0.2, -1.234_567_890_123_456_7e-300];
         history
             .append(&HistoryRow {
@@ -134,6 +158,7 @@ mod tests {
                 load: 0.05,
                 iterations: 3,
                 evaluations: 384,
+                stage: 1,
                 probes: values.clone(),
             })
             .unwrap();
@@ -142,16 +167,18 @@ mod tests {
         let row = reader.records().next().unwrap().unwrap();
         let read: Vec<f64> = (5..7).map(|column| row[column].parse().unwrap()).collect();
         assert_eq!(read, values);
-        assert_eq!(&row[4], "384");
+        assert_eq!((&row[4], &row[7]), ("384", "shear"));
+        assert_eq!(reader.headers().unwrap().get(7), Some("stage"));
     }
 
     #[test]
     fn a_row_of_the_wrong_width_is_refused_and_leaves_the_file_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("history.csv");
-        let mut history = HistoryWriter::create(&path, &[]).unwrap();
+        let mut history = HistoryWriter::create(&path, HistoryLayout::default()).unwrap();
         let before = std::fs::read(&path).unwrap();
-        let row = HistoryRow { step: 1, time: 0.0, load: 0.0, iterations: 1, evaluations: 1, probes: vec![1.0] };
+        let row =
+            HistoryRow { step: 1, time: 0.0, load: 0.0, iterations: 1, evaluations: 1, stage: 0, probes: vec![1.0] };
         assert!(history.append(&row).is_err());
         assert_eq!(std::fs::read(&path).unwrap(), before);
     }
@@ -165,23 +192,24 @@ mod tests {
             load: 0.1 * step as f64,
             iterations: 2,
             evaluations: 8,
+            stage: 0,
             probes: vec![-0.0, 1.0 / 3.0][..1 + usize::from(step > 99)].to_vec(),
         };
-        let names = ["one".to_owned()];
+        let layout = HistoryLayout { probes: vec!["one".to_owned()], stages: Vec::new() };
         let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));
-        let mut history = HistoryWriter::create(&whole, &names).unwrap();
+        let mut history = HistoryWriter::create(&whole, layout.clone()).unwrap();
         (0..4).for_each(|step| history.append(&row(step)).unwrap());
         std::fs::write(&broken, "step,time\n0,garbage\n1").unwrap();
         let rows: Vec<HistoryRow> = (0..2).map(row).collect();
-        let mut history = HistoryWriter::reopen(&broken, &names, &rows).unwrap();
+        let mut history = HistoryWriter::reopen(&broken, layout.clone(), &rows).unwrap();
         (2..4).for_each(|step| history.append(&row(step)).unwrap());
         assert_eq!(std::fs::read(&broken).unwrap(), std::fs::read(&whole).unwrap());
-        assert!(HistoryWriter::reopen(&broken, &names, &[row(100)]).is_err());
+        assert!(HistoryWriter::reopen(&broken, layout, &[row(100)]).is_err());
     }
 
     #[test]
     fn a_full_disk_is_an_error() {
-        let error = HistoryWriter::create(Path::new("/dev/full"), &[]).unwrap_err();
+        let error = HistoryWriter::create(Path::new("/dev/full"), HistoryLayout::default()).unwrap_err();
         assert!(error.to_string().contains("hint: free some space"), "{error}");
     }
 }

@@ -16,10 +16,10 @@ mod summary;
 pub use atomic::write_atomically;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};
-pub use history::{HistoryRow, HistoryWriter};
+pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
 pub use particles::write_particles;
 pub use probe::{Probe, Quantity};
-pub use recorder::{RecordPlan, Recorder};
+pub use recorder::{RecordPlan, Recorder, StageOutput};
 pub use summary::{CheckpointSummary, RunStatus, Summary, TimeShares};
 
 use std::io;

@@ -1,7 +1,7 @@
 //! The observer that fills a run's output folder while the solver goes.
 
 use super::frames::{write_frame, write_point_frame};
-use super::{FieldSeries, HistoryRow, HistoryWriter, OutputError, Probe};
+use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe};
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
 use protocol::Observables;
@@ -13,14 +13,42 @@ use std::path::{Path, PathBuf};
 pub struct RecordPlan {
     /// Columns of the history.
     pub probes: Vec<Probe>,
-    /// Duration of the stage, s: `time = load x duration`.
-    pub duration: f64,
-    /// Fields after every so many steps, beside the first and the last; 0 = never.
-    pub fields_every: u64,
+    /// The stages of the run, in order.
+    pub stages: Vec<StageOutput>,
     /// Whether the Gauss points are written beside the elements.
     pub gauss_points: bool,
     /// Optional results that the points are asked for.
     pub observables: Observables,
+}
+
+/// What is written of one stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageOutput {
+    /// Its name.
+    pub name: String,
+    /// Fields after every so many steps of the run, beside the first and those that end a stage; 0 = never.
+    pub fields_every: u64,
+}
+
+impl RecordPlan {
+    /// Whether the fields of this step are wanted.
+    pub fn wants_fields(&self, report: &StepReport) -> bool {
+        let every = self.stages.get(report.stage).map_or(0, |stage| stage.fields_every);
+        every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(every))
+    }
+
+    /// Whether any fields are wanted.
+    pub fn has_fields(&self) -> bool {
+        self.stages.iter().any(|stage| stage.fields_every > 0)
+    }
+
+    /// Columns behind the fixed ones, and the names behind the numbers of stages.
+    fn layout(&self) -> HistoryLayout {
+        HistoryLayout {
+            probes: self.probes.iter().map(|probe| probe.name.clone()).collect(),
+            stages: self.stages.iter().map(|stage| stage.name.clone()).collect(),
+        }
+    }
 }
 
 /// Writes `history.csv`, `fields.pvd` and `fields/`.
@@ -40,9 +68,8 @@ impl Recorder {
     /// # Errors
     /// [`OutputError::Write`].
     pub fn create(folder: &Path, plan: RecordPlan) -> Result<Self, OutputError> {
-        let names: Vec<String> = plan.probes.iter().map(|probe| probe.name.clone()).collect();
-        let history = HistoryWriter::create(&folder.join("history.csv"), &names)?;
-        if plan.fields_every > 0 {
+        let history = HistoryWriter::create(&folder.join("history.csv"), plan.layout())?;
+        if plan.has_fields() {
             let fields = folder.join("fields");
             fs::create_dir_all(&fields).map_err(|source| OutputError::write(&fields, source))?;
         }
@@ -61,22 +88,17 @@ impl Recorder {
         &self.curve
     }
 
-    /// Whether the fields of this step are wanted.
-    pub fn wants_fields(&self, report: &StepReport) -> bool {
-        let every = self.plan.fields_every;
-        every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(every))
-    }
-
     fn record(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
         let row = HistoryRow {
             step: report.step as u64,
-            time: report.load * self.plan.duration,
+            time: report.time,
             load: report.load,
             iterations: report.iterations as u64,
             evaluations: report.evaluations,
+            stage: report.stage,
             probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
         };
-        if self.wants_fields(report) {
+        if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);
             write_frame(&self.folder.join(&frame), view, self.plan.observables)?;
             self.elements.add(row.time, frame)?;
@@ -95,7 +117,7 @@ impl Recorder {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;
@@ -107,9 +129,9 @@ impl Observer for Recorder {
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let (curve, elements, points): (Vec<HistoryRow>, Frames, Frames) = archive.get(SECTION, VERSION)?;
-        let names: Vec<String> = self.plan.probes.iter().map(|probe| probe.name.clone()).collect();
         let unfit = |error| CheckpointError::unfit(SECTION, error);
-        self.history = HistoryWriter::reopen(&self.folder.join("history.csv"), &names, &curve).map_err(unfit)?;
+        let path = self.folder.join("history.csv");
+        self.history = HistoryWriter::reopen(&path, self.plan.layout(), &curve).map_err(unfit)?;
         self.curve = curve;
         self.elements.restore(elements).map_err(unfit)?;
         self.points.restore(points).map_err(unfit)

@@ -1,24 +1,71 @@
 //! Everything that can be wrong with a problem, found before the first evaluation.
 
-use super::{Axis, Condition, Platen, Problem, ProblemError, Tolerances};
+use super::rigid_motion::check_rigid_motion;
+use super::{Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Stage, Tolerances};
 use crate::element::hourglass::HourglassControl;
-use crate::mesh::{Dimension, Mesh, Side};
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use crate::mesh::{Dimension, Side};
+
+/// A prescribed displacement component of one node over a stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prescribed<'a> {
+    /// Displacement at factor 1, m.
+    pub value: f64,
+    /// Where it counts from.
+    pub origin: Origin,
+    /// Factor over the stage.
+    pub history: &'a Amplitude,
+}
+
+impl Prescribed<'_> {
+    /// Whether the node stays where it is.
+    fn holds(&self) -> bool {
+        self.value == 0.0 && self.origin == Origin::Stage
+    }
+
+    fn agrees(&self, other: &Self) -> bool {
+        self == other || (self.holds() && other.holds())
+    }
+}
+
+/// A number with its name, what it has to be, and whether it is.
+type Check = (&'static str, f64, &'static str, bool);
 
 impl Problem {
-    /// Checks the mesh, every number, every set that a condition names, and that no part can move as a rigid body.
+    /// Checks the mesh, every number, every set that a condition names, and that no part can move as a rigid body in any
+    /// stage.
     ///
     /// # Errors
-    /// The first defect found.
+    /// The first defect found; with several stages, [`ProblemError::Stage`] says in which.
     pub fn validate(&self) -> Result<(), ProblemError> {
         self.mesh.validate()?;
-        self.check_numbers()?;
+        let coefficient = self.hourglass.coefficient();
+        refuse_unsound(vec![
+            ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
+            ("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0),
+        ])?;
         let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
         if single && matches!(self.hourglass, HourglassControl::Viscous { .. }) {
             return Err(ProblemError::ViscousHourglass);
         }
-        for condition in &self.conditions {
-            match condition {
+        if self.stages.is_empty() {
+            return Err(ProblemError::NoStage);
+        }
+        for (number, stage) in self.stages.iter().enumerate() {
+            self.validate_stage(stage).map_err(|error| match self.stages.len() {
+                1 => error,
+                _ => ProblemError::Stage { number, stage: stage.name.clone(), error: Box::new(error) },
+            })?;
+        }
+        Ok(())
+    }
+
+    fn validate_stage(&self, stage: &Stage) -> Result<(), ProblemError> {
+        refuse_unsound(stage_numbers(stage))?;
+        for applied in &stage.conditions {
+            if let Some(reason) = applied.history.defect() {
+                return Err(ProblemError::History { reason });
+            }
+            match &applied.condition {
                 Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
                     self.sides(sides)?;
                 }
@@ -28,26 +75,31 @@ impl Problem {
                 Condition::Displacement { .. } | Condition::Platen { .. } => {}
             }
         }
-        let prescribed = self.prescribed_displacements()?;
-        check_rigid_motion(&self.mesh, &prescribed)
+        self.check_third_axis(stage)?;
+        check_rigid_motion(&self.mesh, &self.prescribed_displacements(stage)?)
     }
 
-    /// Value at load 1 of every prescribed displacement component, m, by degree of freedom; `None` where free.
+    /// Every prescribed displacement component of a stage by degree of freedom; `None` where free.
     ///
     /// # Errors
     /// A node set that does not exist, z in the plane, or two different values for one component.
-    pub fn prescribed_displacements(&self) -> Result<Vec<Option<f64>>, ProblemError> {
+    pub fn prescribed_displacements<'a>(
+        &self,
+        stage: &'a Stage,
+    ) -> Result<Vec<Option<Prescribed<'a>>>, ProblemError> {
         let mut prescribed = vec![None; self.mesh.degrees_of_freedom()];
-        for condition in &self.conditions {
+        for Applied { condition, history, origin } in &stage.conditions {
+            let given = |value| Prescribed { value, origin: *origin, history };
             match condition {
                 Condition::Displacement { nodes, axis, value } => {
-                    self.prescribe(&mut prescribed, nodes, *axis, *value)?;
+                    self.prescribe(&mut prescribed, nodes, *axis, given(*value))?;
                 }
                 Condition::Platen { nodes, contact, axis, displacement } => {
-                    self.prescribe(&mut prescribed, nodes, *axis, *displacement)?;
+                    self.prescribe(&mut prescribed, nodes, *axis, given(*displacement))?;
                     if *contact == Platen::Rough {
+                        let held = Prescribed { origin: Origin::Stage, ..given(0.0) };
                         for along in self.axes().filter(|along| along != axis) {
-                            self.prescribe(&mut prescribed, nodes, along, 0.0)?;
+                            self.prescribe(&mut prescribed, nodes, along, held)?;
                         }
                     }
                 }
@@ -84,12 +136,12 @@ impl Problem {
         })
     }
 
-    fn prescribe(
+    fn prescribe<'a>(
         &self,
-        prescribed: &mut [Option<f64>],
+        prescribed: &mut [Option<Prescribed<'a>>],
         set: &str,
         axis: Axis,
-        value: f64,
+        given: Prescribed<'a>,
     ) -> Result<(), ProblemError> {
         let nodes = self.mesh.node_sets.get(set).ok_or_else(|| ProblemError::UnknownNodeSet {
             name: set.to_owned(),
@@ -100,9 +152,10 @@ impl Problem {
             return Err(ProblemError::NoThirdAxis);
         }
         for &node in nodes {
-            match prescribed[dimension * node + axis.index()].replace(value) {
-                Some(first) if first != value => {
-                    return Err(ProblemError::Contradiction { node, axis, first, second: value });
+            match prescribed[dimension * node + axis.index()].replace(given) {
+                Some(first) if !first.agrees(&given) => {
+                    let (first, second) = (first.value, given.value);
+                    return Err(ProblemError::Contradiction { node, axis, first, second });
                 }
                 _ => {}
             }
@@ -110,152 +163,63 @@ impl Problem {
         Ok(())
     }
 
-    fn check_numbers(&self) -> Result<(), ProblemError> {
-        let Tolerances { force, displacement } = self.tolerances;
-        let (control, strategy) = (&self.control, &self.strategy);
-        let base = 1.0 / control.increments as f64;
-        let mut checks = vec![
-            ("increments", control.increments as f64, "at least 1", control.increments >= 1),
-            ("min", control.min, "above 0 and at most 1 / increments", control.min > 0.0 && control.min <= base),
-            ("growth", control.growth, "at least 1", control.growth >= 1.0),
-            ("cut", control.cut, "between 0 and 1", control.cut > 0.0 && control.cut < 1.0),
-            ("max_iterations", control.max_iterations as f64, "at least 1", control.max_iterations >= 1),
-            ("force tolerance", force, "above 0", force > 0.0),
-            ("displacement tolerance", displacement, "above 0", displacement > 0.0),
-            ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
-            ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
-        ];
-        let coefficient = self.hourglass.coefficient();
-        checks.push(("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0));
-        if let Some(floor) = strategy.tangent_floor {
-            checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
-        }
-        if let Some(gates) = strategy.secant {
-            checks.push(("secant min_change", gates.min_change, "at least 0", gates.min_change >= 0.0));
-            checks.push(("secant max_ratio", gates.max_ratio, "above 0", gates.max_ratio > 0.0));
-            checks.push(("secant floor", gates.floor, "at least 0", gates.floor >= 0.0));
-        }
-        for condition in &self.conditions {
-            match condition {
-                Condition::Displacement { value, .. } => {
-                    checks.push(("displacement", *value, "a finite number", true))
-                }
-                Condition::Platen { displacement, .. } => {
-                    checks.push(("platen displacement", *displacement, "a finite number", true));
-                }
-                Condition::Pressure { value, .. } => checks.push(("pressure", *value, "a finite number", true)),
-                Condition::Traction { value, .. } => {
-                    checks.extend(value.map(|value| ("traction", value, "a finite number", true)));
-                }
-                Condition::BodyForce { value, .. } => {
-                    checks.extend(value.map(|value| ("body_force", value, "a finite number", true)));
-                }
-            }
-        }
-        self.check_third_axis()?;
-        match checks.into_iter().find(|(_, value, _, sound)| !(*sound && value.is_finite())) {
-            Some((what, value, requirement, _)) => Err(ProblemError::Number { what, requirement, value }),
-            None => Ok(()),
-        }
-    }
-
-    fn check_third_axis(&self) -> Result<(), ProblemError> {
-        let acts_along_z = |condition: &Condition| match condition {
+    fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
+        let acts_along_z = |applied: &Applied| match &applied.condition {
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
             _ => false,
         };
-        if self.mesh.dimension == Dimension::Plane && self.conditions.iter().any(acts_along_z) {
+        if self.mesh.dimension == Dimension::Plane && stage.conditions.iter().any(acts_along_z) {
             return Err(ProblemError::NoThirdAxis);
         }
         Ok(())
     }
 }
 
+fn refuse_unsound(checks: Vec<Check>) -> Result<(), ProblemError> {
+    match checks.into_iter().find(|(_, value, _, sound)| !(*sound && value.is_finite())) {
+        Some((what, value, requirement, _)) => Err(ProblemError::Number { what, requirement, value }),
+        None => Ok(()),
+    }
+}
+
+fn stage_numbers(stage: &Stage) -> Vec<Check> {
+    let Tolerances { force, displacement } = stage.tolerances;
+    let (control, strategy) = (&stage.control, &stage.strategy);
+    let base = 1.0 / control.increments as f64;
+    let mut checks = vec![
+        ("duration", stage.duration, "above 0", stage.duration > 0.0),
+        ("increments", control.increments as f64, "at least 1", control.increments >= 1),
+        ("min", control.min, "above 0 and at most 1 / increments", control.min > 0.0 && control.min <= base),
+        ("growth", control.growth, "at least 1", control.growth >= 1.0),
+        ("cut", control.cut, "between 0 and 1", control.cut > 0.0 && control.cut < 1.0),
+        ("max_iterations", control.max_iterations as f64, "at least 1", control.max_iterations >= 1),
+        ("force tolerance", force, "above 0", force > 0.0),
+        ("displacement tolerance", displacement, "above 0", displacement > 0.0),
+        ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
+    ];
+    if let Some(floor) = strategy.tangent_floor {
+        checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
+    }
+    if let Some(gates) = strategy.secant {
+        checks.push(("secant min_change", gates.min_change, "at least 0", gates.min_change >= 0.0));
+        checks.push(("secant max_ratio", gates.max_ratio, "above 0", gates.max_ratio > 0.0));
+        checks.push(("secant floor", gates.floor, "at least 0", gates.floor >= 0.0));
+    }
+    for applied in &stage.conditions {
+        let (name, values) = match &applied.condition {
+            Condition::Displacement { value, .. } => ("displacement", vec![*value]),
+            Condition::Platen { displacement, .. } => ("platen displacement", vec![*displacement]),
+            Condition::Pressure { value, .. } => ("pressure", vec![*value]),
+            Condition::Traction { value, .. } => ("traction", value.to_vec()),
+            Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
+        };
+        checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
+    }
+    checks
+}
+
 fn names<'a>(keys: impl Iterator<Item = &'a String>) -> String {
     keys.map(String::as_str).collect::<Vec<_>>().join(", ")
-}
-
-/// Every connected part must have its translations and rotations suppressed by prescribed displacements; otherwise
-/// the equations are singular for any material.
-fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<f64>]) -> Result<(), ProblemError> {
-    for (element, nodes) in parts(mesh) {
-        let count = nodes.len() as f64;
-        let centre: [f64; 3] =
-            std::array::from_fn(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
-        let arm = |node: usize| -> [f64; 3] { std::array::from_fn(|i| mesh.nodes[node][i] - centre[i]) };
-        let extent =
-            nodes.iter().map(|&node| arm(node).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt();
-        let words = motion_words(mesh.dimension);
-        let mut gram = DMatrix::zeros(words.len(), words.len());
-        for &node in &nodes {
-            let motions = rigid_motions(mesh.dimension, arm(node).map(|x| x / extent));
-            for (axis, motion) in motions.iter().enumerate() {
-                if prescribed[mesh.dimension.count() * node + axis].is_some() {
-                    gram += motion * motion.transpose();
-                }
-            }
-        }
-        let eigen = SymmetricEigen::new(gram);
-        let weakest = eigen.eigenvalues.imin();
-        if eigen.eigenvalues[weakest] < 1e-10 {
-            let free = eigen.eigenvectors.column(weakest);
-            let involved: Vec<&str> = words
-                .iter()
-                .zip(free.iter())
-                .filter(|(_, share)| share.abs() > 1e-6)
-                .map(|(word, _)| *word)
-                .collect();
-            return Err(ProblemError::RigidMotion { element, motion: involved.join(" and ") });
-        }
-    }
-    Ok(())
-}
-
-/// Displacement along each axis, as a row over the rigid motions, of a node at `arm` from the centre.
-fn rigid_motions(dimension: Dimension, [x, y, z]: [f64; 3]) -> Vec<DVector<f64>> {
-    let rows: &[&[f64]] = match dimension {
-        Dimension::Plane => &[&[1.0, 0.0, -y], &[0.0, 1.0, x]],
-        Dimension::Space => {
-            &[&[1.0, 0.0, 0.0, 0.0, z, -y], &[0.0, 1.0, 0.0, -z, 0.0, x], &[0.0, 0.0, 1.0, y, -x, 0.0]]
-        }
-    };
-    rows.iter().map(|row| DVector::from_row_slice(row)).collect()
-}
-
-fn motion_words(dimension: Dimension) -> &'static [&'static str] {
-    match dimension {
-        Dimension::Plane => &["move along x", "move along y", "rotate"],
-        Dimension::Space => {
-            &["move along x", "move along y", "move along z", "rotate about x", "rotate about y", "rotate about z"]
-        }
-    }
-}
-
-/// First element and sorted nodes of every connected part of the mesh.
-fn parts(mesh: &Mesh) -> Vec<(usize, Vec<usize>)> {
-    let mut leader: Vec<usize> = (0..mesh.nodes.len()).collect();
-    fn find(leader: &mut [usize], mut node: usize) -> usize {
-        while leader[node] != node {
-            leader[node] = leader[leader[node]];
-            node = leader[node];
-        }
-        node
-    }
-    for nodes in &mesh.elements {
-        for pair in nodes.windows(2) {
-            let (first, second) = (find(&mut leader, pair[0]), find(&mut leader, pair[1]));
-            leader[first.max(second)] = first.min(second);
-        }
-    }
-    let mut found: Vec<(usize, usize, Vec<usize>)> = Vec::new();
-    for (element, nodes) in mesh.elements.iter().enumerate() {
-        let root = find(&mut leader, nodes[0]);
-        if !found.iter().any(|(other, _, _)| *other == root) {
-            let members = (0..mesh.nodes.len()).filter(|&node| find(&mut leader, node) == root).collect();
-            found.push((root, element, members));
-        }
-    }
-    found.into_iter().map(|(_, element, members)| (element, members)).collect()
 }
 
 #[cfg(test)]
@@ -309,7 +273,7 @@ mod tests {
         let error = problem([supported(), vec![moved]].concat()).validate().unwrap_err();
         assert!(matches!(error, ProblemError::Contradiction { node: 0, axis: Axis::Y, .. }));
         let mut bad = problem(supported());
-        bad.control.cut = f64::NAN;
+        bad.stages[0].control.cut = f64::NAN;
         assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "cut", .. })));
         let bad = problem(
             [supported(), vec![Condition::Traction { sides: "top".into(), value: [0.0, f64::NAN, 0.0] }]].concat(),

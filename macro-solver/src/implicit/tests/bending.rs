@@ -25,10 +25,10 @@ fn cantilever(kind: ElementKind, poisson: f64, along: usize, through: usize) -> 
     );
     problem.formulation = Formulation::SmallStrain;
     problem.hourglass = HourglassControl::Stiffness { coefficient: 0.05 };
-    problem.control.increments = 1;
-    problem.strategy.tangent_floor = None;
-    problem.strategy.capped_change = 1.0;
-    problem.tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].strategy.tangent_floor = None;
+    problem.stages[0].strategy.capped_change = 1.0;
+    problem.stages[0].tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
     let young = 1e3;
     let (bulk, shear) = (young / (3.0 * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson)));
     let mut material = ElasticMaterial::spatial(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());

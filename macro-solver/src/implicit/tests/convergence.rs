@@ -24,8 +24,8 @@ fn cook_membrane_deflects_as_published_for_equal_meshes() {
                 Condition::Traction { sides: "right".into(), value: [0.0, SMALL / 16.0, 0.0] },
             ],
         );
-        problem.control.increments = 1;
-        problem.tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+        problem.stages[0].control.increments = 1;
+        problem.stages[0].tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
         let (bulk, shear) = plane_stress_moduli(1.0, 1.0 / 3.0);
         let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
         let (run, record) = run(&problem, &mut material);
@@ -56,8 +56,8 @@ fn cantilever_error(kind: ElementKind, rows: usize, skew: f64) -> f64 {
     let ends = [mesh.node_sets["left"].clone(), mesh.node_sets["right"].clone()].concat();
     let mut problem = Problem::new(mesh, Vec::new());
     prescribe_field(&mut problem, &ends, cantilever);
-    problem.control.increments = 1;
-    problem.tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
     let (bulk, shear) = plane_stress_moduli(1.0, 0.25);
     let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
     let (run, record) = run(&problem, &mut material);

@@ -18,8 +18,8 @@ fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
             side("right"),
         ],
     );
-    problem.control.increments = 5;
-    problem.tolerances = TIGHT;
+    problem.stages[0].control.increments = 5;
+    problem.stages[0].tolerances = TIGHT;
     problem
 }
 
@@ -74,7 +74,7 @@ fn biaxial_compression_follows_its_closed_form_under_follower_and_dead_pressure(
 #[test]
 fn a_start_in_balance_is_accepted_untouched_and_one_out_of_balance_is_equilibrated_first() {
     let mut problem = biaxial(ElementKind::Q8, PressureKind::Follower);
-    problem.control.increments = 1;
+    problem.stages[0].control.increments = 1;
     let (_, record) = run(&problem, &mut confined(&problem));
     assert_eq!((record.steps[0].step, record.steps[0].iterations, record.steps[0].load), (0, 0, 0.0));
     let mut slack = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress([
@@ -91,7 +91,7 @@ fn a_start_in_balance_is_accepted_untouched_and_one_out_of_balance_is_equilibrat
 #[test]
 fn an_unsupported_body_is_refused_by_name_and_lost_stiffness_ends_in_an_honest_failure() {
     let mut problem = biaxial(ElementKind::Q4, PressureKind::Follower);
-    problem.conditions.remove(0);
+    problem.stages[0].conditions.remove(0);
     let mut material = confined(&problem);
     let (refused, _) = run(&problem, &mut material);
     match refused.outcome {
@@ -99,7 +99,7 @@ fn an_unsupported_body_is_refused_by_name_and_lost_stiffness_ends_in_an_honest_f
         other => panic!("{other:?}"),
     }
     let mut problem = biaxial(ElementKind::Q4, PressureKind::Follower);
-    problem.conditions.truncate(3);
+    problem.stages[0].conditions.truncate(3);
     let mut fluid = ElasticMaterial::new(ElasticLaw::SaintVenant, 0.0, 0.0, problem.point_count());
     let (failed, record) = run(&problem, &mut fluid);
     match failed.outcome {

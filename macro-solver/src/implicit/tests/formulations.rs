@@ -33,10 +33,10 @@ fn squeezed(kind: ElementKind, formulation: Formulation, increments: usize) -> P
     let mut problem = Problem::new(mesh, conditions);
     problem.formulation = formulation;
     problem.hourglass = HourglassControl::Stiffness { coefficient: 0.2 };
-    problem.control.increments = increments;
-    problem.strategy.tangent_floor = None;
-    problem.strategy.capped_change = 1.0;
-    problem.tolerances = TIGHT;
+    problem.stages[0].control.increments = increments;
+    problem.stages[0].strategy.tangent_floor = None;
+    problem.stages[0].strategy.capped_change = 1.0;
+    problem.stages[0].tolerances = TIGHT;
     problem
 }
 
@@ -80,8 +80,8 @@ fn the_corotational_form_is_second_order_in_the_step() {
 fn all_formulations_agree_for_small_strains() {
     let run = |formulation| {
         let mut problem = squeezed(ElementKind::Q8, formulation, 2);
-        for condition in &mut problem.conditions {
-            match condition {
+        for condition in &mut problem.stages[0].conditions {
+            match &mut condition.condition {
                 Condition::Platen { displacement, .. } => *displacement *= 1e-5,
                 Condition::Pressure { value, .. } => *value *= 1e-5,
                 _ => {}
@@ -152,9 +152,9 @@ fn a_compressed_solid_follows_its_closed_form() {
             Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -0.3 },
         ];
         let mut problem = Problem::new(mesh, conditions);
-        problem.control.increments = 3;
-        problem.strategy.capped_change = 1.0;
-        problem.tolerances = TIGHT;
+        problem.stages[0].control.increments = 3;
+        problem.stages[0].strategy.capped_change = 1.0;
+        problem.stages[0].tolerances = TIGHT;
         let mut material = ElasticMaterial::spatial(ElasticLaw::SaintVenant, 2.0e7, 1.0e7, problem.point_count());
         let law = material.clone();
         let (run, record) = run(&problem, &mut material);

@@ -25,10 +25,10 @@ fn mapped(kind: ElementKind, elements: [usize; 2], grading: [f64; 2], map: impl 
 fn solve_linear(mesh: Mesh, conditions: Vec<Condition>, bulk: f64, shear: f64) -> (Problem, Recorder) {
     let mut problem = Problem::new(mesh, conditions);
     problem.formulation = Formulation::SmallStrain;
-    problem.strategy.tangent_floor = None;
-    problem.strategy.capped_change = 1e3;
-    problem.control.increments = 1;
-    problem.tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
+    problem.stages[0].strategy.tangent_floor = None;
+    problem.stages[0].strategy.capped_change = 1e3;
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
     let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
     let (run, record) = run(&problem, &mut material);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);

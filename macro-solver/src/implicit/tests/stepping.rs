@@ -15,8 +15,8 @@ fn compression(displacement: f64) -> Problem {
             Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement },
         ],
     );
-    problem.control.increments = 4;
-    problem.tolerances = TIGHT;
+    problem.stages[0].control.increments = 4;
+    problem.stages[0].tolerances = TIGHT;
     problem
 }
 
@@ -49,8 +49,8 @@ fn accepted_states_depend_on_accepted_targets_alone() {
 fn predictor_and_secant_change_the_path_but_not_the_answer() {
     let mut problem = compression(-0.4);
     let (_, plain) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
-    problem.strategy.predictor = Predictor::Tangent;
-    problem.strategy.secant = Some(SecantGates::default());
+    problem.stages[0].strategy.predictor = Predictor::Tangent;
+    problem.stages[0].strategy.secant = Some(SecantGates::default());
     let (finished, other) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     assert!(finished.statistics.secant_corrections > 0);
@@ -81,7 +81,7 @@ fn steps_that_a_point_refuses_are_cut_back_and_the_stage_still_ends_at_one() {
 #[test]
 fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() {
     let mut problem = compression(-0.4);
-    problem.control.min = 1e-2;
+    problem.stages[0].control.min = 1e-2;
     let mut brittle = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
     let reached = Rc::new(Cell::new(1.0));
     let largest = Rc::clone(&reached);
@@ -100,7 +100,7 @@ fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() 
         other => panic!("{other:?}"),
     }
     assert!(failed.load > 0.0 && failed.load < 1.0 && record.steps.last().unwrap().load == failed.load);
-    assert!(record.cut_backs.last().unwrap().to >= problem.control.min);
+    assert!(record.cut_backs.last().unwrap().to >= problem.stages[0].control.min);
     assert_eq!(brittle.commits, record.steps.len() - 1);
 }
 
@@ -143,9 +143,10 @@ fn unchanged_targets_are_skipped_without_changing_a_bit() {
     problem.mesh.elements.push((first..first + 8).collect());
     problem.mesh.kinds.push(problem.mesh.kinds[0]);
     problem.mesh.node_sets.insert("still".into(), (first..first + 8).collect());
-    problem.conditions.extend([Condition::fixed("still", Axis::X), Condition::fixed("still", Axis::Y)]);
+    let still = [Axis::X, Axis::Y].map(|axis| Condition::fixed("still", axis).into());
+    problem.stages[0].conditions.extend(still);
     let (thrifty, kept) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
-    problem.strategy.keep_unchanged = false;
+    problem.stages[0].strategy.keep_unchanged = false;
     let (lavish, asked) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert_eq!((stresses(&kept), &kept.displacements), (stresses(&asked), &asked.displacements));
     assert!(thrifty.statistics.skipped > 0 && lavish.statistics.skipped == 0);
@@ -175,8 +176,8 @@ fn an_inverted_element_is_refused_before_any_point_is_asked() {
     let mut problem = compression(-1.0);
     let height = problem.mesh.nodes.iter().map(|node| node[1]).fold(0.0, f64::max);
     problem = compression(-1.5 * height);
-    problem.control.increments = 1;
-    problem.control.min = 1.0;
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].control.min = 1.0;
     let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
     let (run, _) = run(&problem, &mut spy);
     match run.outcome {

@@ -5,7 +5,7 @@ use super::*;
 use crate::checkpoint::NoKeeper;
 use crate::formulation::Formulation;
 use crate::observer::{Outcome, Silent};
-use crate::problem::{Platen, PressureKind};
+use crate::problem::{Applied, Platen, PressureKind};
 
 fn pressed(kind: ElementKind) -> Problem {
     let space = kind.dimension() == Dimension::Space;
@@ -27,7 +27,7 @@ fn pressed(kind: ElementKind) -> Problem {
         conditions.extend([pressure("front", PressureKind::Follower), Condition::fixed("bottom_back", Axis::Z)]);
     }
     let mut problem = Problem::new(mesh, conditions);
-    problem.strategy.tangent_floor = None;
+    problem.stages[0].strategy.tangent_floor = None;
     problem
 }
 
@@ -53,7 +53,7 @@ fn the_stiffness_is_the_derivative_of_the_residual() {
         let count = problem.mesh.degrees_of_freedom();
         let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
         // The yardstick of the hourglass control is that of the undeformed state, as in a run.
-        solver.tangent_asked = problem.strategy.tangent;
+        solver.tangent_asked = problem.stages[0].strategy.tangent;
         solver.evaluate(&vec![0.0; count], 0.0, &mut session).unwrap();
         let mut residual = |increment: &[f64]| {
             solver.evaluate(increment, 1.0, &mut session).unwrap();
@@ -91,16 +91,16 @@ fn newton_converges_quadratically_on_a_smooth_law() {
     {
         let mut problem = pressed(kind);
         problem.formulation = formulation;
-        problem.strategy.capped_change = 1.0;
+        problem.stages[0].strategy.capped_change = 1.0;
         let contact = Platen::Rough;
-        problem.conditions.push(Condition::Platen {
+        problem.stages[0].conditions.push(Applied::from(Condition::Platen {
             nodes: "top".into(),
             contact,
             axis: Axis::Y,
             displacement: -0.3,
-        });
-        problem.control.increments = 1;
-        problem.tolerances = Tolerances { force: 1e-11, displacement: 1e-11 };
+        }));
+        problem.stages[0].control.increments = 1;
+        problem.stages[0].tolerances = Tolerances { force: 1e-11, displacement: 1e-11 };
         let initial = [[-3.0e6, 0.0, 0.0], [0.0, -3.0e6, 0.0], [0.0, 0.0, -3.0e6]];
         let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
         let (run, record) = run(&problem, &mut material);

@@ -1,0 +1,109 @@
+//! How a condition goes over a stage: the factor on its value.
+
+use std::f64::consts::TAU;
+
+/// A moment within a stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Share of the stage that has passed, 0 to 1.
+    pub load: f64,
+    /// Time since the stage began, s.
+    pub time: f64,
+}
+
+/// The factor on a condition's value over a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Amplitude {
+    /// 1 throughout.
+    Constant,
+    /// From one factor to another, linear in the share of the stage.
+    Ramp {
+        /// At load 0.
+        from: f64,
+        /// At load 1.
+        to: f64,
+    },
+    /// Straight lines between points `(s since the stage began, factor)`; before the first and after the last point the
+    /// factor of that point.
+    Table(Vec<[f64; 2]>),
+    /// `sin(2 pi f t + phase)`.
+    Sine {
+        /// f, Hz.
+        frequency: f64,
+        /// At the beginning of the stage, rad.
+        phase: f64,
+    },
+}
+
+impl Amplitude {
+    /// From 0 to 1.
+    pub const RAMP: Self = Self::Ramp { from: 0.0, to: 1.0 };
+
+    /// The factor at a moment.
+    pub fn factor(&self, moment: Moment) -> f64 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Ramp { from, to } => from + (to - from) * moment.load,
+            Self::Table(points) => interpolated(points, moment.time),
+            Self::Sine { frequency, phase } => (TAU * frequency * moment.time + phase).sin(),
+        }
+    }
+
+    /// What is wrong with it, if anything.
+    pub fn defect(&self) -> Option<&'static str> {
+        match self {
+            Self::Constant => None,
+            Self::Ramp { from, to } => (!(from.is_finite() && to.is_finite())).then_some("ramps are finite"),
+            Self::Table(points) if points.is_empty() => Some("a table has at least one point"),
+            Self::Table(points) if points.iter().flatten().any(|number| !number.is_finite()) => {
+                Some("the numbers of a table are finite")
+            }
+            Self::Table(points) => {
+                points.windows(2).any(|pair| pair[1][0] <= pair[0][0]).then_some("the times of a table increase")
+            }
+            Self::Sine { frequency, phase } => (!(*frequency > 0.0 && frequency.is_finite() && phase.is_finite()))
+                .then_some("the frequency of a sine is above 0 Hz and its phase is finite"),
+        }
+    }
+}
+
+fn interpolated(points: &[[f64; 2]], time: f64) -> f64 {
+    let after = points.partition_point(|point| point[0] <= time);
+    match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
+        (Some([from, low]), Some([to, high])) => low + (high - low) * ((time - from) / (to - from)),
+        (Some([_, factor]), None) | (None, Some(&[_, factor])) => factor,
+        (None, None) => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn factor(amplitude: &Amplitude, load: f64, duration: f64) -> f64 {
+        amplitude.factor(Moment { load, time: load * duration })
+    }
+
+    #[test]
+    fn factors_follow_load_or_time() {
+        assert_eq!(factor(&Amplitude::Constant, 0.3, 2.0), 1.0);
+        for load in [0.0, 0.1, 1.0 / 3.0, 1.0] {
+            assert_eq!(factor(&Amplitude::RAMP, load, 7.0), load, "bit for bit");
+        }
+        assert_eq!(factor(&Amplitude::Ramp { from: 1.0, to: 0.0 }, 0.25, 1.0), 0.75);
+        let table = Amplitude::Table(vec![[1.0, 2.0], [3.0, -2.0]]);
+        let at = |time: f64| factor(&table, time / 4.0, 4.0);
+        assert_eq!([at(0.0), at(1.0), at(1.5), at(2.0), at(3.0), at(4.0)], [2.0, 2.0, 1.0, 0.0, -2.0, -2.0]);
+        let sine = Amplitude::Sine { frequency: 0.5, phase: 0.0 };
+        assert!((factor(&sine, 0.125, 2.0) - 0.5f64.sqrt()).abs() < 1e-15 && factor(&sine, 0.0, 2.0) == 0.0);
+    }
+
+    #[test]
+    fn defects_are_told() {
+        assert!(Amplitude::RAMP.defect().is_none() && Amplitude::Constant.defect().is_none());
+        assert!(Amplitude::Table(Vec::new()).defect().unwrap().contains("at least one"));
+        assert!(Amplitude::Table(vec![[1.0, 0.0], [1.0, 1.0]]).defect().unwrap().contains("increase"));
+        assert!(Amplitude::Table(vec![[0.0, f64::NAN]]).defect().unwrap().contains("finite"));
+        assert!(Amplitude::Sine { frequency: 0.0, phase: 0.0 }.defect().unwrap().contains("above 0"));
+    }
+}

@@ -1,0 +1,142 @@
+//! Supports and loads.
+
+use super::Amplitude;
+
+/// A space direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Axis {
+    /// Horizontal.
+    X,
+    /// Vertical.
+    Y,
+    /// Out of the plane; only in space.
+    Z,
+}
+
+impl Axis {
+    /// The axes of the plane, then the third one of space.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// 0 for x, 1 for y, 2 for z.
+    pub fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+}
+
+/// Whether a pressure turns and stretches with the boundary.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PressureKind {
+    /// Acts on the current side along its current normal, as cell water does on a membrane.
+    #[default]
+    Follower,
+    /// The force on the initial side, kept in size and direction.
+    Dead,
+}
+
+/// How a platen holds the ends of a specimen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Platen {
+    /// Prescribes the displacement across the platen only.
+    Smooth,
+    /// Prescribes the displacement across the platen and forbids those along it.
+    Rough,
+}
+
+/// Where a prescribed displacement counts from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Origin {
+    /// From where each node stands when the stage begins, so that value 0 holds the node there.
+    #[default]
+    Stage,
+    /// From where each node stood when the run began: the history leads from where the node is to there.
+    Run,
+}
+
+/// A condition and how it comes about over a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Applied {
+    /// What is prescribed.
+    pub condition: Condition,
+    /// The factor on its value over the stage.
+    pub history: Amplitude,
+    /// Where displacements count from; without meaning for forces.
+    pub origin: Origin,
+}
+
+impl Applied {
+    /// A condition with a history; displacements count from the beginning of the stage.
+    pub fn new(condition: Condition, history: Amplitude) -> Self {
+        Self { condition, history, origin: Origin::Stage }
+    }
+}
+
+impl From<Condition> for Applied {
+    /// A pressure is constant, everything else ramps up from 0.
+    fn from(condition: Condition) -> Self {
+        let history = match condition {
+            Condition::Pressure { .. } => Amplitude::Constant,
+            _ => Amplitude::RAMP,
+        };
+        Self::new(condition, history)
+    }
+}
+
+/// One condition; its value is multiplied by the factor of a history, see [`Applied`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Condition {
+    /// One displacement component of a node set; 0 holds it.
+    Displacement {
+        /// Node set.
+        nodes: String,
+        /// Component.
+        axis: Axis,
+        /// Value at factor 1, m.
+        value: f64,
+    },
+    /// A rigid platen on a node set, moved along its normal by `displacement`.
+    Platen {
+        /// Node set.
+        nodes: String,
+        /// Smooth or rough.
+        contact: Platen,
+        /// Normal of the platen.
+        axis: Axis,
+        /// Displacement along the axis at factor 1, m.
+        displacement: f64,
+    },
+    /// A pressure on a side set.
+    Pressure {
+        /// Side set.
+        sides: String,
+        /// Pressure, Pa, **compression positive**.
+        value: f64,
+        /// Follower or dead.
+        kind: PressureKind,
+    },
+    /// A force per initial area of a side set, kept in direction.
+    Traction {
+        /// Side set.
+        sides: String,
+        /// Value at factor 1, Pa.
+        value: [f64; 3],
+    },
+    /// A force per initial volume of an element set, kept in direction: weight is mass density times the acceleration
+    /// of gravity.
+    BodyForce {
+        /// Element set.
+        elements: String,
+        /// Value at factor 1, N/m3.
+        value: [f64; 3],
+    },
+}
+
+impl Condition {
+    /// Holds one displacement component of a node set.
+    pub fn fixed(nodes: impl Into<String>, axis: Axis) -> Self {
+        Self::Displacement { nodes: nodes.into(), axis, value: 0.0 }
+    }
+}
