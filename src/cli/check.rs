@@ -5,6 +5,8 @@ use super::stdout::print;
 use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::mesh::ElementKind;
+use macro_solver::problem::{Problem, Stage};
+use protocol::TangentKind;
 use rve_server::engine::{ListedForces, listed_forces};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -41,9 +43,9 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
     let problem = &scene.problem;
     let options = scene.definition.options();
     let points = problem.point_count();
-    let steps = problem.control.increments;
-    let prescribed =
-        problem.prescribed_displacements().map_or(0, |values| values.iter().filter(|value| value.is_some()).count());
+    let steps: usize = problem.stages.iter().map(|stage| stage.control.increments).sum();
+    let prescribed: Vec<String> =
+        problem.stages.iter().map(|stage| prescribed_count(problem, stage).to_string()).collect();
     // Between the first steps and those after the peak, measured on biaxial tests.
     let evaluations = [2, 6].map(|per_step| per_step * steps * points);
     let lines = [
@@ -59,7 +61,7 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
         ),
         (
             "degrees of freedom",
-            format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed),
+            format!("{} of which {} are prescribed", problem.mesh.degrees_of_freedom(), prescribed.join(", then ")),
         ),
         ("Gauss points", points.to_string()),
         ("packing", packing_line(scene)),
@@ -75,7 +77,8 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
         ),
         ("formulation", problem.formulation.keyword().to_owned()),
         ("engines", crew.description()),
-        ("tangent", problem.strategy.tangent.keyword().to_owned()),
+        ("tangent", problem.tangents().into_iter().map(TangentKind::keyword).collect::<Vec<_>>().join(", ")),
+        ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
         ("steps", format!("{steps} if nothing is cut back")),
         ("evaluations", format!("about {} to {}", evaluations[0], evaluations[1])),
         (
@@ -95,6 +98,14 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
     }
     text.push_str("The scene is sound; nothing was run.\n");
     text
+}
+
+fn prescribed_count(problem: &Problem, stage: &Stage) -> usize {
+    problem.prescribed_displacements(stage).map_or(0, |values| values.iter().filter(|value| value.is_some()).count())
+}
+
+fn stage_line(stage: &Stage) -> String {
+    format!("{} ({} steps, {} s)", stage.name, stage.control.increments, stage.duration)
 }
 
 fn packing_line(scene: &Scene) -> String {

@@ -55,7 +55,7 @@ impl Crew {
         for name in &names {
             let engine = catalogue.find(name).map_err(refuse)?;
             let capabilities = capabilities_of(&engine).map_err(refuse)?;
-            let suitability = suitability(&capabilities, &scene.definition, scene.problem.strategy.tangent)
+            let suitability = suitability(&capabilities, &scene.definition, &scene.problem.tangents())
                 .map_err(|reason| Failure::new(Exit::BadInput, reason))?;
             members.push(Member { engine, capabilities, suitability });
         }

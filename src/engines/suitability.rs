@@ -12,14 +12,14 @@ pub(crate) struct Suitability {
     pub(crate) remarks: Vec<String>,
 }
 
-/// Judges an engine for a definition and the tangent that the solver wants.
+/// Judges an engine for a definition and the tangents that the solver wants.
 ///
 /// # Errors
 /// Why the engine cannot run the scene, with the remedy.
 pub(crate) fn suitability(
     capabilities: &Capabilities,
     definition: &AnyDefinition,
-    tangent: TangentKind,
+    tangents: &[TangentKind],
 ) -> Result<Suitability, String> {
     let engine = &capabilities.engine;
     let dimension = definition.dimension();
@@ -37,8 +37,9 @@ pub(crate) fn suitability(
         ));
     }
     let mut remarks = Vec::new();
-    let differences = tangent != TangentKind::None && !capabilities.tangents.contains(&tangent);
-    if differences {
+    let lacking = |tangent: &&TangentKind| **tangent != TangentKind::None && !capabilities.tangents.contains(tangent);
+    let lacks = tangents.iter().find(lacking);
+    if let Some(tangent) = lacks {
         remarks.push(format!(
             "engine `{engine}` has no tangent `{}`: tangents are found by finite differences of its answers",
             tangent.keyword()
@@ -53,7 +54,7 @@ pub(crate) fn suitability(
         remarks
             .push(format!("engine `{engine}` does not promise equal answers to equal questions: reruns may differ"));
     }
-    Ok(Suitability { differences, remarks })
+    Ok(Suitability { differences: lacks.is_some(), remarks })
 }
 
 fn law_keyword(law: ContactLaw) -> &'static str {

@@ -100,6 +100,12 @@ impl Document {
         }
     }
 
+    /// Whether the file or an override has a value at `path`.
+    pub(crate) fn is_written(&self, path: &[&str]) -> bool {
+        let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
+        self.table().is_ok_and(|root| find(root.get_ref(), &path).is_some())
+    }
+
     /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
     /// the place.
     pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {

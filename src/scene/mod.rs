@@ -2,13 +2,17 @@
 
 mod build;
 mod changes;
+mod conditions;
 mod document;
 mod engines;
 mod input_error;
 mod mesh;
 mod probes;
+mod recording;
 mod schema;
 mod sets;
+mod solving;
+mod stages;
 mod supervision;
 
 pub(crate) use build::{Scene, read_packing};

@@ -9,8 +9,8 @@ use macro_solver::output::{Probe, Quantity};
 use macro_solver::problem::Axis;
 use toml::Spanned;
 
-/// Columns that every history has.
-const TAKEN: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
+/// Columns that every history has, and the one of a run with several stages.
+const TAKEN: [&str; 6] = ["step", "time", "load", "iterations", "evaluations", "stage"];
 
 /// Checks all probes and translates them.
 ///

@@ -30,6 +30,8 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) loading: LoadingTable,
     #[serde(default)]
+    pub(crate) stage: Vec<Spanned<StageTable>>,
+    #[serde(default)]
     pub(crate) solver: SolverTable,
     #[serde(default)]
     pub(crate) output: OutputTable,
@@ -96,13 +98,85 @@ pub(crate) enum Generator {
     Wall,
 }
 
+/// `[[stage]]`: what differs from the tables of the same names for the whole run.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StageTable {
+    pub(crate) name: Spanned<String>,
+    #[serde(default)]
+    pub(crate) procedure: ProcedureKeyword,
+    #[serde(default)]
+    pub(crate) boundary: Vec<Spanned<BoundaryTable>>,
+    #[serde(default)]
+    pub(crate) pressure: Vec<Spanned<PressureTable>>,
+    #[serde(default)]
+    pub(crate) traction: Vec<Spanned<TractionTable>>,
+    #[serde(default)]
+    pub(crate) body_force: Vec<Spanned<BodyForceTable>>,
+    #[serde(default)]
+    pub(crate) remove: Vec<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) loading: LoadingTable,
+    #[serde(default)]
+    pub(crate) solver: SolverTable,
+    #[serde(default)]
+    pub(crate) output: StageOutputTable,
+}
+
+/// Ways to solve a stage.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ProcedureKeyword {
+    #[default]
+    Implicit,
+}
+
+/// `[stage.output]`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct StageOutputTable {
+    pub(crate) fields_every: Option<u64>,
+}
+
+/// `history`: the factor on the value of a condition over its stage.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum HistoryTable {
+    Constant,
+    Ramp,
+    Table(Vec<[f64; 2]>),
+    Sine(SineTable),
+}
+
+/// `sine` of a history.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SineTable {
+    pub(crate) frequency: f64,
+    #[serde(default)]
+    pub(crate) phase: f64,
+}
+
+/// Where displacements count from.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum OriginKeyword {
+    #[default]
+    Stage,
+    Run,
+}
+
 /// `[[boundary]]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BoundaryTable {
+    pub(crate) name: Option<Spanned<String>>,
     pub(crate) set: Spanned<String>,
     pub(crate) platen: Option<PlatenKind>,
     pub(crate) displacement: Spanned<Components>,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
+    #[serde(default)]
+    pub(crate) from: OriginKeyword,
 }
 
 /// Components of a displacement (what is left out is free) or of a traction (what is left out is zero).
@@ -137,6 +211,8 @@ pub(crate) struct PressureTable {
     pub(crate) value: f64,
     #[serde(default)]
     pub(crate) kind: PressureKeyword,
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
 }
 
 /// Pressures.
@@ -152,8 +228,10 @@ pub(crate) enum PressureKeyword {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TractionTable {
+    pub(crate) name: Option<Spanned<String>>,
     pub(crate) set: Spanned<String>,
     pub(crate) value: Components,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
 }
 
 /// `[[body_force]]`.
@@ -163,6 +241,8 @@ pub(crate) struct BodyForceTable {
     #[serde(default = "all")]
     pub(crate) set: Spanned<String>,
     pub(crate) value: Components,
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
 }
 
 fn all() -> Spanned<String> {
@@ -186,8 +266,8 @@ pub(crate) struct LoadingTable {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SolverTable {
-    pub(crate) formulation: FormulationKeyword,
-    pub(crate) equations: EquationKeyword,
+    pub(crate) formulation: Option<Spanned<FormulationKeyword>>,
+    pub(crate) equations: Option<Spanned<EquationKeyword>>,
     pub(crate) hourglass_coefficient: Option<Spanned<f64>>,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,

@@ -28,7 +28,7 @@ pub(crate) struct Progress {
     pub(crate) output: PathBuf,
     /// Accepted steps.
     pub(crate) step: usize,
-    /// Load factor reached, 0 to 1.
+    /// Share of the path reached, 0 to 1.
     pub(crate) load: f64,
     /// Point evaluations.
     pub(crate) evaluations: u64,
@@ -102,7 +102,7 @@ impl Observer for RunBeacon {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         let mut lamp = self.0.borrow_mut();
         lamp.progress.step = report.step;
-        lamp.progress.load = report.load;
+        lamp.progress.load = report.share;
         lamp.progress.evaluations = fields.statistics.evaluations;
         lamp.tell();
         Ok(())

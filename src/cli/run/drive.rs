@@ -58,8 +58,7 @@ pub(super) fn drive<P: MacroPort>(
         tracing::warn!("grains are drawn only where this program's own engine solves them");
     }
     let (mut tap, snapshots) = SnapshotTap::new(&mut pool, &drawn);
-    let (every, duration) = (scene.record.fields_every, scene.record.duration);
-    let mut grains = GrainWriter::create(folder.path(), &scene.definition, every, duration, snapshots)
+    let mut grains = GrainWriter::create(folder.path(), &scene.definition, &scene.record, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;
     // The recorders come first: what a person has been told is on the disk.
     let mut observers =
@@ -105,6 +104,10 @@ pub(super) fn drive<P: MacroPort>(
         let place = folder.path().display().to_string();
         eprint!("{}", text(&summary, &run.outcome, run.statistics.cost.force_evaluations, &place));
     }
+    let stage = match &scene.problem.stages[..] {
+        [_] => String::new(),
+        stages => stages.get(run.stage).map_or(String::new(), |stage| format!(" of stage '{}'", stage.name)),
+    };
     match run.outcome {
         Outcome::Completed => {
             written?;
@@ -115,7 +118,7 @@ pub(super) fn drive<P: MacroPort>(
         Outcome::DidNotConverge { reason } => Err(Failure::new(
             Exit::NotConverged,
             format!(
-                "the run did not converge beyond load {:.4}: {reason}\nhint: use more loading.increments, a smaller \
+                "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
              loading.smallest_increment, or look at the last fields",
                 run.load
             ),
@@ -123,7 +126,7 @@ pub(super) fn drive<P: MacroPort>(
         Outcome::Interrupted => Err(Failure::new(
             Exit::Interrupted,
             format!(
-                "interrupted at load {:.4}; everything up to the last accepted step is written{}",
+                "interrupted at load {:.4}{stage}; everything up to the last accepted step is written{}",
                 run.load,
                 if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
             ),

@@ -6,7 +6,7 @@
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
-use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
+use macro_solver::output::{Field, FieldSeries, OutputError, RecordPlan, write_particles};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
 use protocol::{RveError, RveSolver, TrialAnswer};
@@ -76,31 +76,29 @@ impl<P: MacroPort> PointMaterial for SnapshotTap<'_, P> {
 /// Writes the grains of the chosen points.
 pub(super) struct GrainWriter {
     folder: PathBuf,
-    every: u64,
-    duration: f64,
+    plan: RecordPlan,
     snapshots: Snapshots,
     artist: Box<dyn Draw>,
     series: BTreeMap<PointId, FieldSeries>,
 }
 
 impl GrainWriter {
-    /// A writer into `folder/grains`, after every so many steps (0 = never).
+    /// A writer into `folder/grains`, whenever the plan wants fields.
     ///
     /// # Errors
     /// The folder cannot be made, or the definition is not a cell of grains.
     pub(super) fn create(
         folder: &Path,
         definition: &AnyDefinition,
-        every: u64,
-        duration: f64,
+        plan: &RecordPlan,
         snapshots: Snapshots,
     ) -> Result<Self, StopRequest> {
         let folder = folder.join("grains");
-        if every > 0 && !snapshots.borrow().is_empty() {
+        if plan.has_fields() && !snapshots.borrow().is_empty() {
             fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
         }
         let artist = artist(definition).map_err(stop)?;
-        Ok(Self { folder, every, duration, snapshots, artist, series: BTreeMap::new() })
+        Ok(Self { folder, plan: plan.clone(), snapshots, artist, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
@@ -109,7 +107,7 @@ impl GrainWriter {
             self.artist.draw(snapshot, &self.folder.join(&name))?;
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
-            series.add(report.load * self.duration, name).map_err(stop)?;
+            series.add(report.time, name).map_err(stop)?;
         }
         Ok(())
     }
@@ -142,8 +140,7 @@ impl Observer for GrainWriter {
     }
 
     fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        let wanted = self.every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(self.every));
-        if wanted { self.write(report) } else { Ok(()) }
+        if self.plan.wants_fields(report) { self.write(report) } else { Ok(()) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
 use macro_solver::output::OutputError;
-use macro_solver::problem::Problem;
+use macro_solver::problem::{Problem, Stage};
 use std::fs::OpenOptions;
 use std::path::Path;
 use std::sync::Mutex;
@@ -42,10 +42,20 @@ impl Observer for Journal {
             event = "started",
             elements = problem.mesh.elements.len(),
             gauss_points = problem.point_count(),
-            increments = problem.control.increments,
-            tangent = problem.strategy.tangent.keyword(),
+            stages = problem.stages.len(),
         );
         Ok(())
+    }
+
+    fn stage_started(&mut self, number: usize, stage: &Stage) {
+        tracing::info!(
+            event = "stage",
+            stage = number,
+            name = stage.name,
+            duration = stage.duration,
+            increments = stage.control.increments,
+            tangent = stage.strategy.tangent.keyword(),
+        );
     }
 
     fn iterated(&mut self, report: &IterationReport) {
@@ -65,6 +75,8 @@ impl Observer for Journal {
         tracing::info!(
             event = "step",
             step = report.step,
+            stage = report.stage,
+            time = report.time,
             load = report.load,
             iterations = report.iterations,
             evaluations = report.evaluations,
@@ -94,6 +106,7 @@ impl Observer for Journal {
         tracing::info!(
             event = "finished",
             outcome = ?run.outcome,
+            stage = run.stage,
             load = run.load,
             steps = run.statistics.steps,
             iterations = run.statistics.iterations,

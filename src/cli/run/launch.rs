@@ -44,7 +44,7 @@ pub(super) fn run(
     let mut settings = PoolSettings::new(name.clone());
     let differences = crew.differences();
     // What an engine cannot do was found out before; where none lacks it, workers that join by hand are held to it.
-    settings.tangents = if differences.contains(&true) { Vec::new() } else { vec![scene.problem.strategy.tangent] };
+    settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.tangents() };
     settings.engines = crew.members.iter().map(|member| member.capabilities.engine.clone()).collect();
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.patience = ATTACHED_PATIENCE;

@@ -2,7 +2,7 @@
 
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
-use macro_solver::problem::Problem;
+use macro_solver::problem::{Problem, Stage};
 
 /// Tells each observer everything, in order. The first that asks to stop ends the round: what follows has not seen the
 /// step, and the run ends.
@@ -11,6 +11,10 @@ pub(super) struct Chain<'a>(pub(super) Vec<&'a mut dyn Observer>);
 impl Observer for Chain<'_> {
     fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
         self.0.iter_mut().try_for_each(|observer| observer.started(problem))
+    }
+
+    fn stage_started(&mut self, number: usize, stage: &Stage) {
+        self.0.iter_mut().for_each(|observer| observer.stage_started(number, stage));
     }
 
     fn iterated(&mut self, report: &IterationReport) {

@@ -91,7 +91,7 @@ mod tests {
 
     fn row(step: u64, value: f64) -> HistoryRow {
         let load = step as f64 / 10.0;
-        HistoryRow { step, time: load, load, iterations: 1, evaluations: 8, probes: vec![value] }
+        HistoryRow { step, time: load, load, iterations: 1, evaluations: 8, stage: 0, probes: vec![value] }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, StepReport, StopRequest};
+use macro_solver::problem::Problem;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -13,8 +14,10 @@ const RESOLUTION: f64 = 1000.0;
 pub(super) struct Progress {
     view: View,
     begun: Instant,
-    /// Load at the first step seen: a continued run does not begin at 0.
+    /// Share of the path at the first step seen: a continued run does not begin at 0.
     first: Option<f64>,
+    /// Names of the stages, if there are several.
+    stages: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -34,7 +37,7 @@ impl Progress {
         } else {
             View::Lines
         };
-        Self { view, begun: Instant::now(), first: None }
+        Self { view, begun: Instant::now(), first: None, stages: Vec::new() }
     }
 
     fn say(&self, line: &str) {
@@ -55,6 +58,13 @@ fn bar() -> ProgressBar {
 }
 
 impl Observer for Progress {
+    fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
+        if problem.stages.len() > 1 {
+            self.stages = problem.stages.iter().map(|stage| format!("{}  ", stage.name)).collect();
+        }
+        Ok(())
+    }
+
     fn iterated(&mut self, report: &IterationReport) {
         if let View::Bar(bar) = &self.view {
             bar.set_message(format!(
@@ -65,16 +75,17 @@ impl Observer for Progress {
     }
 
     fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        let first = *self.first.get_or_insert(report.load - report.size);
+        let first = *self.first.get_or_insert(report.share);
         match &self.view {
-            View::Bar(bar) => bar.set_position((report.load * RESOLUTION) as u64),
+            View::Bar(bar) => bar.set_position((report.share * RESOLUTION) as u64),
             View::Lines => {
                 let elapsed = self.begun.elapsed().as_secs_f64();
-                let covered = report.load - first;
-                let left = if covered > 0.0 { elapsed / covered * (1.0 - report.load) } else { f64::NAN };
+                let covered = report.share - first;
+                let left = if covered > 0.0 { elapsed / covered * (1.0 - report.share) } else { f64::NAN };
                 let left = if left.is_nan() { String::new() } else { format!(", about {left:.0} s left") };
+                let stage = self.stages.get(report.stage).map_or("", String::as_str);
                 eprintln!(
-                    "step {:>3}  load {:.4}  {:>2} iterations  {:>5} evaluations  out of balance {:.1e}  {elapsed:.1} s{left}",
+                    "step {:>3}  {stage}load {:.4}  {:>2} iterations  {:>5} evaluations  out of balance {:.1e}  {elapsed:.1} s{left}",
                     report.step, report.load, report.iterations, report.evaluations, report.force_ratio
                 );
             }

@@ -1,0 +1,262 @@
+//! Conditions of the stages: what the scene says, and what stays of the stages before.
+//!
+//! A condition acts from its stage to the end of the run, unless a later stage replaces it (the same table and the same
+//! name) or removes it. What stays on is held as it stood at the end of its stage: supports do not move any more, loads
+//! keep the value that they have reached.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{
+    BodyForceTable, BoundaryTable, Components, HistoryTable, OriginKeyword, PlatenKind, PressureKeyword,
+    PressureTable, SceneFile, StageTable, TractionTable,
+};
+use super::sets::Sets;
+use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Platen, PressureKind};
+use toml::Spanned;
+
+/// The tables of one place, the top of the scene or a stage.
+pub(super) struct ConditionTables<'a> {
+    boundary: &'a [Spanned<BoundaryTable>],
+    pressure: &'a [Spanned<PressureTable>],
+    traction: &'a [Spanned<TractionTable>],
+    body_force: &'a [Spanned<BodyForceTable>],
+}
+
+impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
+    fn from(file: &'a SceneFile) -> Self {
+        Self {
+            boundary: &file.boundary,
+            pressure: &file.pressure,
+            traction: &file.traction,
+            body_force: &file.body_force,
+        }
+    }
+}
+
+impl<'a> From<&'a StageTable> for ConditionTables<'a> {
+    fn from(stage: &'a StageTable) -> Self {
+        Self {
+            boundary: &stage.boundary,
+            pressure: &stage.pressure,
+            traction: &stage.traction,
+            body_force: &stage.body_force,
+        }
+    }
+}
+
+/// Which table a condition stands in: a name belongs to one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Table {
+    Boundary,
+    Pressure,
+    Traction,
+    BodyForce,
+}
+
+/// A condition that acts, and how it is called.
+#[derive(Clone, Debug, PartialEq)]
+struct Acting {
+    table: Table,
+    name: String,
+    applied: Applied,
+}
+
+/// The conditions of the stage under construction.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Conditions(Vec<Acting>);
+
+impl Conditions {
+    /// What the solver gets.
+    pub(super) fn applied(&self) -> Vec<Applied> {
+        self.0.iter().map(|acting| acting.applied.clone()).collect()
+    }
+
+    /// Ends a stage of this duration, s: everything stays as it is then.
+    pub(super) fn settle(&mut self, duration: f64) {
+        let end = Moment { load: 1.0, time: duration };
+        for acting in &mut self.0 {
+            acting.applied = settled(&acting.applied, end);
+        }
+        self.0.retain(|acting| !is_idle(&acting.applied.condition));
+    }
+
+    /// Adds the conditions of tables; they replace those of the same table and name that acted before. A load that ramps
+    /// to its value begins at what it replaces.
+    ///
+    /// # Errors
+    /// A set that does not exist, or keys that do not fit together.
+    pub(super) fn add(
+        &mut self,
+        document: &Document,
+        sets: &Sets<'_>,
+        tables: &ConditionTables<'_>,
+    ) -> Result<(), InputError> {
+        let added = read(document, sets, tables)?;
+        let replacing =
+            |earlier: &Acting| added.iter().find(|new| new.table == earlier.table && new.name == earlier.name);
+        self.0.retain_mut(|earlier| match replacing(earlier) {
+            None => true,
+            Some(new) => fades(&mut earlier.applied, &new.applied),
+        });
+        self.0.extend(added);
+        Ok(())
+    }
+
+    /// Ends the conditions of these names.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    pub(super) fn remove(&mut self, document: &Document, names: &[Spanned<String>]) -> Result<(), InputError> {
+        for name in names {
+            if !self.0.iter().any(|acting| acting.name == *name.get_ref()) {
+                let mut known: Vec<&str> = self.0.iter().map(|acting| acting.name.as_str()).collect();
+                known.dedup();
+                return Err(document
+                    .error_at(name.span(), format!("no condition '{}' acts that could be removed", name.get_ref()))
+                    .hint(format!(
+                        "these act: {}; without `name` a condition is called as its set",
+                        known.join(", ")
+                    )));
+            }
+            self.0.retain(|acting| acting.name != *name.get_ref());
+        }
+        Ok(())
+    }
+}
+
+/// Whether a load that is replaced leaves bit by bit, while another ramps up in its place; it does so from now on.
+fn fades(earlier: &mut Applied, new: &Applied) -> bool {
+    if new.history != Amplitude::RAMP || is_support(&earlier.condition) {
+        return false;
+    }
+    let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
+    earlier.history = Amplitude::Ramp { from, to: 0.0 };
+    from != 0.0
+}
+
+/// Whether it prescribes displacements.
+fn is_support(condition: &Condition) -> bool {
+    matches!(condition, Condition::Displacement { .. } | Condition::Platen { .. })
+}
+
+/// The condition as it stands at the end of its stage, for the stages that follow.
+fn settled(applied: &Applied, end: Moment) -> Applied {
+    let factor = applied.history.factor(end);
+    let mut condition = applied.condition.clone();
+    match &mut condition {
+        // Displacements count from the beginning of the next stage.
+        Condition::Displacement { value, .. } => *value = 0.0,
+        Condition::Platen { displacement, .. } => *displacement = 0.0,
+        Condition::Pressure { value, .. } => *value *= factor,
+        Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => {
+            value.iter_mut().for_each(|component| *component *= factor);
+        }
+    }
+    Applied::new(condition, Amplitude::Constant)
+}
+
+/// Whether a load is no load any more.
+fn is_idle(condition: &Condition) -> bool {
+    match condition {
+        Condition::Displacement { .. } | Condition::Platen { .. } => false,
+        Condition::Pressure { value, .. } => *value == 0.0,
+        Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => *value == [0.0; 3],
+    }
+}
+
+fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> Result<Vec<Acting>, InputError> {
+    let mut found = Vec::new();
+    let mut push = |table, name: &Option<Spanned<String>>, set: &Spanned<String>, applied| {
+        let name = name.as_ref().unwrap_or(set).get_ref().clone();
+        found.push(Acting { table, name, applied });
+    };
+    for boundary in tables.boundary.iter().map(Spanned::get_ref) {
+        let history = history(document, &boundary.history, Amplitude::RAMP)?;
+        let origin = match boundary.from {
+            OriginKeyword::Stage => Origin::Stage,
+            OriginKeyword::Run => Origin::Run,
+        };
+        for condition in boundary_conditions(document, sets, boundary)? {
+            let applied = Applied { condition, history: history.clone(), origin };
+            push(Table::Boundary, &boundary.name, &boundary.set, applied);
+        }
+    }
+    for pressure in tables.pressure.iter().map(Spanned::get_ref) {
+        let kind = match pressure.kind {
+            PressureKeyword::Follower => PressureKind::Follower,
+            PressureKeyword::Dead => PressureKind::Dead,
+        };
+        let condition =
+            Condition::Pressure { sides: sets.side_set(document, &pressure.set)?, value: pressure.value, kind };
+        let history = history(document, &pressure.history, Amplitude::Constant)?;
+        push(Table::Pressure, &pressure.name, &pressure.set, Applied::new(condition, history));
+    }
+    for traction in tables.traction.iter().map(Spanned::get_ref) {
+        let condition =
+            Condition::Traction { sides: sets.side_set(document, &traction.set)?, value: or_zero(traction.value) };
+        let history = history(document, &traction.history, Amplitude::RAMP)?;
+        push(Table::Traction, &traction.name, &traction.set, Applied::new(condition, history));
+    }
+    for force in tables.body_force.iter().map(Spanned::get_ref) {
+        let condition =
+            Condition::BodyForce { elements: sets.element_set(document, &force.set)?, value: or_zero(force.value) };
+        let history = history(document, &force.history, Amplitude::RAMP)?;
+        push(Table::BodyForce, &force.name, &force.set, Applied::new(condition, history));
+    }
+    Ok(found)
+}
+
+fn or_zero(components: Components) -> [f64; 3] {
+    components.by_axis().map(|(_, component)| component.unwrap_or(0.0))
+}
+
+fn history(
+    document: &Document,
+    given: &Option<Spanned<HistoryTable>>,
+    otherwise: Amplitude,
+) -> Result<Amplitude, InputError> {
+    let Some(given) = given else { return Ok(otherwise) };
+    let amplitude = match given.get_ref() {
+        HistoryTable::Constant => Amplitude::Constant,
+        HistoryTable::Ramp => Amplitude::RAMP,
+        HistoryTable::Table(points) => Amplitude::Table(points.clone()),
+        HistoryTable::Sine(sine) => Amplitude::Sine { frequency: sine.frequency, phase: sine.phase },
+    };
+    match amplitude.defect() {
+        None => Ok(amplitude),
+        Some(defect) => Err(document.error_at(given.span(), "this history is not usable").hint(defect)),
+    }
+}
+
+fn boundary_conditions(
+    document: &Document,
+    sets: &Sets<'_>,
+    boundary: &BoundaryTable,
+) -> Result<Vec<Condition>, InputError> {
+    let nodes = sets.node_set(document, &boundary.set)?;
+    let components = *boundary.displacement.get_ref();
+    let Some(platen) = boundary.platen else {
+        let conditions: Vec<Condition> = components
+            .by_axis()
+            .into_iter()
+            .filter_map(|(axis, value)| Some(Condition::Displacement { nodes: nodes.clone(), axis, value: value? }))
+            .collect();
+        if conditions.is_empty() {
+            return Err(document
+                .error_at(boundary.displacement.span(), "no component is prescribed")
+                .hint("write for example displacement = { y = 0.0 }"));
+        }
+        return Ok(conditions);
+    };
+    let given: Vec<_> = components.by_axis().into_iter().filter_map(|(axis, value)| Some((axis, value?))).collect();
+    let [(axis, displacement)] = given[..] else {
+        return Err(document
+            .error_at(boundary.displacement.span(), "a platen moves along its normal only")
+            .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
+    };
+    let contact = match platen {
+        PlatenKind::Smooth => Platen::Smooth,
+        PlatenKind::Rough => Platen::Rough,
+    };
+    Ok(vec![Condition::Platen { nodes, contact, axis, displacement }])
+}

@@ -1,0 +1,109 @@
+//! The keys that say how the solver goes: `[solver]` and `[loading]`, for the run and for its stages.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{EquationKeyword, FormulationKeyword, LoadingTable, PredictorKeyword, SolverTable};
+use macro_solver::element::hourglass::HourglassControl;
+use macro_solver::formulation::Formulation;
+use macro_solver::problem::{EquationSolver, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances};
+use protocol::TangentKind;
+use toml::Spanned;
+
+/// What holds for the whole run.
+pub(super) fn equations(problem: &mut Problem, table: &SolverTable) {
+    if let Some(keyword) = &table.formulation {
+        problem.formulation = formulation(*keyword.get_ref());
+    }
+    if let Some(keyword) = &table.equations {
+        problem.equations = match keyword.get_ref() {
+            EquationKeyword::Direct => EquationSolver::Direct,
+            EquationKeyword::Iterative => EquationSolver::Iterative,
+        };
+    }
+    if let Some(coefficient) = &table.hourglass_coefficient {
+        problem.hourglass = HourglassControl::Stiffness { coefficient: *coefficient.get_ref() };
+    }
+}
+
+/// Refuses keys of a stage that can only hold for the whole run.
+///
+/// # Errors
+/// The first such key.
+pub(super) fn refuse_equations(document: &Document, table: &SolverTable) -> Result<(), InputError> {
+    let spans = [
+        table.formulation.as_ref().map(Spanned::span),
+        table.equations.as_ref().map(Spanned::span),
+        table.hourglass_coefficient.as_ref().map(Spanned::span),
+    ];
+    match spans.into_iter().flatten().next() {
+        None => Ok(()),
+        Some(span) => Err(document
+            .error_at(span, "this can only be chosen for the whole run")
+            .hint("move it to the table [solver] at the top of the scene")),
+    }
+}
+
+fn formulation(keyword: FormulationKeyword) -> Formulation {
+    match keyword {
+        FormulationKeyword::SmallStrain => Formulation::SmallStrain,
+        FormulationKeyword::TotalLagrangian => Formulation::TotalLagrangian,
+        FormulationKeyword::Updated => Formulation::Updated,
+        FormulationKeyword::Corotational => Formulation::Corotational,
+    }
+}
+
+/// Changes what the keys of a table say.
+pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
+    replace(&mut control.increments, &table.increments);
+    replace(&mut control.min, &table.smallest_increment);
+    replace(&mut control.growth, &table.growth);
+    replace(&mut control.cut, &table.cut);
+    replace(&mut control.target_iterations, &table.easy_iterations);
+    replace(&mut control.max_iterations, &table.max_iterations);
+}
+
+/// Changes what the keys of a table say.
+pub(super) fn tolerances(tolerances: &mut Tolerances, table: &SolverTable) {
+    replace(&mut tolerances.force, &table.force_tolerance);
+    replace(&mut tolerances.displacement, &table.displacement_tolerance);
+}
+
+fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
+    if let Some(given) = given {
+        *target = *given.get_ref();
+    }
+}
+
+/// Changes what the keys of a table say.
+///
+/// # Errors
+/// An operator with which the solver cannot work.
+pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &SolverTable) -> Result<(), InputError> {
+    if let Some(tangent) = &table.tangent {
+        if *tangent.get_ref() == TangentKind::None {
+            return Err(document
+                .error_at(tangent.span(), "the solver cannot work without a tangent operator")
+                .hint("use \"truss_like_slip\", \"truss_like\" or another operator of docs/scene.md"));
+        }
+        strategy.tangent = *tangent.get_ref();
+    }
+    match table.predictor {
+        Some(PredictorKeyword::Linear) => strategy.predictor = Predictor::Linear,
+        Some(PredictorKeyword::Tangent) => strategy.predictor = Predictor::Tangent,
+        None => {}
+    }
+    if let Some(secant) = table.secant {
+        let gates = strategy.secant.unwrap_or_default();
+        strategy.secant = secant.enabled.then_some(SecantGates {
+            min_change: secant.min_change.unwrap_or(gates.min_change),
+            max_ratio: secant.max_ratio.unwrap_or(gates.max_ratio),
+            floor: secant.floor.unwrap_or(gates.floor),
+        });
+    }
+    if let Some(floor) = &table.tangent_floor {
+        strategy.tangent_floor = (*floor.get_ref() != 0.0).then_some(*floor.get_ref());
+    }
+    replace(&mut strategy.capped_change, &table.capped_change);
+    strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);
+    Ok(())
+}

@@ -1,0 +1,173 @@
+//! `[[stage]]` tables become the stages of the problem. Tables at the top of the scene hold for all stages; without any
+//! `[[stage]]` they are the one stage that there is.
+
+use super::conditions::{ConditionTables, Conditions};
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
+use super::sets::Sets;
+use super::solving::{refuse_equations, step_control, strategy, tolerances};
+use macro_solver::output::StageOutput;
+use macro_solver::problem::{Procedure, Stage};
+use toml::Spanned;
+
+/// Name of the only stage of a scene without `[[stage]]`.
+const ONLY: &str = "loading";
+
+/// The stages of a scene and what is written of each.
+///
+/// # Errors
+/// The first key that is wrong, with its place.
+pub(super) fn stages(
+    document: &Document,
+    sets: &Sets<'_>,
+    file: &SceneFile,
+) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
+    let mut conditions = Conditions::default();
+    conditions.add(document, sets, &ConditionTables::from(file))?;
+    let base = base(document, file)?;
+    let mut stages: Vec<Stage> = Vec::new();
+    let mut outputs = Vec::new();
+    for table in &file.stage {
+        let name = name(document, &table.get_ref().name, &stages)?;
+        let table = table.get_ref();
+        if let Some(before) = stages.last() {
+            conditions.settle(before.duration);
+        }
+        conditions.remove(document, &table.remove)?;
+        conditions.add(document, sets, &ConditionTables::from(table))?;
+        let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base.clone() };
+        change(document, &mut stage, table)?;
+        stages.push(stage);
+        let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
+        outputs.push(StageOutput { name, fields_every });
+    }
+    if stages.is_empty() {
+        stages.push(Stage { conditions: conditions.applied(), ..base });
+        outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
+    }
+    if stages.iter().all(|stage| stage.conditions.is_empty()) {
+        return Err(document
+            .error("the scene holds and loads nothing")
+            .hint("add at least one [[boundary]] with set and displacement"));
+    }
+    Ok((stages, outputs))
+}
+
+/// What the tables at the top say about every stage.
+fn base(document: &Document, file: &SceneFile) -> Result<Stage, InputError> {
+    let mut stage = Stage::new(ONLY, Vec::new());
+    step_control(&mut stage.control, &file.loading);
+    tolerances(&mut stage.tolerances, &file.solver);
+    strategy(document, &mut stage.strategy, &file.solver)?;
+    duration(document, &mut stage.duration, &file.loading)?;
+    Ok(stage)
+}
+
+fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<(), InputError> {
+    refuse_equations(document, &table.solver)?;
+    stage.procedure = match table.procedure {
+        ProcedureKeyword::Implicit => Procedure::Implicit,
+    };
+    step_control(&mut stage.control, &table.loading);
+    tolerances(&mut stage.tolerances, &table.solver);
+    strategy(document, &mut stage.strategy, &table.solver)?;
+    duration(document, &mut stage.duration, &table.loading)
+}
+
+fn name(document: &Document, given: &Spanned<String>, before: &[Stage]) -> Result<String, InputError> {
+    let name = given.get_ref();
+    if name.is_empty() || before.iter().any(|stage| stage.name == *name) {
+        return Err(document
+            .error_at(given.span(), format!("'{name}' cannot name a stage"))
+            .hint("give every stage a name of its own"));
+    }
+    Ok(name.clone())
+}
+
+fn duration(document: &Document, duration: &mut f64, table: &LoadingTable) -> Result<(), InputError> {
+    match &table.duration {
+        Some(given) if *given.get_ref() <= 0.0 => Err(document
+            .error_at(given.span(), format!("a duration of {} s is not possible", given.get_ref()))
+            .hint("give a positive time in s; it scales the time column and what histories say about time")),
+        Some(given) => {
+            *duration = *given.get_ref();
+            Ok(())
+        }
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::Scene;
+    use macro_solver::problem::{Amplitude, Condition, Origin, Stage};
+    use std::path::Path;
+
+    fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/compression-shear.toml");
+        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+        Scene::load(&path, &overrides).map(|scene| scene.problem.stages).map_err(|error| error.to_string())
+    }
+
+    /// `(set, value, history)` of the pressures.
+    fn pressures(stage: &Stage) -> Vec<(&str, f64, &Amplitude)> {
+        let told = stage.conditions.iter().filter_map(|applied| match &applied.condition {
+            Condition::Pressure { sides, value, .. } => Some((sides.as_str(), *value, &applied.history)),
+            _ => None,
+        });
+        told.collect()
+    }
+
+    #[test]
+    fn loads_stay_are_replaced_and_end_from_stage_to_stage() {
+        let stages = stages(&[]).unwrap();
+        let told: Vec<_> =
+            stages.iter().map(|stage| (stage.name.as_str(), stage.control.increments, stage.duration)).collect();
+        assert_eq!(told, [("compression", 4, 60.0), ("shear", 10, 600.0)]);
+        assert_eq!(stages.iter().map(|stage| stage.tolerances.force).collect::<Vec<_>>(), [2e-3, 5e-3]);
+        let fading = Amplitude::Ramp { from: 1.0, to: 0.0 };
+        let [left, right, top] = ["left", "right", "top"].map(|set| (set, 1e5, &fading));
+        let grown = |set| (set, 2e5, &Amplitude::RAMP);
+        assert_eq!(pressures(&stages[0]), [left, right, top, grown("left"), grown("right"), grown("top")]);
+        let kept = |set| (set, 2e5, &Amplitude::Constant);
+        assert_eq!(pressures(&stages[1]), [kept("left"), kept("right")]);
+    }
+
+    #[test]
+    fn supports_are_held_where_they_are_unless_a_stage_moves_them() {
+        let more = ["stage.0.boundary=[{ set = 'bottom', platen = 'smooth', displacement = { y = 1e-4 } }]"];
+        let stages = stages(&more).unwrap();
+        let bottom = |stage: &Stage| {
+            let found = stage.conditions.iter().filter_map(|applied| match &applied.condition {
+                Condition::Platen { nodes, displacement, .. } if nodes == "bottom" => {
+                    Some((*displacement, applied.history.clone(), applied.origin))
+                }
+                _ => None,
+            });
+            found.collect::<Vec<_>>()
+        };
+        assert_eq!(bottom(&stages[0]), [(1e-4, Amplitude::RAMP, Origin::Stage)]);
+        assert_eq!(bottom(&stages[1]), [(0.0, Amplitude::Constant, Origin::Stage)]);
+    }
+
+    #[test]
+    fn histories_are_read_and_defects_have_their_place() {
+        let with = |history: &str| stages(&[&format!("stage.1.boundary.0.history={history}")]);
+        let moved = |history: &str| with(history).unwrap()[1].conditions.last().unwrap().history.clone();
+        assert_eq!(moved("{ table = [[0, 0], [300, 1.5]] }"), Amplitude::Table(vec![[0.0, 0.0], [300.0, 1.5]]));
+        assert_eq!(moved("{ sine = { frequency = 0.1 } }"), Amplitude::Sine { frequency: 0.1, phase: 0.0 });
+        let error = with("{ table = [[0, 0], [0, 1]] }").unwrap_err();
+        assert!(error.contains("history=") && error.contains("times of a table increase"), "{error}");
+        let error = stages(&["stage.1.remove=[\"cap\"]"]).unwrap_err();
+        assert!(error.contains("no condition 'cap'") && error.contains("bottom_left, left, right, lid"), "{error}");
+        let error = stages(&["stage.1.name=compression"]).unwrap_err();
+        assert!(error.contains("cannot name a stage"), "{error}");
+        let error = stages(&["stage.1.solver.equations=iterative"]).unwrap_err();
+        assert!(error.contains("whole run"), "{error}");
+        let error = stages(&["stage.1.loading.cut=2.0"]).unwrap_err();
+        assert!(error.contains("stage.1.loading.cut") && error.contains("stage 'shear'"), "{error}");
+        let error = stages(&["loading.cut=2.0"]).unwrap_err();
+        assert!(error.contains("--set loading.cut"), "{error}");
+    }
+}
