@@ -134,20 +134,25 @@ impl Body {
 
     /// Every point's displacement gradient relative to the formulation's reference.
     pub(crate) fn gradients(&self, increment: &[f64]) -> Vec<Matrix3<f64>> {
-        let dimension = self.mesh.dimension.count();
         let reference = if self.committed.is_empty() { &self.initial } else { &self.committed };
         let of_point = |(&element, geometry): (&usize, &PointGeometry)| {
-            let mut gradient = Matrix3::zeros();
-            for (&node, slope) in self.mesh.elements[element].iter().zip(&geometry.gradients) {
-                for i in 0..dimension {
-                    for j in 0..dimension {
-                        gradient[(i, j)] += increment[dimension * node + i] * slope[j];
-                    }
-                }
-            }
-            gradient
+            self.gradient_of(&self.mesh.elements[element], geometry, increment)
         };
         self.elements.iter().zip(reference).map(of_point).collect()
+    }
+
+    /// Gradient of a field over all degrees of freedom at a point of an element with the nodes `nodes`.
+    pub(crate) fn gradient_of(&self, nodes: &[usize], geometry: &PointGeometry, field: &[f64]) -> Matrix3<f64> {
+        let dimension = self.mesh.dimension.count();
+        let mut gradient = Matrix3::zeros();
+        for (&node, slope) in nodes.iter().zip(&geometry.gradients) {
+            for i in 0..dimension {
+                for j in 0..dimension {
+                    gradient[(i, j)] += field[dimension * node + i] * slope[j];
+                }
+            }
+        }
+        gradient
     }
 
     /// Geometry of every point after `increment`.
@@ -171,6 +176,15 @@ impl Body {
             geometry.extend((0..kind.point_count()).map(|local| point_geometry(kind, &nodes_at, local)));
         }
         geometry
+    }
+
+    /// Geometry on which stresses are integrated at the committed state.
+    pub(crate) fn settled_geometry(&self) -> &[PointGeometry] {
+        match self.formulation.integration() {
+            Configuration::Initial => &self.initial,
+            _ if self.committed.is_empty() => &self.initial,
+            _ => &self.committed,
+        }
     }
 
     /// Place of a point for given node positions, m.

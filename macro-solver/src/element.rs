@@ -4,7 +4,7 @@
 //! Node order is that of [`ElementKind`]. A plane element is treated as a slab of unit thickness: its third natural
 //! coordinate is `z`, and nothing depends on it.
 
-use crate::mesh::{Dimension, ElementKind};
+use crate::mesh::{Dimension, ElementKind, Mesh};
 use nalgebra::Matrix3;
 
 pub mod frequency;
@@ -157,6 +157,21 @@ pub fn geometry_of_shape(kind: ElementKind, shape: &Shape, positions: &[[f64; 3]
         }
     }
     PointGeometry { gradients, volume }
+}
+
+/// Initial places of all Gauss points of a mesh, m.
+pub fn point_places(mesh: &Mesh) -> Vec<[f64; 3]> {
+    let of_element = |element: usize| {
+        let positions = mesh.element_positions(element);
+        shapes_at_points(mesh.kinds[element]).iter().map(move |shape| {
+            let mut place = [0.0; 3];
+            for (position, value) in positions.iter().zip(&shape.values) {
+                (0..3).for_each(|axis| place[axis] += value * position[axis]);
+            }
+            place
+        })
+    };
+    (0..mesh.elements.len()).flat_map(of_element).collect()
 }
 
 #[cfg(test)]

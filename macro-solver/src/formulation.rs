@@ -96,6 +96,36 @@ impl Formulation {
         }
     }
 
+    /// Strain increment of a step in the fixed axes, as a neighbourhood averages it; `None` for formulations whose material
+    /// sees rotations, and if the motion turns the point inside out.
+    pub fn strain(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        match self {
+            Self::SmallStrain => Some(0.5 * (gradient + gradient.transpose())),
+            Self::TotalLagrangian | Self::Updated => None,
+            Self::Corotational => Some(Corotation::of_step(committed, gradient)?.spatial_strain),
+        }
+    }
+
+    /// The target to send for the strain increment `strain` (in the fixed axes) of a point whose own step gradient is
+    /// `gradient`; `None` as in [`Formulation::strain`].
+    pub fn target_of_strain(
+        self,
+        committed: &Matrix3<f64>,
+        gradient: &Matrix3<f64>,
+        strain: &Matrix3<f64>,
+    ) -> Option<Matrix3<f64>> {
+        match self {
+            Self::SmallStrain => Some(*strain),
+            Self::TotalLagrangian | Self::Updated => None,
+            Self::Corotational => Corotation::target(&Corotation::of_step(committed, gradient)?.into_frame(strain)),
+        }
+    }
+
+    /// Whether a material sees strain increments without rotations, which can be averaged over neighbours.
+    pub fn has_strain_increments(self) -> bool {
+        matches!(self, Self::SmallStrain | Self::Corotational)
+    }
+
     /// Deformation gradient after a step.
     pub fn deformation(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
         match self {

@@ -8,12 +8,14 @@
 
 mod balance;
 mod checkpoint;
-mod constraints;
+pub(crate) mod constraints;
+mod dynamic_stage;
 mod fields;
 mod linear_solver;
-mod loads;
+pub(crate) mod loads;
 mod newton;
-mod points;
+pub(crate) mod points;
+mod relaxation;
 mod safeguard;
 mod secant;
 mod stage;
@@ -22,6 +24,7 @@ mod tests;
 
 use crate::body::Body;
 use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
+use crate::dynamics::Integrator;
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
 use crate::problem::{Problem, ProblemError, Procedure};
@@ -78,7 +81,7 @@ struct Session<'a> {
 
 /// Why an attempt ended without convergence.
 #[derive(Debug)]
-enum Failure {
+pub(crate) enum Failure {
     /// A smaller step may help.
     Attempt(String),
     /// Nothing more can be done.
@@ -107,6 +110,10 @@ struct Solver<'a> {
     /// Share of the stage that has passed.
     load: f64,
     step: usize,
+    /// The dynamic stage under way or just over.
+    integrator: Option<Integrator>,
+    /// Velocities that a dynamic stage has left to the next one, m/s.
+    carried_velocity: Option<Vec<f64>>,
     /// Share of the stage that the next step tries.
     size: f64,
     statistics: Statistics,
@@ -142,6 +149,8 @@ impl<'a> Solver<'a> {
             last_increment: None,
             load: 0.0,
             step: 0,
+            integrator: None,
+            carried_velocity: None,
             size: 1.0 / first.control.increments as f64,
             statistics,
         })
@@ -152,12 +161,15 @@ impl<'a> Solver<'a> {
         let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
         if !resume(session.keeper, self, session.material, session.observer).map_err(unfit)? {
             session.observer.stage_started(self.stage, self.stage());
-            self.equilibrate(session)?;
-            self.keep(session);
+            if !matches!(self.stage().procedure, Procedure::Dynamic(_)) {
+                self.equilibrate(session)?;
+                self.keep(session);
+            }
         }
         loop {
-            match self.stage().procedure {
-                Procedure::Implicit => self.follow(session)?,
+            match &self.stage().procedure {
+                Procedure::Implicit | Procedure::Relaxation(_) => self.follow(session)?,
+                Procedure::Dynamic(settings) => self.integrate(settings, session)?,
             }
             if !self.enter_next_stage(session)? {
                 return Ok(());
@@ -202,7 +214,7 @@ impl<'a> Solver<'a> {
         let converged = if start.ratio() <= self.stage().tolerances.force {
             Converged { increment: still, iterations: 0, force_ratio: start.ratio(), displacement_ratio: 0.0 }
         } else {
-            let converged = self.attempt(0.0, session).map_err(ended)?;
+            let converged = self.approach(0.0, session).map_err(ended)?;
             session.material.commit().map_err(|error| ended(failure(error)))?;
             converged
         };
@@ -216,7 +228,7 @@ impl<'a> Solver<'a> {
         self.points.start_step();
         for cut_backs in 0.. {
             let load = next_load(self.load, *size, control.increments, control.min);
-            match self.attempt(load, session) {
+            match self.approach(load, session) {
                 Ok(converged) => {
                     session.material.commit().map_err(|error| match failure(error) {
                         Failure::Run(outcome) => outcome,
@@ -245,6 +257,14 @@ impl<'a> Solver<'a> {
             }
         }
         unreachable!("the loop only ends by returning")
+    }
+
+    /// Tries to reach `load` from the committed state in the way of the stage.
+    fn approach(&mut self, load: f64, session: &mut Session<'_>) -> Result<Converged, Failure> {
+        match &self.stage().procedure {
+            Procedure::Relaxation(settings) => self.relax(settings, load, session),
+            Procedure::Implicit | Procedure::Dynamic(_) => self.attempt(load, session),
+        }
     }
 
     /// Moves the reference to the converged configuration, which the material has committed, and reports it.
@@ -281,13 +301,18 @@ impl<'a> Solver<'a> {
             displacement_ratio: converged.displacement_ratio,
             flags: self.points.flags(),
         };
-        let fields = self.fields(&gradients);
+        let mut reactions = self.committed_balance.residual();
+        for &dof in self.constraints.free() {
+            reactions[dof] = 0.0;
+        }
+        let fields = self.fields(&gradients, &reactions, &self.committed_balance.external);
         let view = FieldsView {
             mesh: self.body.mesh(),
             displacements: &fields.displacements,
             reactions: &fields.reactions,
             loads: &fields.loads,
             hourglass_energy: self.committed_balance.hourglass_energy,
+            dynamics: None,
             points: &fields.points,
             statistics: &self.statistics,
         };
@@ -319,7 +344,7 @@ fn next_load(load: f64, size: f64, increments: usize, min: f64) -> f64 {
 }
 
 /// Runs `work` and adds its wall time to `total`, ns.
-fn timed<T>(total: &mut u64, work: impl FnOnce() -> T) -> T {
+pub(crate) fn timed<T>(total: &mut u64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
     *total += u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);

@@ -2,7 +2,9 @@
 
 mod body;
 pub mod checkpoint;
+pub mod damage;
 pub mod difference;
+pub mod dynamics;
 pub mod elastic;
 pub mod element;
 pub mod formulation;

@@ -7,11 +7,13 @@
 
 mod bins;
 mod kernel;
+mod layer;
 mod stability;
 #[cfg(test)]
 mod tests;
 
 pub use kernel::Kernel;
+pub use layer::NonlocalLayer;
 
 use bins::Bins;
 use nalgebra::Matrix3;

@@ -4,6 +4,7 @@
 //! deterministic. Times are not, are named `*_nanoseconds`, and must not reach a file that is compared bit by bit.
 
 use crate::checkpoint::{Archive, CheckpointError};
+use crate::dynamics::EnergyBalance;
 use crate::mesh::Mesh;
 use crate::problem::{Problem, ProblemError, Stage};
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
@@ -216,10 +217,29 @@ pub struct FieldsView<'a> {
     pub loads: &'a [[f64; 3]],
     /// Energy of the hourglass control of elements with one point, J, in the plane per metre of thickness.
     pub hourglass_energy: f64,
+    /// Motion and energies; `None` in a quasi-static stage.
+    pub dynamics: Option<DynamicsView<'a>>,
     /// Gauss points, by [`crate::material::PointId`].
     pub points: &'a [PointFields],
     /// Counts and times so far.
     pub statistics: &'a Statistics,
+}
+
+/// Motion of the body at a reported instant.
+#[derive(Clone, Copy, Debug)]
+pub struct DynamicsView<'a> {
+    /// Velocities, m/s.
+    pub velocities: &'a [[f64; 3]],
+    /// Accelerations, m/s2.
+    pub accelerations: &'a [[f64; 3]],
+    /// Energies since the stage began.
+    pub energy: EnergyBalance,
+    /// Time step, s.
+    pub time_step: f64,
+    /// Mass added by mass scaling, kg, in the plane per metre of thickness.
+    pub added_mass: f64,
+    /// Mass of the body, added mass included, kg, in the plane per metre of thickness.
+    pub mass: f64,
 }
 
 /// Counts and times of a run.
@@ -277,6 +297,17 @@ pub enum Outcome {
     /// The smallest step did not converge; everything up to the last accepted step is valid.
     DidNotConverge {
         /// Why the last attempt failed.
+        reason: String,
+    },
+    /// An explicit run has lost its stability; everything up to the last report is valid.
+    Unstable {
+        /// Time step of the stage at which it was seen.
+        step: u64,
+        /// Time since the stage began, s.
+        time: f64,
+        /// Size of the time step, s.
+        time_step: f64,
+        /// What was seen.
         reason: String,
     },
     /// A stop was requested.

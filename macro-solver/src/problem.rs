@@ -4,8 +4,10 @@
 //! Gauss point is asked; the solver refuses a problem that does not validate.
 
 use crate::element::hourglass::HourglassControl;
+use crate::element::mass::MassError;
 use crate::formulation::Formulation;
 use crate::mesh::{Mesh, MeshError};
+use crate::nonlocal::{NonlocalError, NonlocalSettings};
 use protocol::{Observables, TangentKind};
 use thiserror::Error;
 
@@ -45,6 +47,8 @@ pub struct Problem {
     pub equations: EquationSolver,
     /// What holds the hourglass modes of elements with one point.
     pub hourglass: HourglassControl,
+    /// Average of strain increments over neighbouring points; `None`: every point sees its own.
+    pub nonlocal: Option<NonlocalSettings>,
     /// Optional results asked of every point in every evaluation.
     pub observables: Observables,
     /// Strain that a point applies in one ramp increment: a step fixes each point's number of increments to its
@@ -63,6 +67,7 @@ impl Problem {
             formulation: Formulation::default(),
             equations: EquationSolver::default(),
             hourglass: HourglassControl::default(),
+            nonlocal: None,
             observables: Observables::NONE,
             strain_per_step: 0.0,
         }
@@ -145,6 +150,27 @@ pub enum ProblemError {
          free to hourglass; use the stiffness form"
     )]
     ViscousHourglass,
+    /// The masses of an element are not usable.
+    #[error(transparent)]
+    Mass(#[from] MassError),
+    /// The nonlocal operator is not usable.
+    #[error(transparent)]
+    Nonlocal(#[from] NonlocalError),
+    /// A material that sees rotations cannot be given averages.
+    #[error(
+        "averages over neighbours are averages of strain increments, but with the formulation \"{formulation}\" the points \
+         see displacement gradients, rotations included; use \"corotational\" or \"small_strain\""
+    )]
+    NonlocalFormulation {
+        /// Keyword of the formulation.
+        formulation: &'static str,
+    },
+    /// Newton's matrix knows no neighbours.
+    #[error(
+        "the tangent of averaged strains couples points of different elements, which Newton's method does not assemble; use \
+         procedure = \"dynamic\" or \"relaxation\", or leave [nonlocal] out"
+    )]
+    NonlocalNewton,
     /// A condition acts along z on a plane mesh.
     #[error("a plane problem has no direction z: displacements and forces along it must be left out")]
     NoThirdAxis,

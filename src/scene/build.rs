@@ -61,11 +61,12 @@ impl Scene {
         let sets = Sets { mesh: &mesh };
         let probes = probes(&document, &sets, &file.probe)?;
         let observables = observables(&document, &file.output, &probes)?;
-        let (stages, outputs) = stages(&document, &sets, &file)?;
         let plot = plot(&document, &file.output, &probes)?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
+        let (stages, outputs) = stages(&document, &sets, &file, definition.bulk_density())?;
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
+        problem.nonlocal = file.nonlocal.clone();
         equations(&mut problem, &file.solver);
         problem.observables = observables;
         problem.strain_per_step = definition.options().strain_per_step();
@@ -102,6 +103,20 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
     };
     let key: &[&str] = match *what {
         "duration" => &["loading", "duration"],
+        "density" => &["dynamics", "density"],
+        "time step" => &["dynamics", "time_step"],
+        "mass-scaled step" => &["dynamics", "mass_scaled_step"],
+        "mass factor" => &["dynamics", "mass_factor"],
+        "mass damping" => &["dynamics", "mass_damping"],
+        "stiffness damping" => &["dynamics", "stiffness_damping"],
+        "linear viscosity" => &["dynamics", "linear_viscosity"],
+        "quadratic viscosity" => &["dynamics", "quadratic_viscosity"],
+        "energy tolerance" => &["dynamics", "energy_tolerance"],
+        "output steps" => &["dynamics", "output_steps"],
+        "output interval" => &["dynamics", "output_interval"],
+        "damping ratio" => &["relaxation", "damping_ratio"],
+        "kinetic tolerance" => &["relaxation", "kinetic_tolerance"],
+        "hits" => &["relaxation", "hits"],
         "increments" => &["loading", "increments"],
         "min" => &["loading", "smallest_increment"],
         "growth" => &["loading", "growth"],

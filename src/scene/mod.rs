@@ -7,6 +7,7 @@ mod document;
 mod engines;
 mod input_error;
 mod mesh;
+mod motion;
 mod probes;
 mod recording;
 mod schema;

@@ -37,7 +37,9 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
     let keys = Keys { document, sets, table };
     let probe = table.get_ref();
     let allowed: &[&str] = match probe.kind {
-        ProbeKind::Reaction | ProbeKind::Displacement => &["set", "component"],
+        ProbeKind::Reaction | ProbeKind::Displacement | ProbeKind::Velocity | ProbeKind::Acceleration => {
+            &["set", "component"]
+        }
         ProbeKind::Strain | ProbeKind::Compression => &["from", "to", "component"],
         ProbeKind::MeanStress => &["component"],
         _ => &[],
@@ -69,6 +71,10 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
         ProbeKind::ElasticEnergy => Quantity::ElasticEnergy,
         ProbeKind::FrictionalDissipation => Quantity::FrictionalDissipation,
         ProbeKind::HourglassEnergy => Quantity::HourglassEnergy,
+        ProbeKind::Velocity => Quantity::Velocity { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
+        ProbeKind::Acceleration => Quantity::Acceleration { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
+        ProbeKind::KineticEnergy => Quantity::KineticEnergy,
+        ProbeKind::EnergyResidual => Quantity::EnergyResidual,
     })
 }
 

@@ -1,6 +1,8 @@
 //! Keys of the scene file, exactly as `docs/scene.md` lists them. What they mean together is in `build`.
 
+use super::motion::{DynamicsTable, RelaxationTable};
 use macro_solver::mesh::ElementKind;
+use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::problem::Axis;
 use protocol::TangentKind;
 use rve_server::definition::{ContactTable, RveOptions};
@@ -28,7 +30,14 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) body_force: Vec<Spanned<BodyForceTable>>,
     #[serde(default)]
+    pub(crate) procedure: ProcedureKeyword,
+    #[serde(default)]
     pub(crate) loading: LoadingTable,
+    #[serde(default)]
+    pub(crate) dynamics: DynamicsTable,
+    #[serde(default)]
+    pub(crate) relaxation: RelaxationTable,
+    pub(crate) nonlocal: Option<NonlocalSettings>,
     #[serde(default)]
     pub(crate) stage: Vec<Spanned<StageTable>>,
     #[serde(default)]
@@ -103,8 +112,11 @@ pub(crate) enum Generator {
 #[serde(deny_unknown_fields)]
 pub(crate) struct StageTable {
     pub(crate) name: Spanned<String>,
+    pub(crate) procedure: Option<ProcedureKeyword>,
     #[serde(default)]
-    pub(crate) procedure: ProcedureKeyword,
+    pub(crate) dynamics: DynamicsTable,
+    #[serde(default)]
+    pub(crate) relaxation: RelaxationTable,
     #[serde(default)]
     pub(crate) boundary: Vec<Spanned<BoundaryTable>>,
     #[serde(default)]
@@ -129,6 +141,8 @@ pub(crate) struct StageTable {
 pub(crate) enum ProcedureKeyword {
     #[default]
     Implicit,
+    Relaxation,
+    Dynamic,
 }
 
 /// `[stage.output]`.
@@ -268,6 +282,7 @@ pub(crate) struct LoadingTable {
 pub(crate) struct SolverTable {
     pub(crate) formulation: Option<Spanned<FormulationKeyword>>,
     pub(crate) equations: Option<Spanned<EquationKeyword>>,
+    pub(crate) hourglass: Option<Spanned<HourglassKeyword>>,
     pub(crate) hourglass_coefficient: Option<Spanned<f64>>,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,
@@ -277,6 +292,15 @@ pub(crate) struct SolverTable {
     pub(crate) tangent_floor: Option<Spanned<f64>>,
     pub(crate) capped_change: Option<Spanned<f64>>,
     pub(crate) keep_unchanged: Option<bool>,
+}
+
+/// What holds hourglass modes.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum HourglassKeyword {
+    #[default]
+    Stiffness,
+    Viscous,
 }
 
 /// Ways to solve the global equations.
@@ -396,6 +420,10 @@ pub(crate) enum ProbeKind {
     ElasticEnergy,
     FrictionalDissipation,
     HourglassEnergy,
+    Velocity,
+    Acceleration,
+    KineticEnergy,
+    EnergyResidual,
 }
 
 impl ProbeKind {
@@ -416,6 +444,10 @@ impl ProbeKind {
             Self::ElasticEnergy => "elastic_energy",
             Self::FrictionalDissipation => "frictional_dissipation",
             Self::HourglassEnergy => "hourglass_energy",
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
+            Self::KineticEnergy => "kinetic_energy",
+            Self::EnergyResidual => "energy_residual",
         }
     }
 }

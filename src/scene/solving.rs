@@ -2,7 +2,9 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{EquationKeyword, FormulationKeyword, LoadingTable, PredictorKeyword, SolverTable};
+use super::schema::{
+    EquationKeyword, FormulationKeyword, HourglassKeyword, LoadingTable, PredictorKeyword, SolverTable,
+};
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::problem::{EquationSolver, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances};
@@ -20,9 +22,13 @@ pub(super) fn equations(problem: &mut Problem, table: &SolverTable) {
             EquationKeyword::Iterative => EquationSolver::Iterative,
         };
     }
-    if let Some(coefficient) = &table.hourglass_coefficient {
-        problem.hourglass = HourglassControl::Stiffness { coefficient: *coefficient.get_ref() };
-    }
+    let coefficient = table.hourglass_coefficient.as_ref().map(|given| *given.get_ref());
+    let coefficient = coefficient.unwrap_or(problem.hourglass.coefficient());
+    problem.hourglass =
+        match table.hourglass.as_ref().map_or_else(HourglassKeyword::default, |given| *given.get_ref()) {
+            HourglassKeyword::Stiffness => HourglassControl::Stiffness { coefficient },
+            HourglassKeyword::Viscous => HourglassControl::Viscous { coefficient },
+        };
 }
 
 /// Refuses keys of a stage that can only hold for the whole run.
@@ -34,6 +40,7 @@ pub(super) fn refuse_equations(document: &Document, table: &SolverTable) -> Resu
         table.formulation.as_ref().map(Spanned::span),
         table.equations.as_ref().map(Spanned::span),
         table.hourglass_coefficient.as_ref().map(Spanned::span),
+        table.hourglass.as_ref().map(Spanned::span),
     ];
     match spans.into_iter().flatten().next() {
         None => Ok(()),

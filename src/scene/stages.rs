@@ -4,11 +4,12 @@
 use super::conditions::{ConditionTables, Conditions};
 use super::document::Document;
 use super::input_error::InputError;
+use super::motion::{MotionTables, procedure};
 use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
 use super::sets::Sets;
 use super::solving::{refuse_equations, step_control, strategy, tolerances};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{Procedure, Stage};
+use macro_solver::problem::Stage;
 use toml::Spanned;
 
 /// Name of the only stage of a scene without `[[stage]]`.
@@ -22,7 +23,12 @@ pub(super) fn stages(
     document: &Document,
     sets: &Sets<'_>,
     file: &SceneFile,
+    density: f64,
 ) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
+    let top = MotionTables { dynamics: &file.dynamics, relaxation: &file.relaxation };
+    let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
+        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, density)
+    };
     let mut conditions = Conditions::default();
     conditions.add(document, sets, &ConditionTables::from(file))?;
     let base = base(document, file)?;
@@ -38,12 +44,14 @@ pub(super) fn stages(
         conditions.add(document, sets, &ConditionTables::from(table))?;
         let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base.clone() };
         change(document, &mut stage, table)?;
+        let own = MotionTables { dynamics: &table.dynamics, relaxation: &table.relaxation };
+        stage.procedure = solved(table.procedure, &[top, own])?;
         stages.push(stage);
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
         outputs.push(StageOutput { name, fields_every });
     }
     if stages.is_empty() {
-        stages.push(Stage { conditions: conditions.applied(), ..base });
+        stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
     if stages.iter().all(|stage| stage.conditions.is_empty()) {
@@ -66,9 +74,6 @@ fn base(document: &Document, file: &SceneFile) -> Result<Stage, InputError> {
 
 fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<(), InputError> {
     refuse_equations(document, &table.solver)?;
-    stage.procedure = match table.procedure {
-        ProcedureKeyword::Implicit => Procedure::Implicit,
-    };
     step_control(&mut stage.control, &table.loading);
     tolerances(&mut stage.tolerances, &table.solver);
     strategy(document, &mut stage.strategy, &table.solver)?;

@@ -19,6 +19,23 @@ pub fn largest_frequency(
     masses: &[f64],
     hourglass: Option<(&HourglassModes, f64)>,
 ) -> f64 {
+    let free: Vec<usize> = (0..kind.dimension().count() * kind.node_count()).collect();
+    largest_frequency_of(kind, positions, moduli, masses, hourglass, &free)
+}
+
+/// As [`largest_frequency`], of the element with only its degrees of freedom `free` (`dimension * local node + axis`)
+/// free to move. Prescribed motion is not integrated in time, so it cannot be unstable; 0 if nothing is free.
+pub fn largest_frequency_of(
+    kind: ElementKind,
+    positions: &[[f64; 3]],
+    moduli: &[Operator],
+    masses: &[f64],
+    hourglass: Option<(&HourglassModes, f64)>,
+    free: &[usize],
+) -> f64 {
+    if free.is_empty() {
+        return 0.0;
+    }
     let (dimension, nodes) = (kind.dimension().count(), kind.node_count());
     let width = dimension * nodes;
     let mut stiffness = vec![0.0; width * width];
@@ -28,7 +45,8 @@ pub fn largest_frequency(
     if let Some((modes, factor)) = hourglass {
         modes.add_stiffness(dimension, factor, &mut stiffness);
     }
-    let scaled = DMatrix::from_fn(width, width, |row, column| {
+    let scaled = DMatrix::from_fn(free.len(), free.len(), |row, column| {
+        let (row, column) = (free[row], free[column]);
         let symmetric = 0.5 * (stiffness[row * width + column] + stiffness[column * width + row]);
         symmetric / (masses[row / dimension] * masses[column / dimension]).sqrt()
     });

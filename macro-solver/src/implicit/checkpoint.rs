@@ -4,13 +4,14 @@
 use super::Solver;
 use super::points::{PointRecord, copy};
 use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
+use crate::dynamics::{Integrator, IntegratorRecord};
 use crate::observer::Statistics;
 use serde::{Deserialize, Serialize};
 
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -25,6 +26,9 @@ struct Record {
     statistics: Statistics,
     /// Whether the equations of the stage have been analysed and that is counted.
     analysed: bool,
+    integrator: Option<IntegratorRecord>,
+    /// Strain increments of the last step, for the staggered average; empty without neighbours.
+    strains: Vec<Vec<f64>>,
 }
 
 impl Checkpointed for Solver<'_> {
@@ -40,6 +44,8 @@ impl Checkpointed for Solver<'_> {
             size: self.size,
             statistics: self.statistics.clone(),
             analysed: self.linear.is_analysed(),
+            integrator: self.integrator.as_ref().map(Integrator::record),
+            strains: self.points.previous_strains(),
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -67,6 +73,7 @@ impl Checkpointed for Solver<'_> {
         self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
         let counts = (self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
         self.linear.count_from(counts, record.analysed);
-        Ok(())
+        self.points.restore_strains(SECTION, &record.strains)?;
+        self.restore_integrator(SECTION, record.integrator)
     }
 }

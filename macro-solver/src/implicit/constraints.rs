@@ -7,7 +7,7 @@ use crate::problem::{Amplitude, Moment, Origin, Prescribed};
 
 /// Split of the degrees of freedom.
 #[derive(Clone, Debug)]
-pub(super) struct Constraints {
+pub(crate) struct Constraints {
     paths: Vec<Option<Path>>,
     histories: Vec<Amplitude>,
     unknowns: Vec<Option<usize>>,
@@ -24,7 +24,7 @@ struct Path {
 
 impl Constraints {
     /// From what is prescribed at every degree of freedom and the displacements at the beginning of the stage, m.
-    pub(super) fn new(prescribed: &[Option<Prescribed<'_>>], start: &[f64]) -> Self {
+    pub(crate) fn new(prescribed: &[Option<Prescribed<'_>>], start: &[f64]) -> Self {
         let mut histories: Vec<Amplitude> = Vec::new();
         let mut paths = Vec::with_capacity(prescribed.len());
         for (given, &start) in prescribed.iter().zip(start) {
@@ -50,32 +50,32 @@ impl Constraints {
     }
 
     /// Degrees of freedom, free and prescribed.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.paths.len()
     }
 
     /// Free degrees of freedom, ascending.
-    pub(super) fn free(&self) -> &[usize] {
+    pub(crate) fn free(&self) -> &[usize] {
         &self.free
     }
 
     /// Unknown of a degree of freedom, `None` when prescribed.
-    pub(super) fn unknown(&self, dof: usize) -> Option<usize> {
+    pub(crate) fn unknown(&self, dof: usize) -> Option<usize> {
         self.unknowns[dof]
     }
 
     /// Prescribed total displacement at a moment of the stage, m.
-    pub(super) fn prescribed(&self, dof: usize, moment: Moment) -> Option<f64> {
+    pub(crate) fn prescribed(&self, dof: usize, moment: Moment) -> Option<f64> {
         self.paths[dof].map(|path| path.start + path.change * self.histories[path.history].factor(moment))
     }
 
     /// The free components of a vector over all degrees of freedom.
-    pub(super) fn restrict(&self, all: &[f64]) -> Vec<f64> {
+    pub(crate) fn restrict(&self, all: &[f64]) -> Vec<f64> {
         self.free.iter().map(|&dof| all[dof]).collect()
     }
 
     /// A vector over all degrees of freedom that is zero at prescribed ones.
-    pub(super) fn expand(&self, free: &[f64]) -> Vec<f64> {
+    pub(crate) fn expand(&self, free: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; self.count()];
         for (&dof, value) in self.free.iter().zip(free) {
             all[dof] = *value;

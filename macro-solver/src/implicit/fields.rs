@@ -15,17 +15,14 @@ pub(super) struct Fields {
 }
 
 impl Solver<'_> {
-    /// Collects the committed state; `gradients` are those of the step that led to it.
-    pub(super) fn fields(&self, gradients: &[Matrix3<f64>]) -> Fields {
-        let mut reactions = self.committed_balance.residual();
-        for &dof in self.constraints.free() {
-            reactions[dof] = 0.0;
-        }
+    /// Collects the committed state; `gradients` are those of the step that led to it, forces run over all degrees of
+    /// freedom.
+    pub(super) fn fields(&self, gradients: &[Matrix3<f64>], reactions: &[f64], loads: &[f64]) -> Fields {
         let dimension = self.body.mesh().dimension.count();
         Fields {
             displacements: by_node(dimension, &self.body.displacements),
-            reactions: by_node(dimension, &reactions),
-            loads: by_node(dimension, &self.committed_balance.external),
+            reactions: by_node(dimension, reactions),
+            loads: by_node(dimension, loads),
             points: self.point_fields(gradients),
         }
     }

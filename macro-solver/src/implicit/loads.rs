@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 /// All loads of a stage. Vectors run over all degrees of freedom; in the plane per metre of thickness.
 #[derive(Clone, Debug)]
-pub(super) struct Loads {
+pub(crate) struct Loads {
     dimension: usize,
     degrees_of_freedom: usize,
     followers: Vec<Follower>,
@@ -33,7 +33,7 @@ impl Loads {
     ///
     /// # Errors
     /// A side or element set that does not exist.
-    pub(super) fn new(problem: &Problem, stage: &Stage) -> Result<Self, ProblemError> {
+    pub(crate) fn new(problem: &Problem, stage: &Stage) -> Result<Self, ProblemError> {
         let mesh = &problem.mesh;
         let mut loads = Self {
             dimension: mesh.dimension.count(),
@@ -108,7 +108,7 @@ impl Loads {
     }
 
     /// Nodal forces at a moment of the stage with the nodes at `positions`, N.
-    pub(super) fn force(&self, positions: &[[f64; 3]], moment: Moment) -> Vec<f64> {
+    pub(crate) fn force(&self, positions: &[[f64; 3]], moment: Moment) -> Vec<f64> {
         let mut force = vec![0.0; self.degrees_of_freedom];
         for (history, forces) in &self.dead {
             let factor = history.factor(moment);
@@ -123,7 +123,7 @@ impl Loads {
     }
 
     /// Degrees of freedom of each stiffness block, in the order of [`Loads::stiffness`].
-    pub(super) fn block_dofs(&self) -> impl Iterator<Item = Vec<usize>> + '_ {
+    pub(crate) fn block_dofs(&self) -> impl Iterator<Item = Vec<usize>> + '_ {
         self.followers.iter().map(|follower| degrees_of_freedom(self.dimension, &follower.nodes))
     }
 

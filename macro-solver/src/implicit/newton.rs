@@ -8,6 +8,7 @@ use super::{Failure, Session, Solver, timed};
 use crate::observer::IterationReport;
 use crate::problem::Predictor;
 use nalgebra::Matrix3;
+use protocol::TangentKind;
 
 /// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
 const ROUND_OFF: f64 = 1e-12;
@@ -127,27 +128,37 @@ impl Solver<'_> {
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<Evaluated, Failure> {
+        let asked = self.ask(increment, self.tangent_asked, session)?;
+        let moment = self.moment(load);
+        self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
+            self.body.balance(increment, self.points.all(), &self.loads, moment)
+        });
+        Ok(self.evaluated(asked))
+    }
+
+    /// Asks all points for their answers to an iterate.
+    pub(super) fn ask(
+        &mut self,
+        increment: &[f64],
+        tangent: TangentKind,
+        session: &mut Session<'_>,
+    ) -> Result<u64, Failure> {
         let gradients = self.body.gradients(increment);
         if let Some(point) = self.body.inverted_point(&gradients, &self.body.geometry(increment)) {
             let element = self.body.element_of(point);
             return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
         }
         let mut waiting = 0;
-        let asked = timed(&mut waiting, || {
-            self.points.evaluate(&gradients, self.tangent_asked, session.material, &mut self.statistics)
-        });
+        let asked =
+            timed(&mut waiting, || self.points.evaluate(&gradients, tangent, session.material, &mut self.statistics));
         self.statistics.material_nanoseconds += waiting;
-        let asked = asked?.asked;
-        let moment = self.moment(load);
-        self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
-            self.body.balance(increment, self.points.all(), &self.loads, moment)
-        });
+        Ok(asked?.asked)
+    }
+
+    /// How far the assembled balance is from zero.
+    pub(super) fn evaluated(&self, asked: u64) -> Evaluated {
         let residual = self.balance.residual();
-        Ok(Evaluated {
-            asked,
-            residual: norm(&self.constraints.restrict(&residual)),
-            scale: self.force_scale(&residual),
-        })
+        Evaluated { asked, residual: norm(&self.constraints.restrict(&residual)), scale: self.force_scale(&residual) }
     }
 
     /// Norm of the reactions or of the loads, whichever is larger. Where both vanish, the force of a relative

@@ -9,10 +9,12 @@ pub(super) use record::{PointRecord, copy};
 
 use super::Failure;
 use super::secant::{Sample, Yardstick, corrected, floored};
+use crate::element::point_places;
 use crate::formulation::tensor::{matrix, operator, tensor};
 use crate::formulation::{Formulation, Operator, Response};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Dimension;
+use crate::nonlocal::NonlocalLayer;
 use crate::observer::{FlagCounts, Outcome, Statistics};
 use crate::problem::{Problem, SecantGates, Strategy};
 use nalgebra::Matrix3;
@@ -20,23 +22,23 @@ use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(crate) struct Point {
     /// Committed total deformation gradient.
-    pub(super) deformation: Matrix3<f64>,
+    pub(crate) deformation: Matrix3<f64>,
     /// Stress and moduli of the latest evaluation, secant correction included.
-    pub(super) response: Response,
+    pub(crate) response: Response,
     /// Total deformation gradient at the latest evaluation.
     trial_deformation: Matrix3<f64>,
     /// Latest answer.
-    pub(super) answer: Option<TrialAnswer>,
+    pub(crate) answer: Option<TrialAnswer>,
     /// Evaluations in this step.
-    pub(super) step_evaluations: u64,
+    pub(crate) step_evaluations: u64,
     /// Evaluations since the start.
-    pub(super) evaluations: u64,
+    pub(crate) evaluations: u64,
     /// Cost in this step.
-    pub(super) step_cost: Cost,
+    pub(crate) step_cost: Cost,
     /// Cost since the start.
-    pub(super) cost: Cost,
+    pub(crate) cost: Cost,
     tangent: Operator,
     yardstick: Option<Yardstick>,
     ramp_steps: u32,
@@ -65,21 +67,51 @@ impl Point {
     }
 
     /// Mean shear modulus of the first tangent, Pa; 0 before it.
-    pub(super) fn first_shear_modulus(&self) -> f64 {
+    pub(crate) fn first_shear_modulus(&self) -> f64 {
         self.yardstick.map_or(0.0, |yardstick| yardstick.shear)
     }
 
+    /// A Cauchy stress of the point at its latest evaluation as the element integrals need it.
+    pub(crate) fn nominal(&self, formulation: Formulation, stress: &Matrix3<f64>) -> Matrix3<f64> {
+        formulation
+            .nominal_stress(&self.trial_deformation, stress)
+            .expect("a point that is turned inside out is never evaluated")
+    }
+
     /// Stress and moduli of the latest evaluation as the element integrals need them.
-    pub(super) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
+    pub(crate) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
         formulation
             .integrand(&self.trial_deformation, &self.response)
             .expect("a point that is turned inside out is never evaluated")
     }
 }
 
+impl Point {
+    /// Whether nothing happens to the point in a step without a tangent: its last answer stays true.
+    fn rests(&self, gradient: &Matrix3<f64>, strain: Option<Matrix3<f64>>, tangent: TangentKind) -> bool {
+        let zero = Matrix3::zeros();
+        let is_still = *gradient == zero && strain.is_none_or(|strain| strain == zero);
+        tangent == TangentKind::None
+            && is_still
+            && self.answer.is_some()
+            && self.trial_deformation == self.deformation
+    }
+
+    /// Takes up an answer to the step gradient `gradient`.
+    fn hold(&mut self, formulation: Formulation, gradient: &Matrix3<f64>, answer: TrialAnswer) {
+        self.trial_deformation = formulation.deformation(&self.deformation, gradient);
+        self.held = Some(*gradient);
+        self.answer = Some(answer);
+    }
+}
+
+fn inside_out(number: usize) -> Failure {
+    Failure::Attempt(format!("Gauss point {number} is turned inside out"))
+}
+
 /// All Gauss points and the choices that govern their evaluation.
 #[derive(Clone, Debug)]
-pub(super) struct Points {
+pub(crate) struct Points {
     points: Vec<Point>,
     dimension: Dimension,
     formulation: Formulation,
@@ -88,11 +120,14 @@ pub(super) struct Points {
     tangent_floor: Option<f64>,
     secant: Option<SecantGates>,
     keep_unchanged: bool,
+    neighbours: Option<NonlocalLayer>,
+    /// Strain increments of the latest evaluation before they were averaged; empty without neighbours.
+    strains: Vec<Matrix3<f64>>,
 }
 
 impl Points {
     /// Undeformed points.
-    pub(super) fn new(problem: &Problem) -> Self {
+    pub(crate) fn new(problem: &Problem) -> Self {
         let strategy = &problem.stages[0].strategy;
         Self {
             points: vec![Point::new(); problem.point_count()],
@@ -103,23 +138,27 @@ impl Points {
             tangent_floor: strategy.tangent_floor,
             secant: strategy.secant,
             keep_unchanged: strategy.keep_unchanged,
+            neighbours: problem.nonlocal.as_ref().map(|settings| {
+                NonlocalLayer::new(&point_places(&problem.mesh), &[], settings).expect("checked before the run")
+            }),
+            strains: Vec::new(),
         }
     }
 
     /// Takes up the choices of a stage.
-    pub(super) fn choose(&mut self, strategy: &Strategy) {
+    pub(crate) fn choose(&mut self, strategy: &Strategy) {
         self.tangent_floor = strategy.tangent_floor;
         self.secant = strategy.secant;
         self.keep_unchanged = strategy.keep_unchanged;
     }
 
     /// The points, by number.
-    pub(super) fn all(&self) -> &[Point] {
+    pub(crate) fn all(&self) -> &[Point] {
         &self.points
     }
 
     /// Fixes every point's ramp for the coming attempt from its predicted displacement gradient.
-    pub(super) fn fix_ramps(&mut self, predicted: &[Matrix3<f64>]) {
+    pub(crate) fn fix_ramps(&mut self, predicted: &[Matrix3<f64>]) {
         if self.strain_per_step == 0.0 {
             return;
         }
@@ -138,7 +177,7 @@ impl Points {
     ///
     /// # Errors
     /// [`Failure::Attempt`] if a smaller step may help, otherwise the end of the run.
-    pub(super) fn evaluate(
+    pub(crate) fn evaluate(
         &mut self,
         gradients: &[Matrix3<f64>],
         tangent: TangentKind,
@@ -146,14 +185,18 @@ impl Points {
         statistics: &mut Statistics,
     ) -> Result<Sweep, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
+        let seen = self.average_strains(gradients)?;
         for (number, (point, gradient)) in self.points.iter_mut().zip(gradients).enumerate() {
-            if self.keep_unchanged && point.held.as_ref() == Some(gradient) {
+            let is_held = seen.is_none() && point.held.as_ref() == Some(gradient);
+            let strain = seen.as_ref().map(|seen| seen[number]);
+            if self.keep_unchanged && (is_held || point.rests(gradient, strain, tangent)) {
                 continue;
             }
-            let target = self
-                .formulation
-                .target(&point.deformation, gradient)
-                .ok_or_else(|| Failure::Attempt(format!("Gauss point {number} is turned inside out")))?;
+            let target = match strain {
+                None => self.formulation.target(&point.deformation, gradient),
+                Some(strain) => self.formulation.target_of_strain(&point.deformation, gradient, &strain),
+            };
+            let target = target.ok_or_else(|| inside_out(number))?;
             // Until its answer is in, the material's latest trial of this point is unknown.
             point.held = None;
             let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
@@ -171,6 +214,25 @@ impl Points {
             self.take(trial, &gradients[trial.point], answer, statistics)?;
         }
         Ok(sweep)
+    }
+
+    /// What the points see of the strain increments of the elements; `None` without neighbours.
+    fn average_strains(&mut self, gradients: &[Matrix3<f64>]) -> Result<Option<Vec<Matrix3<f64>>>, Failure> {
+        let Some(neighbours) = &self.neighbours else { return Ok(None) };
+        let strain = |(number, gradient): (usize, &Matrix3<f64>)| {
+            let strain = self.formulation.strain(&self.points[number].deformation, gradient);
+            strain.ok_or_else(|| inside_out(number))
+        };
+        self.strains = gradients.iter().enumerate().map(strain).collect::<Result<_, _>>()?;
+        Ok(Some(neighbours.seen(&self.strains)))
+    }
+
+    /// Cauchy stresses that the elements integrate in place of those of their points, for volumes of the points in m3;
+    /// `None`: their own.
+    pub(crate) fn integrated_stresses(&self, volumes: impl Iterator<Item = f64>) -> Option<Vec<Matrix3<f64>>> {
+        let neighbours = self.neighbours.as_ref().filter(|neighbours| neighbours.is_adjoint())?;
+        let stresses: Vec<Matrix3<f64>> = self.points.iter().map(|point| point.response.stress).collect();
+        Some(neighbours.integrated(&stresses, &volumes.collect::<Vec<f64>>()))
     }
 
     fn count(&mut self, number: usize, answer: &TrialAnswer, statistics: &mut Statistics) {
@@ -201,13 +263,19 @@ impl Points {
         }
         let (dimension, formulation) = (self.dimension, self.formulation);
         let point = &mut self.points[trial.point];
+        if trial.ask.tangent == TangentKind::None {
+            let stress = formulation.cauchy(&point.deformation, gradient, &matrix(&answer.stress));
+            point.response.stress = stress.ok_or_else(|| inside_out(trial.point))?;
+            point.hold(formulation, gradient, answer);
+            return Ok(());
+        }
         if let Some(tangent) = &answer.tangent {
             point.tangent = operator(tangent);
         }
         let yardstick = *point.yardstick.get_or_insert_with(|| Yardstick::of(dimension, &point.tangent));
         let mut response = formulation
             .response(&point.deformation, gradient, &matrix(&answer.stress), &point.tangent)
-            .ok_or_else(|| Failure::Attempt(format!("Gauss point {} is turned inside out", trial.point)))?;
+            .ok_or_else(|| inside_out(trial.point))?;
         let floor = self.tangent_floor.and_then(|floor| floored(dimension, &response.moduli, &yardstick, floor));
         if let Some(moduli) = floor {
             response.moduli = moduli;
@@ -227,22 +295,24 @@ impl Points {
             point.last_sample = sample;
         }
         point.response = response;
-        point.trial_deformation = formulation.deformation(&point.deformation, gradient);
-        point.held = Some(*gradient);
-        point.answer = Some(answer);
+        point.hold(formulation, gradient, answer);
         Ok(())
     }
 
     /// The latest targets have become the committed states.
-    pub(super) fn commit(&mut self, gradients: &[Matrix3<f64>]) {
+    pub(crate) fn commit(&mut self, gradients: &[Matrix3<f64>]) {
         for (point, gradient) in self.points.iter_mut().zip(gradients) {
             point.deformation = self.formulation.deformation(&point.deformation, gradient);
+            point.trial_deformation = point.deformation;
+        }
+        if let Some(neighbours) = &mut self.neighbours {
+            neighbours.commit(std::mem::take(&mut self.strains));
         }
         self.forget_trials();
     }
 
     /// The material has dropped its trials.
-    pub(super) fn forget_trials(&mut self) {
+    pub(crate) fn forget_trials(&mut self) {
         for point in &mut self.points {
             point.held = None;
             point.last_sample = None;
@@ -250,7 +320,7 @@ impl Points {
     }
 
     /// Starts the counters of a new step.
-    pub(super) fn start_step(&mut self) {
+    pub(crate) fn start_step(&mut self) {
         for point in &mut self.points {
             point.step_evaluations = 0;
             point.step_cost = Cost::default();
@@ -258,7 +328,7 @@ impl Points {
     }
 
     /// Shortcuts in the latest answers.
-    pub(super) fn flags(&self) -> FlagCounts {
+    pub(crate) fn flags(&self) -> FlagCounts {
         let mut counts = FlagCounts::default();
         self.points.iter().filter_map(|point| point.answer.as_ref()).for_each(|answer| counts.add(answer.flags));
         counts
@@ -267,11 +337,11 @@ impl Points {
 
 /// One evaluation of all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Sweep {
+pub(crate) struct Sweep {
     /// Points evaluated.
-    pub(super) asked: u64,
+    pub(crate) asked: u64,
     /// Points that kept their answer.
-    pub(super) skipped: u64,
+    pub(crate) skipped: u64,
 }
 
 fn add_cost(total: &mut Cost, cost: &Cost) {
@@ -282,7 +352,7 @@ fn add_cost(total: &mut Cost, cost: &Cost) {
 }
 
 /// What a material's error means for the run.
-pub(super) fn failure(error: MaterialError) -> Failure {
+pub(crate) fn failure(error: MaterialError) -> Failure {
     match error {
         MaterialError::Point { .. } => Failure::Attempt(error.to_string()),
         MaterialError::Interrupted => Failure::Run(Outcome::Interrupted),

@@ -52,6 +52,7 @@ impl<'a> Solver<'a> {
         self.load = 0.0;
         self.size = 1.0 / self.stage().control.increments as f64;
         self.last_increment = None;
+        self.carried_velocity = self.integrator.take().map(|integrator| integrator.velocity().to_vec());
         self.stage_start.clone_from(&self.body.displacements);
         self.tangent_asked = self.stage().strategy.tangent;
         let counted = self.linear.counts();

@@ -78,6 +78,24 @@ pub enum Quantity {
     FrictionalDissipation,
     /// Energy of the hourglass control of elements with one point, J, in the plane per metre of thickness.
     HourglassEnergy,
+    /// Mean velocity of a node set, m/s; 0 in a quasi-static stage.
+    Velocity {
+        /// Node set.
+        set: String,
+        /// Component.
+        axis: Axis,
+    },
+    /// Mean acceleration of a node set, m/s2; 0 in a quasi-static stage.
+    Acceleration {
+        /// Node set.
+        set: String,
+        /// Component.
+        axis: Axis,
+    },
+    /// Kinetic energy of the body, J, in the plane per metre of thickness; 0 in a quasi-static stage.
+    KineticEnergy,
+    /// Residual of the energy balance over the largest energy so far, dimensionless; 0 in a quasi-static stage.
+    EnergyResidual,
 }
 
 impl Quantity {
@@ -111,6 +129,14 @@ impl Quantity {
             Self::ElasticEnergy => body_sum(view, |point| point.observed.elastic_energy),
             Self::FrictionalDissipation => body_sum(view, |point| point.observed.frictional_dissipation),
             Self::HourglassEnergy => view.hourglass_energy,
+            Self::Velocity { set, axis } => {
+                view.dynamics.map_or(0.0, |motion| mean_over(view.mesh, set, motion.velocities, *axis))
+            }
+            Self::Acceleration { set, axis } => {
+                view.dynamics.map_or(0.0, |motion| mean_over(view.mesh, set, motion.accelerations, *axis))
+            }
+            Self::KineticEnergy => view.dynamics.map_or(0.0, |motion| motion.energy.kinetic),
+            Self::EnergyResidual => view.dynamics.map_or(0.0, |motion| motion.energy.relative_residual()),
         }
     }
 
@@ -194,6 +220,7 @@ mod tests {
             reactions: &reactions,
             loads: &loads,
             hourglass_energy: 0.25,
+            dynamics: None,
             points: &points,
             statistics: &Statistics::default(),
         };

@@ -1,13 +1,29 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
 use super::{Applied, Moment, Strategy};
+use crate::dynamics::{DynamicSettings, RelaxationSettings};
 
 /// How a stage is solved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Procedure {
     /// Equilibrium at every step, by Newton's method.
     #[default]
     Implicit,
+    /// Equilibrium at every step, by a damped motion without any matrix.
+    Relaxation(RelaxationSettings),
+    /// Motion with inertia, by explicit integration in time.
+    Dynamic(Box<DynamicSettings>),
+}
+
+impl Procedure {
+    /// The keyword of scene files.
+    pub fn keyword(&self) -> &'static str {
+        match self {
+            Self::Implicit => "implicit",
+            Self::Relaxation(_) => "relaxation",
+            Self::Dynamic(_) => "dynamic",
+        }
+    }
 }
 
 /// A part of the path with its own conditions and its own way of solving. The conditions of a stage are complete: what it

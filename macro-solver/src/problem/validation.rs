@@ -1,9 +1,13 @@
 //! Everything that can be wrong with a problem, found before the first evaluation.
 
 use super::rigid_motion::check_rigid_motion;
-use super::{Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Stage, Tolerances};
+use super::{
+    Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Procedure, Stage, Tolerances,
+};
 use crate::element::hourglass::HourglassControl;
+use crate::element::point_places;
 use crate::mesh::{Dimension, Side};
+use crate::nonlocal::NonlocalOperator;
 
 /// A prescribed displacement component of one node over a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,12 +48,15 @@ impl Problem {
             ("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0),
         ])?;
         let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
-        if single && matches!(self.hourglass, HourglassControl::Viscous { .. }) {
+        let is_dynamic = |stage: &Stage| matches!(stage.procedure, Procedure::Dynamic(_));
+        let is_viscous = matches!(self.hourglass, HourglassControl::Viscous { .. });
+        if single && is_viscous && !self.stages.iter().all(is_dynamic) {
             return Err(ProblemError::ViscousHourglass);
         }
         if self.stages.is_empty() {
             return Err(ProblemError::NoStage);
         }
+        self.validate_nonlocal()?;
         for (number, stage) in self.stages.iter().enumerate() {
             self.validate_stage(stage).map_err(|error| match self.stages.len() {
                 1 => error,
@@ -76,7 +83,30 @@ impl Problem {
             }
         }
         self.check_third_axis(stage)?;
-        check_rigid_motion(&self.mesh, &self.prescribed_displacements(stage)?)
+        let prescribed = self.prescribed_displacements(stage)?;
+        match &stage.procedure {
+            Procedure::Implicit => check_rigid_motion(&self.mesh, &prescribed),
+            Procedure::Relaxation(settings) => {
+                if let Some((what, requirement, value)) = settings.defect() {
+                    return Err(ProblemError::Number { what, requirement, value });
+                }
+                check_rigid_motion(&self.mesh, &prescribed)
+            }
+            // Inertia holds what no support does.
+            Procedure::Dynamic(settings) => settings.validate(self),
+        }
+    }
+
+    fn validate_nonlocal(&self) -> Result<(), ProblemError> {
+        let Some(settings) = &self.nonlocal else { return Ok(()) };
+        if !self.formulation.has_strain_increments() {
+            return Err(ProblemError::NonlocalFormulation { formulation: self.formulation.keyword() });
+        }
+        if self.stages.iter().any(|stage| stage.procedure == Procedure::Implicit) {
+            return Err(ProblemError::NonlocalNewton);
+        }
+        NonlocalOperator::new(&point_places(&self.mesh), &[], settings)?;
+        Ok(())
     }
 
     /// Every prescribed displacement component of a stage by degree of freedom; `None` where free.
@@ -114,6 +144,17 @@ impl Problem {
         Axis::ALL.into_iter().take(self.mesh.dimension.count())
     }
 
+    /// The named node set.
+    ///
+    /// # Errors
+    /// [`ProblemError::UnknownNodeSet`], naming what there is.
+    pub fn nodes(&self, name: &str) -> Result<&[usize], ProblemError> {
+        self.mesh.node_sets.get(name).map(Vec::as_slice).ok_or_else(|| ProblemError::UnknownNodeSet {
+            name: name.to_owned(),
+            available: names(self.mesh.node_sets.keys()),
+        })
+    }
+
     /// The named side set.
     ///
     /// # Errors
@@ -143,10 +184,7 @@ impl Problem {
         axis: Axis,
         given: Prescribed<'a>,
     ) -> Result<(), ProblemError> {
-        let nodes = self.mesh.node_sets.get(set).ok_or_else(|| ProblemError::UnknownNodeSet {
-            name: set.to_owned(),
-            available: names(self.mesh.node_sets.keys()),
-        })?;
+        let nodes = self.nodes(set)?;
         let dimension = self.mesh.dimension.count();
         if axis.index() >= dimension {
             return Err(ProblemError::NoThirdAxis);

@@ -9,7 +9,7 @@ pub use operator_options::OperatorOptions;
 pub use options::{Accuracy, Criterion, Damping, RveOptions};
 
 use crate::packing::{Packing, PackingFile};
-use crate::space::{Discs, Space, Spheres};
+use crate::space::{Discs, Space, Spheres, Tensor};
 use protocol::Definition;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -57,6 +57,12 @@ impl<S: Space> GrainDefinition<S> {
         self.options.validate()?;
         let packing = self.packing.checked().map_err(|error| DefinitionError(error.to_string()))?;
         Ok(Self { packing, ..self })
+    }
+
+    /// Mass of the grains over the area or volume of the cell, kg/m3. Overlaps count twice, as is usual.
+    pub fn bulk_density(&self) -> f64 {
+        let solid: f64 = self.packing.grains.iter().map(|grain| S::grain_measure(S::radius(grain))).sum();
+        self.contact.density * solid / self.packing.periodicity.determinant().abs()
     }
 
     /// The bytes that travel to workers. Equal definitions give equal bytes; the packing's provenance is left out so
@@ -144,6 +150,14 @@ impl AnyDefinition {
         match self {
             Self::Discs(_) => 2,
             Self::Spheres(_) => 3,
+        }
+    }
+
+    /// Mass of the grains over the area or volume of the cell, kg/m3.
+    pub fn bulk_density(&self) -> f64 {
+        match self {
+            Self::Discs(definition) => definition.bulk_density(),
+            Self::Spheres(definition) => definition.bulk_density(),
         }
     }
 

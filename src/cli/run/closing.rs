@@ -86,7 +86,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
 fn status(outcome: &Outcome) -> RunStatus {
     match outcome {
         Outcome::Completed => RunStatus::Done,
-        Outcome::DidNotConverge { .. } => RunStatus::NotConverged,
+        Outcome::DidNotConverge { .. } | Outcome::Unstable { .. } => RunStatus::NotConverged,
         Outcome::Interrupted => RunStatus::Interrupted,
         Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
         Outcome::Stopped(_) | Outcome::Refused(_) => RunStatus::OutputFailed,
@@ -163,6 +163,7 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
     match outcome {
         Outcome::Completed => format!("done: {figures}"),
         Outcome::DidNotConverge { .. } => format!("did not converge: {figures}"),
+        Outcome::Unstable { .. } => format!("unstable: {figures}"),
         Outcome::Interrupted => format!("interrupted: {figures}"),
         Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
         Outcome::Stopped(_) | Outcome::Refused(_) => format!("stopped: {figures}"),

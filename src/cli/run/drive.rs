@@ -123,6 +123,14 @@ pub(super) fn drive<P: MacroPort>(
                 run.load
             ),
         )),
+        Outcome::Unstable { step, time, time_step, reason } => Err(Failure::new(
+            Exit::NotConverged,
+            format!(
+                "the motion is unstable{stage}: at time step {step} (t = {time:.6e} s) {reason}\nhint: the step of {time_step:.3e} s is too \
+                 large; leave dynamics.time_step out or lower dynamics.safety, and if the material stiffens set \
+                 dynamics.tangent_every"
+            ),
+        )),
         Outcome::Interrupted => Err(Failure::new(
             Exit::Interrupted,
             format!(

@@ -3,6 +3,8 @@
 
 use super::{Point, Points, Yardstick};
 use crate::checkpoint::CheckpointError;
+use crate::nonlocal::NonlocalLayer;
+use nalgebra::Matrix3;
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialAnswer, TrialFlags};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +36,32 @@ impl Points {
     /// Every point, by number.
     pub(in crate::implicit) fn records(&self) -> Vec<PointRecord> {
         self.points.iter().map(Point::record).collect()
+    }
+
+    /// Strain increments of the last committed step; empty without neighbours.
+    pub(in crate::implicit) fn previous_strains(&self) -> Vec<Vec<f64>> {
+        let strains = self.neighbours.as_ref().map_or(&[][..], NonlocalLayer::previous);
+        strains.iter().map(|strain| strain.as_slice().to_vec()).collect()
+    }
+
+    /// Takes up the strain increments of the last committed step.
+    pub(in crate::implicit) fn restore_strains(
+        &mut self,
+        section: &str,
+        strains: &[Vec<f64>],
+    ) -> Result<(), CheckpointError> {
+        let expected = if self.neighbours.is_some() { self.points.len() } else { 0 };
+        if strains.len() != expected {
+            return Err(CheckpointError::unfit(section, "it was written with other neighbourhoods"));
+        }
+        let mut restored = vec![Matrix3::zeros(); expected];
+        for (strain, values) in restored.iter_mut().zip(strains) {
+            copy(section, strain.as_mut_slice(), values)?;
+        }
+        if let Some(neighbours) = &mut self.neighbours {
+            neighbours.commit(restored);
+        }
+        Ok(())
     }
 
     /// Takes up every point.

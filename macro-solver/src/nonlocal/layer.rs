@@ -1,0 +1,51 @@
+//! A nonlocal operator at work in a run, between elements and points.
+
+use super::{NonlocalError, NonlocalOperator, NonlocalSettings};
+use nalgebra::Matrix3;
+
+/// The operator and the increments of the step before, which [`super::Update::Staggered`] looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NonlocalLayer {
+    operator: NonlocalOperator,
+    previous: Vec<Matrix3<f64>>,
+}
+
+impl NonlocalLayer {
+    /// A layer over points at `positions`, m, of a body that repeats with `periods`, m.
+    ///
+    /// # Errors
+    /// See [`NonlocalOperator::new`].
+    pub fn new(
+        positions: &[[f64; 3]],
+        periods: &[[f64; 3]],
+        settings: &NonlocalSettings,
+    ) -> Result<Self, NonlocalError> {
+        let operator = NonlocalOperator::new(positions, periods, settings)?;
+        Ok(Self { previous: vec![Matrix3::zeros(); operator.len()], operator })
+    }
+
+    /// The strain increments that the points see for those of the elements.
+    pub fn seen(&self, strains: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+        self.operator.averaged(strains, &self.previous)
+    }
+
+    /// The stresses that the elements integrate, see [`NonlocalOperator::integrated_stress`].
+    pub fn integrated(&self, stress: &[Matrix3<f64>], volumes: &[f64]) -> Vec<Matrix3<f64>> {
+        self.operator.integrated_stress(stress, volumes)
+    }
+
+    /// Whether elements integrate averaged stresses.
+    pub fn is_adjoint(&self) -> bool {
+        self.operator.settings().adjoint
+    }
+
+    /// The increments of a step have been committed.
+    pub fn commit(&mut self, strains: Vec<Matrix3<f64>>) {
+        self.previous = strains;
+    }
+
+    /// Increments of the last committed step.
+    pub fn previous(&self) -> &[Matrix3<f64>] {
+        &self.previous
+    }
+}
