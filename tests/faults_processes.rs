@@ -37,6 +37,29 @@ fn ten_killed_workers_change_no_byte_of_the_history() {
     assert!(site.summary("disturbed", "reissued_jobs") >= 1);
 }
 
+/// Workers that leak make room for fresh ones: by memory and by count, and nobody can tell from the results.
+#[test]
+fn workers_that_are_recycled_change_no_byte_of_the_history() {
+    let site = Site::new();
+    let run = |name: &str, sets: &[&str]| {
+        let out = site.path(name);
+        let words = ["run", "scenes/biaxial-small.toml", "--workers", "2", "--out", out.to_str().unwrap()];
+        let longer = ["--set", "rve.accuracy=default", "--set", "loading.increments=10"];
+        let ended = site.start(name, &[&words[..], &longer, sets].concat()).end();
+        assert!(ended.status.success(), "{}", ended.stderr);
+        let summary = std::fs::read_to_string(site.path(name).join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        assert_eq!((site.summary(name, "worker_restarts"), site.summary(name, "reissued_jobs")), (0, 0));
+        summary["fallbacks"]["workers_recycled"].as_u64().unwrap()
+    };
+    assert_eq!(run("plain", &[]), 0);
+    // More than a process needs that has just begun is not needed either: each look finds it too large.
+    assert!(run("by-memory", &["--set", "pool.recycle_memory=1"]) >= 1);
+    assert!(run("by-count", &["--set", "pool.recycle_jobs=50"]) >= 4);
+    assert_eq!(site.history("by-memory"), site.history("plain"));
+    assert_eq!(site.history("by-count"), site.history("plain"));
+}
+
 /// Interrupts a run after a few steps.
 fn interrupt(how: Signal) -> (Site, Traces) {
     let site = Site::new();

@@ -8,6 +8,7 @@ use crate::engine::{Ask, Cost, Observables, Observed, RveError, Scalars, Tangent
 use crate::identity::{DefinitionId, StateId};
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
+use xxhash_rust::xxh3::Xxh3;
 
 /// One trial to be done.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -86,14 +87,16 @@ pub struct TrialReply {
     pub flags: u32,
     /// [`TangentKind`] delivered, as number; `None` if no tangent was asked for.
     pub tangent_kind: u32,
-    /// Padding.
-    pub reserved: u32,
+    /// Trials that were solved again to rebuild the committed state: work of an engine whose states are paths.
+    pub replayed: u32,
     /// Length of the trial state's snapshot behind the replies.
     pub state_length: u64,
     /// Length of the error text (an [`RveError`] in MessagePack) behind the snapshot.
     pub error_length: u64,
     /// Time the worker spent outside the solver on this job (restore, snapshot, hashing), ns.
     pub overhead_nanoseconds: u64,
+    /// See [`TrialReply::seal`].
+    pub checksum: u64,
     /// What it cost.
     pub cost: Cost,
     /// Cheap scalars.
@@ -128,6 +131,28 @@ impl TrialReply {
         }
     }
 
+    /// Writes the checksum; done by the port that sends, when everything else stands. `error` is the error text behind
+    /// the reply. The snapshot needs none: its name is the hash of its content.
+    #[must_use]
+    pub fn seal(self, error: &[u8]) -> Self {
+        Self { checksum: self.sum(error), ..self }
+    }
+
+    /// Whether nothing has changed in the reply and its error text since they were sealed. Guards against damage between
+    /// two processes, such as a stray write of an engine into the channel, not against a worker that means harm.
+    pub fn is_sealed(&self, error: &[u8]) -> bool {
+        self.checksum == self.sum(error)
+    }
+
+    /// XXH3 (64 bit) of the record with a checksum of 0, followed by the error text.
+    fn sum(&self, error: &[u8]) -> u64 {
+        let blank = Self { checksum: 0, ..*self };
+        let mut hash = Xxh3::new();
+        hash.update(bytemuck::bytes_of(&blank));
+        hash.update(error);
+        hash.digest()
+    }
+
     /// The engine's answer, unpacked.
     pub fn answer(&self) -> TrialAnswer {
         TrialAnswer {
@@ -158,10 +183,23 @@ mod tests {
     #[test]
     fn layout_of_wire_types_is_fixed() {
         assert_eq!(size_of::<TrialJob>(), 144);
-        assert_eq!(size_of::<TrialReply>(), 1072);
+        assert_eq!(size_of::<TrialReply>(), 1080);
         assert_eq!(std::mem::offset_of!(TrialJob, target), 48);
-        assert_eq!(std::mem::offset_of!(TrialReply, stress), 352);
-        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 424);
+        assert_eq!(std::mem::offset_of!(TrialReply, stress), 360);
+        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 432);
+    }
+
+    #[test]
+    fn every_changed_bit_of_a_reply_and_its_error_breaks_the_seal() {
+        let mut reply = TrialReply::bare(&TrialJob::zeroed(), ReplyStatus::Failed);
+        reply.stress.0[3] = -1e5;
+        let reply = reply.seal(b"why");
+        assert!(reply.is_sealed(b"why") && !reply.is_sealed(b"whx"));
+        for bit in 0..8 * size_of::<TrialReply>() {
+            let mut changed = reply;
+            bytemuck::bytes_of_mut(&mut changed)[bit / 8] ^= 1 << (bit % 8);
+            assert!(!changed.is_sealed(b"why"), "bit {bit}");
+        }
     }
 
     #[test]

@@ -17,10 +17,6 @@ pub(crate) struct EnginePlan {
     pub(crate) points: BTreeMap<String, Vec<usize>>,
     /// How tangents are found for engines that have none.
     pub(crate) difference: DifferencePlan,
-    /// Jobs after which a worker of another engine makes room for a fresh one.
-    pub(crate) recycle_jobs: Option<u64>,
-    /// Memory, MiB, at which it does.
-    pub(crate) recycle_memory: Option<u64>,
 }
 
 impl EnginePlan {
@@ -62,19 +58,6 @@ impl EnginePlan {
                 .map(|(engine, points)| (engine.clone(), points.iter().map(|point| *point.get_ref()).collect()))
                 .collect(),
             difference,
-            recycle_jobs: table.recycle_jobs,
-            recycle_memory: table.recycle_memory,
         })
-    }
-
-    /// Arguments that every worker of another engine understands.
-    pub(crate) fn recycling(&self) -> Vec<String> {
-        let mut arguments = Vec::new();
-        for (name, value) in [("--recycle-jobs", self.recycle_jobs), ("--recycle-memory", self.recycle_memory)] {
-            if let Some(value) = value {
-                arguments.extend([name.to_owned(), value.to_string()]);
-            }
-        }
-        arguments
     }
 }

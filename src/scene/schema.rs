@@ -75,6 +75,7 @@ pub(crate) struct PoolTable {
     pub(crate) slice: Option<Spanned<usize>>,
     pub(crate) window: Option<Spanned<usize>>,
     pub(crate) lanes: Option<bool>,
+    pub(crate) wait: Option<Spanned<String>>,
     pub(crate) engine: Option<String>,
     pub(crate) points: BTreeMap<String, Vec<Spanned<usize>>>,
     pub(crate) difference_strain: Option<Spanned<f64>>,

@@ -4,7 +4,8 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{CheckpointTable, PoolTable};
 use macro_solver::checkpoint::CheckpointPolicy;
-use macro_solver::pool::PoolSettings;
+use macro_solver::pool::{PoolSettings, Recycling};
+use protocol::transport::shared_memory::Waiting;
 use std::num::NonZeroUsize;
 use std::time::Duration;
 use toml::Spanned;
@@ -30,6 +31,9 @@ pub(crate) struct PoolKeys {
     quarantine_after: Option<u32>,
     slice: Option<NonZeroUsize>,
     window: Option<NonZeroUsize>,
+    recycling: Recycling,
+    /// How macro and workers wait for messages.
+    pub(crate) wait: Option<Waiting>,
     /// Fruitless replacements in a row before a run gives up.
     pub(crate) restarts: Option<u32>,
 }
@@ -59,6 +63,8 @@ impl PoolKeys {
         Ok(Self {
             slice: if table.lanes == Some(false) { Some(NonZeroUsize::MIN) } else { slice },
             window: count(document, &table.window)?,
+            recycling: Recycling { jobs: table.recycle_jobs, memory: table.recycle_memory },
+            wait: waiting(document, &table.wait)?,
             hang_floor: seconds(&table.hang_floor)?,
             hang_factor: table.hang_factor.as_ref().map(|factor| *factor.get_ref()),
             hang_unknown: seconds(&table.hang_unknown)?,
@@ -73,6 +79,7 @@ impl PoolKeys {
     pub(crate) fn apply(&self, settings: &mut PoolSettings) {
         settings.slice = self.slice.unwrap_or(SLICE);
         replace(&mut settings.window, self.window);
+        settings.recycling = self.recycling;
         replace(&mut settings.hang.floor, self.hang_floor);
         replace(&mut settings.hang.factor, self.hang_factor);
         replace(&mut settings.hang.unknown, self.hang_unknown);
@@ -102,6 +109,17 @@ pub(super) fn checkpoint_policy(
         policy.steps = Some(*steps.get_ref());
     }
     Ok(policy)
+}
+
+fn waiting(document: &Document, given: &Option<Spanned<String>>) -> Result<Option<Waiting>, InputError> {
+    let Some(given) = given else { return Ok(None) };
+    let found = Waiting::ALL.into_iter().find(|waiting| waiting.keyword() == given.get_ref());
+    let keywords = Waiting::ALL.map(Waiting::keyword).join("\", \"");
+    found.map(Some).ok_or_else(|| {
+        document
+            .error_at(given.span(), format!("\"{}\" is no way to wait", given.get_ref()))
+            .hint(format!("one of \"{keywords}\""))
+    })
 }
 
 fn count(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<NonZeroUsize>, InputError> {

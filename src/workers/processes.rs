@@ -48,11 +48,11 @@ pub(crate) struct LaunchPlan {
 }
 
 impl LaunchPlan {
-    /// `workers` workers of `engine` that serve `run`; `extra` are further arguments of their role.
-    pub(crate) fn for_run(run: &str, engine: &Engine, extra: &[String], workers: usize) -> Self {
+    /// `workers` workers of `engine` that serve `run`.
+    pub(crate) fn for_run(run: &str, engine: &Engine, workers: usize) -> Self {
         let parent = std::process::id().to_string();
         let role = ["--run", run, "--parent", &parent].map(OsString::from);
-        let arguments = engine.arguments.iter().cloned().chain(role).chain(extra.iter().map(OsString::from));
+        let arguments = engine.arguments.iter().cloned().chain(role);
         Self {
             program: engine.program.clone(),
             arguments: arguments.collect(),

@@ -56,6 +56,17 @@ fn crystals(talk: &mut Conversation, tolerance: f64) {
     }
 }
 
+/// The packing as its file gives it, with the tangential forces that the file lists: nothing has moved yet.
+fn as_packed(talk: &mut Conversation, made_of: &Definition, built_in: &mut GrainRve<Discs>) {
+    let job = talk.job(made_of, StateId::NONE, [[0.0; 2]; 2]);
+    let found = talk.ask_one(job, b"").reply.stress;
+    let expected = built_in.trial(&Tensor2::ZERO, &Ask::default()).unwrap().stress;
+    let scale = expected.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+    for (found, expected) in found.0.iter().zip(&expected.0) {
+        assert!((found - expected).abs() < 1e-9 * scale, "{found} {expected}");
+    }
+}
+
 fn crystal(rows: [[f64; 2]; 2]) -> Definition {
     let (cells, overlap) = (4usize, 1e-4);
     let pressed = rows.map(|row| row.map(|value| value * (1.0 - overlap)));
@@ -82,6 +93,7 @@ fn random_packing(talk: &mut Conversation, tolerance: f64) {
     let made_of = discs();
     talk.define(&made_of);
     let mut built_in = GrainRve::<Discs>::from_protocol(&made_of).unwrap();
+    as_packed(talk, &made_of, &mut built_in);
     let (mut state, mut bytes) = (StateId::NONE, Vec::new());
     for step in 0..4 {
         let target = [[4e-4, 0.0], [0.0, -1e-3]];

@@ -1,5 +1,6 @@
 //! The run's side of a conversation with one worker, over either transport.
 
+use super::pipe::PipePort;
 use bytemuck::Zeroable;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort};
@@ -20,8 +21,10 @@ pub(crate) enum Partner {
     ThreadInProcess,
     /// The built-in engine in a thread, over shared memory.
     ThreadInSharedMemory,
-    /// A worker process; the role's arguments are added.
+    /// A worker process over shared memory; the role's arguments are added.
     Process(fn() -> Command),
+    /// A worker process over its standard input and output.
+    Pipe(fn() -> Command),
 }
 
 /// One answer.
@@ -58,6 +61,8 @@ impl Conversation {
                 let (port, door) = in_process::channel();
                 (Box::new(port), Some(door))
             }
+            // Replaced when the first worker is started.
+            Partner::Pipe(_) => (Box::new(in_process::channel().0), None),
             _ => (Box::new(SharedMemoryMacroPort::create(&run, ChannelLimits::default()).unwrap()), None),
         };
         let mut conversation = Self {
@@ -95,6 +100,12 @@ impl Conversation {
                 let mut command = command();
                 command.args(["--run", &run]).stdin(Stdio::null()).stdout(Stdio::null());
                 self.child = Some(command.spawn().unwrap());
+            }
+            Partner::Pipe(command) => {
+                let mut command = command();
+                command.args(["--pipe", "--run", &run]).stdin(Stdio::piped()).stdout(Stdio::piped());
+                let child = self.child.insert(command.spawn().unwrap());
+                self.port = Box::new(PipePort::new(child));
             }
         }
         (self.worker, self.lost) = (None, false);

@@ -1,7 +1,11 @@
 //! Which engines can be started here.
+#![allow(dead_code, reason = "each user compiles its own copy")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+/// The engines that ship.
+pub(crate) const ENGINES: [&str; 3] = ["reference", "yade", "lammps"];
 
 /// The interpreter for the adapters.
 pub(crate) fn python() -> PathBuf {
@@ -44,4 +48,28 @@ pub(crate) fn is_there(engine: &str) -> bool {
     );
     eprintln!("SKIPPED: engine `{engine}` cannot be started here: {reason}");
     false
+}
+
+/// A catalogue of all engines, each also with states by replay.
+pub(crate) fn catalogue() -> String {
+    let (python, package) = (python(), package());
+    let mut text = String::new();
+    for engine in ENGINES {
+        for (name, extra) in [(engine.to_owned(), ""), (format!("{engine}-replay"), ", \"--replay\"")] {
+            text += &format!(
+                "[{name}]\ncommand = [\"{}\", \"-m\", \"grainspan_worker.engines.{engine}\"{extra}]\n\
+                 environment = {{ PYTHONPATH = \"{}\" }}\n",
+                python.display(),
+                package.display()
+            );
+        }
+    }
+    text
+}
+
+/// The numbers of a column of a history.
+pub(crate) fn column(history: &str, name: &str) -> Vec<f64> {
+    let mut lines = history.lines();
+    let place = lines.next().unwrap().split(',').position(|one| one == name).unwrap();
+    lines.map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
 }

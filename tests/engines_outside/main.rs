@@ -12,4 +12,5 @@ mod foreign;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod native;
+mod pipe;
 mod runs;

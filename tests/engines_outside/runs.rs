@@ -18,19 +18,7 @@ const SMALL: [&str; 8] = [
 
 fn program(site: &Site, arguments: &[&str]) -> Command {
     let catalogue = site.path("engines.toml");
-    let python = foreign::python();
-    let mut text = String::new();
-    for engine in ["reference", "yade", "lammps"] {
-        for (name, extra) in [(engine.to_owned(), ""), (format!("{engine}-replay"), ", \"--replay\"")] {
-            text += &format!(
-                "[{name}]\ncommand = [\"{}\", \"-m\", \"grainspan_worker.engines.{engine}\"{extra}]\n\
-                 environment = {{ PYTHONPATH = \"{}\" }}\n",
-                python.display(),
-                foreign::package().display()
-            );
-        }
-    }
-    std::fs::write(&catalogue, text).unwrap();
+    std::fs::write(&catalogue, foreign::catalogue()).unwrap();
     let mut command = site.program(arguments);
     command.env("GRAINSPAN_ENGINES", catalogue);
     command
@@ -46,12 +34,9 @@ fn run(site: &Site, name: &str, extra: &[&str]) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap()
 }
 
-/// A column of the last row of a history.
+/// The last number of a column of a history.
 fn last(site: &Site, name: &str, column: &str) -> f64 {
-    let history = site.history(name);
-    let mut lines = history.lines();
-    let place = lines.next().unwrap().split(',').position(|one| one == column).unwrap();
-    lines.last().unwrap().split(',').nth(place).unwrap().parse().unwrap()
+    *foreign::column(&site.history(name), column).last().unwrap()
 }
 
 fn agrees_with_the_built_in_engine(engine: &str, tolerance: f64) {
@@ -91,10 +76,14 @@ fn how_states_travel_and_how_often_workers_change_leaves_no_trace() {
     }
     let site = Site::new();
     run(&site, "plain", &["--engine", "reference"]);
-    run(&site, "replayed", &["--engine", "reference-replay"]);
+    let replayed = run(&site, "replayed", &["--engine", "reference-replay"]);
     let recycled = run(&site, "recycled", &["--engine", "reference-replay", "--set", "pool.recycle_jobs=9"]);
     assert!(recycled["fallbacks"]["workers_left"].as_u64().unwrap() > 1, "{recycled}");
     assert_eq!(recycled["worker_restarts"].as_u64(), Some(0), "{recycled}");
+    // Every fresh worker rebuilds states from paths, and the summary says so.
+    assert!(recycled["fallbacks"]["workers_recycled"].as_u64().unwrap() > 1, "{recycled}");
+    assert!(recycled["fallbacks"]["replayed_trials"].as_u64().unwrap() > 0, "{recycled}");
+    assert_eq!(replayed["fallbacks"]["replayed_trials"].as_u64(), Some(0), "{replayed}");
     assert_eq!(site.history("plain"), site.history("replayed"));
     assert_eq!(site.history("plain"), site.history("recycled"));
 }

@@ -2,7 +2,7 @@
 
 use super::compare::same;
 use super::draw::Draw;
-use super::fault::Fault;
+use super::fault::{Fault, State};
 use super::macros::{Macro, children_of, strike};
 use rustix::process::Signal;
 use std::collections::BTreeMap;
@@ -27,12 +27,29 @@ pub struct Tally {
     /// Signals to workers and macros.
     signals: BTreeMap<String, u64>,
     resumes: u64,
+    /// Seconds spent, by manner.
+    seconds: BTreeMap<&'static str, f64>,
 }
 
 impl Tally {
     /// How many faults there were.
     pub fn faults(&self) -> u64 {
         self.faulty.values().chain(self.signals.values()).sum()
+    }
+
+    /// Adds what was done elsewhere.
+    pub fn merge(&mut self, other: Self) {
+        for (mine, theirs) in [(&mut self.faulty, other.faulty), (&mut self.signals, other.signals)] {
+            theirs.into_iter().for_each(|(what, count)| *mine.entry(what).or_default() += count);
+        }
+        self.resumes += other.resumes;
+        other.seconds.into_iter().for_each(|(manner, time)| *self.seconds.entry(manner).or_default() += time);
+    }
+
+    /// States in which no worker has failed.
+    pub fn missed(&self) -> Vec<State> {
+        let hit = |state: &State| self.faulty.keys().any(|what| what.starts_with(&format!("{state:?}:")));
+        State::ALL.into_iter().filter(|state| !hit(state)).collect()
     }
 
     fn add(map: &mut BTreeMap<String, u64>, what: String) {
@@ -55,6 +72,9 @@ impl Tally {
         }
         for (what, count) in &self.signals {
             writeln!(text, "{what:<14} {count:>5}").expect("writing to a String cannot fail");
+        }
+        for (manner, seconds) in &self.seconds {
+            writeln!(text, "{manner:<14} {seconds:>5.0} s").expect("writing to a String cannot fail");
         }
         write!(text, "{:<14} {:>5}", "resumed", self.resumes).expect("writing to a String cannot fail");
         text
@@ -85,6 +105,7 @@ impl Site {
             &format!("loading.increments={increments}"),
             "pool.hang_floor=1.5",
             "pool.hang_unknown=1.5",
+            "pool.hang_factor=4.0",
             "pool.stopped_limit=0.3",
             "pool.quarantine_after=1000",
             "pool.restarts=1000",
@@ -93,6 +114,11 @@ impl Site {
         }
         words.extend(more.iter().map(|&word| word.to_owned()));
         words
+    }
+
+    /// Makes the undisturbed runs, so that nobody waits for them and they tell how long a run takes.
+    pub fn prepare(&self) -> Result<(), String> {
+        SIZES.iter().try_for_each(|&size| self.reference(size).map(drop))
     }
 
     /// The undisturbed run of this size, made once; returns its folder and how long it took.
@@ -116,11 +142,14 @@ impl Site {
         let size = draw.pick(&SIZES);
         let (reference, took) = self.reference(size)?;
         let name = format!("case-{number}");
-        match number % 3 {
-            0 => self.faulty(&name, size, draw, tally)?,
-            1 => self.struck(&name, size, took, draw, tally)?,
-            _ => self.resumed(&name, size, took, draw, tally)?,
-        }
+        let begun = Instant::now();
+        let (manner, ended) = match number % 3 {
+            0 => ("faulty", self.faulty(&name, size, draw, tally)),
+            1 => ("struck", self.struck(&name, size, took, draw, tally)),
+            _ => ("continued", self.resumed(&name, size, took, draw, tally)),
+        };
+        *tally.seconds.entry(manner).or_default() += begun.elapsed().as_secs_f64();
+        ended?;
         same(&self.path(&name), &reference)?;
         let left = fs::read_dir(format!("/dev/shm/grainspan-{}", rustix::process::getuid().as_raw()));
         let left: Vec<_> = left.into_iter().flatten().flatten().map(|entry| entry.file_name()).collect();
@@ -225,7 +254,7 @@ impl Site {
 }
 
 /// Waits for the good end of a run, doing something meanwhile.
-fn wait(run: &mut Macro, mut meanwhile: impl FnMut(u32)) -> Result<(), String> {
+pub fn wait(run: &mut Macro, mut meanwhile: impl FnMut(u32)) -> Result<(), String> {
     loop {
         if let Some(status) = run.ended() {
             return if status.success() { Ok(()) } else { Err(format!("{status}: {}", run.said())) };

@@ -13,6 +13,7 @@ const WATCHDOG: Duration = Duration::from_secs(90);
 pub struct Macro {
     child: Child,
     begun: Instant,
+    watchdog: Duration,
     stderr: PathBuf,
 }
 
@@ -24,7 +25,13 @@ impl Macro {
         let log = fs::File::create(stderr).expect("the place is writable");
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
         let child = command.spawn().expect("the program starts");
-        Self { child, begun: Instant::now(), stderr: stderr.to_owned() }
+        Self { child, begun: Instant::now(), watchdog: WATCHDOG, stderr: stderr.to_owned() }
+    }
+
+    /// The same for a run of another size.
+    pub fn patient(mut self) -> Self {
+        self.watchdog = 20 * WATCHDOG;
+        self
     }
 
     pub fn pid(&self) -> u32 {
@@ -38,7 +45,7 @@ impl Macro {
 
     /// Whether it takes too long.
     pub fn is_stuck(&self) -> bool {
-        self.begun.elapsed() > WATCHDOG
+        self.begun.elapsed() > self.watchdog
     }
 
     /// What it said.
@@ -57,7 +64,12 @@ impl Drop for Macro {
 /// Sends a signal to a process that may have ended.
 pub fn strike(pid: u32, signal: Signal) {
     if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
-        let _ = kill_process(pid, signal);
+        // The first SIGSEGV only removes the handler that Rust has for overflowing stacks.
+        let times = if signal == Signal::SEGV { 2 } else { 1 };
+        for _ in 0..times {
+            let _ = kill_process(pid, signal);
+            std::thread::sleep(Duration::from_millis(times - 1));
+        }
     }
 }
 

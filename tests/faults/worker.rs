@@ -33,7 +33,8 @@ impl Script {
         }
         let path = self.log.lock().expect("nobody panics with the log in hand");
         let mut log = OpenOptions::new().create(true).append(true).open(&*path).expect("the log can be written");
-        writeln!(log, "{fault}").expect("the log can be written");
+        // In one piece: others write into it at the same time.
+        log.write_all(format!("{fault}\n").as_bytes()).expect("the log can be written");
         Some(fault.action)
     }
 
@@ -46,10 +47,14 @@ impl Script {
 }
 
 fn suffer(action: Action) {
-    let signal = |signal| {
+    let signal = |signal: Signal| {
         let _ = kill_process(getpid(), signal);
-        // The signal may be taken by another thread.
-        std::thread::sleep(Duration::from_secs(600));
+        // The first of some signals only removes the handler that Rust has for overflowing stacks, and a signal may be taken
+        // by another thread.
+        loop {
+            std::thread::sleep(Duration::from_millis(1));
+            let _ = kill_process(getpid(), signal);
+        }
     };
     match action {
         Action::Kill => signal(Signal::KILL),

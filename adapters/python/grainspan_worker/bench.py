@@ -84,11 +84,12 @@ class Bench:
 
     def answer(self, job, carried=b""):
         """Does one job; returns the wire record and its (state, error) bytes."""
-        begun = time.perf_counter_ns()
+        begun, replayed = time.perf_counter_ns(), self.replayed
         try:
             reply, state, error = self._try(job, carried)
         except RveError as refusal:
             reply, state, error = bare(job, "failed"), b"", msgpack.packb(refusal.wire())
+        reply["replayed"] = self.replayed - replayed
         reply["state_length"], reply["error_length"] = len(state), len(error)
         solving = int(reply["cost.solve_nanoseconds"]) + int(reply["cost.tangent_nanoseconds"])
         reply["overhead_nanoseconds"] = max(0, time.perf_counter_ns() - begun - solving)

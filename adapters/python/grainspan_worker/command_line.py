@@ -22,6 +22,7 @@ def _parse(rve_class, arguments):
         epilog="Example, in two terminals: grainspan run SCENE.toml --attach mine; THIS --run mine",
     )
     parser.add_argument("--run", help="name of the run to join")
+    parser.add_argument("--pipe", action="store_true", help="speak with the run over standard input and output")
     parser.add_argument("--capabilities", action="store_true", help="print what the engine can do, as JSON, and end")
     parser.add_argument("--state-cache", type=int, default=64, help="snapshots kept at hand [64]")
     parser.add_argument("--patience", type=float, default=5.0, help="seconds to wait for the run to appear [5]")
@@ -40,9 +41,8 @@ def _run(rve_class, chosen):
     if chosen.capabilities:
         print(json.dumps(rve_class.capabilities(chosen.replay)), flush=True)
         return DONE
-    # Only a worker needs shared memory; --capabilities works without.
-    from . import run_record, server
-    from .port import SharedMemoryPort
+    # Only a worker needs a channel; --capabilities works without.
+    from . import server
 
     if chosen.parent is not None and not _follow(chosen.parent):
         return RUN_LOST
@@ -54,10 +54,8 @@ def _run(rve_class, chosen):
         recycle_jobs=chosen.recycle_jobs,
         recycle_memory=chosen.recycle_memory,
     )
-    try:
-        port = SharedMemoryPort(run_record.find(chosen.run, chosen.patience))
-    except run_record.RunNotFound as error:
-        print(f"error: {error}", file=sys.stderr)
+    port = _port(chosen)
+    if port is None:
         return BAD_INPUT
     try:
         left = server.serve(rve_class, port, options)
@@ -70,6 +68,22 @@ def _run(rve_class, chosen):
         print(f"error: the run has ended: {left[6:]}", file=sys.stderr)
         return RUN_LOST
     return DONE
+
+
+def _port(chosen):
+    """This worker's end of the channel to the run; None, with a message, where there is no such run."""
+    if chosen.pipe:
+        from .pipe import PipePort
+
+        return PipePort()
+    from . import run_record
+    from .port import SharedMemoryPort
+
+    try:
+        return SharedMemoryPort(run_record.find(chosen.run, chosen.patience))
+    except run_record.RunNotFound as error:
+        print(f"error: {error}", file=sys.stderr)
+        return None
 
 
 def _follow(parent):

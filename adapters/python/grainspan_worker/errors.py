@@ -79,3 +79,7 @@ class SnapshotRefused(RveError):
 
 class EngineFault(RveError):
     """The engine broke down: its defect, not that of the question."""
+
+
+class MessageTooLarge(Exception):
+    """A message does not fit the channel."""

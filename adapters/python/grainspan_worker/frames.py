@@ -2,6 +2,7 @@
 
 import msgpack
 import numpy
+import xxhash
 
 from .layout import FRAME_KINDS, HEADER, JOB, MAGIC, PROTOCOL
 
@@ -26,9 +27,16 @@ def control(message, sender):
 
 def replies(answers, sender):
     """Replies, each a pair of the wire record and ``(state, error)`` bytes."""
-    records = b"".join(record.tobytes() for record, _ in answers)
+    records = b"".join(_sealed(record, error) for record, (_, error) in answers)
     tails = b"".join(state + error for _, (state, error) in answers)
     return _frame("replies", len(answers), sender, records + tails)
+
+
+def _sealed(record, error):
+    """The record with its checksum: XXH3 of the record with a checksum of 0, followed by the error text."""
+    record["checksum"] = 0
+    record["checksum"] = xxhash.xxh3_64_intdigest(record.tobytes() + error)
+    return record.tobytes()
 
 
 def empty(kind, sender):

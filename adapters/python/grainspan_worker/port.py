@@ -13,14 +13,11 @@ from collections import deque
 import iceoryx2
 
 from . import frames
+from .errors import MessageTooLarge
 from .layout import CREDITS, SERVICES, WINDOW
 
 #: How long a port that closes waits for its last words to be read; the shorter time after a dismissal.
 FAREWELL, FAREWELL_DISMISSED = 5.0, 0.25
-
-
-class MessageTooLarge(Exception):
-    """A message does not fit the channel."""
 
 
 class SharedMemoryPort:

@@ -12,9 +12,8 @@ import msgpack
 
 from .bench import Bench, bare
 from .content import name_of
-from .errors import EngineFault, RveError
+from .errors import EngineFault, MessageTooLarge, RveError
 from .layout import PROTOCOL
-from .port import MessageTooLarge
 
 
 class Refused(Exception):

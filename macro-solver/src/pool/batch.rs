@@ -34,6 +34,8 @@ pub(super) struct Job {
     pub(super) expected: u64,
     /// How the workers ended that were working on it.
     pub(super) ends: Vec<String>,
+    /// How many of these had been silent for longer than it may take: it may just be long.
+    pub(super) overruns: u32,
     /// Whether the next issue carries the snapshot whatever the mirror says.
     pub(super) must_carry: bool,
     /// Whether the latest issue carried the snapshot.
@@ -193,6 +195,7 @@ fn job(trial: &PointTrial, table: &PointTable, number: u64) -> Job {
         state: record.committed.clone(),
         expected: record.forecast.expect(trial),
         ends: Vec::new(),
+        overruns: 0,
         must_carry: false,
         carried: false,
         definition_misses: 0,

@@ -18,6 +18,8 @@ pub(super) enum Verdict {
         bytes: Arc<[u8]>,
         /// Time the worker spent outside the solver, ns.
         overhead_nanoseconds: u64,
+        /// Trials solved again to rebuild the state that it started from.
+        replayed: u32,
     },
     /// The engine refused or failed.
     Failed(RveError),
@@ -33,6 +35,9 @@ pub(super) enum Verdict {
 /// What is wrong with it, as text; a worker that sends such a reply cannot be trusted any more.
 pub(super) fn judge(job: &TrialJob, loaded: &LoadedReply<'_>) -> Result<Verdict, String> {
     let reply = &loaded.reply;
+    if !reply.is_sealed(loaded.error) {
+        return Err("the reply was damaged on its way: its checksum is another".into());
+    }
     let status =
         ReplyStatus::from_wire(reply.status).ok_or_else(|| format!("unknown reply status {}", reply.status))?;
     if reply.point != job.point {
@@ -81,6 +86,7 @@ fn judge_answer(job: &TrialJob, loaded: &LoadedReply<'_>) -> Result<Verdict, Str
         state: reply.state,
         bytes: loaded.state.into(),
         overhead_nanoseconds: reply.overhead_nanoseconds,
+        replayed: reply.replayed,
     })
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "pool";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -65,7 +65,7 @@ pub(super) fn restore(desk: &mut Desk, archive: &Archive) -> Result<(), Checkpoi
     }
     let now = std::mem::replace(&mut desk.statistics, record.statistics);
     let earlier = desk.statistics.workers.len();
-    desk.roster.workers.values_mut().for_each(|worker| worker.tally += earlier);
+    desk.roster.renumber(|tally| tally + earlier);
     desk.statistics.workers_joined += now.workers_joined;
     desk.statistics.workers_refused += now.workers_refused;
     desk.statistics.refused_messages += now.refused_messages;

@@ -8,7 +8,7 @@ use super::border::{Verdict, judge};
 use super::cache::CacheMirror;
 use super::forecast::Pace;
 use super::points::{PointState, PointTable};
-use super::roster::{Roster, Slice, Standing, Worker};
+use super::roster::{Roster, Standing, Stuck, Worker};
 use super::settings::PoolSettings;
 use super::statistics::{PoolStatistics, WorkerStatistics};
 use super::vitals::Observation;
@@ -16,10 +16,9 @@ use crate::checkpoint::Reproducer;
 use crate::material::MaterialError;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, MacroEvent, WorkerId};
-use protocol::wire::{TrialJob, TrialReply};
+use protocol::wire::TrialReply;
 use protocol::{DefinitionId, StateId};
 use std::collections::{BTreeSet, VecDeque};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Times that one job may find its definition unknown before the worker counts as faulty.
@@ -42,14 +41,6 @@ pub(super) enum Action {
     Left(u32),
 }
 
-/// A slice ready to be sent.
-pub(super) struct Shipment {
-    pub(super) worker: WorkerId,
-    /// Definitions (by index) that must be sent first.
-    pub(super) define: Vec<usize>,
-    pub(super) jobs: Vec<(TrialJob, Arc<[u8]>)>,
-}
-
 /// State of the conversation.
 pub(super) struct Desk {
     pub(super) settings: PoolSettings,
@@ -64,7 +55,7 @@ pub(super) struct Desk {
     pub(super) quarantined: Option<Reproducer>,
     /// Why the last worker was refused or lost, for the message when none is left.
     pub(super) last_trouble: Option<String>,
-    paces: Vec<Pace>,
+    pub(super) paces: Vec<Pace>,
 }
 
 impl Desk {
@@ -105,7 +96,7 @@ impl Desk {
 
     fn hear_control(&mut self, worker: WorkerId, message: FromWorker, now: Instant) {
         match message {
-            FromWorker::Hello { .. } if self.roster.workers.contains_key(&worker) => {
+            FromWorker::Hello { .. } if self.roster.get(worker).is_some() => {
                 self.statistics.refused_messages += 1;
             }
             FromWorker::Hello { protocol, run, pid, capabilities, state_cache } => {
@@ -123,7 +114,7 @@ impl Desk {
                     seen: Observation::default(),
                     tally: self.statistics.workers.len(),
                 };
-                self.roster.workers.insert(worker, known);
+                self.roster.add(worker, known);
                 match verdict {
                     Ok(_) => {
                         tracing::info!(worker = worker.0, pid, "worker joined");
@@ -144,10 +135,9 @@ impl Desk {
             }
             FromWorker::DefinitionRefused { definition, reason } => self.hear_refusal(worker, definition, &reason),
             FromWorker::Bye { reason } => {
-                let Some(known) = self.roster.workers.get_mut(&worker) else { return };
-                if known.standing == Standing::Active {
+                if self.roster.get(worker).is_some_and(|known| known.standing.answers()) {
                     tracing::info!(worker = worker.0, reason, "worker leaves");
-                    known.standing = Standing::Leaving;
+                    self.roster.edit(worker, |known| known.standing = Standing::Leaving);
                     self.statistics.workers_left += 1;
                     self.last_trouble = Some(reason);
                     self.requeue_all(worker);
@@ -158,7 +148,7 @@ impl Desk {
 
     fn hear_refusal(&mut self, worker: WorkerId, definition: DefinitionId, reason: &str) {
         match self.points.first_point_of(definition) {
-            Some(point) if self.roster.is_active(worker) => {
+            Some(point) if self.roster.get(worker).is_some_and(|known| known.standing.answers()) => {
                 let text = format!("worker {} refuses the RVE of Gauss point {point}: {reason}", worker.0);
                 self.fatal.get_or_insert(MaterialError::Channel(text));
             }
@@ -169,10 +159,8 @@ impl Desk {
     fn hear_reply(&mut self, worker: WorkerId, loaded: &LoadedReply<'_>, now: Instant) {
         self.statistics.bytes_received += (size_of::<TrialReply>() + loaded.state.len() + loaded.error.len()) as u64;
         let number = loaded.reply.job;
-        let held = match self.roster.workers.get_mut(&worker) {
-            Some(known) if known.standing == Standing::Active => known.release(number, now),
-            _ => false,
-        };
+        let held = self.roster.edit(worker, |known| known.standing.answers() && known.release(number, now));
+        let held = held.unwrap_or(false);
         let index = self.batch.index_of(number);
         let (Some(index), true) = (index, held) else {
             if index.is_some() || self.batch.is_past(number) {
@@ -190,12 +178,13 @@ impl Desk {
 
     fn accept(&mut self, worker: WorkerId, index: usize, verdict: Verdict) {
         match verdict {
-            Verdict::Done { answer, state, bytes, overhead_nanoseconds } => {
+            Verdict::Done { answer, state, bytes, overhead_nanoseconds, replayed } => {
                 let job = &self.batch.jobs[index];
                 self.paces[job.definition].learn(&answer.cost);
                 self.tally(worker, &answer, overhead_nanoseconds);
-                let known = self.roster.workers.get_mut(&worker).expect("the sender was looked up before");
-                known.cache.touch(state);
+                self.statistics.replayed_trials += u64::from(replayed);
+                self.roster.edit(worker, |known| known.cache.touch(state));
+                self.retire_when_worn(worker);
                 let state = PointState { id: state, bytes, holder: Some(worker) };
                 self.batch.settle(index, Outcome::Done(answer, state));
             }
@@ -221,18 +210,14 @@ impl Desk {
                 }
                 self.statistics.definition_misses += 1;
                 let definition = job.definition;
-                if let Some(known) = self.roster.workers.get_mut(&worker) {
-                    known.definitions.remove(&definition);
-                }
+                self.roster.edit(worker, |known| known.definitions.remove(&definition));
                 self.batch.requeue(index);
             }
         }
     }
 
     fn forget(&mut self, worker: WorkerId, state: StateId) {
-        if let Some(known) = self.roster.workers.get_mut(&worker) {
-            known.cache.forget(state);
-        }
+        self.roster.edit(worker, |known| known.cache.forget(state));
     }
 
     fn tally(&mut self, worker: WorkerId, answer: &protocol::TrialAnswer, overhead_nanoseconds: u64) {
@@ -245,7 +230,7 @@ impl Desk {
         totals.rve_s += solve;
         totals.tangent_s += tangent;
         totals.transport_s += overhead;
-        if let Some(known) = self.roster.workers.get(&worker) {
+        if let Some(known) = self.roster.get(worker) {
             let figures = &mut totals.workers[known.tally];
             figures.jobs += 1;
             figures.busy_s += solve + tangent + overhead;
@@ -253,7 +238,7 @@ impl Desk {
     }
 
     fn hear_loss(&mut self, worker: WorkerId, reason: &str) {
-        let Some(known) = self.roster.workers.get(&worker) else { return };
+        let Some(known) = self.roster.get(worker) else { return };
         let (pid, standing) = (known.pid, known.standing);
         let had_answered = self.statistics.workers.get(known.tally).is_some_and(|figures| figures.jobs > 0);
         if standing != Standing::Refused {
@@ -263,19 +248,20 @@ impl Desk {
             let left = standing == Standing::Leaving;
             self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid, had_answered) });
         }
-        if standing == Standing::Active {
-            self.blame_head(worker, reason);
+        if standing.answers() {
+            self.blame_head(worker, reason, 0);
         }
         self.requeue_all(worker);
-        self.roster.workers.remove(&worker);
+        self.roster.remove(worker);
         self.batch.queue.disown(worker);
     }
 
     /// Only the slice at the head was under way: the rest is innocent.
-    fn blame_head(&mut self, worker: WorkerId, reason: &str) {
-        let Some(known) = self.roster.workers.get(&worker) else { return };
+    fn blame_head(&mut self, worker: WorkerId, reason: &str, overruns: u32) {
+        let Some(known) = self.roster.get(worker) else { return };
         for number in known.slices.front().map_or_else(Vec::new, |slice| slice.jobs.clone()) {
             if let Some(index) = self.batch.index_of(number) {
+                self.batch.jobs[index].overruns += overruns;
                 self.blame(index, reason);
             }
         }
@@ -310,10 +296,8 @@ impl Desk {
     }
 
     fn requeue_all(&mut self, worker: WorkerId) {
-        let Some(known) = self.roster.workers.get_mut(&worker) else { return };
-        let held = known.held();
-        known.slices.clear();
-        for number in held {
+        let held = self.roster.edit(worker, |known| std::mem::take(&mut known.slices));
+        for number in held.into_iter().flatten().flat_map(|slice| slice.jobs) {
             if let Some(index) = self.batch.index_of(number) {
                 self.statistics.reissued += 1;
                 self.batch.requeue(index);
@@ -332,18 +316,21 @@ impl Desk {
     }
 
     fn condemn(&mut self, worker: WorkerId) {
-        if let Some(known) = self.roster.workers.get_mut(&worker) {
-            known.standing = Standing::Condemned;
+        if self.roster.edit(worker, |known| known.standing = Standing::Condemned).is_some() {
             self.actions.push(Action::Kill(worker));
         }
     }
 
     /// Ends the workers that have been silent or stopped for too long.
     pub(super) fn end_hung(&mut self, now: Instant) {
-        for (worker, reason) in self.roster.hung(now, &self.settings.hang) {
+        for (worker, stuck) in self.roster.hung(now, &self.settings.hang) {
+            let (reason, overruns) = match stuck {
+                Stuck::Stopped(reason) => (reason, 0),
+                Stuck::Silent(reason) => (reason, 1),
+            };
             tracing::error!(worker = worker.0, reason, "worker is ended");
             self.statistics.workers_hung += 1;
-            self.blame_head(worker, &reason);
+            self.blame_head(worker, &reason, overruns);
             self.condemn(worker);
         }
     }
@@ -352,65 +339,5 @@ impl Desk {
     pub(super) fn undeliverable(&mut self, worker: WorkerId, reason: &str) {
         tracing::warn!(worker = worker.0, reason, "message not delivered");
         self.condemn(worker);
-    }
-
-    /// The next slice to send and to whom, already booked as sent; `None` when nothing waits or nobody is free.
-    pub(super) fn next_shipment(&mut self, now: Instant) -> Option<Shipment> {
-        self.batch.queue.groups().into_iter().find_map(|group| self.next_of_group(group, now))
-    }
-
-    fn next_of_group(&mut self, group: usize, now: Instant) -> Option<Shipment> {
-        let waiting = self.batch.queue.waiting(group);
-        let active = self.roster.active_in(group);
-        if active == 0 {
-            return None;
-        }
-        let worker = self.roster.idle(group).or_else(|| self.ahead_of_time(group, active))?;
-        let most = self.settings.slice.get().min(waiting.div_ceil(active));
-        let indices = self.batch.queue.take(group, worker, most);
-        Some(self.load(worker, &indices, now))
-    }
-
-    /// A busy worker that may get its next slice ahead of time, so that it need not wait for the channel: one whose
-    /// work then is no more than its share of all that is left. A job behind a long one would wait while others run idle.
-    fn ahead_of_time(&self, group: usize, active: usize) -> Option<WorkerId> {
-        let (worker, load) = self.roster.least_loaded(group, self.settings.window.get())?;
-        let next = u128::from(self.batch.queue.next_expected(group, worker));
-        let left = self.batch.queue.expected(group) + self.roster.load(group);
-        ((load + next) * active as u128 <= left).then_some(worker)
-    }
-
-    /// Whether every group that has points has a worker.
-    pub(super) fn is_served(&self) -> bool {
-        self.points.groups.iter().all(|&group| self.roster.active_in(group) > 0)
-    }
-
-    fn load(&mut self, worker: WorkerId, indices: &[usize], now: Instant) -> Shipment {
-        let known = self.roster.workers.get_mut(&worker).expect("a worker that was just chosen is on the roster");
-        let mut shipment = Shipment { worker, define: Vec::new(), jobs: Vec::new() };
-        let mut slice = Slice { jobs: Vec::new(), expected: 0, allowance: std::time::Duration::ZERO };
-        for &index in indices {
-            let job = &mut self.batch.jobs[index];
-            if known.definitions.insert(job.definition) {
-                shipment.define.push(job.definition);
-            }
-            let initial = job.state.id == StateId::NONE;
-            job.carried = !initial && (job.must_carry || !known.cache.holds(job.state.id));
-            known.cache.touch(job.state.id);
-            let bytes = if job.carried { job.state.bytes.clone() } else { Arc::from([]) };
-            self.statistics.states_sent += u64::from(job.carried);
-            self.statistics.bytes_sent += (size_of::<TrialJob>() + bytes.len()) as u64;
-            shipment.jobs.push((TrialJob { state_length: bytes.len() as u64, ..job.wire }, bytes));
-            slice.jobs.push(job.wire.job);
-            slice.expected += u128::from(job.expected);
-            slice.allowance +=
-                self.settings.hang.allowance(self.paces[job.definition].duration(job.expected), job.blames());
-        }
-        if known.slices.is_empty() {
-            known.head_since = now;
-            known.seen.begin_anew();
-        }
-        known.slices.push_back(slice);
-        shipment
     }
 }

@@ -6,19 +6,23 @@
 //! Commit and rollback are local because every answer brings its trial state along.
 //!
 //! [`Pool`] moves messages; `desk` decides (no input or output, so every fault can be played through in tests);
-//! `queue` orders jobs, `roster` knows the workers, `border` checks what comes in.
+//! `queue` orders jobs, `dispatch` gives them out, `roster` knows the workers, `border` checks what comes in.
 
 mod batch;
 mod border;
 mod cache;
 mod checkpoint;
 mod desk;
+mod dispatch;
 mod forecast;
 mod interrupt;
+mod line_index;
 mod points;
 mod queue;
+mod recycling;
 mod report;
 mod roster;
+mod rota;
 mod settings;
 mod statistics;
 mod supply;
@@ -28,6 +32,7 @@ mod vitals;
 
 pub use interrupt::Interrupt;
 pub use points::PointState;
+pub use recycling::Recycling;
 pub use report::{Reporter, WorkerReport};
 pub use settings::{HangPolicy, PoolSettings};
 pub use statistics::{PoolStatistics, WorkerStatistics};
@@ -41,6 +46,7 @@ use points::PointTable;
 use protocol::control::ToWorker;
 use protocol::transport::{LoadedJob, MacroPort, TransportError, Waker};
 use protocol::{Definition, DefinitionId, TrialAnswer};
+use recycling::resident_mebibytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use vitals::Vitals;
@@ -168,12 +174,12 @@ impl<P: MacroPort> Pool<P> {
             return;
         }
         self.closed = true;
-        for worker in self.desk.roster.workers.keys() {
+        for (worker, _) in self.desk.roster.iter() {
             // A worker that is gone needs no farewell.
-            let _ = self.port.send_control(*worker, &ToWorker::Bye);
+            let _ = self.port.send_control(worker, &ToWorker::Bye);
         }
         self.wait_for_departure();
-        let overdue: Vec<_> = self.desk.roster.workers.keys().copied().collect();
+        let overdue: Vec<_> = self.desk.roster.iter().map(|(worker, _)| worker).collect();
         for worker in &overdue {
             self.port.kill(*worker);
         }
@@ -186,12 +192,12 @@ impl<P: MacroPort> Pool<P> {
     fn wait_for_departure(&mut self) {
         // Departures after the end of the run are no losses: they must not touch the statistics.
         let end = Instant::now() + FAREWELL;
-        while !self.desk.roster.workers.is_empty() {
+        while !self.desk.roster.is_empty() {
             let left = end.saturating_duration_since(Instant::now());
             let roster = &mut self.desk.roster;
             let heard = self.port.poll(left.min(Duration::from_millis(50)), &mut |event| {
                 if let protocol::transport::MacroEvent::Lost(worker, _) = event {
-                    roster.workers.remove(&worker);
+                    roster.remove(worker);
                 }
             });
             if heard.is_err() || left.is_zero() {
@@ -238,6 +244,7 @@ impl<P: MacroPort> Pool<P> {
         }
         self.looked = now;
         self.any_stopped = self.desk.roster.look(now, Vitals::of);
+        self.desk.retire_the_large(resident_mebibytes);
         if let Some(reporter) = &mut self.reporter {
             reporter(&report::of(&self.desk, now));
         }

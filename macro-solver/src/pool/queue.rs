@@ -1,7 +1,12 @@
 //! Jobs that wait for a worker, longest expected first, sorted by the worker that probably holds their state.
 
+use super::line_index::LineIndex;
 use protocol::transport::WorkerId;
-use std::collections::{BTreeMap, VecDeque};
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+/// Place in a line.
+type Rank = (Reverse<u64>, usize);
 
 /// What the queue needs to know of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,22 +25,42 @@ pub(super) struct Ticket {
 
 impl Ticket {
     /// Longest first; equal expectations in job order, which is the order of points.
-    fn rank(&self) -> (std::cmp::Reverse<u64>, usize) {
-        (std::cmp::Reverse(self.expected), self.job)
+    fn rank(&self) -> Rank {
+        (Reverse(self.expected), self.job)
     }
 }
 
-/// Line of jobs with one home.
+/// Line of jobs with one home, in the order of their ranks.
 #[derive(Debug, Default)]
 struct Line {
-    tickets: VecDeque<Ticket>,
+    tickets: BTreeMap<Rank, Ticket>,
     expected: u128,
 }
 
 impl Line {
+    fn add(&mut self, ticket: Ticket) {
+        self.expected += u128::from(ticket.expected);
+        self.tickets.insert(ticket.rank(), ticket);
+    }
+
     /// Expectation of its longest job.
     fn head(&self) -> u64 {
-        self.tickets.front().map_or(0, |ticket| ticket.expected)
+        self.tickets.first_key_value().map_or(0, |(_, ticket)| ticket.expected)
+    }
+
+    /// Takes up to `most` jobs of one definition, the longest first.
+    fn take(&mut self, most: usize) -> Vec<usize> {
+        let Some((_, first)) = self.tickets.pop_first() else { return Vec::new() };
+        let mut taken = vec![first];
+        if most > 1 && !first.suspect {
+            let alike = |ticket: &&Ticket| ticket.definition == first.definition && !ticket.suspect;
+            taken.extend(self.tickets.values().filter(alike).take(most - 1));
+            for ticket in &taken[1..] {
+                self.tickets.remove(&ticket.rank());
+            }
+        }
+        self.expected -= taken.iter().map(|ticket| u128::from(ticket.expected)).sum::<u128>();
+        taken.into_iter().map(|ticket| ticket.job).collect()
     }
 }
 
@@ -43,7 +68,10 @@ impl Line {
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     lines: BTreeMap<Option<WorkerId>, Line>,
+    /// All lines by their longest job, so that no decision has to look at every line.
+    index: LineIndex,
     length: usize,
+    expected: u128,
 }
 
 impl Queue {
@@ -54,16 +82,12 @@ impl Queue {
 
     /// Adds a job at its rank.
     pub(super) fn add(&mut self, home: Option<WorkerId>, ticket: Ticket) {
-        let line = self.lines.entry(home).or_default();
-        let place = line.tickets.partition_point(|other| other.rank() < ticket.rank());
-        line.tickets.insert(place, ticket);
-        line.expected += u128::from(ticket.expected);
-        self.length += 1;
+        self.edit(home, |line| line.add(ticket));
     }
 
     /// Expected force evaluations of all waiting jobs.
     fn expected(&self) -> u128 {
-        self.lines.values().map(|line| line.expected).sum()
+        self.expected
     }
 
     /// Expected force evaluations of the job that `worker` would get next; 0 when nothing waits.
@@ -76,63 +100,54 @@ impl Queue {
     /// (lowest worker number among equals).
     pub(super) fn take(&mut self, worker: WorkerId, most: usize) -> Vec<usize> {
         let Some(home) = self.line_for(worker) else { return Vec::new() };
-        let line = self.lines.get_mut(&home).expect("the line was just chosen");
-        let first = line.tickets.pop_front().expect("lines without tickets are removed");
-        let mut taken = vec![first];
-        let mut place = 0;
-        while taken.len() < most && !first.suspect && place < line.tickets.len() {
-            let next = line.tickets[place];
-            if next.definition == first.definition && !next.suspect {
-                taken.push(next);
-                line.tickets.remove(place);
-            } else {
-                place += 1;
-            }
-        }
-        line.expected -= taken.iter().map(|ticket| u128::from(ticket.expected)).sum::<u128>();
-        self.length -= taken.len();
-        if line.tickets.is_empty() {
-            self.lines.remove(&home);
-        }
-        taken.into_iter().map(|ticket| ticket.job).collect()
+        self.edit(home, |line| line.take(most))
     }
 
     /// Makes the jobs of a lost worker homeless.
     pub(super) fn disown(&mut self, worker: WorkerId) {
-        let Some(line) = self.lines.remove(&Some(worker)) else { return };
-        self.length -= line.tickets.len();
-        for ticket in line.tickets {
-            self.add(None, ticket);
-        }
+        let tickets = self.edit(Some(worker), |line| std::mem::take(line).tickets);
+        tickets.into_values().for_each(|ticket| self.add(None, ticket));
     }
 
     /// Removes all jobs for which `keep` is false and returns how many they were.
     pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) -> usize {
         let before = self.length;
-        for line in self.lines.values_mut() {
-            line.tickets.retain(|ticket| keep(ticket.job));
-            line.expected = line.tickets.iter().map(|ticket| u128::from(ticket.expected)).sum();
+        let homes: Vec<_> = self.lines.keys().copied().collect();
+        for home in homes {
+            self.edit(home, |line| {
+                line.tickets.retain(|_, ticket| keep(ticket.job));
+                line.expected = line.tickets.values().map(|ticket| u128::from(ticket.expected)).sum();
+            });
         }
-        self.lines.retain(|_, line| !line.tickets.is_empty());
-        self.length = self.lines.values().map(|line| line.tickets.len()).sum();
         before - self.length
+    }
+
+    /// Changes a line, which is made if there is none and removed if it is empty then; sums and index follow.
+    fn edit<T>(&mut self, home: Option<WorkerId>, change: impl FnOnce(&mut Line) -> T) -> T {
+        let line = self.lines.entry(home).or_default();
+        if !line.tickets.is_empty() {
+            self.index.leave(home, line.head(), line.expected);
+        }
+        self.length -= line.tickets.len();
+        self.expected -= line.expected;
+        let outcome = change(line);
+        self.length += line.tickets.len();
+        self.expected += line.expected;
+        if line.tickets.is_empty() {
+            self.lines.remove(&home);
+        } else {
+            self.index.enter(home, line.head(), line.expected);
+        }
+        outcome
     }
 
     fn line_for(&self, worker: WorkerId) -> Option<Option<WorkerId>> {
         // A long job that starts late keeps all others waiting, and carrying a state costs a hundredth of a job: length
         // goes before home. Less than a factor of two is what forecasts are wrong anyway.
-        let longest = self.lines.values().map(Line::head).max()?;
-        let is_long = |line: &Line| line.head() >= longest.div_ceil(2);
+        let least = self.index.longest()?.div_ceil(2);
+        let is_long = |line: &Line| line.head() >= least;
         let at_home = [Some(worker), None].into_iter().find(|home| self.lines.get(home).is_some_and(is_long));
-        at_home.or_else(|| {
-            let mut most: Option<(Option<WorkerId>, u128)> = None;
-            for (home, line) in self.lines.iter().filter(|(_, line)| is_long(line)) {
-                if most.is_none_or(|(_, expected)| line.expected > expected) {
-                    most = Some((*home, line.expected));
-                }
-            }
-            most.map(|(home, _)| home)
-        })
+        at_home.or_else(|| self.index.most_work(least))
     }
 }
 

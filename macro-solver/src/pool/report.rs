@@ -27,7 +27,7 @@ pub struct WorkerReport {
 
 /// All workers that have not ended, by number.
 pub(super) fn of(desk: &Desk, now: Instant) -> Vec<WorkerReport> {
-    let known = desk.roster.workers.iter().filter(|(_, worker)| worker.standing != Standing::Refused);
+    let known = desk.roster.iter().filter(|(_, worker)| worker.standing != Standing::Refused);
     known
         .map(|(id, worker)| {
             let figures = desk.statistics.workers.get(worker.tally);

@@ -1,6 +1,7 @@
 //! The workers of a run as the macro sees them.
 
 use super::cache::CacheMirror;
+use super::rota::{Entry, Rota};
 use super::settings::{HangPolicy, PoolSettings};
 use super::vitals::{Observation, Vitals};
 use protocol::transport::WorkerId;
@@ -24,6 +25,8 @@ pub(super) struct Slice {
 pub(super) enum Standing {
     /// Gets jobs; its replies count.
     Active,
+    /// Was asked to finish what it holds and to leave: no new jobs, but its replies count.
+    Draining,
     /// Told us that it leaves: no new jobs.
     Leaving,
     /// Was ended or cannot be reached; nothing it says counts and its jobs wait for the news of its end, so that no
@@ -31,6 +34,22 @@ pub(super) enum Standing {
     Condemned,
     /// Its hello was refused.
     Refused,
+}
+
+impl Standing {
+    /// Whether what the worker says about its jobs counts.
+    pub(super) fn answers(self) -> bool {
+        matches!(self, Self::Active | Self::Draining)
+    }
+}
+
+/// Why a worker has to be ended, in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Stuck {
+    /// Somebody has stopped its process.
+    Stopped(String),
+    /// It has been silent for longer than its job may take.
+    Silent(String),
 }
 
 /// One worker.
@@ -54,6 +73,11 @@ pub(super) struct Worker {
 }
 
 impl Worker {
+    /// Whether it gets jobs.
+    pub(super) fn is_active(&self) -> bool {
+        self.standing == Standing::Active
+    }
+
     /// Takes a job off the worker's hands; `false` when it did not hold it.
     pub(super) fn release(&mut self, job: u64, now: Instant) -> bool {
         for place in 0..self.slices.len() {
@@ -71,31 +95,33 @@ impl Worker {
         false
     }
 
-    /// Every job it holds, in the order sent.
-    pub(super) fn held(&self) -> Vec<u64> {
-        self.slices.iter().flat_map(|slice| slice.jobs.iter().copied()).collect()
-    }
-
     /// Expected force evaluations of its unanswered slices.
-    fn load(&self) -> u128 {
+    pub(super) fn load(&self) -> u128 {
         self.slices.iter().map(|slice| slice.expected).sum()
     }
 
     /// When it counts as hung; `None` while it has nothing to do. Time in which it got no processor does not count.
     pub(super) fn deadline(&self) -> Option<Instant> {
         let head = self.slices.front()?;
-        (self.standing == Standing::Active).then(|| self.head_since + head.allowance + self.seen.starved)
+        self.standing.answers().then(|| self.head_since + head.allowance + self.seen.starved)
+    }
+
+    /// Takes in what the kernel says about its process; returns whether that is stopped.
+    fn look(&mut self, now: Instant, vitals: impl Fn(u32) -> Option<Vitals>) -> bool {
+        let Some(vitals) = vitals(self.pid) else { return false };
+        self.seen.take(&vitals, self.head_since, now);
+        vitals.stopped
     }
 
     /// Why it is to be ended, if it is.
-    fn stuck(&self, now: Instant, hang: &HangPolicy) -> Option<String> {
+    fn stuck(&self, now: Instant, hang: &HangPolicy) -> Option<Stuck> {
         let deadline = self.deadline()?;
         if let Some(stopped) = self.seen.stopped(now).filter(|stopped| *stopped >= hang.stopped) {
-            return Some(format!("stopped for {:.1} s", stopped.as_secs_f64()));
+            return Some(Stuck::Stopped(format!("stopped for {:.1} s", stopped.as_secs_f64())));
         }
         (deadline <= now).then(|| {
             let passed = now.saturating_duration_since(self.head_since).as_secs_f64();
-            format!("no answer for {passed:.1} s, longer than the job may take")
+            Stuck::Silent(format!("no answer for {passed:.1} s, longer than the job may take"))
         })
     }
 }
@@ -103,70 +129,118 @@ impl Worker {
 /// All workers ever heard of that have not ended.
 #[derive(Debug, Default)]
 pub(super) struct Roster {
-    pub(super) workers: BTreeMap<WorkerId, Worker>,
+    workers: BTreeMap<WorkerId, Worker>,
+    rota: Rota,
+    /// Whether a worker with work was stopped at the last look.
+    any_stopped: bool,
     /// Engine and version of the first worker of each group: bitwise equal answers need the same in all.
     engines: BTreeMap<usize, (String, String)>,
 }
 
 impl Roster {
+    /// Takes in a worker that has said hello.
+    pub(super) fn add(&mut self, id: WorkerId, worker: Worker) {
+        self.rota.enter(id, Entry::of(&worker));
+        self.workers.insert(id, worker);
+    }
+
+    /// Forgets a worker that has ended.
+    pub(super) fn remove(&mut self, id: WorkerId) {
+        if let Some(worker) = self.workers.remove(&id) {
+            self.rota.leave(id, Entry::of(&worker));
+        }
+    }
+
+    /// A worker as it stands.
+    pub(super) fn get(&self, id: WorkerId) -> Option<&Worker> {
+        self.workers.get(&id)
+    }
+
+    /// Changes a worker, if it is on the roster; the only way to do so, so that the rota follows.
+    pub(super) fn edit<T>(&mut self, id: WorkerId, change: impl FnOnce(&mut Worker) -> T) -> Option<T> {
+        let worker = self.workers.get_mut(&id)?;
+        let before = Entry::of(worker);
+        let outcome = change(worker);
+        let after = Entry::of(worker);
+        if after != before {
+            self.rota.leave(id, before);
+            self.rota.enter(id, after);
+        }
+        Some(outcome)
+    }
+
+    /// All workers, by number.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        self.workers.iter().map(|(id, worker)| (*id, worker))
+    }
+
+    /// Moves every worker's figures to another place in the statistics.
+    pub(super) fn renumber(&mut self, place: impl Fn(usize) -> usize) {
+        self.workers.values_mut().for_each(|worker| worker.tally = place(worker.tally));
+    }
+
+    /// Whether there is none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.workers.is_empty()
+    }
+
     /// Number of workers that get jobs.
     pub(super) fn active(&self) -> usize {
-        self.workers.values().filter(|worker| worker.standing == Standing::Active).count()
+        self.rota.active()
     }
 
     /// Whether this worker gets jobs.
     pub(super) fn is_active(&self, worker: WorkerId) -> bool {
-        self.workers.get(&worker).is_some_and(|known| known.standing == Standing::Active)
+        self.workers.get(&worker).is_some_and(Worker::is_active)
     }
 
     /// Number of workers of a group that get jobs.
     pub(super) fn active_in(&self, group: usize) -> usize {
-        self.serving(group).count()
-    }
-
-    fn serving(&self, group: usize) -> impl Iterator<Item = (WorkerId, &Worker)> {
-        let serves = move |worker: &Worker| worker.standing == Standing::Active && worker.group == group;
-        self.workers.iter().filter(move |(_, worker)| serves(worker)).map(|(id, worker)| (*id, worker))
+        self.rota.active_in(group)
     }
 
     /// A worker of a group that has nothing to do; the lowest number among several.
     pub(super) fn idle(&self, group: usize) -> Option<WorkerId> {
-        self.serving(group).find(|(_, worker)| worker.slices.is_empty()).map(|(id, _)| id)
+        self.rota.least_loaded(group, 1).map(|(worker, _)| worker)
     }
 
-    /// The worker of a group with the least expected work among those that hold fewer than `depth` slices, and that work;
-    /// the lowest number among equals.
+    /// See [`Rota::least_loaded`].
     pub(super) fn least_loaded(&self, group: usize, depth: usize) -> Option<(WorkerId, u128)> {
-        let room = self.serving(group).filter(|(_, worker)| worker.slices.len() < depth);
-        room.map(|(id, worker)| (id, worker.load())).min_by_key(|(id, load)| (*load, *id))
+        self.rota.least_loaded(group, depth)
     }
 
     /// Expected force evaluations that the workers of a group were sent and have not answered.
     pub(super) fn load(&self, group: usize) -> u128 {
-        self.serving(group).map(|(_, worker)| worker.load()).sum()
+        self.rota.load(group)
     }
 
     /// Earliest time at which some worker counts as hung.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        self.workers.values().filter_map(Worker::deadline).min()
+        self.rota.next_deadline()
     }
 
     /// Looks at the processes of the workers that have work; returns whether any of them is stopped.
     pub(super) fn look(&mut self, now: Instant, vitals: impl Fn(u32) -> Option<Vitals>) -> bool {
-        let mut any_stopped = false;
-        let busy = |worker: &&mut Worker| worker.standing == Standing::Active && !worker.slices.is_empty();
-        for worker in self.workers.values_mut().filter(busy) {
-            if let Some(vitals) = vitals(worker.pid) {
-                worker.seen.take(&vitals, worker.head_since, now);
-                any_stopped |= vitals.stopped;
-            }
+        self.any_stopped = false;
+        for id in self.busy() {
+            self.any_stopped |= self.edit(id, |worker| worker.look(now, &vitals)).unwrap_or(false);
         }
-        any_stopped
+        self.any_stopped
+    }
+
+    /// Workers that have jobs in hand.
+    pub(super) fn busy(&self) -> Vec<WorkerId> {
+        let busy = |worker: &Worker| worker.standing.answers() && !worker.slices.is_empty();
+        self.iter().filter(|(_, worker)| busy(worker)).map(|(id, _)| id).collect()
     }
 
     /// Workers that have been silent or stopped for too long, each with the reason.
-    pub(super) fn hung(&self, now: Instant, hang: &HangPolicy) -> Vec<(WorkerId, String)> {
-        self.workers.iter().filter_map(|(id, worker)| Some((*id, worker.stuck(now, hang)?))).collect()
+    pub(super) fn hung(&self, now: Instant, hang: &HangPolicy) -> Vec<(WorkerId, Stuck)> {
+        let due = self.next_deadline().is_some_and(|deadline| deadline <= now);
+        if !due && !self.any_stopped {
+            return Vec::new();
+        }
+        self.iter().filter_map(|(id, worker)| Some((id, worker.stuck(now, hang)?))).collect()
     }
 
     /// Checks a hello and returns the worker's group.

@@ -1,5 +1,6 @@
 //! What a pool is told once, at the start of a run.
 
+use super::recycling::Recycling;
 use protocol::TangentKind;
 use std::num::NonZeroUsize;
 use std::time::Duration;
@@ -30,9 +31,10 @@ impl Default for HangPolicy {
 }
 
 impl HangPolicy {
-    /// How long a job may take that is expected to take `expected` (`None`: unknown) and that has already ended
-    /// `blames` workers. Doubles with each of them, so a job that is merely long gets through in the end.
-    pub fn allowance(&self, expected: Option<Duration>, blames: u32) -> Duration {
+    /// How long a job may take that is expected to take `expected` (`None`: unknown) and that `overruns` workers have
+    /// already taken too long for. Doubles with each of them, so a job that is merely long gets through in the end; a crash
+    /// tells nothing about its length.
+    pub fn allowance(&self, expected: Option<Duration>, overruns: u32) -> Duration {
         let first = match expected {
             // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
             Some(expected) => {
@@ -40,7 +42,7 @@ impl HangPolicy {
             }
             None => self.unknown.max(self.floor),
         };
-        first * 2u32.pow(blames.min(8))
+        first * 2u32.pow(overruns.min(8))
     }
 }
 
@@ -63,6 +65,8 @@ pub struct PoolSettings {
     pub deduplicate: bool,
     /// When a silent worker is ended.
     pub hang: HangPolicy,
+    /// When a worker has done enough and a fresh one takes its place.
+    pub recycling: Recycling,
     /// How long the pool lives without any worker before it gives up.
     pub patience: Duration,
     /// Number of workers that one job may end before it is held to be the cause and the run stops.
@@ -91,6 +95,7 @@ impl PoolSettings {
             window: NonZeroUsize::MIN.saturating_add(1),
             deduplicate: true,
             hang: HangPolicy::default(),
+            recycling: Recycling::default(),
             patience: Duration::from_secs(60),
             blames_until_quarantine: 3,
         }
@@ -102,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn allowance_grows_with_expectation_and_with_blame_and_never_overflows() {
+    fn allowance_grows_with_expectation_and_with_overruns_and_never_overflows() {
         let policy = HangPolicy::default();
         let short = policy.allowance(Some(Duration::from_millis(10)), 0);
         assert_eq!(short, Duration::from_secs_f64(60.3));

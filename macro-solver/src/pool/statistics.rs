@@ -37,6 +37,8 @@ pub struct PoolStatistics {
     pub workers_lost: u64,
     /// Workers that left on their own will.
     pub workers_left: u64,
+    /// Workers that were asked to leave because they had done enough; those that did are among `workers_left`.
+    pub workers_recycled: u64,
     /// Replacements started.
     pub worker_restarts: u64,
     /// Workers ended because they did not answer in time.
@@ -55,6 +57,8 @@ pub struct PoolStatistics {
     pub state_misses: u64,
     /// Jobs sent again because the worker did not know the definition.
     pub definition_misses: u64,
+    /// Trials that workers solved again to rebuild states, because their engine's states are paths.
+    pub replayed_trials: u64,
     /// Snapshots sent to workers.
     pub states_sent: u64,
     /// Bytes of jobs and snapshots sent.

@@ -224,7 +224,8 @@ impl<'a> Outgoing<'a> {
         if size > limit { Err(TransportError::TooLarge { size, limit }) } else { Ok(size) }
     }
 
-    /// Writes the frame into `out`, whose length is [`Outgoing::length`]. Lengths inside jobs and replies are set here.
+    /// Writes the frame into `out`, whose length is [`Outgoing::length`]. Lengths inside jobs and
+    /// replies, and the checksums of replies, are set here.
     pub fn write(&self, sender: u64, out: &mut [u8]) {
         let (kind, count) = match self {
             Self::Control(_) => (FrameKind::Control, 0),
@@ -259,7 +260,7 @@ impl<'a> Outgoing<'a> {
                         error_length: loaded.error.len() as u64,
                         ..loaded.reply
                     };
-                    cursor.put(bytemuck::bytes_of(&reply));
+                    cursor.put(bytemuck::bytes_of(&reply.seal(loaded.error)));
                 }
                 for loaded in *replies {
                     cursor.put(loaded.state);

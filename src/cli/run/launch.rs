@@ -11,7 +11,7 @@ use crate::workers::{Fleet, LaunchPlan, Progress, RunBeacon, SignalWatch, Worker
 use macro_solver::material::MaterialError;
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
-use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort};
+use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
 use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 
@@ -35,8 +35,14 @@ pub(super) fn run(
     let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let asked = workers(arguments);
-    let limits = ChannelLimits { waiting: arguments.wait.into(), ..channel_limits(asked) };
+    let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
+    let limits = ChannelLimits { waiting, ..channel_limits(asked) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    // Whoever killed a run before its first worker was there left its memory to nobody else. Failing here harms no run.
+    match RunDirectory::clean() {
+        Ok(names) if !names.is_empty() => tracing::info!(?names, "removed what dead runs had left"),
+        _ => {}
+    }
     signals.wakes(port.waker());
     let mut beacon = RunBeacon::light(port.record(), Progress::new(scene.document.path(), folder.path()));
 
@@ -59,8 +65,7 @@ pub(super) fn run(
     } else {
         let mut fleet = Fleet(Vec::new());
         for member in &crew.members {
-            let extra = if member.engine.is_built_in() { Vec::new() } else { scene.engines.recycling() };
-            let plan = LaunchPlan::for_run(&name, &member.engine, &extra, workers);
+            let plan = LaunchPlan::for_run(&name, &member.engine, workers);
             let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
             let started = WorkerProcesses::start(plan);
             fleet.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);

@@ -47,8 +47,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME")]
     engine: Option<String>,
     /// How macro and workers wait for messages: `hybrid` and `spin` burn idle cores for shorter ways
-    #[arg(long, value_enum, default_value_t)]
-    wait: Wait,
+    /// [default: pool.wait of the scene, else `block`]
+    #[arg(long, value_enum)]
+    wait: Option<Wait>,
     /// Output folder [default: out/NAME OF THE SCENE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -64,10 +65,9 @@ pub(crate) struct Arguments {
 }
 
 /// [`Waiting`] as the command line names it.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
 enum Wait {
     /// Sleep until the kernel wakes
-    #[default]
     Block,
     /// Look for 50 us first if a core is free
     Hybrid,

@@ -1,11 +1,14 @@
 //! A worker that outlives its runs: it waits for a run of its name, serves it, and waits for the next.
 //!
 //! A run is served once. Whatever ended it, the next is recognised by its own prefix in shared memory, so a worker that
-//! was sent away does not come back to the run that sent it away.
+//! was sent away does not come back to the run that sent it away; one that was asked to make room for a fresh worker becomes
+//! that worker.
 
 use crate::cli::exit::{Exit, Failure};
 use protocol::transport::shared_memory::{RunDirectory, RunError, SharedMemoryWorkerPort};
 use rve_server::server::{ExitReason, ServeError};
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::Duration;
 
 /// Between two looks for a run: some 30 us of work five times a second, a fiftieth of a per cent of a core.
@@ -26,7 +29,9 @@ pub(super) fn serve_for_ever(
                 match SharedMemoryWorkerPort::join_found(&record) {
                     Ok(port) => {
                         done_with = Some(record.prefix);
-                        told(name, serve(port));
+                        if told(name, serve(port)) {
+                            return Err(start_afresh());
+                        }
                     }
                     // It may be ending, or have no room: the next look tells.
                     Err(error) => tracing::debug!(run = name, %error, "could not join"),
@@ -46,11 +51,25 @@ pub(super) fn serve_for_ever(
     }
 }
 
-/// What a supervisor's log needs: the end of every run.
-fn told(run: &str, ended: Result<ExitReason, ServeError>) {
+/// What a supervisor's log needs: the end of every run. Returns whether the run wants a fresh worker in this one's place.
+fn told(run: &str, ended: Result<ExitReason, ServeError>) -> bool {
     match ended {
-        Ok(ExitReason::Dismissed | ExitReason::Drained) => tracing::info!(run, "served; waiting for the next"),
+        Ok(ExitReason::Dismissed) => tracing::info!(run, "served; waiting for the next"),
+        Ok(ExitReason::Drained) => {
+            tracing::info!(run, "made room for a fresh worker");
+            return true;
+        }
         Ok(ExitReason::MacroLost(reason)) => tracing::warn!(run, reason, "the run has ended; waiting for the next"),
         Err(error) => tracing::error!(run, %error, "could not serve; waiting for the next"),
     }
+    false
+}
+
+/// Begins this program anew in the same process, with nothing in its memory; returns only when that fails.
+fn start_afresh() -> Failure {
+    let error = match std::env::current_exe() {
+        Ok(program) => Command::new(program).args(std::env::args_os().skip(1)).exec(),
+        Err(error) => error,
+    };
+    Failure::new(Exit::WorkersLost, format!("a standing worker could not begin anew: {error}"))
 }

@@ -21,6 +21,7 @@ import numpy
 
 from grainspan_worker import Answer, DefinitionRefused, NotFinite, main
 from grainspan_worker.engines.frame import Frame
+from grainspan_worker.engines.lammps_restart import with_history
 from grainspan_worker.engines.opaque_state import OpaqueStateRve
 from grainspan_worker.engines.plane import anisotropy, rotation
 
@@ -71,7 +72,7 @@ class LammpsRve(OpaqueStateRve):
         self.law = self._law()
         angle = math.atan2(definition.cell[0, 1], definition.cell[0, 0])
         self._build(angle)
-        self.committed = msgpack.packb([angle, 0.0, self._saved()])
+        self.committed = msgpack.packb([angle, 0.0, self._with_listed_forces(self._saved(), angle)])
         self.latest = None
 
     def trial(self, gradient, ask):
@@ -123,6 +124,31 @@ class LammpsRve(OpaqueStateRve):
         command(f"read_data {data}")
         self._prepare()
         command("run 0 post no")
+
+    def _with_listed_forces(self, restart, angle):
+        """The restart with the tangential forces that the packing lists, cut to the Coulomb limit."""
+        made_of = self.made_of
+        if not made_of.contacts or made_of.stiffness_ratio == 0.0:
+            return restart
+        unturned = rotation(-angle)
+        cell, positions = made_of.cell @ unturned.T, made_of.positions @ unturned.T
+        rows, ends = self._contacts()
+        normal = {frozenset(pair): abs(row[0]) for pair, row in zip(ends.tolist(), rows)}
+        history = {}
+        for i, j, shift, force in made_of.contacts:
+            pressed = normal.get(frozenset((i + 1, j + 1)))
+            if pressed is None or force == 0.0:
+                continue
+            branch = positions[j] + numpy.array(shift) @ cell - positions[i]
+            direction = branch / numpy.hypot(*branch)
+            limit = made_of.friction * pressed
+            stiffness = made_of.stiffness_ratio * float(made_of.normal_stiffness(made_of.radii[i], made_of.radii[j]))
+            slip = min(max(force, -limit), limit) / stiffness
+            # The force on an atom is its history times the stiffness, turned round.
+            own = numpy.array([slip * direction[1], -slip * direction[0], 0.0])
+            history[i + 1, j + 1], history[j + 1, i + 1] = own, -own
+        first = self.program.numpy.extract_atom("x")[0]
+        return zlib.compress(with_history(zlib.decompress(restart), first, history), 1)
 
     def _law(self):
         """The contact law of every pair of types."""

@@ -69,6 +69,20 @@ fn unsound_replies_end_their_worker() {
     }
 }
 
+/// Recycling by count: the worker finishes what it holds, and nothing is asked twice. By memory: `tests/faults_processes.rs`.
+#[test]
+fn a_worker_that_has_done_enough_finishes_and_is_replaced() {
+    let mut stage = Stage::new(6).hire(64, &[]).replacing(30, None);
+    stage.settings.recycling.jobs = Some(4);
+    let mut pool = stage.open(POINTS);
+    pool.evaluate(&questions(POINTS, 0)).unwrap();
+    pool.commit().unwrap();
+    pool.evaluate(&questions(POINTS, 1)).unwrap();
+    let by_count = pool.statistics();
+    assert!(by_count.workers_recycled >= 3, "{by_count:?}");
+    assert_eq!((by_count.workers_lost, by_count.reissued, by_count.solved), (0, 0, 2 * POINTS as u64));
+}
+
 #[test]
 fn a_worker_that_forgot_is_told_again() {
     let mut stage = Stage::new(11).hire(50, &[None, None, None, None, Some(Fault::Amnesia)]);

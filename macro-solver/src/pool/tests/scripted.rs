@@ -68,6 +68,7 @@ struct FakeWorker {
     /// Points at which it always dies.
     deadly: Option<u64>,
     silent: bool,
+    draining: bool,
 }
 
 /// All workers and what they have sent.
@@ -113,6 +114,7 @@ impl World {
             faults: faults.iter().copied().collect(),
             deadly,
             silent: false,
+            draining: false,
         };
         self.workers.insert(id, worker);
         self.outgoing.push_back(Outgoing::Control(id, hello));
@@ -170,6 +172,15 @@ impl World {
         }
         self.outgoing.push_back(Outgoing::Replies(id, answers));
         if fault == Some(Fault::LeaveThenAnswer) {
+            self.lose(id);
+        }
+        self.leave_when_drained(id);
+    }
+
+    /// A worker that was asked to finish goes when it holds nothing more.
+    fn leave_when_drained(&mut self, id: WorkerId) {
+        if self.workers.get(&id).is_some_and(|worker| worker.draining && worker.inbox.is_empty()) {
+            self.outgoing.push_back(Outgoing::Control(id, FromWorker::Bye { reason: "drained".to_owned() }));
             self.lose(id);
         }
     }
@@ -292,7 +303,7 @@ impl MacroPort for ScriptedPort {
                 Outgoing::Replies(worker, answers) => {
                     let loaded: Vec<_> = answers
                         .iter()
-                        .map(|(reply, state, error)| LoadedReply { reply: *reply, state, error })
+                        .map(|(reply, state, error)| LoadedReply { reply: reply.seal(error), state, error })
                         .collect();
                     sink(MacroEvent::Replies(worker, &loaded));
                 }
@@ -310,7 +321,11 @@ impl MacroPort for ScriptedPort {
                 known.definitions.insert(definition.id());
             }
             ToWorker::Bye | ToWorker::Refused { .. } => world.lose(worker),
-            ToWorker::Welcome { .. } | ToWorker::Drain => {}
+            ToWorker::Drain => {
+                known.draining = true;
+                world.leave_when_drained(worker);
+            }
+            ToWorker::Welcome { .. } => {}
         }
         Ok(())
     }

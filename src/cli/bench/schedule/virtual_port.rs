@@ -92,7 +92,7 @@ impl Play {
         reply.state_length = state.len() as u64;
         let microseconds = if self.tells_cost { 1e6 * self.costs[point as usize] } else { 0.0 };
         reply.cost = Cost { force_evaluations: microseconds as u64, ..Cost::default() };
-        Some((WorkerId(end.worker), reply, state))
+        Some((WorkerId(end.worker), reply.seal(b""), state))
     }
 }
 

@@ -59,6 +59,21 @@ impl StudyPool {
         points: usize,
         waiting: Waiting,
     ) -> anyhow::Result<Self> {
+        Self::open_with(role, definition, workers, points, waiting, |_| {})
+    }
+
+    /// The same with other settings of the pool.
+    ///
+    /// # Errors
+    /// As [`StudyPool::open`].
+    pub(crate) fn open_with(
+        role: Option<Role>,
+        definition: Definition,
+        workers: usize,
+        points: usize,
+        waiting: Waiting,
+        change: impl FnOnce(&mut PoolSettings),
+    ) -> anyhow::Result<Self> {
         let run = fresh_name();
         let limits = ChannelLimits { waiting, ..ChannelLimits::default() };
         let port = SharedMemoryMacroPort::create(&run, limits)?;
@@ -67,7 +82,8 @@ impl StudyPool {
             None => Companion::worker(&run),
         };
         let started = (0..workers).map(start).collect::<anyhow::Result<Vec<_>>>()?;
-        let settings = PoolSettings::new(run.as_str());
+        let mut settings = PoolSettings::new(run.as_str());
+        change(&mut settings);
         let made_of = vec![0; points];
         let supply = Box::new(JoiningWorkers);
         let mut pool = Pool::new(port, supply, Interrupt::new(), settings, vec![definition], &made_of);
@@ -111,6 +127,16 @@ impl StudyPool {
     /// Processor time that the workers' first threads have used, which is where they compute, s.
     pub(crate) fn worker_seconds(&self) -> f64 {
         self.workers.iter().map(|worker| processor_seconds(&worker.pid().to_string())).sum()
+    }
+
+    /// Processor time of the calling thread, which is the pool's, and of the workers' first threads, s.
+    pub(crate) fn processor_seconds(&self) -> f64 {
+        processor_seconds("thread-self") + self.worker_seconds()
+    }
+
+    /// Points of the pool.
+    pub(crate) fn points(&self) -> usize {
+        self.points
     }
 
     pub(crate) fn statistics(&self) -> PoolStatistics {
