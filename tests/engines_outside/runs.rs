@@ -82,8 +82,8 @@ fn how_states_travel_and_how_often_workers_change_leaves_no_trace() {
     assert_eq!(recycled["worker_restarts"].as_u64(), Some(0), "{recycled}");
     // Every fresh worker rebuilds states from paths, and the summary says so.
     assert!(recycled["fallbacks"]["workers_recycled"].as_u64().unwrap() > 1, "{recycled}");
-    assert!(recycled["fallbacks"]["replayed_trials"].as_u64().unwrap() > 0, "{recycled}");
-    assert_eq!(replayed["fallbacks"]["replayed_trials"].as_u64(), Some(0), "{replayed}");
+    let trials = |summary: &serde_json::Value| summary["fallbacks"]["replayed_trials"].as_u64().unwrap();
+    assert!(trials(&recycled) > trials(&replayed), "{recycled}");
     assert_eq!(site.history("plain"), site.history("replayed"));
     assert_eq!(site.history("plain"), site.history("recycled"));
 }
