@@ -78,7 +78,7 @@ fn through_the_service(problem: &Problem, definition: Definition) -> Last {
 fn problem(mesh: Mesh, conditions: Vec<Condition>) -> Problem {
     let mut problem = Problem::new(mesh, conditions);
     problem.stages[0].control.increments = 1;
-    problem.stages[0].tolerances = Tolerances { force: 1e-7, displacement: 1e-7 };
+    problem.stages[0].tolerances = Tolerances::both(1e-7, 1e-7);
     problem.stages[0].strategy.tangent = TangentKind::TrussLike;
     problem.stages[0].strategy.tangent_floor = None;
     problem

@@ -15,7 +15,9 @@ mod linear_solver;
 pub(crate) mod loads;
 mod newton;
 pub(crate) mod points;
+mod quasi_newton;
 mod relaxation;
+mod renewal;
 mod safeguard;
 mod secant;
 mod stage;
@@ -35,6 +37,8 @@ use loads::Loads;
 use newton::Converged;
 use points::{Points, failure};
 use protocol::TangentKind;
+use quasi_newton::Memory;
+use renewal::Renewer;
 use stage::Equations;
 use std::time::Instant;
 
@@ -101,6 +105,8 @@ struct Solver<'a> {
     body: Body,
     points: Points,
     tangent_asked: TangentKind,
+    renewer: Renewer,
+    memory: Option<Memory>,
     /// Of the latest iterate.
     balance: Balance,
     /// Of the committed state.
@@ -144,6 +150,8 @@ impl<'a> Solver<'a> {
             body,
             // No ramp has been seen yet that could tell which contacts slip.
             tangent_asked: TangentKind::TrussLike,
+            renewer: Renewer::new(first.strategy.renewal, first.strategy.secant.is_some()),
+            memory: first.strategy.quasi_newton.as_ref().map(Memory::new),
             balance: empty.clone(),
             committed_balance: empty,
             last_increment: None,
@@ -207,14 +215,16 @@ impl<'a> Solver<'a> {
         let counters = Counters::of(&self.statistics);
         let still = self.body.zero();
         let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
+        self.renewer.started(self.tangent_asked == self.stage().strategy.tangent);
         self.tangent_asked = self.stage().strategy.tangent;
         self.committed_balance.clone_from(&self.balance);
         session.material.rollback();
         self.points.forget_trials();
-        let converged = if start.ratio() <= self.stage().tolerances.force {
-            Converged { increment: still, iterations: 0, force_ratio: start.ratio(), displacement_ratio: 0.0 }
+        let ratio = start.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
+        let converged = if ratio <= self.stage().tolerances.force {
+            Converged { increment: still, iterations: 0, force_ratio: ratio, displacement_ratio: 0.0 }
         } else {
-            let converged = self.approach(0.0, session).map_err(ended)?;
+            let converged = self.approach(0.0, false, session).map_err(ended)?;
             session.material.commit().map_err(|error| ended(failure(error)))?;
             converged
         };
@@ -228,7 +238,7 @@ impl<'a> Solver<'a> {
         self.points.start_step();
         for cut_backs in 0.. {
             let load = next_load(self.load, *size, control.increments, control.min);
-            match self.approach(load, session) {
+            match self.approach(load, cut_backs > 0, session) {
                 Ok(converged) => {
                     session.material.commit().map_err(|error| match failure(error) {
                         Failure::Run(outcome) => outcome,
@@ -242,6 +252,7 @@ impl<'a> Solver<'a> {
                 Err(Failure::Attempt(reason)) => {
                     session.material.rollback();
                     self.points.forget_trials();
+                    self.points.forget_corrections();
                     let from = load - self.load;
                     *size = from * control.cut;
                     if *size < control.min {
@@ -259,11 +270,11 @@ impl<'a> Solver<'a> {
         unreachable!("the loop only ends by returning")
     }
 
-    /// Tries to reach `load` from the committed state in the way of the stage.
-    fn approach(&mut self, load: f64, session: &mut Session<'_>) -> Result<Converged, Failure> {
+    /// Tries to reach `load` from the committed state in the way of the stage; `again` after a failed attempt at this step.
+    fn approach(&mut self, load: f64, again: bool, session: &mut Session<'_>) -> Result<Converged, Failure> {
         match &self.stage().procedure {
             Procedure::Relaxation(settings) => self.relax(settings, load, session),
-            Procedure::Implicit | Procedure::Dynamic(_) => self.attempt(load, session),
+            Procedure::Implicit | Procedure::Dynamic(_) => self.attempt(load, again, session),
         }
     }
 
@@ -277,7 +288,7 @@ impl<'a> Solver<'a> {
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
         let size = load - self.load;
-        let gradients = self.body.gradients(&converged.increment);
+        let gradients = self.gradients(&converged.increment);
         self.body.commit(&converged.increment);
         self.points.commit(&gradients);
         self.committed_balance.clone_from(&self.balance);

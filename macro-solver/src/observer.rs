@@ -79,9 +79,9 @@ pub struct IterationReport {
     pub iteration: usize,
     /// Points evaluated in this iteration.
     pub evaluations: u64,
-    /// Out-of-balance over reactions and loads, see [`crate::problem::Tolerances::force`].
+    /// Out-of-balance over reactions and loads, see [`crate::problem::ForceMeasure`].
     pub force_ratio: f64,
-    /// Next correction over the displacements of a full step, see [`crate::problem::Tolerances::displacement`]; `None` when
+    /// Next correction over the displacements of a full step, see [`crate::problem::DisplacementMeasure`]; `None` when
     /// the iterate was turned down before a correction was computed.
     pub displacement_ratio: Option<f64>,
     /// Whether this iterate was turned down by the safeguard and the next one goes back towards the best one.
@@ -255,6 +255,8 @@ pub struct Statistics {
     pub evaluations: u64,
     /// Point evaluations by point.
     pub evaluations_per_point: Vec<u64>,
+    /// Point evaluations that were asked for a tangent operator and got one.
+    pub tangents: u64,
     /// Evaluations saved because a target had not changed in any bit.
     pub skipped: u64,
     /// Failed attempts.

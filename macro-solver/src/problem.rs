@@ -13,6 +13,8 @@ use thiserror::Error;
 
 mod amplitude;
 mod condition;
+mod criteria;
+mod named_strategy;
 mod rigid_motion;
 mod stage;
 mod strategy;
@@ -20,7 +22,9 @@ mod validation;
 
 pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
-pub use stage::{Procedure, Stage, StepControl, Tolerances};
+pub use criteria::{Criteria, DisplacementMeasure, ForceMeasure, Measured, Tolerances};
+pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
+pub use stage::{Procedure, Stage, StepControl};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
 

@@ -14,6 +14,7 @@ mod schema;
 mod sets;
 mod solving;
 mod stages;
+mod strategies;
 mod supervision;
 
 pub(crate) use build::{Scene, read_packing};

@@ -284,6 +284,14 @@ pub(crate) struct SolverTable {
     pub(crate) formulation: Option<Spanned<FormulationKeyword>>,
     pub(crate) equations: Option<Spanned<EquationKeyword>>,
     pub(crate) hourglass: Option<Spanned<HourglassKeyword>>,
+    pub(crate) strategy: Option<Spanned<String>>,
+    pub(crate) renewal: Option<RenewalKeyword>,
+    pub(crate) renewal_contraction: Option<Spanned<f64>>,
+    pub(crate) renewal_uses: Option<Spanned<usize>>,
+    pub(crate) quasi_newton_pairs: Option<Spanned<usize>>,
+    pub(crate) target_grid: Option<Spanned<f64>>,
+    pub(crate) criteria: Option<Spanned<Vec<CriterionKeyword>>>,
+    pub(crate) energy_tolerance: Option<Spanned<f64>>,
     pub(crate) hourglass_coefficient: Option<Spanned<f64>>,
     pub(crate) tangent: Option<Spanned<TangentKind>>,
     pub(crate) force_tolerance: Option<Spanned<f64>>,
@@ -302,6 +310,27 @@ pub(crate) enum HourglassKeyword {
     #[default]
     Stiffness,
     Viscous,
+}
+
+/// When tangents are asked for.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum RenewalKeyword {
+    Always,
+    WhenSlow,
+    EachStep,
+    Once,
+}
+
+/// Criteria of convergence.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum CriterionKeyword {
+    Force,
+    ForceOverReactions,
+    Displacement,
+    CorrectionOverStep,
+    Energy,
 }
 
 /// Ways to solve the global equations.
@@ -341,6 +370,7 @@ pub(crate) struct SecantTable {
     pub(crate) min_change: Option<f64>,
     pub(crate) max_ratio: Option<f64>,
     pub(crate) floor: Option<f64>,
+    pub(crate) carried: Option<bool>,
 }
 
 fn yes() -> bool {

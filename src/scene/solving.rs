@@ -5,6 +5,7 @@ use super::input_error::InputError;
 use super::schema::{
     EquationKeyword, FormulationKeyword, HourglassKeyword, LoadingTable, PredictorKeyword, SolverTable,
 };
+use super::strategies::{criteria, preset, refine};
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::problem::{EquationSolver, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances};
@@ -73,6 +74,7 @@ pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
 pub(super) fn tolerances(tolerances: &mut Tolerances, table: &SolverTable) {
     replace(&mut tolerances.force, &table.force_tolerance);
     replace(&mut tolerances.displacement, &table.displacement_tolerance);
+    criteria(tolerances, table);
 }
 
 fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
@@ -86,6 +88,7 @@ fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
 /// # Errors
 /// An operator with which the solver cannot work.
 pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &SolverTable) -> Result<(), InputError> {
+    preset(document, strategy, table)?;
     if let Some(tangent) = &table.tangent {
         if *tangent.get_ref() == TangentKind::None {
             return Err(document
@@ -105,11 +108,13 @@ pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &Sol
             min_change: secant.min_change.unwrap_or(gates.min_change),
             max_ratio: secant.max_ratio.unwrap_or(gates.max_ratio),
             floor: secant.floor.unwrap_or(gates.floor),
+            carried: secant.carried.unwrap_or(gates.carried),
         });
     }
     if let Some(floor) = &table.tangent_floor {
         strategy.tangent_floor = (*floor.get_ref() != 0.0).then_some(*floor.get_ref());
     }
+    refine(strategy, table);
     replace(&mut strategy.capped_change, &table.capped_change);
     strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);
     Ok(())

@@ -6,7 +6,7 @@ use crate::implicit::{solve, solve_kept};
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
 use crate::observer::{FieldsView, Outcome, Silent, StepReport, StopRequest};
-use crate::problem::{Axis, Condition, Platen, PressureKind, Problem};
+use crate::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem};
 use protocol::StateId;
 use std::fs;
 use std::sync::Arc;
@@ -208,16 +208,23 @@ impl Observer for Witness {
 
 #[test]
 fn a_run_continued_after_any_step_shows_the_same_bits() {
-    let problem = problem();
-    let material = || law(&problem).with_largest_target(0.0165);
+    for named in NamedStrategy::ALL {
+        let mut problem = problem();
+        problem.stages[0].strategy = named.preset();
+        continues_to_the_same_bits(&problem);
+    }
+}
+
+fn continues_to_the_same_bits(problem: &Problem) {
+    let material = || law(problem).with_largest_target(0.0165);
     let (mut whole, mut shelf) = (Witness::default(), Shelf::default());
-    let run = solve_kept(&problem, &mut material(), &mut whole, &mut shelf);
-    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let run = solve_kept(problem, &mut material(), &mut whole, &mut shelf);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?} {:?}", problem.stages[0].strategy, run.outcome);
     assert!(run.statistics.cut_backs > 0 && whole.0.len() > 7, "{} steps", whole.0.len());
     assert_eq!(shelf.kept.len(), whole.0.len());
     for (step, archive) in shelf.kept.iter().enumerate() {
         let (mut rest, mut keeper) = (Witness::default(), Shelf { earlier: Some(archive.clone()), kept: Vec::new() });
-        solve_kept(&problem, &mut material(), &mut rest, &mut keeper);
+        solve_kept(problem, &mut material(), &mut rest, &mut keeper);
         assert_eq!(rest.0, whole.0[step + 1..], "continued after step {step}");
     }
 }

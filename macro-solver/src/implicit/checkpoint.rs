@@ -3,6 +3,8 @@
 
 use super::Solver;
 use super::points::{PointRecord, copy};
+use super::quasi_newton::{Memory, Pair};
+use super::renewal::RenewerRecord;
 use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
 use crate::dynamics::{Integrator, IntegratorRecord};
 use crate::observer::Statistics;
@@ -11,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 5;
+const VERSION: u32 = 7;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -29,6 +31,10 @@ struct Record {
     integrator: Option<IntegratorRecord>,
     /// Strain increments of the last step, for the staggered average; empty without neighbours.
     strains: Vec<Vec<f64>>,
+    renewer: RenewerRecord,
+    /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
+    kept_matrix: Vec<f64>,
+    pairs: Vec<Pair>,
 }
 
 impl Checkpointed for Solver<'_> {
@@ -46,6 +52,9 @@ impl Checkpointed for Solver<'_> {
             analysed: self.linear.is_analysed(),
             integrator: self.integrator.as_ref().map(Integrator::record),
             strains: self.points.previous_strains(),
+            renewer: self.renewer.record(),
+            kept_matrix: if self.renewer.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
+            pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -71,6 +80,19 @@ impl Checkpointed for Solver<'_> {
         self.tangent_asked = self.stage().strategy.tangent;
         self.body.settle();
         self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
+        self.renewer.restore(record.renewer);
+        if !record.kept_matrix.is_empty() {
+            let again = self.linear.factorize_again(&record.kept_matrix);
+            if !again.map_err(|error| CheckpointError::unfit(SECTION, error))? {
+                return Err(CheckpointError::unfit(SECTION, "the kept stiffness is that of another mesh"));
+            }
+            self.renewer.keep_factors();
+        }
+        if let Some(memory) = &mut self.memory
+            && !memory.restore(record.pairs, self.constraints.free().len())
+        {
+            return Err(CheckpointError::unfit(SECTION, "the quasi-Newton pairs are those of another mesh"));
+        }
         let counts = (self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
         self.linear.count_from(counts, record.analysed);
         self.points.restore_strains(SECTION, &record.strains)?;

@@ -184,6 +184,28 @@ impl LinearSolver {
                 self.values[*place] += entry;
             }
         }
+        self.factorize_values()
+    }
+
+    /// Entries of the matrix that was factorized last, in the order of its pattern, N/m.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Factorizes a matrix that an earlier process had factorized; `false` if it is that of another pattern.
+    ///
+    /// # Errors
+    /// See [`LinearSolverError`].
+    pub(super) fn factorize_again(&mut self, values: &[f64]) -> Result<bool, LinearSolverError> {
+        if values.len() != self.values.len() {
+            return Ok(false);
+        }
+        self.values.copy_from_slice(values);
+        self.factorize_values()?;
+        Ok(true)
+    }
+
+    fn factorize_values(&mut self) -> Result<(), LinearSolverError> {
         self.factors = None;
         if self.values.is_empty() {
             return Ok(());

@@ -6,7 +6,7 @@ use super::linear_solver::{LinearSolverError, norm};
 use super::safeguard::Safeguard;
 use super::{Failure, Session, Solver, timed};
 use crate::observer::IterationReport;
-use crate::problem::Predictor;
+use crate::problem::{DisplacementMeasure, ForceMeasure, Measured, Predictor};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
@@ -32,25 +32,41 @@ pub(super) struct Evaluated {
     pub(super) asked: u64,
     /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
     pub(super) residual: f64,
-    /// Norm of the forces that it is compared with, N, in the plane per metre.
+    /// Norm of the reactions or of the loads, whichever is larger, N, in the plane per metre.
     pub(super) scale: f64,
+    /// Norm of the reactions, N, in the plane per metre.
+    pub(super) reactions: f64,
 }
 
 impl Evaluated {
-    /// Out-of-balance over reactions or loads.
-    pub(super) fn ratio(&self) -> f64 {
-        if self.residual == 0.0 { 0.0 } else { self.residual / self.scale }
+    /// Out-of-balance over the forces that a measure names.
+    pub(super) fn ratio(&self, measure: ForceMeasure) -> f64 {
+        let scale = match measure {
+            ForceMeasure::Largest => self.scale,
+            ForceMeasure::Reactions => self.reactions,
+        };
+        if self.residual == 0.0 { 0.0 } else { self.residual / scale }
     }
 }
 
 impl Solver<'_> {
-    /// Tries to reach `load` from the committed state.
-    pub(super) fn attempt(&mut self, load: f64, session: &mut Session<'_>) -> Result<Converged, Failure> {
+    /// Tries to reach `load` from the committed state; `again` after a failed attempt at this step.
+    pub(super) fn attempt(
+        &mut self,
+        load: f64,
+        again: bool,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        self.renewer.begin_attempt(again);
+        if let Some(memory) = &mut self.memory {
+            memory.begin_attempt(again);
+        }
         let mut iterate = self.predict(load)?;
         let gradients = self.body.gradients(&iterate);
-        self.points.fix_ramps(&gradients);
+        self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
         let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
+        let tolerances = &self.stage().tolerances;
         let full_step = self.full_step(load);
         let mut last = String::new();
         for iteration in 1..=self.stage().control.max_iterations {
@@ -63,19 +79,24 @@ impl Solver<'_> {
                 iterate = safeguard.retreat(&iterate).ok_or(Failure::Attempt(reason))?;
                 continue;
             }
-            let correction = self.correction().map_err(|error| Failure::Attempt(error.to_string()))?;
-            let round_off = ROUND_OFF * norm(&self.body.displacements);
-            let displacement_ratio = ratio(norm(&correction), full_step * norm(&iterate), round_off);
-            let force_ratio = report.force_ratio;
-            report.displacement_ratio = Some(displacement_ratio);
+            let correction = self.correction(&iterate).map_err(|error| Failure::Attempt(error.to_string()))?;
+            let measured = self.measured(report.force_ratio, &iterate, &correction, full_step);
+            report.displacement_ratio = Some(measured.displacement);
             session.observer.iterated(&report);
-            let tolerances = &self.stage().tolerances;
-            if force_ratio <= tolerances.force && displacement_ratio <= tolerances.displacement {
-                return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
+            let excess = tolerances.excess(&measured);
+            if excess.iter().all(|excess| *excess <= 1.0) {
+                return Ok(Converged {
+                    increment: iterate,
+                    iterations: iteration,
+                    force_ratio: measured.force,
+                    displacement_ratio: measured.displacement,
+                });
             }
-            last = format!("out-of-balance {force_ratio:.2e}, correction {displacement_ratio:.2e}");
-            let criteria = [force_ratio / tolerances.force, displacement_ratio / tolerances.displacement];
-            if safeguard.stagnates(criteria) {
+            last = format!("out-of-balance {:.2e}, correction {:.2e}", measured.force, measured.displacement);
+            if tolerances.criteria.energy {
+                last = format!("{last}, energy {:.2e}", measured.energy);
+            }
+            if safeguard.stagnates(excess) {
                 return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
             }
             let share = safeguard.share(largest_component(&self.body.gradients(&correction)));
@@ -85,6 +106,29 @@ impl Solver<'_> {
         }
         let iterations = self.stage().control.max_iterations;
         Err(Failure::Attempt(format!("not converged after {iterations} iterations: {last}")))
+    }
+
+    /// The measures of an iterate that would still get `correction`.
+    fn measured(&self, force: f64, iterate: &[f64], correction: &[f64], full_step: f64) -> Measured {
+        let size = match self.stage().tolerances.criteria.displacement {
+            Some(DisplacementMeasure::Step) => norm(iterate),
+            Some(DisplacementMeasure::FullStep) | None => full_step * norm(iterate),
+        };
+        let round_off = ROUND_OFF * norm(&self.body.displacements);
+        let work = |forces: &[f64], along: &[f64]| {
+            forces.iter().zip(along).map(|(force, along)| force * along).sum::<f64>().abs()
+        };
+        let given_up = work(&self.balance.residual(), correction);
+        Measured {
+            force,
+            displacement: ratio(norm(correction), size, round_off),
+            energy: if given_up == 0.0 { 0.0 } else { given_up / work(&self.balance.internal, iterate) },
+        }
+    }
+
+    /// Displacement gradients of an increment as points are asked for them.
+    pub(super) fn gradients(&self, increment: &[f64]) -> Vec<Matrix3<f64>> {
+        self.points.rounded(self.body.gradients(increment))
     }
 
     fn blank_report(&self, load: f64, iteration: usize) -> IterationReport {
@@ -113,9 +157,11 @@ impl Solver<'_> {
             Err(ended) => return Err(ended),
         };
         report.evaluations = evaluated.asked;
-        report.force_ratio = evaluated.ratio();
-        let settled = self.stage().tolerances.force * evaluated.scale;
+        let tolerances = &self.stage().tolerances;
+        report.force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
+        let settled = tolerances.force * evaluated.scale;
         if safeguard.accepts(iterate, evaluated.residual, settled) {
+            self.renewer.judge(evaluated.residual);
             return Ok(Ok(()));
         }
         Ok(Err(format!("the out-of-balance force grew to {:.2e}", report.force_ratio)))
@@ -128,7 +174,9 @@ impl Solver<'_> {
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<Evaluated, Failure> {
-        let asked = self.ask(increment, self.tangent_asked, session)?;
+        let kind = self.renewer.kind(self.tangent_asked);
+        let asked = self.ask(increment, kind, session)?;
+        self.renewer.evaluated();
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
             self.body.balance(increment, self.points.all(), &self.loads, moment)
@@ -143,7 +191,7 @@ impl Solver<'_> {
         tangent: TangentKind,
         session: &mut Session<'_>,
     ) -> Result<u64, Failure> {
-        let gradients = self.body.gradients(increment);
+        let gradients = self.gradients(increment);
         if let Some(point) = self.body.inverted_point(&gradients, &self.body.geometry(increment)) {
             let element = self.body.element_of(point);
             return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
@@ -158,31 +206,53 @@ impl Solver<'_> {
     /// How far the assembled balance is from zero.
     pub(super) fn evaluated(&self, asked: u64) -> Evaluated {
         let residual = self.balance.residual();
-        Evaluated { asked, residual: norm(&self.constraints.restrict(&residual)), scale: self.force_scale(&residual) }
+        let reactions = self.reactions(&residual);
+        Evaluated {
+            asked,
+            residual: norm(&self.constraints.restrict(&residual)),
+            scale: reactions.max(norm(&self.balance.external)),
+            reactions,
+        }
     }
 
-    /// Norm of the reactions or of the loads, whichever is larger. Where both vanish, the force of a relative
-    /// displacement of 1e-9 keeps round-off from looking like imbalance.
-    fn force_scale(&self, residual: &[f64]) -> f64 {
+    /// Norm of the reactions. Where they vanish, the force of a relative displacement of 1e-9 keeps round-off from
+    /// looking like imbalance.
+    fn reactions(&self, residual: &[f64]) -> f64 {
         let reactions: Vec<f64> = (0..residual.len())
             .filter(|&dof| self.constraints.unknown(dof).is_none())
             .map(|dof| residual[dof])
             .collect();
-        let round_off = 1e-9 * self.balance.largest_diagonal() * self.body.extent();
-        norm(&reactions).max(norm(&self.balance.external)).max(round_off)
+        norm(&reactions).max(1e-9 * self.balance.largest_diagonal() * self.body.extent())
     }
 
-    /// Newton's correction at the evaluated iterate, zero at prescribed degrees of freedom.
-    fn correction(&mut self) -> Result<Vec<f64>, LinearSolverError> {
-        let right: Vec<f64> =
-            self.constraints.restrict(&self.balance.residual()).iter().map(|value| -value).collect();
+    /// The correction of the evaluated iterate, zero at prescribed degrees of freedom: Newton's, with tangents as fresh as
+    /// the strategy wants them, and what quasi-Newton pairs make of it.
+    fn correction(&mut self, iterate: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
+        let residual = self.constraints.restrict(&self.balance.residual());
+        let right: Vec<f64> = residual.iter().map(|value| -value).collect();
+        if let Some(memory) = &mut self.memory {
+            let change = |step: &[f64]| largest_component(&self.body.gradients(&self.constraints.expand(step)));
+            memory.learn(&self.constraints.restrict(iterate), &residual, change);
+        }
+        if self.renewer.factorizes() {
+            self.factorize()?;
+        }
         self.solve_linear(&right)
     }
 
+    /// Factorizes the stiffness of the latest balance.
+    pub(super) fn factorize(&mut self) -> Result<(), LinearSolverError> {
+        timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&self.balance.blocks))?;
+        self.renewer.factorized();
+        Ok(())
+    }
+
+    /// Solves with the factors in place and returns displacements that are zero where prescribed.
     fn solve_linear(&mut self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
-        let solution = timed(&mut self.statistics.linear_solver_nanoseconds, || {
-            self.linear.factorize(&self.balance.blocks)?;
-            self.linear.solve(right)
+        let (linear, memory) = (&mut self.linear, &self.memory);
+        let solution = timed(&mut self.statistics.linear_solver_nanoseconds, || match memory {
+            Some(memory) => memory.apply(right, |right| linear.solve(right)),
+            None => linear.solve(right),
         });
         self.statistics.symbolic_factorizations = self.linear.symbolic_count();
         self.statistics.numeric_factorizations = self.linear.numeric_count();
@@ -214,6 +284,9 @@ impl Solver<'_> {
                 let mut right = self.balance.residual();
                 for (value, pulled) in right.iter_mut().zip(self.balance.stiffness_times(&increment)) {
                     *value = -(*value + pulled);
+                }
+                if self.renewer.factorizes() {
+                    self.factorize().map_err(|error| Failure::Attempt(error.to_string()))?;
                 }
                 let free = self.solve_linear(&self.constraints.restrict(&right));
                 let free = free.map_err(|error| Failure::Attempt(error.to_string()))?;

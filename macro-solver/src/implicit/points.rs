@@ -27,6 +27,8 @@ pub(crate) struct Point {
     pub(crate) deformation: Matrix3<f64>,
     /// Stress and moduli of the latest evaluation, secant correction included.
     pub(crate) response: Response,
+    /// Committed stress, Pa.
+    committed_stress: Matrix3<f64>,
     /// Total deformation gradient at the latest evaluation.
     trial_deformation: Matrix3<f64>,
     /// Latest answer.
@@ -45,12 +47,17 @@ pub(crate) struct Point {
     /// Gradient whose answer stands.
     held: Option<Matrix3<f64>>,
     last_sample: Option<Sample>,
+    /// Carried secant corrections of the moduli.
+    correction: Option<Box<Operator>>,
+    /// Displacement gradient of the last accepted step.
+    last_step: Matrix3<f64>,
 }
 
 impl Point {
     fn new() -> Self {
         Self {
             deformation: Matrix3::identity(),
+            committed_stress: Matrix3::zeros(),
             response: Response { stress: Matrix3::zeros(), moduli: Operator::zeros() },
             trial_deformation: Matrix3::identity(),
             answer: None,
@@ -63,7 +70,18 @@ impl Point {
             ramp_steps: 0,
             held: None,
             last_sample: None,
+            correction: None,
+            last_step: Matrix3::zeros(),
         }
+    }
+
+    /// Starts the pairs of an attempt: carried corrections learn from the step as a whole too, but not across a turning
+    /// point of the load, where all contacts that slid stick again.
+    fn start_samples(&mut self, gradient: &Matrix3<f64>) {
+        if self.last_step.dot(gradient) < 0.0 {
+            self.correction = None;
+        }
+        self.last_sample = Some(Sample::committed(&self.committed_stress));
     }
 
     /// Mean shear modulus of the first tangent, Pa; 0 before it.
@@ -123,6 +141,9 @@ pub(crate) struct Points {
     neighbours: Option<NonlocalLayer>,
     /// Strain increments of the latest evaluation before they were averaged; empty without neighbours.
     strains: Vec<Matrix3<f64>>,
+    target_grid: Option<f64>,
+    /// Size that targets are rounded to in this attempt; 0: not at all.
+    grid: f64,
 }
 
 impl Points {
@@ -142,6 +163,8 @@ impl Points {
                 NonlocalLayer::new(&point_places(&problem.mesh), &[], settings).expect("checked before the run")
             }),
             strains: Vec::new(),
+            target_grid: strategy.target_grid,
+            grid: 0.0,
         }
     }
 
@@ -150,11 +173,39 @@ impl Points {
         self.tangent_floor = strategy.tangent_floor;
         self.secant = strategy.secant;
         self.keep_unchanged = strategy.keep_unchanged;
+        self.target_grid = strategy.target_grid;
+        self.grid = 0.0;
     }
 
     /// The points, by number.
     pub(crate) fn all(&self) -> &[Point] {
         &self.points
+    }
+
+    /// Prepares the points for an attempt whose first iterate has these displacement gradients.
+    pub(super) fn begin_attempt(&mut self, predicted: &[Matrix3<f64>]) {
+        self.fix_ramps(predicted);
+        let largest = predicted.iter().map(Matrix3::amax).fold(0.0, f64::max);
+        // A power of two, so that rounding to it is exact.
+        self.grid = match self.target_grid {
+            Some(share) if largest > 0.0 => (share * largest).log2().floor().exp2(),
+            _ => 0.0,
+        };
+        if self.secant.is_some_and(|gates| gates.carried) {
+            for (point, gradient) in self.points.iter_mut().zip(predicted) {
+                point.start_samples(gradient);
+            }
+        }
+    }
+
+    /// Displacement gradients as points are asked for them.
+    pub(super) fn rounded(&self, mut gradients: Vec<Matrix3<f64>>) -> Vec<Matrix3<f64>> {
+        if self.grid > 0.0 {
+            for gradient in &mut gradients {
+                gradient.apply(|component| *component = (*component / self.grid).round() * self.grid);
+            }
+        }
+        gradients
     }
 
     /// Fixes every point's ramp for the coming attempt from its predicted displacement gradient.
@@ -245,6 +296,7 @@ impl Points {
         statistics.evaluations += 1;
         statistics.evaluations_per_point[number] += 1;
         statistics.flags.add(answer.flags);
+        statistics.tangents += u64::from(answer.tangent.is_some());
     }
 
     fn take(
@@ -282,6 +334,10 @@ impl Points {
             statistics.floored_tangents += 1;
         }
         if let Some(gates) = self.secant {
+            let plain = response.moduli;
+            if let Some(correction) = &point.correction {
+                response.moduli += correction.as_ref();
+            }
             let sample = Sample::new(formulation, gradient, &response.stress);
             if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
                 match corrected(dimension, &response.moduli, last, sample, &yardstick, &gates) {
@@ -291,6 +347,9 @@ impl Points {
                     }
                     None => statistics.secant_refusals += 1,
                 }
+            }
+            if gates.carried {
+                point.correction = Some(Box::new(response.moduli - plain));
             }
             point.last_sample = sample;
         }
@@ -304,6 +363,8 @@ impl Points {
         for (point, gradient) in self.points.iter_mut().zip(gradients) {
             point.deformation = self.formulation.deformation(&point.deformation, gradient);
             point.trial_deformation = point.deformation;
+            point.last_step = *gradient;
+            point.committed_stress = point.response.stress;
         }
         if let Some(neighbours) = &mut self.neighbours {
             neighbours.commit(std::mem::take(&mut self.strains));
@@ -316,6 +377,13 @@ impl Points {
         for point in &mut self.points {
             point.held = None;
             point.last_sample = None;
+        }
+    }
+
+    /// Drops carried corrections: they have led an attempt astray.
+    pub(super) fn forget_corrections(&mut self) {
+        for point in &mut self.points {
+            point.correction = None;
         }
     }
 

@@ -13,7 +13,7 @@ use crate::dynamics::viscosity::Viscosity;
 use crate::dynamics::{RelaxationForm, RelaxationSettings};
 use crate::element::mass::{Lumping, lumped_masses};
 use crate::observer::IterationReport;
-use crate::problem::Predictor;
+use crate::problem::{ForceMeasure, Predictor};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
@@ -47,7 +47,7 @@ impl Solver<'_> {
                 }
             }
             before.clone_from(&self.balance.internal);
-            let force_ratio = evaluated.ratio();
+            let force_ratio = evaluated.ratio(ForceMeasure::Largest);
             last = format!("out-of-balance {force_ratio:.2e}, kinetic energy {:.2e}", relaxation.kinetic_ratio());
             if !force_ratio.is_finite() {
                 return Err(Failure::Attempt(format!("the motion grew without bound in iteration {iteration}")));

@@ -23,6 +23,12 @@ pub(super) struct Sample {
 }
 
 impl Sample {
+    /// The state that a step starts from, with its Cauchy stress. For small strain the gradient refers to the initial
+    /// state as well, where that of the step is zero too.
+    pub(super) fn committed(stress: &Matrix3<f64>) -> Self {
+        Self { gradient: Matrix3::zeros(), nominal: *stress, carrier: Matrix3::identity() }
+    }
+
     /// From the gradient of the step and the Cauchy stress at its end: `P = det F sigma F^-T`.
     pub(super) fn new(formulation: Formulation, gradient: &Matrix3<f64>, stress: &Matrix3<f64>) -> Option<Self> {
         if formulation.reference() == Configuration::Initial {

@@ -3,6 +3,8 @@
 use super::constraints::Constraints;
 use super::linear_solver::LinearSolver;
 use super::loads::Loads;
+use super::quasi_newton::Memory;
+use super::renewal::Renewer;
 use super::{Session, Solver};
 use crate::body::Body;
 use crate::observer::Outcome;
@@ -70,7 +72,10 @@ impl<'a> Solver<'a> {
         let equations = Equations::new(self.problem, self.stage(), &self.body, &self.stage_start)?;
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
-        self.points.choose(&self.stage().strategy);
+        let strategy = &self.stage().strategy;
+        self.points.choose(strategy);
+        self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());
+        self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);
         self.balance = self.body.balance(&self.body.zero(), self.points.all(), &self.loads, moment);
         self.committed_balance.clone_from(&self.balance);

@@ -8,6 +8,7 @@ mod patch;
 mod plane_benchmarks;
 mod stages;
 mod stepping;
+mod strategies;
 mod tangent;
 
 use super::solve;
@@ -103,7 +104,7 @@ impl PointMaterial for Spy {
     }
 }
 
-const TIGHT: Tolerances = Tolerances { force: 1e-9, displacement: 1e-9 };
+const TIGHT: Tolerances = Tolerances::both(1e-9, 1e-9);
 
 fn block(kind: ElementKind, columns: usize, rows: usize) -> Mesh {
     Block::plane([columns as f64, rows as f64], [columns, rows], kind).mesh().unwrap()

@@ -1,6 +1,6 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
-use super::{Applied, Moment, Strategy};
+use super::{Applied, Moment, Strategy, Tolerances};
 use crate::dynamics::{DynamicSettings, RelaxationSettings};
 
 /// How a stage is solved.
@@ -86,24 +86,5 @@ pub struct StepControl {
 impl Default for StepControl {
     fn default() -> Self {
         Self { increments: 20, min: 1e-4, growth: 1.5, cut: 0.5, target_iterations: 6, max_iterations: 15 }
-    }
-}
-
-/// When a step counts as converged: **both** criteria.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tolerances {
-    /// Norm of the out-of-balance force at free degrees of freedom over the norm of the reactions or of the applied
-    /// loads, whichever is larger.
-    pub force: f64,
-    /// Norm of the correction that the accepted state would still get over the norm of the displacements of a full
-    /// step, `1 / increments` of the stage, at the rate of this step. The correction comes from the tangent at that
-    /// state and costs no evaluation. Errors do not add up over steps, since every step restores the whole balance;
-    /// so a step that was cut back is not held to a smaller absolute error.
-    pub displacement: f64,
-}
-
-impl Default for Tolerances {
-    fn default() -> Self {
-        Self { force: 1e-3, displacement: 1e-2 }
     }
 }

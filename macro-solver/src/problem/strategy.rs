@@ -1,5 +1,6 @@
 //! Choices that change the path to the answer, not the equations.
 
+use super::{NamedStrategy, QuasiNewton, Renewal};
 use protocol::TangentKind;
 
 /// How the first iterate of a step is guessed.
@@ -24,11 +25,14 @@ pub struct SecantGates {
     /// The smallest eigenvalue of the corrected symmetric part in strain space must stay above this share of the
     /// point's first tangent's `C_2222`; the correction is halved twice, then dropped.
     pub floor: f64,
+    /// Whether corrections outlive their iterate: they add up over iterations and steps until the load turns back or an
+    /// attempt fails. Then also the step from the committed state to its first iterate is such a pair.
+    pub carried: bool,
 }
 
 impl Default for SecantGates {
     fn default() -> Self {
-        Self { min_change: 2e-5, max_ratio: 3.0, floor: 0.02 }
+        Self { min_change: 2e-5, max_ratio: 3.0, floor: 0.02, carried: false }
     }
 }
 
@@ -41,6 +45,10 @@ pub struct Strategy {
     pub predictor: Predictor,
     /// Per-point secant correction; `None` switches it off.
     pub secant: Option<SecantGates>,
+    /// When points are asked for tangents.
+    pub renewal: Renewal,
+    /// Global quasi-Newton corrections; `None` switches them off.
+    pub quasi_newton: Option<QuasiNewton>,
     /// Smallest stiffness against any strain that the global tangent takes from a point, as a share of the `C_2222`
     /// of the point's first tangent; weaker directions are stiffened to it. Tangents of slipping networks can be
     /// nearly singular and would send corrections anywhere; the equations solved are not touched. `None` takes
@@ -52,17 +60,14 @@ pub struct Strategy {
     /// Whether a point whose target has not changed in any bit since its last evaluation of this step keeps that
     /// answer instead of being asked again. Exact: a trial is a pure function of its target.
     pub keep_unchanged: bool,
+    /// Rounds the targets of points to multiples of this share of the step's largest strain; dimensionless. Points that
+    /// are to deform alike, but for the round-off of the global solution, are then asked the same question in every bit:
+    /// it is computed once, and round-off does not set them apart where they soften. `None` takes targets as they are.
+    pub target_grid: Option<f64>,
 }
 
 impl Default for Strategy {
     fn default() -> Self {
-        Self {
-            tangent: TangentKind::TrussLikeSlip,
-            predictor: Predictor::Linear,
-            secant: None,
-            tangent_floor: Some(0.02),
-            capped_change: 1e-3,
-            keep_unchanged: true,
-        }
+        NamedStrategy::SlipNewton.preset()
     }
 }

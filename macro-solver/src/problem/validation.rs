@@ -2,7 +2,7 @@
 
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Procedure, Stage, Tolerances,
+    Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Procedure, Renewal, Stage, Tolerances,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::element::point_places;
@@ -221,7 +221,7 @@ fn refuse_unsound(checks: Vec<Check>) -> Result<(), ProblemError> {
 }
 
 fn stage_numbers(stage: &Stage) -> Vec<Check> {
-    let Tolerances { force, displacement } = stage.tolerances;
+    let Tolerances { force, displacement, energy, criteria } = stage.tolerances;
     let (control, strategy) = (&stage.control, &stage.strategy);
     let base = 1.0 / control.increments as f64;
     let mut checks = vec![
@@ -233,10 +233,25 @@ fn stage_numbers(stage: &Stage) -> Vec<Check> {
         ("max_iterations", control.max_iterations as f64, "at least 1", control.max_iterations >= 1),
         ("force tolerance", force, "above 0", force > 0.0),
         ("displacement tolerance", displacement, "above 0", displacement > 0.0),
+        ("energy criterion", energy, "above 0", energy > 0.0),
+        ("criteria", 0.0, "at least one criterion", !criteria.is_empty()),
         ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
     ];
     if let Some(floor) = strategy.tangent_floor {
         checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
+    }
+    if let Some(grid) = strategy.target_grid {
+        checks.push(("target_grid", grid, "above 0 and at most 1e-3", grid > 0.0 && grid <= 1e-3));
+    }
+    if let Renewal::WhenSlow { contraction, most_uses } = strategy.renewal {
+        let sound = contraction > 0.0 && contraction <= 1.0;
+        checks.push(("contraction", contraction, "above 0 and at most 1", sound));
+        checks.push(("most_uses", most_uses as f64, "at least 1", most_uses >= 1));
+    }
+    if let Some(quasi_newton) = strategy.quasi_newton {
+        checks.push(("pairs", quasi_newton.pairs as f64, "at least 1", quasi_newton.pairs >= 1));
+        let least = quasi_newton.min_change;
+        checks.push(("quasi_newton min_change", least, "at least 0", least >= 0.0));
     }
     if let Some(gates) = strategy.secant {
         checks.push(("secant min_change", gates.min_change, "at least 0", gates.min_change >= 0.0));

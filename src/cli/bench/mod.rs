@@ -7,6 +7,7 @@
 mod channel;
 mod chart;
 mod machine;
+mod newton;
 mod repeat;
 mod report;
 mod rve;
@@ -59,19 +60,38 @@ const STUDIES: &[Study] = &[
         about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
         run: rve::run,
     },
+    Study {
+        name: "newton",
+        about: "evaluations per step of every strategy and operator: one element over five packings, biaxial test",
+        run: newton::run,
+    },
 ];
 
 /// How long a study may measure.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Effort {
     /// Whether seconds must do: the numbers then show only that the study works.
     pub(crate) quick: bool,
+    /// Whether hours may do: sizes as published, in studies that have a smaller one for every day.
+    pub(crate) full: bool,
+    /// Parts and variants that are wanted, by name; empty: all of them.
+    pub(crate) only: Vec<String>,
 }
 
 impl Effort {
     /// `thorough` repetitions, or `quick` ones when seconds must do.
-    pub(crate) fn choose<T>(self, thorough: T, quick: T) -> T {
+    pub(crate) fn choose<T>(&self, thorough: T, quick: T) -> T {
         if self.quick { quick } else { thorough }
+    }
+
+    /// Whether the command line names this part or variant.
+    pub(crate) fn names(&self, name: &str) -> bool {
+        self.only.iter().any(|only| only == name)
+    }
+
+    /// Whether a part is to be measured: it is named, or none of its study's `parts` is.
+    pub(crate) fn includes(&self, part: &str, parts: &[&str]) -> bool {
+        self.names(part) || !parts.iter().any(|part| self.names(part))
     }
 }
 
@@ -95,6 +115,12 @@ pub(crate) struct Arguments {
     /// Take seconds, not minutes: shows that the study works, not what things cost
     #[arg(long)]
     quick: bool,
+    /// Take hours: the sizes of the papers, in studies that have a smaller one for every day
+    #[arg(long, conflicts_with = "quick")]
+    full: bool,
+    /// Measure only this part or variant; may be repeated
+    #[arg(long, value_name = "PART")]
+    only: Vec<String>,
     /// Be the other side of a study: a role and an address
     #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
     helper: Option<Vec<String>>,
@@ -118,12 +144,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
     })?;
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/bench").join(study.name));
-    let effort = Effort { quick: arguments.quick };
+    let effort = Effort { quick: arguments.quick, full: arguments.full, only: arguments.only.clone() };
     let failed = |error: anyhow::Error| match error.downcast::<Failure>() {
         Ok(failure) => failure,
         Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),
     };
-    let mut report = Report::open(&folder, study.name, &Machine::here(), effort)?;
+    let mut report = Report::open(&folder, study.name, &Machine::here(), &effort)?;
     (study.run)(&effort, &mut report).map_err(failed)?;
     report.close()?;
     Ok(Exit::Done)

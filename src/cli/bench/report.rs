@@ -22,7 +22,7 @@ impl Report {
     ///
     /// # Errors
     /// The folder cannot be made or written.
-    pub(super) fn open(folder: &Path, study: &str, machine: &Machine, effort: Effort) -> Result<Self, Failure> {
+    pub(super) fn open(folder: &Path, study: &str, machine: &Machine, effort: &Effort) -> Result<Self, Failure> {
         fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
         let described = serde_json::to_vec_pretty(machine).expect("a machine is plain data");
         write_atomically(&folder.join("machine.json"), &described)?;

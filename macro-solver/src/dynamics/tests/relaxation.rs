@@ -17,7 +17,7 @@ fn block(columns: usize, rows: usize, procedure: Procedure) -> Problem {
     stage.procedure = procedure;
     stage.control.increments = 1;
     stage.control.min = 1.0;
-    stage.tolerances = Tolerances { force: 1e-6, displacement: 1.0 };
+    stage.tolerances = Tolerances::both(1e-6, 1.0);
     problem.formulation = Formulation::SmallStrain;
     problem
 }
@@ -77,7 +77,7 @@ fn compressed(procedure: Procedure, duration: f64) -> (Vec<[f64; 3]>, u64) {
     stage.duration = duration;
     stage.control.increments = 3;
     stage.control.min = 1e-3;
-    stage.tolerances = Tolerances { force: 1e-7, displacement: 1e-3 };
+    stage.tolerances = Tolerances::both(1e-7, 1e-3);
     if let Condition::Displacement { value, .. } = &mut stage.conditions[0].condition {
         *value = -4e-4;
     }

@@ -3,6 +3,7 @@
 
 use super::{Point, Points, Yardstick};
 use crate::checkpoint::CheckpointError;
+use crate::formulation::Operator;
 use crate::nonlocal::NonlocalLayer;
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialAnswer, TrialFlags};
@@ -16,6 +17,8 @@ pub(in crate::implicit) struct PointRecord {
     moduli: Vec<f64>,
     tangent: Vec<f64>,
     yardstick: Option<[f64; 3]>,
+    correction: Option<Vec<f64>>,
+    last_step: Vec<f64>,
     ramp_steps: u32,
     evaluations: u64,
     cost: Cost,
@@ -90,6 +93,8 @@ impl Point {
             moduli: self.response.moduli.as_slice().to_vec(),
             tangent: self.tangent.as_slice().to_vec(),
             yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical, yardstick.shear]),
+            correction: self.correction.as_ref().map(|correction| correction.as_slice().to_vec()),
+            last_step: self.last_step.as_slice().to_vec(),
             ramp_steps: self.ramp_steps,
             evaluations: self.evaluations,
             cost: self.cost,
@@ -107,6 +112,13 @@ impl Point {
         copy(section, self.deformation.as_mut_slice(), &record.deformation)?;
         self.trial_deformation = self.deformation;
         copy(section, self.response.stress.as_mut_slice(), &record.stress)?;
+        self.committed_stress = self.response.stress;
+        copy(section, self.last_step.as_mut_slice(), &record.last_step)?;
+        if let Some(values) = &record.correction {
+            let mut correction = Box::new(Operator::zeros());
+            copy(section, correction.as_mut_slice(), values)?;
+            self.correction = Some(correction);
+        }
         copy(section, self.response.moduli.as_mut_slice(), &record.moduli)?;
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
         self.yardstick = record.yardstick.map(|[norm, vertical, shear]| Yardstick { norm, vertical, shear });

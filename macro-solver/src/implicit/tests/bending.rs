@@ -28,7 +28,7 @@ fn cantilever(kind: ElementKind, poisson: f64, along: usize, through: usize) -> 
     problem.stages[0].control.increments = 1;
     problem.stages[0].strategy.tangent_floor = None;
     problem.stages[0].strategy.capped_change = 1.0;
-    problem.stages[0].tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
+    problem.stages[0].tolerances = Tolerances::both(1e-8, 1e-8);
     let young = 1e3;
     let (bulk, shear) = (young / (3.0 * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson)));
     let mut material = ElasticMaterial::spatial(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());

@@ -25,7 +25,7 @@ fn cook_membrane_deflects_as_published_for_equal_meshes() {
             ],
         );
         problem.stages[0].control.increments = 1;
-        problem.stages[0].tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+        problem.stages[0].tolerances = Tolerances::both(1e-6, 1e-6);
         let (bulk, shear) = plane_stress_moduli(1.0, 1.0 / 3.0);
         let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
         let (run, record) = run(&problem, &mut material);
@@ -57,7 +57,7 @@ fn cantilever_error(kind: ElementKind, rows: usize, skew: f64) -> f64 {
     let mut problem = Problem::new(mesh, Vec::new());
     prescribe_field(&mut problem, &ends, cantilever);
     problem.stages[0].control.increments = 1;
-    problem.stages[0].tolerances = Tolerances { force: 1e-6, displacement: 1e-6 };
+    problem.stages[0].tolerances = Tolerances::both(1e-6, 1e-6);
     let (bulk, shear) = plane_stress_moduli(1.0, 0.25);
     let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
     let (run, record) = run(&problem, &mut material);

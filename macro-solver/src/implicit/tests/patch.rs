@@ -137,7 +137,7 @@ fn irregular_patches_of_every_kind_reproduce_every_constant_strain() {
             for (number, mode) in modes(mesh.dimension).into_iter().enumerate() {
                 let mut problem = Problem::new(mesh.clone(), Vec::new());
                 problem.stages[0].control.increments = 2;
-                problem.stages[0].tolerances = Tolerances { force: 1e-12, displacement: 1e-12 };
+                problem.stages[0].tolerances = Tolerances::both(1e-12, 1e-12);
                 let field = |p: [f64; 3]| (mode * Vector3::from(p)).into();
                 let nodes = boundary(&problem.mesh);
                 prescribe_field(&mut problem, &nodes, field);
@@ -183,7 +183,7 @@ fn a_quarter_turn_and_a_translation_leave_no_stress() {
             // A displacement that is linear in load cannot turn; so each step is its own problem on the turned mesh.
             let mut problem = Problem::new(turned.clone(), Vec::new());
             problem.stages[0].control.increments = 1;
-            problem.stages[0].tolerances = Tolerances { force: 1e-6, displacement: 1e-12 };
+            problem.stages[0].tolerances = Tolerances::both(1e-6, 1e-12);
             for node in boundary(&mesh) {
                 let moved = goal(step, mesh.nodes[node]) - Vector3::from(turned.nodes[node]);
                 prescribe_field(&mut problem, &[node], |_| moved.into());

@@ -28,7 +28,7 @@ fn solve_linear(mesh: Mesh, conditions: Vec<Condition>, bulk: f64, shear: f64) -
     problem.stages[0].strategy.tangent_floor = None;
     problem.stages[0].strategy.capped_change = 1e3;
     problem.stages[0].control.increments = 1;
-    problem.stages[0].tolerances = Tolerances { force: 1e-8, displacement: 1e-8 };
+    problem.stages[0].tolerances = Tolerances::both(1e-8, 1e-8);
     let mut material = ElasticMaterial::new(ElasticLaw::SmallStrain, bulk, shear, problem.point_count());
     let (run, record) = run(&problem, &mut material);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);

@@ -100,7 +100,7 @@ fn newton_converges_quadratically_on_a_smooth_law() {
             displacement: -0.3,
         }));
         problem.stages[0].control.increments = 1;
-        problem.stages[0].tolerances = Tolerances { force: 1e-11, displacement: 1e-11 };
+        problem.stages[0].tolerances = Tolerances::both(1e-11, 1e-11);
         let initial = [[-3.0e6, 0.0, 0.0], [0.0, -3.0e6, 0.0], [0.0, 0.0, -3.0e6]];
         let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
         let (run, record) = run(&problem, &mut material);

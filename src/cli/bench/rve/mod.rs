@@ -36,7 +36,7 @@ const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let scratch = tempfile::tempdir().context("making a scratch folder")?;
     for case in effort.choose(CASES, &CASES[..1]) {
-        study(case, *effort, scratch.path(), report)?;
+        study(case, effort, scratch.path(), report)?;
     }
     Ok(())
 }
@@ -51,7 +51,7 @@ struct Measured {
     errors: Vec<f64>,
 }
 
-fn study(case: &Case, effort: Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {
+fn study(case: &Case, effort: &Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {
     let packing = measure::packing(case, 0.0, 0)?;
     report.note(&format!("\n{}: {}", case.name, case.about))?;
     let tight = if effort.quick { "strain_per_step = 5e-7\ntolerance = 1e-4" } else { case.reference };
@@ -86,7 +86,7 @@ fn study(case: &Case, effort: Effort, scratch: &Path, report: &mut Report) -> an
 fn ours(
     case: &Case,
     chosen: &[Setting],
-    effort: Effort,
+    effort: &Effort,
     packing: &Packing,
     reference: &[CurveRow],
     pressure: f64,
@@ -117,7 +117,7 @@ fn errors(case: &Case, curve: &[CurveRow], reference: &[CurveRow], pressure: f64
 }
 
 /// The band of the default setting from perturbed starts: below it, an error says nothing.
-fn scatter(case: &Case, effort: Effort, pressure: f64, report: &mut Report) -> anyhow::Result<()> {
+fn scatter(case: &Case, effort: &Effort, pressure: f64, report: &mut Report) -> anyhow::Result<()> {
     let mut ensemble = Vec::new();
     for seed in 0..effort.choose(6, 2) {
         let packing = measure::packing(case, PERTURBATION, seed)?;

@@ -1,0 +1,133 @@
+//! When a step counts as converged: what is measured, against what, and which measures have to hold together.
+
+/// What the out-of-balance force is compared with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ForceMeasure {
+    /// The norm of the reactions or of the applied loads, whichever is larger.
+    #[default]
+    Largest,
+    /// The norm of the reactions alone: FNORM/RNORM of [Argilaga2018], whose limit is 1e-2.
+    Reactions,
+}
+
+/// What the correction that the accepted state would still get is compared with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DisplacementMeasure {
+    /// The norm of the displacements of a full step, `1 / increments` of the stage, at the rate of this step. Errors do
+    /// not add up over steps, since every step restores the whole balance; so a step that was cut back is not held to a
+    /// smaller absolute error.
+    #[default]
+    FullStep,
+    /// The norm of the displacements of this step: UNORM/DNORM of [Argilaga2018], whose limit is 5e-3. The footnote there
+    /// that defines the two norms exchanges their names; the ratio can only fall to a limit if the correction of one
+    /// iteration stands above the increment of the whole step.
+    Step,
+}
+
+/// The criteria that have to hold, all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Criteria {
+    /// Out-of-balance force.
+    pub force: Option<ForceMeasure>,
+    /// Next correction of the displacements. It comes from the tangent at the state and costs no evaluation.
+    pub displacement: Option<DisplacementMeasure>,
+    /// Work of the out-of-balance force along the next correction over the work of the internal forces along the step.
+    pub energy: bool,
+}
+
+impl Default for Criteria {
+    fn default() -> Self {
+        Self {
+            force: Some(ForceMeasure::default()),
+            displacement: Some(DisplacementMeasure::default()),
+            energy: false,
+        }
+    }
+}
+
+impl Criteria {
+    /// FNORM/RNORM of [Argilaga2018] alone.
+    pub const FORCE_OVER_REACTIONS: Self =
+        Self { force: Some(ForceMeasure::Reactions), displacement: None, energy: false };
+
+    /// UNORM/DNORM of [Argilaga2018] alone.
+    pub const CORRECTION_OVER_STEP: Self =
+        Self { force: None, displacement: Some(DisplacementMeasure::Step), energy: false };
+
+    /// Whether any criterion is left.
+    pub fn is_empty(&self) -> bool {
+        self.force.is_none() && self.displacement.is_none() && !self.energy
+    }
+}
+
+/// The measures of one iterate, each to be held below its tolerance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Out-of-balance over the force that [`Criteria::force`] names.
+    pub force: f64,
+    /// Next correction over what [`Criteria::displacement`] names.
+    pub displacement: f64,
+    /// See [`Criteria::energy`].
+    pub energy: f64,
+}
+
+/// Tolerances and which of them count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerances {
+    /// Of [`Measured::force`].
+    pub force: f64,
+    /// Of [`Measured::displacement`].
+    pub displacement: f64,
+    /// Of [`Measured::energy`].
+    pub energy: f64,
+    /// Which of them have to hold.
+    pub criteria: Criteria,
+}
+
+impl Default for Tolerances {
+    fn default() -> Self {
+        Self { force: 1e-3, displacement: 1e-2, energy: 1e-6, criteria: Criteria::default() }
+    }
+}
+
+impl Tolerances {
+    /// Force and displacement, both to hold.
+    pub const fn both(force: f64, displacement: f64) -> Self {
+        let criteria = Criteria {
+            force: Some(ForceMeasure::Largest),
+            displacement: Some(DisplacementMeasure::FullStep),
+            energy: false,
+        };
+        Self { force, displacement, energy: 1e-6, criteria }
+    }
+
+    /// The measures that count over their tolerances: force, then the larger of displacement and energy; 0 where none
+    /// counts.
+    pub fn excess(&self, measured: &Measured) -> [f64; 2] {
+        let counted = |counts: bool, value: f64, tolerance: f64| if counts { value / tolerance } else { 0.0 };
+        let displacement = counted(self.criteria.displacement.is_some(), measured.displacement, self.displacement);
+        let energy = counted(self.criteria.energy, measured.energy, self.energy);
+        // Not f64::max, which would drop a NaN.
+        let motion = if energy > displacement || energy.is_nan() { energy } else { displacement };
+        [counted(self.criteria.force.is_some(), measured.force, self.force), motion]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_criteria_that_count_are_held_against_an_iterate() {
+        let measured = Measured { force: 4e-3, displacement: 2e-3, energy: 3e-6 };
+        let with = |criteria| Tolerances { force: 1e-3, displacement: 1e-2, energy: 1e-6, criteria };
+        let excess = |criteria| with(criteria).excess(&measured).map(|value| (value * 1e6).round() / 1e6);
+        assert_eq!(excess(Criteria::default()), [4.0, 0.2]);
+        assert_eq!(excess(Criteria { energy: true, ..Criteria::default() }), [4.0, 3.0]);
+        assert_eq!(excess(Criteria::CORRECTION_OVER_STEP), [0.0, 0.2]);
+        assert_eq!(excess(Criteria::FORCE_OVER_REACTIONS), [4.0, 0.0]);
+        let lost = Measured { energy: f64::NAN, ..measured };
+        assert!(with(Criteria { energy: true, ..Criteria::default() }).excess(&lost)[1].is_nan());
+        assert!(Criteria { force: None, displacement: None, energy: false }.is_empty());
+    }
+}

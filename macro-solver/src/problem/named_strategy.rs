@@ -1,0 +1,143 @@
+//! Strategies by name: each presets the detailed choices, which may then be changed one by one.
+
+use super::{Predictor, SecantGates, Strategy};
+use protocol::TangentKind;
+
+/// When points are asked for tangents. The global matrix is factorized with fresh tangents, and in every iteration if
+/// point tangents are corrected by secants.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Renewal {
+    /// At every iterate: full Newton.
+    #[default]
+    Always,
+    /// Kept over iterations and steps until an iteration leaves more than `contraction` of the out-of-balance force or
+    /// the tangents have served for `most_uses` iterations: modified Newton. A failed attempt renews them too.
+    WhenSlow {
+        /// Share of the out-of-balance force, between 0 and 1.
+        contraction: f64,
+        /// Iterations.
+        most_uses: usize,
+    },
+    /// At the first iterate of every attempt.
+    EachStep,
+    /// At the start, and after a failed attempt.
+    Once,
+}
+
+impl Renewal {
+    /// Modified Newton with the values that were measured to need the fewest evaluations.
+    pub const WHEN_SLOW: Self = Self::WhenSlow { contraction: 0.5, most_uses: 12 };
+
+    /// Whether a factorization outlives the iterate that it was made at.
+    pub fn keeps(self) -> bool {
+        self != Self::Always
+    }
+}
+
+/// Limited-memory BFGS on the free degrees of freedom, on top of the kept factors [Nocedal and Wright, algorithm 7.4].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuasiNewton {
+    /// Pairs of changes of displacement and out-of-balance force that are remembered, over steps too.
+    pub pairs: usize,
+    /// Pairs between whose iterates no point's displacement gradient has changed by this much are noise and are not
+    /// used; dimensionless.
+    pub min_change: f64,
+}
+
+impl Default for QuasiNewton {
+    fn default() -> Self {
+        Self { pairs: 20, min_change: 2e-5 }
+    }
+}
+
+/// A way to solve a step, by the name that scenes use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NamedStrategy {
+    /// Full Newton: the frozen-network tangent at every iterate.
+    Newton,
+    /// Modified Newton: the same tangent, kept until it converges slowly.
+    ModifiedNewton,
+    /// Full Newton with the tangent whose sliding contacts are those of the evaluation's own ramp.
+    SlipNewton,
+    /// The same with a rank-one secant correction of each point's tangent.
+    SlipSecant,
+    /// One elastic tangent per point, then secant corrections from stresses alone, carried from step to step: for engines
+    /// whose tangents are missing or dear.
+    PointSecant,
+    /// The frozen-network tangent once per step and limited-memory BFGS on the global equations.
+    QuasiNewton,
+}
+
+impl NamedStrategy {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::Newton,
+        Self::ModifiedNewton,
+        Self::SlipNewton,
+        Self::SlipSecant,
+        Self::PointSecant,
+        Self::QuasiNewton,
+    ];
+
+    /// The keyword of scene files.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Newton => "newton",
+            Self::ModifiedNewton => "modified_newton",
+            Self::SlipNewton => "slip_newton",
+            Self::SlipSecant => "slip_secant",
+            Self::PointSecant => "point_secant",
+            Self::QuasiNewton => "quasi_newton",
+        }
+    }
+
+    /// The strategy of a keyword.
+    pub fn of_keyword(keyword: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|named| named.keyword() == keyword)
+    }
+
+    /// The detailed choices.
+    pub fn preset(self) -> Strategy {
+        let plain = Strategy {
+            tangent: TangentKind::TrussLike,
+            predictor: Predictor::Linear,
+            secant: None,
+            renewal: Renewal::Always,
+            quasi_newton: None,
+            tangent_floor: Some(0.02),
+            capped_change: 1e-3,
+            keep_unchanged: true,
+            target_grid: None,
+        };
+        let slip = Strategy { tangent: TangentKind::TrussLikeSlip, ..plain.clone() };
+        match self {
+            Self::Newton => plain,
+            Self::ModifiedNewton => Strategy { renewal: Renewal::WHEN_SLOW, ..plain },
+            Self::SlipNewton => slip,
+            Self::SlipSecant => Strategy { secant: Some(SecantGates::default()), ..slip },
+            Self::PointSecant => Strategy {
+                renewal: Renewal::Once,
+                secant: Some(SecantGates { carried: true, ..SecantGates::default() }),
+                ..plain
+            },
+            Self::QuasiNewton => {
+                Strategy { renewal: Renewal::EachStep, quasi_newton: Some(QuasiNewton::default()), ..plain }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keywords_name_their_strategies() {
+        for named in NamedStrategy::ALL {
+            assert_eq!(NamedStrategy::of_keyword(named.keyword()), Some(named));
+        }
+        assert_eq!(NamedStrategy::of_keyword("broyden"), None);
+        let defaults = NamedStrategy::ALL.into_iter().filter(|named| named.preset() == Strategy::default());
+        assert_eq!(defaults.count(), 1, "the default is one of the named strategies");
+    }
+}

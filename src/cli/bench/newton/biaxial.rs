@@ -1,0 +1,151 @@
+//! The biaxial test of [Argilaga2018], section 3, with every operator and strategy (T-10): iterations and evaluations per
+//! step before and after the peak.
+
+use super::case::{Finding, Step, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains};
+use super::ways::{Way, chosen, operators, own};
+use crate::cli::bench::Effort;
+use crate::cli::bench::chart::{Chart, Scale};
+use crate::cli::bench::report::Report;
+use crate::cli::bench::table::Table;
+use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::block::Block;
+use macro_solver::problem::{Axis, Condition, Criteria, Platen, PressureKind, Problem, Strategy, Tolerances};
+use rve_server::definition::{Accuracy, RveOptions};
+
+/// Width and height of the specimen, m.
+const SIZE: [f64; 2] = [0.05, 0.10];
+
+/// Seed of the packing.
+const SEED: u64 = 1;
+
+/// Measures all ways at the size that the effort allows: 8 x 16 elements in full, else 2 x 4.
+///
+/// # Errors
+/// The packing cannot be made, workers are lost, or the report cannot be written.
+pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let elements = if effort.full { [8, 16] } else { effort.choose([2, 4], [1, 1]) };
+    let steps = effort.choose(20, 2);
+    let packing = if effort.quick { small_packing()? } else { packing_of_seed(SEED)? };
+    let grains = definition(packing, ACCURACY)?;
+    let ways = chosen([own(), operators()].concat(), effort, "biaxial");
+    let points = (4 * elements[0] * elements[1]) as f64;
+    let findings =
+        side_by_side(ways.len(), |way| solve_on_grains(&problem(elements, steps, &ways[way].strategy), &grains, 1));
+    let findings = findings.into_iter().collect::<anyhow::Result<Vec<Finding>>>()?;
+    let all: Vec<(&Way, &Finding)> = ways.iter().zip(&findings).collect();
+    report.note(&format!(
+        "biaxial test: {} x {} Q8 elements of 400 discs, draft accuracy, {steps} steps of 1e-3; FNORM/RNORM below 1e-2",
+        elements[0], elements[1]
+    ))?;
+    report.raw("biaxial-steps", &each(&all, points))?;
+    report.table("biaxial", "per step, before and after the peak", &summary(&all, points))?;
+    let mut chart = Chart::new(
+        "biaxial test",
+        ("axial strain, %", Scale::Linear),
+        ("evaluations per Gauss point and step", Scale::Logarithmic),
+    );
+    for (way, finding) in &all {
+        let steps_taken = finding.steps.iter().filter(|step| step.report.size > 0.0);
+        let curve =
+            steps_taken.map(|step| [0.1 * step.report.load * steps as f64, step.report.evaluations as f64 / points]);
+        chart.curve(&way.name, curve);
+    }
+    report.chart("biaxial", &chart)?;
+    report.note("Cells of one packing under equal strain answer alike; `computed` counts each answer once.")?;
+    Ok(())
+}
+
+/// Coarse, but the same for all: what is compared are counts of iterations.
+const ACCURACY: Accuracy = Accuracy::Draft;
+
+/// A specimen on a platen, with one corner held, under 100 kPa from both sides and a platen that comes down.
+pub(super) fn conditions(contact: Platen, displacement: f64) -> Vec<Condition> {
+    let platen =
+        |nodes: &str, displacement| Condition::Platen { nodes: nodes.into(), contact, axis: Axis::Y, displacement };
+    let pressure =
+        |sides: &str| Condition::Pressure { sides: sides.into(), value: 1e5, kind: PressureKind::Follower };
+    vec![
+        platen("bottom", 0.0),
+        platen("top", displacement),
+        Condition::fixed("bottom_left", Axis::X),
+        pressure("left"),
+        pressure("right"),
+    ]
+}
+
+fn problem(elements: [usize; 2], steps: usize, strategy: &Strategy) -> Problem {
+    let mesh = Block::plane(SIZE, elements, ElementKind::Q8).mesh().expect("a sound block");
+    let mut problem = Problem::new(mesh, conditions(Platen::Smooth, -1e-3 * steps as f64 * SIZE[1]));
+    problem.stages[0].control.increments = steps;
+    problem.stages[0].control.min = 1.0 / (64 * steps) as f64;
+    problem.stages[0].control.max_iterations = 25;
+    problem.stages[0].strategy = strategy.clone();
+    problem.stages[0].tolerances =
+        Tolerances { force: 1e-2, criteria: Criteria::FORCE_OVER_REACTIONS, ..Tolerances::default() };
+    problem.strain_per_step = RveOptions { accuracy: ACCURACY, ..RveOptions::default() }.strain_per_step();
+    problem
+}
+
+fn each(all: &[(&Way, &Finding)], points: f64) -> Table {
+    let mut table =
+        Table::new(["way", "step", "load", "iterations", "asked", "failed", "force_ratio", "stress_ratio"]);
+    for (way, finding) in all {
+        for Step { report, ratio } in &finding.steps {
+            table.row([
+                way.name.as_str().into(),
+                report.step.into(),
+                report.load.into(),
+                report.iterations.into(),
+                (report.evaluations as f64 / points).into(),
+                report.cut_backs.into(),
+                report.force_ratio.into(),
+                (*ratio).into(),
+            ]);
+        }
+    }
+    table
+}
+
+/// Means over the steps before or after the peak, per step of 1e-3, whatever it was cut into.
+fn summary(all: &[(&Way, &Finding)], points: f64) -> Table {
+    let mut table = Table::new([
+        "way",
+        "iterations_pre",
+        "iterations_post",
+        "asked_pre",
+        "asked_post",
+        "computed",
+        "tangents",
+        "failed",
+        "reached_%",
+        "peak_ratio",
+        "wall_s",
+    ]);
+    for (way, finding) in all {
+        let peak = finding.peak();
+        let increments = |steps: &[&Step]| steps.iter().map(|step| step.report.size).sum::<f64>();
+        let (pre, post): (Vec<&Step>, Vec<&Step>) =
+            finding.steps.iter().filter(|step| step.report.size > 0.0).partition(|step| step.report.step <= peak);
+        let full_steps = |steps: &[&Step]| increments(steps) * finding.increments as f64;
+        let iterations =
+            |steps: &[&Step]| steps.iter().map(|step| step.report.iterations as f64).sum::<f64>() / full_steps(steps);
+        let asked = |steps: &[&Step]| {
+            steps.iter().map(|step| step.report.evaluations as f64).sum::<f64>() / points / full_steps(steps)
+        };
+        let statistics = &finding.run.statistics;
+        table.row([
+            way.name.as_str().into(),
+            iterations(&pre).into(),
+            iterations(&post).into(),
+            asked(&pre).into(),
+            asked(&post).into(),
+            (finding.computed as f64 / points).into(),
+            (statistics.tangents as f64 / points).into(),
+            statistics.cut_backs.into(),
+            (100.0 * finding.run.load).into(),
+            finding.steps.iter().map(|step| step.ratio).fold(f64::NAN, f64::max).into(),
+            finding.wall.into(),
+        ]);
+    }
+    table
+}

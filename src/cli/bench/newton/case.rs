@@ -1,0 +1,165 @@
+//! One problem solved on grains, with workers in this process.
+
+use anyhow::Context;
+use macro_solver::implicit::solve;
+use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
+use macro_solver::problem::Problem;
+use protocol::Definition;
+use protocol::transport::in_process::channel;
+use rve_server::definition::{Accuracy, GrainDefinition, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::packing::recipe::PackingRecipe;
+use rve_server::packing::{Packing, PackingFile, generate_any};
+use rve_server::server::{ServeOptions, serve};
+use rve_server::space::Discs;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// What one run has shown.
+#[derive(Debug)]
+pub(super) struct Finding {
+    /// Accepted steps, the initial state first.
+    pub(super) steps: Vec<Step>,
+    /// Evaluations that workers computed.
+    pub(super) computed: u64,
+    /// Equal steps that the path was to be followed in.
+    pub(super) increments: usize,
+    /// Wall time, s.
+    pub(super) wall: f64,
+    /// How it ended, with the solver's counts.
+    pub(super) run: Run,
+}
+
+/// One accepted step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    /// As reported.
+    pub(super) report: StepReport,
+    /// Mean vertical over mean horizontal stress.
+    pub(super) ratio: f64,
+}
+
+impl Finding {
+    /// Whether the whole path was followed.
+    pub(super) fn is_complete(&self) -> bool {
+        matches!(self.run.outcome, Outcome::Completed)
+    }
+
+    /// Evaluations asked up to a load factor, initial state included; NaN if the run did not come that far.
+    pub(super) fn asked_until(&self, load: f64) -> f64 {
+        let reached = |step: &&Step| step.report.load < load + 1e-9;
+        let (count, sum) = self
+            .steps
+            .iter()
+            .take_while(reached)
+            .fold((0, 0), |(_, sum), step| (step.report.step, sum + step.report.evaluations));
+        let last = self.steps.iter().find(|step| step.report.step == count);
+        let is_there = last.is_some_and(|last| last.report.load > load - 1e-9);
+        if is_there { sum as f64 } else { f64::NAN }
+    }
+
+    /// Number of the step with the largest stress ratio.
+    pub(super) fn peak(&self) -> usize {
+        let largest = self.steps.iter().max_by(|one, other| one.ratio.total_cmp(&other.ratio));
+        largest.map_or(0, |step| step.report.step)
+    }
+}
+
+#[derive(Default)]
+struct Recorder(Vec<Step>);
+
+impl Observer for Recorder {
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let mean = |axis: usize| fields.points.iter().map(|p| p.volume * p.stress.get(axis, axis)).sum::<f64>();
+        self.0.push(Step { report: *report, ratio: mean(1) / mean(0) });
+        Ok(())
+    }
+}
+
+/// Solves `problem` with the same grains behind every point.
+///
+/// # Errors
+/// A worker ends early.
+pub(super) fn solve_on_grains(problem: &Problem, definition: &Definition, workers: usize) -> anyhow::Result<Finding> {
+    let (port, door) = channel();
+    std::thread::scope(|scope| {
+        let served = |_| {
+            let mut port = door.join();
+            scope.spawn(move || serve(&mut GrainEngine, &mut port, &ServeOptions::new("newton")))
+        };
+        let served: Vec<_> = (0..workers).map(served).collect();
+        let points = vec![0; problem.point_count()];
+        let settings = PoolSettings::new("newton");
+        let supply = Box::new(JoiningWorkers);
+        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, vec![definition.clone()], &points);
+        let mut recorder = Recorder::default();
+        pool.gather(workers)?;
+        let begin = Instant::now();
+        let run = solve(problem, &mut pool, &mut recorder);
+        let wall = begin.elapsed().as_secs_f64();
+        let PoolStatistics { solved: computed, .. } = pool.statistics();
+        pool.close();
+        drop(pool);
+        for worker in served {
+            worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
+        }
+        Ok(Finding { steps: recorder.0, computed, increments: problem.stages[0].control.increments, wall, run })
+    })
+}
+
+/// Does `count` pieces of work, as many at a time as there are cores, and returns what they gave in their order.
+pub(super) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    let next = AtomicUsize::new(0);
+    let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..cores.min(count) {
+            scope.spawn(|| {
+                loop {
+                    let piece = next.fetch_add(1, Ordering::Relaxed);
+                    if piece >= count {
+                        break;
+                    }
+                    let result = work(piece);
+                    done.lock().expect("nobody panics while pushing").push((piece, result));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().expect("all threads have ended");
+    done.sort_by_key(|(piece, _)| *piece);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// 400 discs as the shipped recipe makes them from another seed.
+///
+/// # Errors
+/// The recipe finds no packing from this seed.
+pub(super) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
+    let mut recipe: PackingRecipe = toml::from_str(include_str!("../../../../packings/discs-400.toml"))?;
+    recipe.seed = seed;
+    match generate_any(&recipe, &mut |_| {}).with_context(|| format!("packing of seed {seed}"))?.0 {
+        Packing::Discs(packing) => Ok(packing),
+        Packing::Spheres(_) => anyhow::bail!("the recipe is that of discs"),
+    }
+}
+
+/// The shipped packing of 100 discs, for a quick look.
+///
+/// # Errors
+/// None in a sound build.
+pub(super) fn small_packing() -> anyhow::Result<PackingFile> {
+    Ok(serde_json::from_str(include_str!("../../../../packings/discs-100.json"))?)
+}
+
+/// Grains with the contact law of the shipped scenes.
+///
+/// # Errors
+/// None in a sound build.
+pub(super) fn definition(packing: PackingFile<Discs>, accuracy: Accuracy) -> anyhow::Result<Definition> {
+    let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5")?;
+    let options = RveOptions { accuracy, ..RveOptions::default() };
+    Ok(GrainDefinition { packing, contact, options }.validate()?.to_protocol())
+}

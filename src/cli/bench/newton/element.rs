@@ -1,0 +1,273 @@
+//! One Q8 element between smooth platens: evaluations per Gauss point up to 1, 2, 3 and 5.7 % axial strain, over several
+//! packings.
+
+use super::case::{Finding, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains};
+use super::ways::{Way, chosen, operators, own, rounded};
+use crate::cli::bench::Effort;
+use crate::cli::bench::chart::{Chart, Scale};
+use crate::cli::bench::report::Report;
+use crate::cli::bench::table::{Cell, Table};
+use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::block::Block;
+use macro_solver::problem::{Criteria, Platen, Problem, Strategy, Tolerances};
+use protocol::Definition;
+use rve_server::definition::{Accuracy, RveOptions};
+
+/// Steps of 1e-3 of the height.
+const STEPS: usize = 57;
+
+/// Steps at which evaluations are compared.
+const MARKS: [usize; 4] = [10, 20, 30, 57];
+
+/// Evaluations per Gauss point up to the marks: of the open FEM x DEM code (escript with Yade), and what is aimed at.
+const REFERENCE: [f64; 4] = [65.0, 218.0, 572.0, 1312.0];
+const TARGET: [f64; 4] = [30.0, 75.0, 150.0, 350.0];
+
+/// Seeds of the packings. Settings were fixed on the first.
+const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
+
+/// Measures all ways under both criteria over all packings.
+///
+/// # Errors
+/// A packing cannot be made, workers are lost, or the report cannot be written.
+pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let steps = effort.choose(STEPS, 3);
+    let (packings, accuracy) = match effort.quick {
+        true => (vec![small_packing()?], Accuracy::Draft),
+        false => (SEEDS.into_iter().map(packing_of_seed).collect::<anyhow::Result<_>>()?, Accuracy::Default),
+    };
+    let grains = packings
+        .into_iter()
+        .map(|packing| definition(packing, accuracy))
+        .collect::<anyhow::Result<Vec<Definition>>>()?;
+    // Of the published operators only the ends of the ranking: this part is about strategies.
+    let published = operators().into_iter().filter(|way| ["UKO", "PSTLO"].contains(&way.name.as_str()));
+    let ways = chosen([own(), rounded(), published.collect()].concat(), effort, "element");
+    let criteria = criteria();
+    let count = ways.len() * criteria.len() * grains.len();
+    let place = |piece: usize| {
+        let (way, rest) = (piece / (criteria.len() * grains.len()), piece % (criteria.len() * grains.len()));
+        (way, rest / grains.len(), rest % grains.len())
+    };
+    let findings = side_by_side(count, |piece| {
+        let (way, criterion, packing) = place(piece);
+        let problem = problem(steps, &ways[way].strategy, criteria[criterion].1, accuracy);
+        solve_on_grains(&problem, &grains[packing], 1)
+    });
+    let findings = findings.into_iter().collect::<anyhow::Result<Vec<Finding>>>()?;
+    let all: Vec<Of<'_>> = findings
+        .iter()
+        .enumerate()
+        .map(|(piece, finding)| {
+            let (way, criterion, packing) = place(piece);
+            Of { way: &ways[way], criterion: criteria[criterion].0, packing: SEEDS[packing], finding }
+        })
+        .collect();
+    report.raw("element-steps", &each(&all, steps))?;
+    report.raw("element-packings", &by_packing(&all, steps))?;
+    report.table(
+        "element",
+        "evaluations per Gauss point up to the strain, mean over packings",
+        &means(&all, steps),
+    )?;
+    for (criterion, _) in criteria {
+        let shown: Vec<&Of<'_>> = all.iter().filter(|one| one.criterion == criterion).collect();
+        report.chart(&format!("element-{criterion}"), &picture(&shown, criterion, steps))?;
+    }
+    report.note(
+        "`asked` counts what the solver wants to know, `computed` what workers had to find out: points of one packing \
+         that are asked the same question in every bit are answered once. `failed` steps were cut back.",
+    )?;
+    Ok(())
+}
+
+/// One run and what it is of.
+struct Of<'a> {
+    way: &'a Way,
+    criterion: &'static str,
+    packing: u64,
+    finding: &'a Finding,
+}
+
+/// Both criteria: the correction of an iteration over the step, as the reference has it, and the out-of-balance force
+/// over the reactions, ten times tighter.
+fn criteria() -> [(&'static str, Tolerances); 2] {
+    let plain = Tolerances::default();
+    [
+        ("displacement", Tolerances { displacement: 1e-2, criteria: Criteria::CORRECTION_OVER_STEP, ..plain }),
+        ("force", Tolerances { force: 1e-3, criteria: Criteria::FORCE_OVER_REACTIONS, ..plain }),
+    ]
+}
+
+fn problem(steps: usize, strategy: &Strategy, tolerances: Tolerances, accuracy: Accuracy) -> Problem {
+    let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q8).mesh().expect("a sound block");
+    let mut problem = Problem::new(mesh, super::biaxial::conditions(Platen::Smooth, -1e-3 * steps as f64));
+    problem.stages[0].control.increments = steps;
+    problem.stages[0].control.min = 1e-3 / steps as f64;
+    problem.stages[0].control.max_iterations = 25;
+    problem.stages[0].strategy = strategy.clone();
+    problem.stages[0].tolerances = tolerances;
+    problem.strain_per_step = RveOptions { accuracy, ..RveOptions::default() }.strain_per_step();
+    problem
+}
+
+/// Gauss points of the element.
+const POINTS: f64 = 4.0;
+
+fn each(all: &[Of<'_>], steps: usize) -> Table {
+    let mut table = Table::new([
+        "strategy",
+        "criterion",
+        "packing",
+        "step",
+        "strain",
+        "asked",
+        "iterations",
+        "failed",
+        "force_ratio",
+        "stress_ratio",
+    ]);
+    for one in all {
+        for step in &one.finding.steps {
+            let report = &step.report;
+            table.row([
+                one.way.name.as_str().into(),
+                one.criterion.into(),
+                one.packing.into(),
+                report.step.into(),
+                (report.load * 1e-3 * steps as f64).into(),
+                (report.evaluations as f64 / POINTS).into(),
+                report.iterations.into(),
+                report.cut_backs.into(),
+                report.force_ratio.into(),
+                step.ratio.into(),
+            ]);
+        }
+    }
+    table
+}
+
+/// Evaluations per Gauss point asked up to each mark; NaN beyond the path.
+fn marks(finding: &Finding, steps: usize) -> [f64; 4] {
+    MARKS.map(|mark| if mark > steps { f64::NAN } else { finding.asked_until(mark as f64 / steps as f64) / POINTS })
+}
+
+fn by_packing(all: &[Of<'_>], steps: usize) -> Table {
+    let heads = [
+        "strategy",
+        "criterion",
+        "packing",
+        "asked_1",
+        "asked_2",
+        "asked_3",
+        "asked_5.7",
+        "computed",
+        "tangents",
+        "failed",
+    ];
+    let mut table = Table::new(heads);
+    for one in all {
+        let [first, second, third, last] = marks(one.finding, steps);
+        let statistics = &one.finding.run.statistics;
+        table.row([
+            one.way.name.as_str().into(),
+            one.criterion.into(),
+            one.packing.into(),
+            first.into(),
+            second.into(),
+            third.into(),
+            last.into(),
+            (one.finding.computed as f64 / POINTS).into(),
+            (statistics.tangents as f64 / POINTS).into(),
+            statistics.cut_backs.into(),
+        ]);
+    }
+    table
+}
+
+/// Runs of one way under one criterion, in the order of the packings.
+fn groups<'a>(all: &'a [Of<'a>]) -> impl Iterator<Item = &'a [Of<'a>]> {
+    all.chunk_by(|one, other| one.way.name == other.way.name && one.criterion == other.criterion)
+}
+
+fn means(all: &[Of<'_>], steps: usize) -> Table {
+    let mut table = Table::new([
+        "strategy",
+        "criterion",
+        "at_1_%",
+        "at_2_%",
+        "at_3_%",
+        "at_5.7_%",
+        "worst_5.7_%",
+        "computed",
+        "tangents",
+        "failed",
+        "unfinished",
+        "Mforce_evaluations",
+        "wall_s",
+    ]);
+    let row = |name: &str, criterion: &str, at: [f64; 4], rest: [Cell; 7]| {
+        let [worst, computed, tangents, failed, unfinished, force, wall] = rest;
+        let [first, second, third, last] = at.map(Cell::from);
+        [
+            name.into(),
+            criterion.into(),
+            first,
+            second,
+            third,
+            last,
+            worst,
+            computed,
+            tangents,
+            failed,
+            unfinished,
+            force,
+            wall,
+        ]
+    };
+    let nothing = || std::array::from_fn(|_| Cell::from(f64::NAN));
+    table.row(row("escript with Yade", "displacement", REFERENCE, nothing()));
+    table.row(row("aimed at", "displacement", TARGET, nothing()));
+    for group in groups(all) {
+        let marks: Vec<[f64; 4]> = group.iter().map(|one| marks(one.finding, steps)).collect();
+        let mean = |of: &dyn Fn(&Of<'_>) -> f64| group.iter().map(of).sum::<f64>() / group.len() as f64;
+        let sum = |of: &dyn Fn(&Of<'_>) -> u64| group.iter().map(of).sum::<u64>();
+        let at = std::array::from_fn(|mark| marks.iter().map(|one| one[mark]).sum::<f64>() / marks.len() as f64);
+        let worst = marks.iter().map(|one| one[3]).fold(f64::NAN, f64::max);
+        table.row(row(
+            &group[0].way.name,
+            group[0].criterion,
+            at,
+            [
+                worst.into(),
+                mean(&|one| one.finding.computed as f64 / POINTS).into(),
+                mean(&|one| one.finding.run.statistics.tangents as f64 / POINTS).into(),
+                sum(&|one| one.finding.run.statistics.cut_backs).into(),
+                sum(&|one| u64::from(!one.finding.is_complete())).into(),
+                mean(&|one| one.finding.run.statistics.cost.force_evaluations as f64 * 1e-6).into(),
+                mean(&|one| one.finding.wall).into(),
+            ],
+        ));
+    }
+    table
+}
+
+/// Mean evaluations over strain, as far as all packings came.
+fn picture(shown: &[&Of<'_>], criterion: &str, steps: usize) -> Chart {
+    let title = format!("single element, {criterion} criterion, mean over packings");
+    let y = ("evaluations per Gauss point", Scale::Logarithmic);
+    let mut chart = Chart::new(&title, ("axial strain, %", Scale::Linear), y);
+    let strains = MARKS.map(|mark| 0.1 * mark as f64);
+    if criterion == "displacement" {
+        chart.curve("escript with Yade", strains.into_iter().zip(REFERENCE).map(<[f64; 2]>::from));
+    }
+    chart.curve("aimed at", strains.into_iter().zip(TARGET).map(<[f64; 2]>::from));
+    for group in shown.chunk_by(|one, other| one.way.name == other.way.name) {
+        let mean = |step: usize| {
+            let asked = group.iter().map(|one| one.finding.asked_until(step as f64 / steps as f64));
+            asked.sum::<f64>() / group.len() as f64 / POINTS
+        };
+        chart.curve(&group[0].way.name, (1..=steps).map(|step| [0.1 * step as f64, mean(step)]));
+    }
+    chart
+}

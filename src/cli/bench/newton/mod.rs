@@ -1,0 +1,30 @@
+//! How many evaluations each strategy needs: on one element over several packings, and on the biaxial test of
+//! [Argilaga2018] with all eight operators (T-10).
+//!
+//! Evaluations are counted twice: as the solver asks for them, and as workers compute them, which is less where several
+//! points are asked the same question in every bit.
+
+mod biaxial;
+mod case;
+mod element;
+mod ways;
+
+use super::Effort;
+use super::report::Report;
+
+/// What `--only` may name, beside strategies and operators.
+const PARTS: [&str; 2] = ["element", "biaxial"];
+
+/// Measures the parts that were chosen, or both.
+///
+/// # Errors
+/// A packing cannot be made, workers are lost, or the report cannot be written.
+pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    if effort.includes("element", &PARTS) {
+        element::run(effort, report)?;
+    }
+    if effort.includes("biaxial", &PARTS) {
+        biaxial::run(effort, report)?;
+    }
+    Ok(())
+}
