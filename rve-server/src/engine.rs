@@ -360,7 +360,14 @@ impl<S: Space> GrainRve<S> {
             stress: in_space(stress),
             tangent: None,
             scalars,
-            observed: observe(|| self.relaxation.elastic_energy(&self.model), network, state, stress, f, ask.observables),
+            observed: observe(
+                || self.relaxation.elastic_energy(&self.model),
+                network,
+                state,
+                stress,
+                f,
+                ask.observables,
+            ),
             cost,
             flags,
         }

@@ -408,11 +408,7 @@ fn end_of<S: Space, C: ContactLaw<S::Kinematics>>(
 }
 
 /// The contacts of an end as a network.
-fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(
-    model: &GrainModel,
-    law: &C,
-    end: &End<S>,
-) -> ContactNetwork<S> {
+fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(model: &GrainModel, law: &C, end: &End<S>) -> ContactNetwork<S> {
     let state = &end.state;
     let contacts = state.contacts.iter().zip(&end.slid).map(|(contact, slid)| {
         let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
