@@ -4,12 +4,14 @@
 //! by the same deformation (check I-1), a patch of equal elements under homogeneous conditions must stay homogeneous
 //! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points (I-10).
 
+use macro_solver::dynamics::{DynamicSettings, RayleighDamping, RelaxationSettings, Reporting};
+use macro_solver::formulation::Formulation;
 use macro_solver::implicit::solve;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
-use macro_solver::problem::{Axis, Condition, Platen, PressureKind, Problem};
+use macro_solver::problem::{Axis, Condition, Platen, PressureKind, Problem, Procedure};
 use protocol::transport::in_process::channel;
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
 use rve_server::definition::{GrainDefinition, RveOptions};
@@ -43,6 +45,7 @@ struct Recorder {
     forces: Vec<Vec<[f64; 3]>>,
     top_reaction: Vec<f64>,
     width: Vec<f64>,
+    evaluations: u64,
 }
 
 impl Observer for Recorder {
@@ -63,6 +66,7 @@ impl Observer for Recorder {
             let node = fields.mesh.node_sets[name][0];
             fields.mesh.nodes[node][0] + fields.displacements[node][0]
         };
+        self.evaluations = fields.statistics.evaluations;
         self.width.push(x("top_right") - x("top_left"));
         Ok(())
     }
@@ -71,7 +75,17 @@ impl Observer for Recorder {
 /// Biaxial compression of a block of Q4 elements, 1 m by 1 m, to the axial strain given. `strain_per_step` 0 lets each cell
 /// choose its ramp from its own target, so that a cell driven alone chooses the same.
 fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_per_step: f64) -> (Outcome, Recorder) {
-    let mesh = Block::plane([1.0, 1.0], [columns, rows], ElementKind::Q4).mesh().unwrap();
+    solved(biaxial_problem(ElementKind::Q4, [columns, rows], strain, increments, strain_per_step))
+}
+
+fn biaxial_problem(
+    kind: ElementKind,
+    elements: [usize; 2],
+    strain: f64,
+    increments: usize,
+    strain_per_step: f64,
+) -> Problem {
+    let mesh = Block::plane([1.0, 1.0], elements, kind).mesh().unwrap();
     let platen = |nodes: &str, displacement: f64| Condition::Platen {
         nodes: nodes.into(),
         contact: Platen::Smooth,
@@ -91,8 +105,12 @@ fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_p
     problem.stages[0].control.increments = increments;
     problem.stages[0].tolerances.force = 1e-4;
     problem.strain_per_step = strain_per_step;
-    let points = problem.point_count();
+    problem
+}
 
+/// Solves with one worker in this process.
+fn solved(problem: Problem) -> (Outcome, Recorder) {
+    let points = problem.point_count();
     let (port, door) = channel();
     let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
     let mut settings = PoolSettings::new("test");
@@ -106,6 +124,34 @@ fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_p
     drop(pool);
     worker.join().unwrap().unwrap();
     (run.outcome, recorder)
+}
+
+/// Check I-7. Newton's method, dynamic relaxation and a slow damped motion agree before the peak, within 1 % of the stress ratio; what
+/// each costs is asserted as an order.
+#[test]
+fn three_procedures_agree_on_a_biaxial_test() {
+    let run = |procedure: Procedure, formulation: Formulation| {
+        let mut problem = biaxial_problem(ElementKind::Q4Single, [1, 1], 1e-3, 2, 5e-6);
+        problem.formulation = formulation;
+        problem.stages[0].tolerances.force = 1e-3;
+        problem.stages[0].procedure = procedure;
+        let (outcome, record) = solved(problem);
+        assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+        (record.top_reaction.last().unwrap() / record.width.last().unwrap() / -PRESSURE, record.evaluations)
+    };
+    let (newton, few) = run(Procedure::Implicit, Formulation::Updated);
+    let (relaxed, many) = run(Procedure::Relaxation(RelaxationSettings::default()), Formulation::Updated);
+    // In the one second of the stage a wave of this density crosses the body some hundred times.
+    let slow = DynamicSettings {
+        damping: RayleighDamping { mass: 200.0, stiffness: 0.0 },
+        reporting: Reporting::Interval(0.5),
+        ..DynamicSettings::new(2000.0)
+    };
+    let (moved, most) = run(Procedure::Dynamic(Box::new(slow)), Formulation::Corotational);
+    eprintln!("stress ratio and evaluations: {newton} {few}, {relaxed} {many}, {moved} {most}");
+    assert!((relaxed / newton - 1.0).abs() < 0.01, "{relaxed} against {newton}");
+    assert!((moved / newton - 1.0).abs() < 0.01, "{moved} against {newton}");
+    assert!(newton > 1.2 && few < many && many < most, "{newton}: {few}, {many}, {most} evaluations");
 }
 
 /// Check I-1. The points' own deformation drives a single RVE to the same bits; the boundary forces follow from its

@@ -1,16 +1,17 @@
 //! Finite elements whose points are crystals with one grain, asked through the real service: problems of elasticity with
-//! known answers, without an elastic law anywhere (checks I-3 and I-4).
+//! known answers, without an elastic law anywhere (checks I-3, I-4 and I-5).
 //!
 //! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
 //! as the overlap bonds it without stress, so that it also carries tension.
 
+use macro_solver::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::formulation::Formulation;
 use macro_solver::implicit::solve;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
-use macro_solver::problem::{Axis, Condition, Problem, Tolerances};
+use macro_solver::problem::{Amplitude, Applied, Axis, Condition, Problem, Procedure, Tolerances};
 use protocol::transport::in_process::channel;
 use protocol::{Definition, TangentKind, Tensor2};
 use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
@@ -18,6 +19,7 @@ use rve_server::engine::GrainEngine;
 use rve_server::packing::PackingFile;
 use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
+use std::f64::consts::TAU;
 
 const OVERLAP: f64 = 0.02;
 const NORMAL: f64 = 0.866_025_403_784_438_6;
@@ -147,6 +149,35 @@ fn cook_membrane_of_lattices_deflects_as_published() {
     let last = through_the_service(&problem(mesh, conditions), bonded(0.0));
     let deflection = last.displacements[middle][1] / small;
     assert!((deflection / 22.079 - 1.0).abs() < 1e-4, "{deflection}");
+}
+
+/// I-5. A quarter of a standing shear wave, 20 elements per wave length, driven at the top of a column of lattices.
+#[test]
+fn a_column_of_lattices_carries_a_standing_shear_wave() {
+    // G = sqrt(3)/4 (k_n + k_t) = 1/2, so the wave speed is 1.
+    let mut settings = DynamicSettings { reporting: Reporting::Steps(1000), ..DynamicSettings::new(0.5) };
+    let (count, side, amplitude) = (5, 0.5, 1e-4);
+    let height = count as f64 * side;
+    let wave = TAU / (20.0 * side);
+    let shape = |y: f64| amplitude * (wave * y).sin() / (wave * height).sin();
+    let mesh = Block::plane([side, height], [1, count], ElementKind::Q4Single).mesh().unwrap();
+    let mut problem = problem(mesh, vec![Condition::fixed("bottom", Axis::X), Condition::fixed("all", Axis::Y)]);
+    for node in 0..problem.mesh.nodes.len() {
+        let name = format!("node {node}");
+        let value = [wave * shape(problem.mesh.nodes[node][1]), 0.0, 0.0];
+        settings.initial_velocities.push(InitialVelocity { nodes: name.clone(), value });
+        problem.mesh.node_sets.insert(name, vec![node]);
+    }
+    let drive = Condition::Displacement { nodes: "top".into(), axis: Axis::X, value: amplitude };
+    let stage = &mut problem.stages[0];
+    stage.conditions.push(Applied::new(drive, Amplitude::Sine { frequency: wave / TAU, phase: 0.0 }));
+    stage.duration = 1.25 * TAU / wave;
+    stage.procedure = Procedure::Dynamic(Box::new(settings));
+    problem.formulation = Formulation::Corotational;
+    let last = through_the_service(&problem, bonded(1.0 / 3.0));
+    for (node, moved) in problem.mesh.nodes.iter().zip(&last.displacements) {
+        assert!((moved[0] - shape(node[1])).abs() < 0.01 * amplitude, "{node:?}: {moved:?}");
+    }
 }
 
 /// I-4. Uniaxial strain of a bonded lattice to 20 %, in every finite-strain formulation: horizontal rows keep their

@@ -39,6 +39,16 @@ impl DamageLaw {
         self.threshold / largest * (-(largest - self.threshold) / self.softening).exp()
     }
 
+    /// Work lost in uniaxial strain up to the equivalent strain `largest`, J/m3.
+    pub fn dissipation(&self, largest: f64) -> f64 {
+        if largest <= self.threshold {
+            return 0.0;
+        }
+        let softened = self.threshold * self.softening * (1.0 - (-(largest - self.threshold) / self.softening).exp());
+        let given = 0.5 * self.threshold * self.threshold + softened;
+        (self.lambda + 2.0 * self.shear) * (given - 0.5 * self.integrity(largest) * largest * largest)
+    }
+
     fn elastic_stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
         Matrix3::identity() * (self.lambda * strain.trace()) + strain * (2.0 * self.shear)
     }
@@ -73,6 +83,11 @@ impl DamageMaterial {
     /// Share of the stiffness that a point has left.
     pub fn integrity(&self, point: usize) -> f64 {
         self.laws[point].integrity(self.committed[point].largest)
+    }
+
+    /// Largest equivalent strain that a point has seen.
+    pub fn largest_strain(&self, point: usize) -> f64 {
+        self.committed[point].largest
     }
 
     fn trial(&self, trial: &PointTrial) -> Result<(State, TrialAnswer), RveError> {
@@ -168,5 +183,11 @@ mod tests {
         assert!((pull(-0.015) - 0.5 * softened).abs() < 1e-15);
         assert!((pull(0.015) - softened).abs() < 1e-15);
         assert_eq!(DamageLaw::elastic(1.0, 2.0).integrity(1e9), 1.0);
+        // Work given up to k by the trapezium rule, less what unloading gives back.
+        let cells = 20_000;
+        let curve = |strain: f64| 5.0 * law.integrity(strain) * strain;
+        let width = 0.03 / f64::from(cells);
+        let given: f64 = (0..cells).map(|cell| curve((f64::from(cell) + 0.5) * width) * width).sum();
+        assert!((law.dissipation(0.03) - (given - 0.5 * curve(0.03) * 0.03)).abs() < 1e-8 * given);
     }
 }

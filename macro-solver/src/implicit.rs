@@ -11,7 +11,6 @@ mod checkpoint;
 pub(crate) mod constraints;
 mod dynamic_stage;
 mod fields;
-mod initial;
 mod linear_solver;
 pub(crate) mod loads;
 mod newton;
@@ -194,7 +193,9 @@ impl<'a> Solver<'a> {
             self.step += 1;
             let mut size = self.size;
             let iterations = self.advance(&mut size, session)?;
-            let is_easy = iterations <= control.target_iterations;
+            // Iterations of a motion say nothing about how hard the step was.
+            let is_relaxed = matches!(self.stage().procedure, Procedure::Relaxation(_));
+            let is_easy = is_relaxed || iterations <= control.target_iterations;
             self.size = if is_easy { (size * control.growth).min(base) } else { size };
             self.keep(session);
         }
@@ -216,7 +217,6 @@ impl<'a> Solver<'a> {
         let counters = Counters::of(&self.statistics);
         let still = self.body.zero();
         let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
-        self.check_initial_state(&start).map_err(explain)?;
         self.renewer.started(self.tangent_asked == self.stage().strategy.tangent);
         self.tangent_asked = self.stage().strategy.tangent;
         self.committed_balance.clone_from(&self.balance);
@@ -315,10 +315,8 @@ impl<'a> Solver<'a> {
             flags: self.points.flags(),
         };
         let mut reactions = self.committed_balance.residual();
-        for (dof, reaction) in reactions.iter_mut().enumerate() {
-            if self.constraints.is_unloaded(dof) {
-                *reaction = 0.0;
-            }
+        for &dof in self.constraints.free() {
+            reactions[dof] = 0.0;
         }
         let fields = self.fields(&gradients, &reactions, &self.committed_balance.external);
         let view = FieldsView {

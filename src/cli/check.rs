@@ -5,7 +5,7 @@ use super::stdout::print;
 use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::mesh::ElementKind;
-use macro_solver::problem::{Problem, Stage};
+use macro_solver::problem::{Problem, Procedure, Stage};
 use protocol::TangentKind;
 use rve_server::engine::{ListedForces, listed_forces};
 use std::fmt::Write;
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    let listed_forces = listed_forces(scene.definition()).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let listed_forces = listed_forces(&scene.definition).map_err(|error| Failure::new(Exit::BadInput, error))?;
     print(overview(&scene, &crew, &listed_forces).as_bytes())?;
     Ok(Exit::Done)
 }
@@ -41,13 +41,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 /// What a run of the scene would be, for people.
 fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String {
     let problem = &scene.problem;
-    let options = scene.definition().options();
+    let options = scene.definition.options();
     let points = problem.point_count();
-    let steps: usize = problem.stages.iter().map(|stage| stage.control.increments).sum();
+    let quasi_static = problem.stages.iter().filter(|stage| !matches!(stage.procedure, Procedure::Dynamic(_)));
+    let steps: usize = quasi_static.map(|stage| stage.control.increments).sum();
     let prescribed: Vec<String> =
         problem.stages.iter().map(|stage| prescribed_count(problem, stage).to_string()).collect();
     // Between the first steps and those after the peak, measured on biaxial tests.
-    let evaluations = [2, 6].map(|per_step| per_step * steps * points);
+    let evaluations = if problem.stages.iter().all(|stage| stage.procedure == Procedure::Implicit) {
+        let [least, most] = [2, 6].map(|per_step| per_step * steps * points);
+        format!("about {least} to {most}")
+    } else {
+        format!("one per time step or iteration of motion or relaxation and point ({points} points)")
+    };
     let lines = [
         ("scene", format!("{} ({})", scene.name, scene.document.path().display())),
         (
@@ -80,7 +86,7 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
         ("tangent", problem.tangents().into_iter().map(TangentKind::keyword).collect::<Vec<_>>().join(", ")),
         ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
         ("steps", format!("{steps} if nothing is cut back")),
-        ("evaluations", format!("about {} to {}", evaluations[0], evaluations[1])),
+        ("evaluations", evaluations),
         (
             "history columns",
             scene.record.probes.iter().map(|probe| probe.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -92,9 +98,6 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
     }
     if let Some(warning) = listed_forces.warning() {
         writeln!(text, "{:<20} {warning}", "note").expect("writing to a String cannot fail");
-    }
-    for remark in &scene.materials.remarks {
-        writeln!(text, "{:<20} {remark}", "region").expect("writing to a String cannot fail");
     }
     for remark in crew.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
@@ -108,13 +111,21 @@ fn prescribed_count(problem: &Problem, stage: &Stage) -> usize {
 }
 
 fn stage_line(stage: &Stage) -> String {
-    format!("{} ({} steps, {} s)", stage.name, stage.control.increments, stage.duration)
+    match &stage.procedure {
+        Procedure::Dynamic(settings) => {
+            format!("{} (dynamic, {} s, {:.1} kg/m3)", stage.name, stage.duration, settings.density)
+        }
+        procedure => {
+            let (steps, duration) = (stage.control.increments, stage.duration);
+            format!("{} ({}, {steps} steps, {duration} s)", stage.name, procedure.keyword())
+        }
+    }
 }
 
 fn packing_line(scene: &Scene) -> String {
-    let grains = match scene.definition().dimension() {
+    let grains = match scene.definition.dimension() {
         2 => "discs",
         _ => "spheres",
     };
-    format!("{} {grains} in {}", scene.definition().number(), scene.packing_path.display())
+    format!("{} {grains} in {}", scene.definition.number(), scene.packing_path.display())
 }

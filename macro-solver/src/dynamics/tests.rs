@@ -3,6 +3,7 @@
 mod damping;
 mod relaxation;
 mod resuming;
+mod softening;
 mod stability;
 mod waves;
 

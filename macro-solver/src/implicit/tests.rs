@@ -4,8 +4,6 @@ mod bending;
 mod convergence;
 mod equilibrium;
 mod formulations;
-mod initial;
-mod links;
 mod patch;
 mod plane_benchmarks;
 mod stages;

@@ -82,12 +82,6 @@ pub struct Summary {
     pub reissued_jobs: u64,
     /// Steps tried again with a smaller increment.
     pub cutbacks: u64,
-    /// Out-of-balance force of the stress that the run started with, over the reactions or loads.
-    #[serde(default)]
-    pub initial_imbalance: f64,
-    /// Largest deviation of that stress from what `[initial_stress]` expects, over the largest component expected.
-    #[serde(default)]
-    pub initial_deviation: f64,
     /// Evaluations that had to take a worse way, by name.
     pub fallbacks: BTreeMap<String, u64>,
     /// Evaluations that were not needed, by name.
@@ -99,6 +93,11 @@ pub struct Summary {
     pub checkpoint: CheckpointSummary,
     /// Energies at the end, J, by name.
     pub energy: BTreeMap<String, f64>,
+    /// Figures of dynamic stages by name: the last time step (s), mass of the body and added mass (kg, in the plane per metre of
+    /// thickness), and the largest residual of the energy balance over the largest energy of any of them. Left out of
+    /// quasi-static runs.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub dynamics: BTreeMap<String, f64>,
     /// Versions of everything that can change a bit.
     pub versions: BTreeMap<String, String>,
 }
@@ -133,13 +132,12 @@ mod tests {
             worker_restarts: 0,
             reissued_jobs: 0,
             cutbacks: 1,
-            initial_imbalance: 0.25,
-            initial_deviation: 0.0,
             fallbacks: BTreeMap::new(),
             skipped: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
             energy: BTreeMap::new(),
+            dynamics: BTreeMap::new(),
             versions: BTreeMap::new(),
         };
         let folder = tempfile::tempdir().unwrap();

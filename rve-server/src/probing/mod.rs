@@ -178,6 +178,7 @@ fn stress_after<S: Space>(
         }
     };
     *spent += solved.force_evaluations;
-    let stress = solver.network(model).stress();
+    let straight = solver.end_state(start, solved.unbalanced);
+    let stress = solver.network(model, &straight).stress();
     solved.equilibrated.then(|| rotated(&stress, &S::rotation_matrix(polar.turn)))
 }

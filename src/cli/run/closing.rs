@@ -24,6 +24,8 @@ pub(super) struct Circumstances {
     pub(super) differences: DifferenceCounts,
     /// The energy ledger.
     pub(super) energy: BTreeMap<String, f64>,
+    /// Figures of dynamic stages.
+    pub(super) dynamics: BTreeMap<String, f64>,
     /// Content identity of the grains' definition.
     pub(super) definition: String,
     /// What checkpoints have cost.
@@ -47,8 +49,6 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,
         cutbacks: statistics.cut_backs,
-        initial_imbalance: statistics.initial_imbalance,
-        initial_deviation: statistics.initial_deviation,
         fallbacks: fallbacks(statistics, pool, &about),
         skipped: named([
             ("unchanged_targets", statistics.skipped),
@@ -74,6 +74,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
             resumed: about.checkpoints.resumed,
         },
         energy: about.energy,
+        dynamics: about.dynamics,
         versions: BTreeMap::from([
             ("grainspan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
@@ -152,7 +153,6 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
     );
     line("checkpoints", checkpoints(&summary.checkpoint));
-    line("at the start", format!("out of balance by {:.1e} of the loads", summary.initial_imbalance));
     line("fell short", shortfalls(summary));
     let saved: Vec<String> = nonzero(&summary.skipped);
     line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });

@@ -14,6 +14,8 @@ pub(super) struct EnergyLedger {
     elastic: f64,
     dissipation: f64,
     hourglass: f64,
+    /// Figures of dynamic stages, by name.
+    dynamics: BTreeMap<String, f64>,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -23,6 +25,11 @@ struct Last {
 }
 
 impl EnergyLedger {
+    /// Figures of dynamic stages, by name; empty without any.
+    pub(super) fn dynamics(&self) -> BTreeMap<String, f64> {
+        self.dynamics.clone()
+    }
+
     /// All entries by name. The difference of work and the rest is what the damping of the grain solver took, plus the
     /// error of the trapezium rule.
     pub(super) fn entries(&self) -> BTreeMap<String, f64> {
@@ -39,7 +46,7 @@ impl EnergyLedger {
 const SECTION: &str = "energy";
 
 /// Counts changes of [`EnergyLedger`].
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 impl Observer for EnergyLedger {
     fn save(&self, archive: &mut Archive) {
@@ -58,6 +65,16 @@ impl Observer for EnergyLedger {
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
         self.hourglass = view.hourglass_energy;
+        if let Some(motion) = &view.dynamics {
+            let before = self.dynamics.get("energy_residual").copied().unwrap_or(0.0);
+            self.dynamics = BTreeMap::from([
+                ("time_step".to_owned(), motion.time_step),
+                ("mass".to_owned(), motion.mass),
+                ("added_mass".to_owned(), motion.added_mass),
+                ("kinetic_energy".to_owned(), motion.energy.kinetic),
+                ("energy_residual".to_owned(), before.max(motion.energy.largest_relative_residual())),
+            ]);
+        }
         let forces: Vec<[f64; 3]> =
             view.reactions.iter().zip(view.loads).map(|(r, l)| std::array::from_fn(|i| r[i] + l[i])).collect();
         match &self.last {
