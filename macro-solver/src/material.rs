@@ -46,9 +46,21 @@ pub enum MaterialError {
 impl MaterialError {
     /// Whether a smaller load step could avoid it: the target was at fault, not the definition or the engine.
     pub fn is_curable_by_smaller_step(&self) -> bool {
-        use protocol::RveError::{NotFinite, TargetInverted, TargetNotFinite, TargetTooLarge};
+        use protocol::RveError::{NotEquilibrated, NotFinite, TargetInverted, TargetNotFinite, TargetTooLarge};
         let Self::Point { reason, .. } = self else { return false };
-        matches!(reason, TargetNotFinite | TargetInverted { .. } | TargetTooLarge { .. } | NotFinite { .. })
+        matches!(
+            reason,
+            TargetNotFinite
+                | TargetInverted { .. }
+                | TargetTooLarge { .. }
+                | NotFinite { .. }
+                | NotEquilibrated { .. }
+        )
+    }
+
+    /// Whether the grains of a point did not come to rest within their step cap.
+    pub fn is_unfinished_trial(&self) -> bool {
+        matches!(self, Self::Point { reason: protocol::RveError::NotEquilibrated { .. }, .. })
     }
 }
 

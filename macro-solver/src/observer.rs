@@ -270,6 +270,8 @@ pub struct Statistics {
     pub floored_tangents: u64,
     /// Shortcuts, counted over all evaluations.
     pub flags: FlagCounts,
+    /// Evaluations of all points that ended without an answer because grains did not come to rest within their step cap.
+    pub unfinished_trials: u64,
     /// Cost of all evaluations, as the engine counted it.
     pub cost: Cost,
     /// Symbolic factorizations of the global matrix.

@@ -224,7 +224,8 @@ pub struct Cost {
 pub struct TrialFlags(pub u32);
 
 impl TrialFlags {
-    /// The step cap ended the relaxation before the criterion was met; the stress is the best available.
+    /// The step cap ended the relaxation before the criterion was met; the stress is the best available. How far it got:
+    /// the whole strain, [`Cost::ramp_steps`], [`Scalars::unbalanced_force_ratio`], [`Cost::force_evaluations`].
     pub const NOT_EQUILIBRATED: Self = Self(1);
     /// The asked tangent was singular or not finite and the uniform-strain operator was returned instead.
     pub const TANGENT_FALLBACK: Self = Self(2);
@@ -291,6 +292,28 @@ pub enum RveError {
         /// Force evaluations until then.
         force_evaluations: u64,
     },
+    /// The step cap ended the solver before the grains were in equilibrium, and the asker wants no answer then.
+    #[error(
+        "the grains did not come to rest: strain {strain:.3e} of {asked:.3e} applied in {increments} of {of} increments, \
+         unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
+         use smaller steps, or raise the step cap"
+    )]
+    NotEquilibrated {
+        /// Largest component of the stretch that was applied.
+        strain: f64,
+        /// The same of the target.
+        asked: f64,
+        /// Increments of the ramp that were done.
+        increments: u64,
+        /// Increments of the whole ramp.
+        of: u64,
+        /// Value of the engine's equilibrium criterion when it gave up.
+        unbalanced: f64,
+        /// Value that it had to reach.
+        tolerance: f64,
+        /// Force evaluations spent.
+        force_evaluations: u64,
+    },
     /// The engine cannot deliver what was asked.
     #[error("{0} is not supported by this engine")]
     Unsupported(String),
@@ -306,6 +329,18 @@ pub enum RveError {
     /// The engine broke down (a panic, an answer too large to send): a defect of the engine, not of the question.
     #[error("the engine broke down: {0}")]
     EngineFault(String),
+}
+
+impl RveError {
+    /// Force evaluations spent before the refusal, as far as it says.
+    pub fn force_evaluations(&self) -> u64 {
+        match self {
+            Self::NotFinite { force_evaluations } | Self::NotEquilibrated { force_evaluations, .. } => {
+                *force_evaluations
+            }
+            _ => 0,
+        }
+    }
 }
 
 /// What a worker needs to build an RVE: opaque to everyone but the engine.

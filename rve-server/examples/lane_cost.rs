@@ -7,18 +7,16 @@
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
+#[path = "support/processor_time.rs"]
+mod processor_time;
+
+use processor_time::processor_time;
 use protocol::{Ask, Question, RveSolver, Tensor2};
 use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::lanes::backend::Backend;
 use rve_server::packing::PackingFile;
 use rve_server::space::{Discs, Space, Spheres};
-
-/// Processor time of this thread, s: on a machine that does other work, wall time says little.
-fn processor_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ').next().and_then(|first| first.parse::<f64>().ok()).unwrap_or(f64::NAN) * 1e-9
-}
 
 fn measure<S: Space>(
     packing: PackingFile<S>,

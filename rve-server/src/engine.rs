@@ -10,7 +10,7 @@ use crate::probing::{self, Probed};
 use crate::relaxation::{self, End, Job, QuasiStatic};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::state::{ContactRecord, GrainState};
-use crate::tangent;
+use crate::tangent::{self, Orderings};
 use protocol::{
     Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Question, RveEngine, RveError, RveSolver,
     SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, answer_alone, snapshot,
@@ -59,6 +59,7 @@ pub struct GrainRve<S: Space = Discs> {
     committed: GrainState<S>,
     trial: Option<Trial<S>>,
     relaxation: Box<dyn QuasiStatic<S>>,
+    orderings: Orderings,
     listed_forces: ListedForces,
 }
 
@@ -157,6 +158,7 @@ impl<S: Space> Clone for GrainRve<S> {
             committed: self.committed.clone(),
             trial: self.trial.clone(),
             relaxation: self.relaxation.another(),
+            orderings: Orderings::default(),
             listed_forces: self.listed_forces,
         }
     }
@@ -192,7 +194,16 @@ impl<S: Space> GrainRve<S> {
         let committed = GrainState { dissipation: 0.0, ..relaxation.end_state(&given, unbalanced) };
         let listed_forces = ListedForces::compare(&given, &committed);
         let contact = definition.contact.clone();
-        Ok(Self { id, model, contact, committed, trial: None, relaxation, listed_forces })
+        Ok(Self {
+            id,
+            model,
+            contact,
+            committed,
+            trial: None,
+            relaxation,
+            orderings: Orderings::default(),
+            listed_forces,
+        })
     }
 
     /// What became of the tangential forces that the packing lists.
@@ -389,7 +400,10 @@ impl<S: Space> GrainRve<S> {
     pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
         let trial = self.trial.as_mut()?;
         if !probing::is_probed(kind) {
-            return Some(Probed { outcome: tangent::evaluate(&trial.network, kind), force_evaluations: 0 });
+            return Some(Probed {
+                outcome: tangent::evaluate_with(&mut self.orderings, &trial.network, kind),
+                force_evaluations: 0,
+            });
         }
         let question = probing::Trial {
             model: &self.model,

@@ -24,6 +24,9 @@ pub struct NetworkContact<S: Space = Discs> {
     pub normal_stiffness: f64,
     /// Tangential stiffness k_t, N/m.
     pub tangential_stiffness: f64,
+    /// Stiffness against rolling of the grains on each other, N m; 0 where the rolling moment is at its limit, because such
+    /// a contact rolls on at no cost.
+    pub rolling_stiffness: f64,
     /// Normal force f_n, N; negative in compression.
     pub normal_force: f64,
     /// Tangential force f_t, N.

@@ -10,6 +10,7 @@ from .definition import Definition
 from .errors import (
     DefinitionRefused,
     EngineFault,
+    NotEquilibrated,
     NotFinite,
     RveError,
     SnapshotRefused,
@@ -27,6 +28,7 @@ __all__ = [
     "Definition",
     "DefinitionRefused",
     "EngineFault",
+    "NotEquilibrated",
     "NotFinite",
     "Rve",
     "RveError",

@@ -56,6 +56,29 @@ class NotFinite(RveError):
         return {"NotFinite": [self.force_evaluations]}
 
 
+class NotEquilibrated(RveError):
+    """The grains did not come to rest within the step cap; smaller steps may help."""
+
+    def __init__(self, strain, asked, increments, of, unbalanced, tolerance, force_evaluations):
+        super().__init__(
+            f"the grains did not come to rest: strain {strain:.3e} of {asked:.3e} applied in {increments} of {of} "
+            f"increments, unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after "
+            f"{force_evaluations} force evaluations"
+        )
+        self.contents = [
+            float(strain),
+            float(asked),
+            int(increments),
+            int(of),
+            float(unbalanced),
+            float(tolerance),
+            int(force_evaluations),
+        ]
+
+    def wire(self):
+        return {"NotEquilibrated": self.contents}
+
+
 class Unsupported(RveError):
     """The engine cannot deliver what was asked; the text completes "... is not supported by this engine"."""
 

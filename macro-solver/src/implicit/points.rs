@@ -258,7 +258,10 @@ impl Points {
         if trials.is_empty() {
             return Ok(sweep);
         }
-        let answers = material.evaluate(&trials).map_err(failure)?;
+        let answers = material.evaluate(&trials).map_err(|error| {
+            statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
+            failure(error)
+        })?;
         assert_eq!(answers.len(), trials.len(), "a material answers every trial");
         for (trial, answer) in trials.iter().zip(answers) {
             self.count(trial.point, &answer, statistics);

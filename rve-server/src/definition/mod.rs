@@ -6,7 +6,7 @@ mod options;
 
 pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations, TangentialUnloading};
 pub use operator_options::OperatorOptions;
-pub use options::{Accuracy, Criterion, Damping, RveOptions};
+pub use options::{Accuracy, AtStepCap, Criterion, Damping, RveOptions};
 
 use crate::packing::{Packing, PackingFile};
 use crate::space::{Discs, Space, Spheres, Tensor};

@@ -72,6 +72,17 @@ impl Damping {
     }
 }
 
+/// What becomes of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AtStepCap {
+    /// An answer with the best stress there is, flagged and counted.
+    #[default]
+    Accept,
+    /// An error that says how far the trial got; the macro solver takes a smaller step.
+    Refuse,
+}
+
 /// The table `[rve]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -91,8 +102,13 @@ pub struct RveOptions {
     /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
     /// near 1.6.
     pub viscous_damping: Option<f64>,
-    /// Most relaxation steps after the ramp; default 50 000. A trial that needs more is flagged, not failed.
+    /// Most relaxation steps after the ramp; default 50 000.
     pub max_steps: Option<u32>,
+    /// What becomes of a trial that needs more.
+    pub at_step_cap: AtStepCap,
+    /// Most force evaluations of a trial, ramp and relaxation together; unlimited if absent. A trial that needs more is
+    /// refused in any case, because it may not even have reached its strain.
+    pub max_evaluations: Option<u64>,
     /// Largest |H| of one trial, dimensionless; default 0.2.
     pub largest_target: Option<f64>,
     /// How operators are probed and averaged.
@@ -124,6 +140,9 @@ impl RveOptions {
         }
         if self.max_steps() == 0 {
             return Err(DefinitionError("rve.max_steps must be at least 1".into()));
+        }
+        if self.max_evaluations == Some(0) {
+            return Err(DefinitionError("rve.max_evaluations must be at least 1, or left out".into()));
         }
         self.operator.validate()
     }

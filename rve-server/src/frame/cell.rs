@@ -366,6 +366,7 @@ impl FrameRelaxation<'_, PlainLinear> {
                 shift,
                 normal_stiffness,
                 tangential_stiffness,
+                rolling_stiffness: 0.0,
                 normal_force,
                 tangential_force,
                 slid: false,

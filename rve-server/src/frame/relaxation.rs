@@ -10,6 +10,7 @@ use super::options::{FrameControl, FrameDamping, FrameOptions};
 use crate::lanes::Tuple;
 use crate::law::ContactLaw;
 use crate::plane::{self, Plane};
+use crate::relaxation::damping::descent_share;
 use crate::space::Discs;
 use crate::specimen::{Body, ContactSums, Load};
 
@@ -58,6 +59,8 @@ pub(crate) struct FrameRelaxation<'a, C: ContactLaw<Discs>> {
     loads: Vec<Load<Discs>>,
     inertias: Vec<f64>,
     mass: f64,
+    /// Share of the full push that the next step may have.
+    push: f64,
     mixing: f64,
     positive_steps: u32,
     contacts: ContactSums,
@@ -86,6 +89,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             rotations,
             inertias,
             mass: 0.0,
+            push: 1.0,
             mixing: MIXING,
             positive_steps: 0,
             contacts: ContactSums::default(),
@@ -217,8 +221,8 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         for (((grain, load), inertia), rotation) in
             self.body.grains.iter_mut().zip(&self.loads).zip(&self.inertias).zip(&mut self.rotations)
         {
-            grain.velocity = load.force.scaled_plus(1.0 / self.mass, grain.velocity);
-            grain.spin = load.moment.scaled_plus(free / (self.mass * inertia), grain.spin);
+            grain.velocity = load.force.scaled_plus(self.push / self.mass, grain.velocity);
+            grain.spin = load.moment.scaled_plus(self.push * free / (self.mass * inertia), grain.spin);
             let carried = plane::apply(affine, grain.position);
             grain.position = grain.position.plus(carried).plus(grain.velocity);
             *rotation += grain.spin[0];
@@ -253,7 +257,9 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             motion += grain.velocity.dot(grain.velocity) + inertia * grain.spin[0] * grain.spin[0];
             force += load.force.dot(load.force) + load.moment[0] * load.moment[0] / inertia;
         }
+        self.push = 1.0;
         if power < 0.0 {
+            self.push = descent_share(SAFETY);
             self.mixing = MIXING;
             self.positive_steps = 0;
             for grain in &mut self.body.grains {

@@ -202,6 +202,11 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
     }
 
     #[inline(always)]
+    fn rolling_limit<R: Real>(&self, constants: &[R; 7], overlap: R) -> R {
+        constants[ROLLING_LIMIT_ARM] * N::force(constants[NORMAL], overlap)
+    }
+
+    #[inline(always)]
     fn energy<R: Real>(&self, constants: &[R; 7], overlap: R, tangential_force: R, memory: &[R; MEMORY]) -> R {
         let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
         let normal = N::normal_energy(constants[NORMAL], overlap) - constants[ATTRACTION] * overlap;

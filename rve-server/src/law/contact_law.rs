@@ -92,6 +92,9 @@ pub trait ContactLaw<K: Kinematics>: Copy + Debug + PartialEq + Send + Sync + 's
     /// Largest tangential force, N, at this overlap.
     fn friction_limit<R: Real>(&self, constants: &Self::Constants<R>, overlap: R) -> R;
 
+    /// Largest rolling moment, N m, at this overlap.
+    fn rolling_limit<R: Real>(&self, constants: &Self::Constants<R>, overlap: R) -> R;
+
     /// Stored energy, J, at this overlap, length of the tangential force and rolling moment; zero where a contact opens.
     fn energy<R: Real>(
         &self,

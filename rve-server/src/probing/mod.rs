@@ -20,7 +20,7 @@ use crate::space::{Space, Tensor, add_scaled, product, rotated};
 use crate::state::GrainState;
 use crate::tangent::{self, TangentOutcome};
 use differences::{Probe, differentiate};
-use protocol::{RveError, TangentKind, Tensor4};
+use protocol::{TangentKind, Tensor4};
 
 /// Friction that no contact reaches.
 const STICKING_FRICTION: f64 = 1e9;
@@ -171,9 +171,7 @@ fn stress_after<S: Space>(
     let solved = match solver.solve(model, start, &polar.strain, ramp_steps) {
         Ok(solved) => solved,
         Err(error) => {
-            if let RveError::NotFinite { force_evaluations } = error {
-                *spent += force_evaluations;
-            }
+            *spent += error.force_evaluations();
             return None;
         }
     };

@@ -15,12 +15,17 @@ const MIXING_DECAY: f64 = 0.99;
 /// Steps with positive power before the mixing decays.
 const PATIENCE: u32 = 5;
 
+/// Largest `omega^2` of a stable descent, with 2 % to spare.
+const LARGEST_DESCENT: f64 = 1.96;
+
 /// Most damping that the adaptive rule applies, in pseudo-time: critical for the stiffest mode.
 const MOST_ADAPTIVE: f64 = 1.5;
 
 /// Memory of a damping rule. Starts afresh in every trial.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper {
+    /// Share of the full step that a descent without motion may take.
+    descent: f64,
     mixing: f64,
     positive_steps: u32,
 }
@@ -32,13 +37,19 @@ pub(crate) struct Kick {
     pub(crate) push: f64,
 }
 
-impl Default for Damper {
-    fn default() -> Self {
-        Self { mixing: MIXING, positive_steps: 0 }
-    }
+/// Share of the full step that keeps a descent stable whose `omega_max` is below `2 safety`. While the power of the forces
+/// is negative FIRE stops all motion in every step, which makes it a descent: that converges for `omega^2 < 2` only, half
+/// the limit of free motion. Crystals of discs with `k_t` near `k_n` meet the bound on their rotation branch exactly.
+pub(crate) fn descent_share(safety: f64) -> f64 {
+    (LARGEST_DESCENT / (4.0 * safety * safety)).min(1.0)
 }
 
 impl Damper {
+    /// The memory of a run whose `omega_max` is below `2 safety`.
+    pub(crate) fn new(safety: f64) -> Self {
+        Self { descent: descent_share(safety), mixing: MIXING, positive_steps: 0 }
+    }
+
     /// Factors for the next step from the sums of the last evaluation; `old_power` is the work of the forces before the
     /// last step on its motion.
     pub(crate) fn kick(&mut self, options: &RveOptions, mass: f64, sums: &StepSums<f64>, old_power: f64) -> Kick {
@@ -67,7 +78,7 @@ impl Damper {
         if sums.power <= 0.0 {
             self.mixing = MIXING;
             self.positive_steps = 0;
-            return Kick { keep: 0.0, push };
+            return Kick { keep: 0.0, push: self.descent * push };
         }
         self.positive_steps += 1;
         if self.positive_steps > PATIENCE {

@@ -7,7 +7,7 @@
 
 pub(crate) mod batch;
 pub(crate) mod criterion;
-mod damping;
+pub(crate) mod damping;
 #[cfg(test)]
 mod kernel_tests;
 mod listing;
@@ -21,7 +21,7 @@ mod tests;
 
 use crate::cell::Cell;
 use crate::definition::{ContactTable, DefinitionError, Rotations};
-use crate::lanes::{Contact, Grain, Lanes, Real, Steering, StepSums, Tuple, Wanted};
+use crate::lanes::{Contact, Grain, Kinematics, Lanes, Real, Steering, StepSums, Tuple, Wanted};
 use crate::law::{AT_LIMIT, ContactLaw, ExtendedHertzMindlin, ExtendedLinear, PlainHertzMindlin, PlainLinear};
 use crate::model::GrainModel;
 use crate::network::{ContactNetwork, NetworkContact};
@@ -102,7 +102,7 @@ pub trait QuasiStatic<S: Space>: Debug + Send + Sync {
     /// Stretches the state by `I + strain` in `ramp_steps` increments and relaxes it.
     ///
     /// # Errors
-    /// [`RveError::NotFinite`].
+    /// [`RveError::NotFinite`], [`RveError::NotEquilibrated`].
     fn solve(
         &mut self,
         model: &GrainModel,
@@ -428,17 +428,21 @@ fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(
     state: &GrainState<S>,
 ) -> ContactNetwork<S> {
     let straight = &end.state;
-    let contacts = state.contacts.iter().zip(&straight.contacts).zip(&end.slid).map(|((record, contact), slid)| {
+    let ends = state.contacts.iter().zip(&straight.contacts).zip(&end.slid).enumerate();
+    let contacts = ends.map(|(place, ((record, contact), slid))| {
         let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
         let constants = law.constants(radii);
         let (_, overlap) = geometry(straight, contact, radii);
-        let [normal_stiffness, tangential_stiffness, _] = law.stiffness(&constants, overlap);
+        let [normal_stiffness, tangential_stiffness, rolling_stiffness] = law.stiffness(&constants, overlap);
+        let moment = S::Kinematics::length(rolling_moment(straight, place));
+        let rolls_on = moment >= AT_LIMIT * law.rolling_limit(&constants, overlap);
         NetworkContact {
             origin: record.origin,
             end: record.end,
             shift: record.shift,
             normal_stiffness,
             tangential_stiffness,
+            rolling_stiffness: if rolls_on { 0.0 } else { rolling_stiffness },
             normal_force: law.normal_force(&constants, overlap),
             tangential_force: record.tangential_force,
             slid: *slid,

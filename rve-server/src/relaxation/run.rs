@@ -9,19 +9,22 @@ use super::damping::{Damper, Kick, mass_factor};
 use super::setting::Setting;
 use super::stiffness::{Block, largest_own_stiffness};
 use crate::cell::Cell;
-use crate::definition::Criterion;
+use crate::definition::{AtStepCap, Criterion};
 use crate::lanes::{Real, StepSums};
 use crate::law::ContactLaw;
-use crate::space::{Space, Tensor, add_scaled, inverse, product};
+use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
 use protocol::RveError;
 
 /// `omega_max` stays below this share of the stability limit, so that contacts born between two looks do no harm.
 const SAFETY: f64 = 0.8;
 
-/// The same for spheres. While the power of the forces is negative FIRE stops all motion in every step, which makes it a
-/// descent with the full step: that converges for `omega^2 < 2` only, half the limit of free motion. Crystals of spheres
-/// with `k_t` near `k_n` meet the bound on their rotation branch exactly and would blow up at 0.8.
+/// The same for spheres: with it the full step is a stable descent too, see [`super::damping::descent_share`].
 const SAFETY_OF_SPHERES: f64 = 0.7;
+
+/// The share in force.
+fn safety<S: Space>() -> f64 {
+    if S::DIMENSION == 3 { SAFETY_OF_SPHERES } else { SAFETY }
+}
 
 /// Steps between two looks at the stiffness bound.
 const STIFFNESS_INTERVAL: u64 = 64;
@@ -106,7 +109,7 @@ impl<S: Space> Run<S> {
             mass: 0.0,
             is_stiffer: true,
             looked_at: 0.0,
-            damper: Damper::default(),
+            damper: Damper::new(safety::<S>()),
             sums: StepSums::default(),
             old_power: 0.0,
             dissipation: 0.0,
@@ -181,7 +184,8 @@ impl<S: Space> Run<S> {
             }
             Phase::Ramp if self.step + 1 < self.ramp_steps => {
                 self.step += 1;
-                return None;
+                let unbalanced = self.unbalanced(setting);
+                return self.is_spent(setting).then(|| Err(self.gave_up(setting, unbalanced)));
             }
             Phase::Fresh => {
                 self.phase = Phase::Hold;
@@ -203,8 +207,35 @@ impl<S: Space> Run<S> {
         } else {
             self.phase = Phase::Hold;
         }
-        let is_over = is_done || self.step >= setting.options.max_steps();
-        is_over.then(|| Ok(self.solved(unbalanced, is_done)))
+        if is_done {
+            return Some(Ok(self.solved(unbalanced, true)));
+        }
+        let is_capped = self.step >= setting.options.max_steps();
+        if self.is_spent(setting) || is_capped && setting.options.at_step_cap == AtStepCap::Refuse {
+            return Some(Err(self.gave_up(setting, unbalanced)));
+        }
+        is_capped.then(|| Ok(self.solved(unbalanced, false)))
+    }
+
+    /// Whether all force evaluations that a trial may have are used up.
+    fn is_spent<C>(&self, setting: &Setting<'_, C>) -> bool {
+        setting.options.max_evaluations.is_some_and(|most| self.evaluations >= most)
+    }
+
+    /// How far the run got, for those who want no answer out of equilibrium.
+    fn gave_up<C>(&self, setting: &Setting<'_, C>, unbalanced: f64) -> RveError {
+        let increments = if self.phase == Phase::Ramp { self.step } else { self.ramp_steps };
+        let asked = largest_component(&self.strain);
+        RveError::NotEquilibrated {
+            strain: asked * f64::from(increments) / f64::from(self.ramp_steps),
+            asked,
+            increments: u64::from(increments),
+            of: u64::from(self.ramp_steps),
+            // Infinite before the first contact force; errors carry numbers.
+            unbalanced: if unbalanced.is_finite() { unbalanced } else { f64::MAX },
+            tolerance: setting.options.tolerance(),
+            force_evaluations: self.evaluations,
+        }
     }
 
     fn solved(&self, unbalanced: f64, equilibrated: bool) -> Solved {
@@ -231,7 +262,7 @@ impl<S: Space> Run<S> {
             &mut self.blocks,
         );
         let factor = mass_factor(setting.options) * setting.law.mass_factor();
-        let safety = if S::DIMENSION == 3 { SAFETY_OF_SPHERES } else { SAFETY };
+        let safety = safety::<S>();
         self.mass = self.mass.max(factor * stiffness / (2.0 * safety * safety));
         self.is_stiffer = false;
         self.looked_at = self.sums.normal_force;

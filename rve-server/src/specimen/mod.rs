@@ -3,6 +3,8 @@
 pub mod assembly;
 mod block;
 pub mod body;
+#[cfg(test)]
+mod collision_tests;
 pub mod contact;
 pub mod csv_table;
 pub mod dynamics;

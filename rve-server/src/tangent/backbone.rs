@@ -111,7 +111,7 @@ impl<const D: usize, const B: usize> Backbone<D, B> {
         let mut is_loaded = vec![false; self.radii.len()];
         for contact in &self.contacts {
             let law = &stiffness[contact.index];
-            let resists = law.resists_slip();
+            let resists = law.resists_slip() || network.links[contact.index].rolling_stiffness > 0.0;
             let loads = law.coupling != [0.0; D] || network.links[contact.index].tangential_force != [0.0; D];
             for grain in [contact.origin, contact.end] {
                 is_resisted[grain] |= resists;

@@ -27,6 +27,8 @@ pub(super) struct Link<const D: usize> {
     pub normal_stiffness: f64,
     /// `d f_t / d s`, N/m.
     pub tangential_stiffness: f64,
+    /// Moment per relative spin, N m.
+    pub rolling_stiffness: f64,
     /// Normal force, N; negative in compression.
     pub normal_force: f64,
     /// Tangential force, N; perpendicular to the normal.
@@ -81,6 +83,7 @@ impl<const D: usize> LinkedGrains<D> {
                     arms: [0.5 * length + half_difference, 0.5 * length - half_difference],
                     normal_stiffness: contact.normal_stiffness,
                     tangential_stiffness: contact.tangential_stiffness,
+                    rolling_stiffness: contact.rolling_stiffness,
                     normal_force: contact.normal_force,
                     tangential_force: std::array::from_fn(|axis| force[axis] - contact.normal_force * normal[axis]),
                     slid: contact.slid,

@@ -16,6 +16,7 @@ mod iterative;
 mod link;
 mod network_operator;
 mod network_solver;
+mod orderings;
 mod response;
 mod sliding;
 mod strain;
@@ -35,6 +36,7 @@ use crate::network::ContactNetwork;
 use crate::space::Space;
 pub use calibration::Calibration;
 use link::LinkedGrains;
+pub use orderings::Orderings;
 use protocol::{TangentKind, Tensor4};
 use sliding::Sliding;
 use uniform_strain::{Factors, UNCALIBRATED};
@@ -70,10 +72,19 @@ impl TangentOutcome {
 /// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
 /// replaced by the uniform-strain operator (UKO) and marked.
 pub fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> TangentOutcome {
+    evaluate_with(&mut Orderings::default(), network, kind)
+}
+
+/// As [`evaluate`], with orders of elimination that were found before; they cannot reach a bit of the answer.
+pub fn evaluate_with<S: Space>(
+    orderings: &mut Orderings,
+    network: &ContactNetwork<S>,
+    kind: TangentKind,
+) -> TangentOutcome {
     if S::DIMENSION == 2 {
-        evaluate_linked::<2, 3, 4>(&LinkedGrains::of(network), kind)
+        evaluate_linked::<2, 3, 4>(orderings, &LinkedGrains::of(network), kind)
     } else {
-        evaluate_linked::<3, 6, 8>(&LinkedGrains::of(network), kind)
+        evaluate_linked::<3, 6, 8>(orderings, &LinkedGrains::of(network), kind)
     }
 }
 
@@ -113,6 +124,7 @@ fn uniform<const D: usize, const B: usize>(grains: &LinkedGrains<D>, printed: bo
 }
 
 fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
+    orderings: &mut Orderings,
     grains: &LinkedGrains<D>,
     kind: TangentKind,
 ) -> TangentOutcome {
@@ -125,7 +137,7 @@ fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
             _ => Tensor4::ZERO,
         });
     };
-    let solved = network_operator::solve::<D, B, P>(grains, sliding);
+    let solved = network_operator::solve::<D, B, P>(orderings, grains, sliding);
     let uniform = uniform::<D, B>(grains, false, UNCALIBRATED);
     match solved {
         Some(solution) if is_credible(&solution.operator, &uniform) => {

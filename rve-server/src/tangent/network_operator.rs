@@ -6,6 +6,7 @@ use super::backbone::Backbone;
 use super::iterative;
 use super::link::LinkedGrains;
 use super::network_solver;
+use super::orderings::Orderings;
 use super::sliding::{ContactStiffness, Sliding};
 use super::strain::objective;
 use protocol::Tensor4;
@@ -28,14 +29,16 @@ const MOST_DIRECT_SPHERES: usize = 150;
 
 /// Linearises `network`: every grain finds its own translation and spin. `None` when no solution was found.
 pub(super) fn solve<const D: usize, const B: usize, const P: usize>(
+    orderings: &mut Orderings,
     network: &LinkedGrains<D>,
     sliding: Sliding,
 ) -> Option<NetworkOperator> {
-    solve_within::<D, B, P>(network, sliding, if D == 2 { usize::MAX } else { MOST_DIRECT_SPHERES })
+    solve_within::<D, B, P>(orderings, network, sliding, if D == 2 { usize::MAX } else { MOST_DIRECT_SPHERES })
 }
 
 /// As [`solve`]; networks of more than `most_direct` load-carrying grains are solved by iteration.
 pub(super) fn solve_within<const D: usize, const B: usize, const P: usize>(
+    orderings: &mut Orderings,
     network: &LinkedGrains<D>,
     sliding: Sliding,
     most_direct: usize,
@@ -51,11 +54,11 @@ pub(super) fn solve_within<const D: usize, const B: usize, const P: usize>(
     let mut system = System::<D, B, P>::of(network, &backbone, &stiffness, typical);
     let mut regularised = backbone.spin_held_against_load;
     let iterate = backbone.radii.len() > most_direct;
-    let answer = |system: &System<D, B, P>| {
+    let mut answer = |system: &System<D, B, P>| {
         if iterate {
             iterative::solve(&system.matrix, &system.loads)
         } else {
-            network_solver::solve(&system.matrix, &system.loads, typical, sliding.is_symmetric())
+            network_solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric())
         }
     };
     let answers = match answer(&system) {

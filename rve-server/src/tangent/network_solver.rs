@@ -3,6 +3,7 @@
 use super::block_matrix::{BlockMatrix, Columns, largest};
 use super::elimination::Elimination;
 use super::factors::Factors;
+use super::orderings::Orderings;
 use super::vectorised::{Vectorised, dispatch};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
@@ -25,13 +26,14 @@ const MOST_CORRECTIONS: u32 = 6;
 ///
 /// The cheap factors without exchanges of rows come first; where they are not good enough, rows are pivoted.
 pub(super) fn solve<const B: usize, const P: usize>(
+    orderings: &mut Orderings,
     matrix: &BlockMatrix<B>,
     loads: &[Columns<B, P>],
     typical: f64,
     symmetric: bool,
 ) -> Option<Vec<Columns<B, P>>> {
     let columns = with_probe(loads, typical);
-    let elimination = Elimination::of(matrix.grains(), &matrix.pairs)?;
+    let elimination = orderings.of(matrix.grains(), &matrix.pairs)?;
     let factorized =
         |symmetric| dispatch(Direct { matrix, elimination: &elimination, columns: &columns, typical, symmetric });
     let direct = if symmetric { factorized(true) } else { None };

@@ -7,7 +7,9 @@
 //! `df = (k_n e + c) (e . db) + T s + f_n P db / l - e (f_t . db) / l + (theta . e) (e x f_t)`
 //!
 //! where the last term, absent in the plane, turns the tangential force with the spin `l theta = l_O theta_O + l_E theta_E`
-//! of the pair about the normal. The moment on a grain is arm x f_t, and half of any lengthening goes to each arm (contact point in the middle
+//! of the pair about the normal. A rolling spring adds `-k_r P (theta_O - theta_E)` to the moment on the origin grain and takes
+//! it from that on the end grain; that a rolling moment turns with its contact is left out, it is smaller by the overlap over
+//! the radius. The moment on a grain is arm x f_t, and half of any lengthening goes to each arm (contact point in the middle
 //! of the overlap). All coefficients but those of the prestress are symmetric.
 
 use super::link::{Link, dot, turned};
@@ -72,8 +74,16 @@ impl<const D: usize, const B: usize> Response<D, B> {
                     let other_arm = link.arms[other] / radii[other];
                     for other_spin in 0..B - D {
                         let twist = if D == 3 { e[other_spin] * force[spin] / length } else { 0.0 };
-                        response.moment_spin[side][spin][other][other_spin] =
-                            -arm * (other_arm * (dot(&lever[spin], &resistance[other_spin]) + twist));
+                        let slip = -arm * (other_arm * (dot(&lever[spin], &resistance[other_spin]) + twist));
+                        response.moment_spin[side][spin][other][other_spin] = slip;
+                        if link.rolling_stiffness > 0.0 {
+                            // Against the difference of the spins, without its part along the normal.
+                            let unit = if spin == other_spin { 1.0 } else { 0.0 };
+                            let along = if D == 3 { e[spin] * e[other_spin] } else { 0.0 };
+                            let scale = SIGN[side] * SIGN[other] / (radii[side] * radii[other]);
+                            response.moment_spin[side][spin][other][other_spin] -=
+                                link.rolling_stiffness * scale * (unit - along);
+                        }
                     }
                 }
             }

@@ -3,10 +3,13 @@
 
 mod case_b;
 mod contract;
+mod equilibrium;
 mod invariances;
 mod large_shear;
 mod lattices;
 mod packings;
+mod rates_and_units;
 mod samples;
 mod spheres;
+mod stability;
 mod two_body;

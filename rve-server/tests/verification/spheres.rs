@@ -4,13 +4,15 @@ use crate::samples::{assert_close, tight};
 use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
 use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
+use rve_server::homogenization::stress::first_piola;
+use rve_server::network::{ContactNetwork, NetworkContact};
 use rve_server::packing::PackingFile;
 use rve_server::space::{
     Components, Space, Spheres, Tensor, add_scaled, largest_component, product, rotated, scaled, transpose,
 };
 use std::path::Path;
 
-type Matrix = [[f64; 3]; 3];
+pub(crate) type Matrix = [[f64; 3]; 3];
 
 const NORMAL: f64 = 1.0;
 const TANGENTIAL: f64 = 0.5;
@@ -37,11 +39,11 @@ fn sticking() -> ContactTable {
     ContactTable::linear(NORMAL, TANGENTIAL / NORMAL, 1e9)
 }
 
-fn tensor(answer: &TrialAnswer) -> Matrix {
+pub(crate) fn tensor(answer: &TrialAnswer) -> Matrix {
     Matrix::from_fn(|i, j| answer.stress.get(i, j))
 }
 
-fn trial(cell: &mut GrainRve<Spheres>, h: &Matrix) -> TrialAnswer {
+pub(crate) fn trial(cell: &mut GrainRve<Spheres>, h: &Matrix) -> TrialAnswer {
     cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &Ask::default()).unwrap()
 }
 
@@ -143,6 +145,29 @@ fn face_centred_crystal_yields_at_its_frictional_strength() {
     }
 }
 
+/// D-10 in plane strain: the same crystal turned by 45 degrees about the cube axis, so that square layers lie one above the
+/// other. No strain along one row of contacts, which opens by its own overlap, the other rows part: eight contacts slide.
+#[test]
+fn face_centred_crystal_yields_in_plane_strain() {
+    let layers = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2]];
+    for friction in [0.1f64, 0.3] {
+        let overlap = 1e-5;
+        let contact = ContactTable::linear(NORMAL, TANGENTIAL, friction);
+        let mut cell = GrainRve::new(&crystal(layers, overlap, contact)).unwrap();
+        // The inclined contacts keep their length: x^2 / 4 + y^2 / 4 + z^2 in units of the rows stays 1.
+        let (aside, lower) = (2.0 * overlap, 2e-3);
+        let height = std::f64::consts::FRAC_1_SQRT_2 * (1.0 - lower);
+        let width = 2.0 * (1.0 - 0.25 * (1.0 + aside) * (1.0 + aside) - height * height).sqrt();
+        let answer = trial(&mut cell, &[[width - 1.0, 0.0, 0.0], [0.0, aside, 0.0], [0.0, 0.0, -lower]]);
+        assert_eq!(answer.scalars.coordination_number, 8.0);
+        let [x, y, z] = [0, 1, 2].map(|axis| answer.stress.get(axis, axis));
+        let (three, two) = (3f64.sqrt(), 2f64.sqrt());
+        let weak = three - 2.0 * two * friction;
+        assert_close(z / x / (2.0 * (three + two * friction) / weak), 1.0, 2e-2, "major over minor stress");
+        assert_close(y / x / (three / weak), 1.0, 2e-2, "intermediate over minor stress");
+    }
+}
+
 /// S-7: one sphere that touches its own images answers as eight of them do; S-4: deep overlaps are flagged.
 #[test]
 fn cells_smaller_than_the_contact_range_are_exact() {
@@ -171,19 +196,19 @@ fn cells_smaller_than_the_contact_range_are_exact() {
 }
 
 /// A thousand spheres at unit pressure, `(E* / p)^(2/3) = 300`.
-fn thousand(options: RveOptions) -> GrainDefinition<Spheres> {
+pub(crate) fn thousand(options: RveOptions) -> GrainDefinition<Spheres> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/case-b/packing.json");
     let contact = ContactTable::hertz_mindlin(1e4 / 2.4, 0.2, 0.5);
     GrainDefinition { packing: PackingFile::read(&path).unwrap(), contact, options }
 }
 
-fn coarse() -> RveOptions {
+pub(crate) fn coarse() -> RveOptions {
     RveOptions { strain_per_step: Some(3e-5), tolerance: Some(1e-9), ..RveOptions::default() }
 }
 
-const STRAIN: Matrix = [[1e-4, 5e-5, 0.0], [5e-5, -2e-4, 3e-5], [0.0, 3e-5, 5e-5]];
+pub(crate) const STRAIN: Matrix = [[1e-4, 5e-5, 0.0], [5e-5, -2e-4, 3e-5], [0.0, 3e-5, 5e-5]];
 
-fn stress_after(definition: &GrainDefinition<Spheres>, h: &Matrix) -> Matrix {
+pub(crate) fn stress_after(definition: &GrainDefinition<Spheres>, h: &Matrix) -> Matrix {
     tensor(&trial(&mut GrainRve::new(definition).unwrap(), h))
 }
 
@@ -241,4 +266,31 @@ fn basis_origin_and_numbering_do_not_matter_to_spheres() {
         let error = largest_component(&add_scaled(&stress_after(&changed, &STRAIN), -1.0, &expected));
         assert!(error < 1e-7, "{name}: {error:e}");
     }
+}
+
+/// E-2: the work of the contact forces is the work of the stress.
+#[test]
+fn contact_work_of_spheres_is_stress_work() {
+    let mut cell = GrainRve::new(&thousand(RveOptions { strain_per_step: Some(1e-6), ..coarse() })).unwrap();
+    let small = scaled(&STRAIN, 0.1);
+    let before = cell.committed_network();
+    trial(&mut cell, &small);
+    let after = cell.network().unwrap();
+    let key = |contact: &NetworkContact<Spheres>| (contact.origin, contact.end, contact.shift);
+    let mut all: Vec<_> = before.contacts.iter().chain(&after.contacts).copied().collect();
+    all.sort_by_key(key);
+    all.dedup_by_key(|contact| key(contact));
+    let force_in = |network: &ContactNetwork<Spheres>, contact| {
+        let place = network.contacts.binary_search_by_key(&key(contact), key);
+        place.map_or([0.0; 3], |place| network.force(&network.contacts[place]))
+    };
+    let contact_work = all.iter().map(|contact| {
+        let way = after.branch(contact).minus(before.branch(contact));
+        0.5 * force_in(&before, contact).plus(force_in(after, contact)).dot(way)
+    });
+    let contact_work = contact_work.sum::<f64>() / before.volume();
+    let f = add_scaled(&Matrix::IDENTITY, 1.0, &small);
+    let mean = add_scaled(&before.stress(), 1.0, &first_piola(&after.stress(), &f));
+    let stress_work: f64 = (0..9).map(|k| 0.5 * mean[k / 3][k % 3] * small[k / 3][k % 3]).sum();
+    assert!((contact_work / stress_work - 1.0).abs() < 1e-3, "{contact_work} against {stress_work}");
 }

@@ -100,6 +100,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
     let flags = &statistics.flags;
     named([
         ("not_equilibrated", flags.not_equilibrated),
+        ("unfinished_trials", statistics.unfinished_trials),
         ("tangent_fallback", flags.tangent_fallback),
         ("tangent_regularised", flags.tangent_regularised),
         ("large_overlap", flags.large_overlap),

@@ -85,6 +85,7 @@ impl Observer for Journal {
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
             not_equilibrated = report.flags.not_equilibrated,
+            largest_unbalanced = largest_unbalanced(fields),
             tangent_fallback = report.flags.tangent_fallback,
             force_evaluations = fields.statistics.cost.force_evaluations,
         );
@@ -113,4 +114,9 @@ impl Observer for Journal {
             evaluations = run.statistics.evaluations,
         );
     }
+}
+
+/// Value of the equilibrium criterion of the grains, in the accepted answer of the worst point.
+fn largest_unbalanced(fields: &FieldsView<'_>) -> f64 {
+    fields.points.iter().map(|point| point.scalars.unbalanced_force_ratio).fold(0.0, f64::max)
 }

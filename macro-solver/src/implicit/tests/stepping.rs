@@ -104,6 +104,34 @@ fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() 
     assert_eq!(brittle.commits, record.steps.len() - 1);
 }
 
+/// Grains that did not come to rest within their step cap cost a smaller step; the log says how far they got.
+#[test]
+fn grains_that_do_not_come_to_rest_cost_a_cut_back_and_are_counted() {
+    let problem = compression(-0.4);
+    let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    let mut first = true;
+    spy.refuse = Box::new(move |trials| {
+        let reason = RveError::NotEquilibrated {
+            strain: 0.5 * trials[0].target.get(1, 1).abs(),
+            asked: trials[0].target.get(1, 1).abs(),
+            increments: 7,
+            of: 14,
+            unbalanced: 0.3,
+            tolerance: 1e-3,
+            force_evaluations: 8,
+        };
+        let refuses = trials[0].target.get(1, 1) != 0.0 && std::mem::take(&mut first);
+        refuses.then_some(MaterialError::Point { point: 2, reason })
+    });
+    let (finished, record) = run(&problem, &mut spy);
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    assert_eq!((finished.statistics.unfinished_trials, record.cut_backs.len()), (1, 1));
+    let reason = &record.cut_backs[0].reason;
+    for part in ["Gauss point 2", "7 of 14 increments", "unbalanced 3.00e-1", "8 force evaluations"] {
+        assert!(reason.contains(part), "{reason}");
+    }
+}
+
 #[test]
 fn interruption_and_lost_workers_end_the_run_as_such() {
     let problem = compression(-0.4);

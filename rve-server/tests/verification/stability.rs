@@ -1,0 +1,241 @@
+//! Attacks on a cell: each must end in a right answer or in a refusal that says why.
+
+use crate::samples::{TRIANGULAR, assert_close, hundred_discs, lattice, tight, trial};
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::engine::GrainRve;
+use rve_server::packing::{Grading, PackingRecipe, generate};
+use rve_server::plane::{self, Plane};
+use rve_server::space::Discs;
+
+const PRESSURE: f64 = 1e5;
+
+fn coarse() -> RveOptions {
+    RveOptions { strain_per_step: Some(5e-6), tolerance: Some(1e-4), ..RveOptions::default() }
+}
+
+fn difference(a: &Plane, b: &Plane) -> f64 {
+    plane::largest_component(&plane::add_scaled(a, -1.0, b)) / PRESSURE
+}
+
+fn mean_overlap(cell: &GrainRve) -> f64 {
+    let contacts = &cell.network().unwrap().contacts;
+    contacts.iter().map(|contact| -contact.normal_force / contact.normal_stiffness).sum::<f64>()
+        / contacts.len() as f64
+}
+
+/// S-1: before the packing yields the stress does not depend on how the way is split, and in no step do the grains move
+/// by more than a twentieth of their overlap against each other.
+#[test]
+fn one_call_or_a_hundred_lead_to_the_same_stress() {
+    for direction in [[[0.0, 0.0], [0.0, -1.0]], [[0.0, 0.5], [0.5, 0.0]]] {
+        let end_after = |calls: u32| {
+            let options = RveOptions { strain_per_step: Some(1e-6), ..coarse() };
+            let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
+            let size = 1e-3 / f64::from(calls);
+            let mut stress = [[0.0; 2]; 2];
+            for _ in 0..calls {
+                let answer = trial(&mut cell, &plane::add_scaled(&[[0.0; 2]; 2], size, &direction));
+                let diameter = 2.0 * cell.model().largest_radius();
+                let moved = size / answer.cost.ramp_steps as f64 * diameter;
+                assert!(moved < 0.05 * mean_overlap(&cell), "{moved:e} m in a step");
+                cell.commit().unwrap();
+                stress = answer.stress.plane();
+            }
+            stress
+        };
+        let once = end_after(1);
+        for calls in [10, 100] {
+            let error = difference(&end_after(calls), &once);
+            assert!(error < 5e-3, "{calls} calls: stress differs by {error:e} of the pressure");
+        }
+    }
+}
+
+/// S-1, the ends of the range: a target of 1e-6 is answered like any other, one of 0.2 is answered and says what it has
+/// done to the grains, one beyond is refused.
+#[test]
+fn tiny_and_huge_targets_are_answered_or_refused() {
+    let options = RveOptions { strain_per_step: Some(2e-5), ..coarse() };
+    for direction in [[[0.0, 0.0], [0.0, -1.0]], [[0.0, 1.0], [0.0, 0.0]]] {
+        let at = |size: f64| plane::add_scaled(&[[0.0; 2]; 2], size, &direction);
+        let mut cell = GrainRve::new(&hundred_discs(options.clone())).unwrap();
+        let before = cell.look(Observables::NONE).stress.plane();
+        let small = trial(&mut cell, &at(1e-6));
+        let change = difference(&small.stress.plane(), &before);
+        assert!(change > 0.0 && change < 5e-3, "{change:e}");
+        let answer = trial(&mut cell, &at(0.19));
+        assert!(answer.stress.is_finite() && !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        // Compressed by a fifth, grains as stiff as a thousand pressures overlap by more than a tenth.
+        let is_compressed = direction[1][1] != 0.0;
+        assert_eq!(answer.flags.contains(TrialFlags::LARGE_OVERLAP), is_compressed);
+        let refusal = cell.trial(&Tensor2::from_plane(at(0.5)), &Ask::default());
+        assert!(matches!(refusal, Err(RveError::TargetTooLarge { .. })));
+    }
+}
+
+/// S-2: expanded until nothing touches, a cell has no stress and no stiffness and says so. S-3: pressed together again it
+/// carries its pressure again, and contacts begin without a tangential force.
+#[test]
+fn a_cell_that_came_apart_is_a_fluid_until_it_is_pressed_together() {
+    let mut cell = GrainRve::new(&hundred_discs(RveOptions { strain_per_step: Some(2e-5), ..coarse() })).unwrap();
+    let ask = Ask { tangent: TangentKind::TrussLikeSlip, observables: Observables::ALL, ramp_steps: 0 };
+    let mut go = |size: f64| -> (TrialAnswer, GrainRve) {
+        let answer = cell.trial(&Tensor2::from_plane([[size, 0.0], [0.0, size]]), &ask).unwrap();
+        cell.commit().unwrap();
+        (answer, cell.clone())
+    };
+    let (apart, expanded) = go(0.02);
+    assert!(apart.flags.contains(TrialFlags::FLUID));
+    assert_eq!(apart.stress, Tensor2::ZERO);
+    assert!(apart.tangent.unwrap().0.iter().all(|value| *value == 0.0));
+    assert_eq!((apart.scalars.coordination_number, apart.scalars.max_overlap_ratio), (0.0, 0.0));
+    assert_eq!((apart.observed.elastic_energy, apart.observed.sliding_fraction), (0.0, 0.0));
+    assert!(expanded.committed().contacts.is_empty());
+    let (still_apart, _) = go(1e-3);
+    assert!(still_apart.flags.contains(TrialFlags::FLUID) && still_apart.scalars.unbalanced_force_ratio == 0.0);
+
+    // Back to the area of the start.
+    let (back, _) = go(1.0 / (1.02 * 1.001) - 1.0);
+    let pressed = [2e-3, 2e-3].map(|step| go(-step).0);
+    let pressure = |answer: &TrialAnswer| -0.5 * (answer.stress.get(0, 0) + answer.stress.get(1, 1)) / PRESSURE;
+    assert!(pressure(&back) < pressure(&pressed[0]) && pressure(&pressed[0]) < pressure(&pressed[1]));
+    assert!(pressure(&pressed[1]) > 1.0, "{} of the old pressure", pressure(&pressed[1]));
+    assert!(!pressed[1].flags.contains(TrialFlags::FLUID) && pressed[1].tangent.is_some());
+    let network = cell.network();
+    assert!(network.is_none(), "committed");
+    let frozen = cell.committed_network();
+    for contact in &frozen.contacts {
+        let limit = frozen.friction * contact.normal_force.abs();
+        assert!(contact.tangential_force.abs() <= limit * (1.0 + 1e-12));
+    }
+}
+
+/// S-5: soft and stiff, smooth and rough, equal and unequal grains: the stable step holds, the stress from the border is
+/// that of the contacts, and every answer is finite.
+#[test]
+fn corners_of_the_range_of_grains_are_stable() {
+    let corners = [
+        // p / k_n, k_t / k_n, friction, largest over smallest radius
+        (1e-6, 0.0, 0.0, 1.5),
+        (1e-6, 2.0, 1e9, 10.0),
+        (1e-3, 1.0, 0.5, 10.0),
+        (1e-2, 0.0, 0.5, 10.0),
+        (1e-1, 0.5, 0.5, 10.0),
+        (1e-1, 2.0, 1e9, 1.5),
+    ];
+    for (pressure, ratio, friction, sizes) in corners {
+        // A packing with overlaps above a tenth is refused; the softest cells are compressed afterwards.
+        let prepared = f64::min(pressure, 1e-2);
+        let text = format!(
+            "dimension = 2\nnumber = 60\nseed = 3\npressure = {prepared:e}\ntolerance = 1e-4\nstress_tolerance = 1e-2\n\
+             [grading]\ndistribution = \"list\"\nradii = [1.0]\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1.0\n\
+             stiffness_ratio = {ratio:e}\nfriction = {friction:e}\n"
+        );
+        let grading = Grading::Bidisperse { small_radius: 1.0, large_radius: sizes, large_share: 0.5 };
+        let recipe = PackingRecipe { grading, ..PackingRecipe::from_toml(&text).unwrap() };
+        let name = format!("p {pressure:e}, k_t {ratio}, friction {friction:e}, sizes {sizes}");
+        let (packing, _) = generate::<Discs>(&recipe, &mut |_| ()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let contact = ContactTable::linear(1.0, ratio, friction);
+        let options = RveOptions { strain_per_step: Some(0.05 * prepared), tolerance: Some(1e-7), ..tight() };
+        let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options }).unwrap();
+        if pressure > prepared {
+            let softened = trial(&mut cell, &[[-0.06, 0.0], [0.0, -0.06]]);
+            assert!(softened.flags.contains(TrialFlags::LARGE_OVERLAP), "{name}");
+            assert!(-softened.stress.get(0, 0) > 0.5 * pressure, "{name}: {:?}", softened.stress);
+            cell.commit().unwrap();
+        }
+        let answer = trial(&mut cell, &[[0.5 * pressure, 0.2 * pressure], [0.0, -pressure]]);
+        assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{name}: {:?}", answer.scalars);
+        let network = cell.network().unwrap();
+        let jump = plane::add_scaled(&network.stress(), -1.0, &network.border_stress());
+        let error = plane::largest_component(&jump) / pressure;
+        assert!(error < 1e-6, "{name}: the border stress is off by {error:e}");
+    }
+}
+
+/// S-7: four discs in a cell that is smaller than two contact ranges answer as one.
+#[test]
+fn cells_smaller_than_the_contact_range_are_exact() {
+    let strain = [[2e-4, 1e-4], [0.0, -3e-4]];
+    let one = lattice(TRIANGULAR, 1e-3, ContactTable::linear(1.0, 0.5, 1e9));
+    let mut four = one.clone();
+    let rows = one.packing.periodicity;
+    let centre = |i: f64, j: f64| {
+        let at = |axis: usize| one.packing.grains[0][axis] + i * rows[0][axis] + j * rows[1][axis];
+        [at(0), at(1), 0.5]
+    };
+    four.packing.grains = vec![centre(0.0, 0.0), centre(1.0, 0.0), centre(0.0, 1.0), centre(1.0, 1.0)];
+    four.packing.periodicity = rows.map(|row| row.map(|value| 2.0 * value));
+    let [single, quadruple] =
+        [one, four].map(|definition| trial(&mut GrainRve::new(&definition).unwrap(), &strain).stress.plane());
+    let scale = plane::largest_component(&single);
+    let error = plane::largest_component(&plane::add_scaled(&quadruple, -1.0, &single)) / scale;
+    assert!(error < 1e-9, "{error:e}");
+}
+
+/// S-13: a crystal in which every fifth grain touches nothing. The network operator needs no help, and the stress from
+/// the border is that of the contacts.
+#[test]
+fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
+    let one = lattice(TRIANGULAR, 1e-3, ContactTable::linear(1.0, 0.5, 1e9));
+    let rows = one.packing.periodicity;
+    let mut definition = one.clone();
+    // One grain of each five in a row, two further on in the next: no two rattlers are neighbours.
+    definition.packing.grains = (0..25)
+        .map(|number| {
+            let (i, j) = (number % 5, number / 5);
+            let at = |axis: usize| f64::from(i) * rows[0][axis] + f64::from(j) * rows[1][axis];
+            [at(0), at(1), if (i + 3 * j) % 5 == 0 { 0.3 } else { 0.5 }]
+        })
+        .collect();
+    definition.packing.periodicity = rows.map(|row| row.map(|value| 5.0 * value));
+    let mut cell = GrainRve::new(&definition).unwrap();
+    let ask = Ask { tangent: TangentKind::TrussLike, observables: Observables::ALL, ramp_steps: 0 };
+    let answer = cell.trial(&Tensor2::from_plane([[1e-5, 0.0], [0.0, -3e-5]]), &ask).unwrap();
+    for flag in [TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED, TrialFlags::NOT_EQUILIBRATED] {
+        assert!(!answer.flags.contains(flag), "{:?}", answer.flags);
+    }
+    let rattlers = cell.committed_network();
+    assert_eq!(rattlers.contacts.len(), 25 * 3 - 5 * 6);
+    let network = cell.network().unwrap();
+    let scale = plane::largest_component(&network.stress());
+    let jump = plane::add_scaled(&network.stress(), -1.0, &network.border_stress());
+    assert!(plane::largest_component(&jump) / scale < 10.0 * answer.scalars.unbalanced_force_ratio.max(1e-12));
+    let operator = answer.tangent.unwrap().plane();
+    let step = 1e-8;
+    let stress =
+        |cell: &mut GrainRve, sign: f64| trial(cell, &[[1e-5 + sign * step, 0.0], [0.0, -3e-5]]).stress.plane();
+    let [plus, minus] = [1.0, -1.0].map(|sign| stress(&mut cell, sign));
+    let probed = (plus[0][0] - minus[0][0]) / (2.0 * step);
+    assert_close(probed / operator[0][0], 1.0, 1e-3, "C1111 by probes of the cell with its rattlers");
+}
+
+/// D-11: before anything yields, a packing and four copies of it side by side have the same stress and the same operator.
+#[test]
+fn four_copies_of_a_packing_answer_as_one() {
+    let mut one = hundred_discs(RveOptions { tolerance: Some(1e-10), ..tight() });
+    one.contact.friction = 1e9;
+    // Listed forces belong to one numbering; both cells start from the same geometry without them.
+    one.packing.contacts.clear();
+    let mut four = one.clone();
+    let rows = one.packing.periodicity;
+    four.packing.grains = (0..4)
+        .flat_map(|copy| {
+            let shift = |axis: usize| f64::from(copy % 2) * rows[0][axis] + f64::from(copy / 2) * rows[1][axis];
+            let shift = [shift(0), shift(1)];
+            one.packing.grains.iter().map(move |[x, y, radius]| [x + shift[0], y + shift[1], *radius])
+        })
+        .collect();
+    four.packing.periodicity = rows.map(|row| row.map(|value| 2.0 * value));
+    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let [first, second] = [one, four].map(|definition| {
+        let mut cell = GrainRve::new(&definition).unwrap();
+        cell.trial(&Tensor2::from_plane([[1e-5, 5e-6], [5e-6, -2e-5]]), &ask).unwrap()
+    });
+    assert!(difference(&first.stress.plane(), &second.stress.plane()) < 1e-6);
+    let [first, second] = [first, second].map(|answer| answer.tangent.unwrap().0);
+    let scale = first.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    let error = first.iter().zip(&second).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs())) / scale;
+    assert!(error < 1e-6, "{error:e}");
+}
