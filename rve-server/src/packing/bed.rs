@@ -8,7 +8,7 @@ use crate::packing::stress_target::{Matrix, StressTarget, turned_in, turned_out}
 use crate::packing::{ListedContact, PackingError, PackingFile};
 use crate::space::{Components, Space, Tensor, apply};
 use crate::state::ContactRecord;
-use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer};
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
 
 /// First isotropic compression per increment; grains move by a hundredth of a radius or so.
 const FIRST_COMPRESSION: f64 = 5e-3;
@@ -21,6 +21,24 @@ const CREEPING_COMPRESSION: f64 = 1e-6;
 
 /// Share of the target pressure at which the compression hands over to the servo.
 const HANDOVER: [f64; 2] = [0.02, 0.2];
+
+/// Most times that a cell of spheres that carries load is given more time to come to rest in one increment.
+const MOST_SETTLINGS: u32 = 10;
+
+/// Stress error over pressure below which the servo on spheres learns from its steps: the network's own operator knows no
+/// sliding, is much too stiff for shear, and would creep towards the target by a hundredth of the way a step.
+const CLOSE: f64 = 0.5;
+
+/// Steps without a smaller error after which the servo on spheres looks at the network again.
+const PATIENCE: u32 = 12;
+
+/// Share of the target pressure below which a cell of spheres is simply compressed further, by this strain.
+const SLACK_PRESSURE: f64 = 0.005;
+const SLACK_STRAIN: f64 = 1e-4;
+
+/// Largest strain component of a servo step on spheres while the stress is far from the target: a network of few contacts
+/// says that it is soft, and is not after half of the step.
+const FAR_STRAIN: f64 = 2e-4;
 
 /// Most increments of either stage.
 const MOST_INCREMENTS: u32 = 5_000;
@@ -75,11 +93,18 @@ impl<'a, S: Space> Bed<'a, S> {
         });
         let mut compression = FIRST_COMPRESSION;
         for increment in 0..MOST_INCREMENTS {
-            let answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
-            let share = pressure(&answer.stress, self.target.dimension) / self.target.pressure;
+            let before = (S::DIMENSION == 3).then(|| self.cell.clone());
+            let mut answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
+            if before.is_some() {
+                answer = self.settled(answer)?;
+            }
+            let share = self.pressure_share(&answer);
             // Grains that snap across the window at the smallest increment are taken as they lie.
             if share > HANDOVER[1] && compression > LEAST_COMPRESSION {
-                self.cell.rollback();
+                match before {
+                    Some(before) => self.cell = before,
+                    None => self.cell.rollback(),
+                }
                 compression *= 0.5;
                 continue;
             }
@@ -91,6 +116,24 @@ impl<'a, S: Space> Bed<'a, S> {
             compression = compression.max(CREEPING_COMPRESSION);
         }
         Err(PackingError::Content(format!("compression did not reach a pressure in {MOST_INCREMENTS} increments")))
+    }
+
+    /// A trial of a cell that carries load, given time to come to rest: near jamming forces die away slowly, and would be
+    /// taken for the pressure of a packing.
+    fn settled(&mut self, mut answer: TrialAnswer) -> Result<TrialAnswer, PackingError> {
+        for _ in 0..MOST_SETTLINGS {
+            let is_at_rest = !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+            if is_at_rest || self.pressure_share(&answer) < HANDOVER[0] {
+                break;
+            }
+            self.cell.commit().map_err(content)?;
+            answer = self.trial(&self.isotropic(-TOUCH), TangentKind::None)?;
+        }
+        Ok(answer)
+    }
+
+    fn pressure_share(&self, answer: &TrialAnswer) -> f64 {
+        pressure(&answer.stress, self.target.dimension) / self.target.pressure
     }
 
     /// Newton steps on all stress components with the network's own tangent, or with what the steps have taught.
@@ -107,6 +150,9 @@ impl<'a, S: Space> Bed<'a, S> {
         let mut response = Response::isotropic(100.0 * self.target.pressure, self.target.dimension);
         let mut answer = self.trial(&self.isotropic(-TOUCH), self.tangent())?;
         let mut refined = false;
+        // Discs keep to the network's own operator in every step: committed packings come out again to the bit.
+        let learns = S::DIMENSION == 3;
+        let (mut best, mut since_best) = (f64::INFINITY, 0);
         for increment in 0..MOST_INCREMENTS {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
@@ -125,8 +171,23 @@ impl<'a, S: Space> Bed<'a, S> {
                 response.adopt(operator);
             }
             let deviator = turned_out(&self.target.deviator, &self.axes());
-            let strain = response.strain(&aim(&self.target, &deviator, &answer.stress), &answer.stress);
-            let next = self.trial(&strain, self.tangent())?;
+            let mut strain = response.strain(&aim(&self.target, &deviator, &answer.stress), &answer.stress);
+            let mut kind = self.tangent();
+            if learns {
+                if error >= CLOSE {
+                    strain = limited(&strain, FAR_STRAIN);
+                }
+                since_best = if error < best { 0 } else { since_best + 1 };
+                best = best.min(error);
+                if self.pressure_share(&answer) < SLACK_PRESSURE {
+                    strain = self.isotropic(-SLACK_STRAIN);
+                } else if error < CLOSE && since_best < PATIENCE {
+                    kind = TangentKind::None;
+                } else if since_best >= PATIENCE {
+                    (best, since_best) = (error, 0);
+                }
+            }
+            let next = self.trial(&strain, kind)?;
             if next.tangent.is_none() {
                 response.learn(&strain, &difference(&next.stress, &answer.stress));
             }
@@ -258,6 +319,13 @@ impl<'a, S: Space> Bed<'a, S> {
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A strain cut to a largest component.
+fn limited(strain: &Matrix, most: f64) -> Matrix {
+    let largest = strain.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    let share = if largest > most { most / largest } else { 1.0 };
+    strain.map(|row| row.map(|value| share * value))
 }
 
 /// A tensor by its rows.

@@ -15,6 +15,9 @@ const MIXING_DECAY: f64 = 0.99;
 /// Steps with positive power before the mixing decays.
 const PATIENCE: u32 = 5;
 
+/// Stops in a row that are taken for single ones.
+const FREE_STOPS: u32 = 4;
+
 /// Largest `omega^2` of a stable descent, with 2 % to spare.
 const LARGEST_DESCENT: f64 = 1.96;
 
@@ -28,6 +31,11 @@ pub(crate) struct Damper {
     descent: f64,
     mixing: f64,
     positive_steps: u32,
+    /// Steps in a row that stopped all motion.
+    stops: u32,
+    /// Whether the grains have at least four contacts on average. Below that no motion of a whole network meets the bound,
+    /// and couples of grains that push each other away may do so at the full step.
+    pub(crate) is_dense: bool,
 }
 
 /// Factors of one step: `v <- keep v + push F / m` with relative masses `m`.
@@ -38,7 +46,7 @@ pub(crate) struct Kick {
 }
 
 /// Share of the full step that keeps a descent stable whose `omega_max` is below `2 safety`. While the power of the forces
-/// is negative FIRE stops all motion in every step, which makes it a descent: that converges for `omega^2 < 2` only, half
+/// is negative FIRE and kinetic damping stop all motion in every step, which makes them a descent: that converges for `omega^2 < 2` only, half
 /// the limit of free motion. Crystals of discs with `k_t` near `k_n` meet the bound on their rotation branch exactly.
 pub(crate) fn descent_share(safety: f64) -> f64 {
     (LARGEST_DESCENT / (4.0 * safety * safety)).min(1.0)
@@ -47,7 +55,7 @@ pub(crate) fn descent_share(safety: f64) -> f64 {
 impl Damper {
     /// The memory of a run whose `omega_max` is below `2 safety`.
     pub(crate) fn new(safety: f64) -> Self {
-        Self { descent: descent_share(safety), mixing: MIXING, positive_steps: 0 }
+        Self { descent: descent_share(safety), mixing: MIXING, positive_steps: 0, stops: 0, is_dense: false }
     }
 
     /// Factors for the next step from the sums of the last evaluation; `old_power` is the work of the forces before the
@@ -62,7 +70,7 @@ impl Damper {
             Damping::Fire => self.fire(mass, sums),
             Damping::Local => Kick { keep: 1.0, push },
             Damping::Viscous => damped(options.viscous_coefficient(), push),
-            Damping::Kinetic => Self::kinetic(push, sums),
+            Damping::Kinetic => self.kinetic(push, sums),
             Damping::Adaptive => {
                 // Rayleigh quotient of the stiffness in the direction of motion: omega^2 of the mode that moves now.
                 let quotient = (old_power - sums.power) / (mass * sums.motion_square);
@@ -78,8 +86,9 @@ impl Damper {
         if sums.power <= 0.0 {
             self.mixing = MIXING;
             self.positive_steps = 0;
-            return Kick { keep: 0.0, push: self.descent * push };
+            return self.stop(push, sums.power);
         }
+        self.stops = 0;
         self.positive_steps += 1;
         if self.positive_steps > PATIENCE {
             self.mixing *= MIXING_DECAY;
@@ -91,8 +100,21 @@ impl Damper {
 
     /// Kinetic damping: all motion stops whenever the kinetic energy has passed a peak, which is where the power of the
     /// forces changes its sign.
-    fn kinetic(push: f64, sums: &StepSums<f64>) -> Kick {
-        Kick { keep: if sums.power < 0.0 { 0.0 } else { 1.0 }, push }
+    fn kinetic(&mut self, push: f64, sums: &StepSums<f64>) -> Kick {
+        if sums.power < 0.0 {
+            return self.stop(push, sums.power);
+        }
+        self.stops = 0;
+        Kick { keep: 1.0, push }
+    }
+
+    /// Stops all motion. One stop among steps of free motion may go on with the full push; a row of them is a descent, and
+    /// has to be a stable one.
+    fn stop(&mut self, push: f64, power: f64) -> Kick {
+        // Grains that nothing drives have no power and are no descent.
+        self.stops = if power < 0.0 { self.stops + 1 } else { 0 };
+        let share = if self.stops > FREE_STOPS && self.is_dense { self.descent } else { 1.0 };
+        Kick { keep: 0.0, push: share * push }
     }
 }
 

@@ -142,6 +142,7 @@ impl<S: Space> Run<S> {
         if self.is_stiffer && (self.mass == 0.0 || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)) {
             self.raise_mass(setting, batch, lane);
         }
+        self.damper.is_dense = self.sums.contacts >= 2.0 * setting.radii.len() as f64;
         let kick = self.damper.kick(setting.options, self.mass, &self.sums, self.old_power);
         if self.phase == Phase::Hold {
             return Move { kick, ..still };

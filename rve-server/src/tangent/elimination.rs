@@ -9,7 +9,8 @@ use faer::sparse::linalg::amd;
 /// Most grains of a supernode: wider ones are cut, which bounds the dense work on the diagonal.
 const WIDEST: usize = 8;
 
-/// Block rows of explicit zeros that each column may get when supernodes are merged.
+/// Block rows of explicit zeros that each column may get when supernodes are merged. More of them, or wider supernodes, cost
+/// more than they save: 8 instead of 2 adds 5 %, 24 adds 35 % (400 discs).
 const SLACK: usize = 2;
 
 /// Neighbouring columns of the factor with the same rows below.
