@@ -10,7 +10,7 @@ use faer::sparse::linalg::amd;
 const WIDEST: usize = 8;
 
 /// Block rows of explicit zeros that each column may get when supernodes are merged. More of them, or wider supernodes, cost
-/// more than they save: 8 instead of 2 adds 5 %, 24 adds 35 % (400 discs).
+/// more than they save: 8 instead of 2 adds 5 %, 24 adds a third (400 discs).
 const SLACK: usize = 2;
 
 /// Neighbouring columns of the factor with the same rows below.
