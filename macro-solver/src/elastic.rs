@@ -4,8 +4,11 @@
 //! the tangent is `d sigma_ij / d F_kl` relative to the end of the trial. The state is the total deformation gradient.
 
 use crate::checkpoint::{Archive, CheckpointError};
+use crate::element::shapes_at_points;
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::mesh::Mesh;
+use crate::problem::InitialStress;
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
 
@@ -34,7 +37,8 @@ pub struct ElasticMaterial {
     law: ElasticLaw,
     lambda: f64,
     shear: f64,
-    initial_stress: Matrix3<f64>,
+    /// Of every point, Pa.
+    initial_stress: Vec<Matrix3<f64>>,
     largest_target: Option<f64>,
     committed: Vec<Matrix3<f64>>,
     trials: Vec<Option<Matrix3<f64>>>,
@@ -58,7 +62,7 @@ impl ElasticMaterial {
             law,
             lambda,
             shear,
-            initial_stress: Matrix3::zeros(),
+            initial_stress: vec![Matrix3::zeros(); points],
             largest_target: None,
             committed: vec![Matrix3::identity(); points],
             trials: vec![None; points],
@@ -68,7 +72,23 @@ impl ElasticMaterial {
     /// Starts with a stress, Pa, tension positive.
     #[must_use]
     pub fn with_initial_stress(mut self, stress: [[f64; 3]; 3]) -> Self {
-        self.initial_stress = Matrix3::from_fn(|i, j| stress[i][j]);
+        self.initial_stress.fill(Matrix3::from_fn(|i, j| stress[i][j]));
+        self
+    }
+
+    /// Starts with the stress of a field at the Gauss points of a mesh.
+    #[must_use]
+    pub fn with_initial_field(mut self, mesh: &Mesh, field: &InitialStress) -> Self {
+        let places = (0..mesh.elements.len()).flat_map(|element| {
+            let nodes = mesh.element_positions(element);
+            let shapes = shapes_at_points(mesh.kinds[element]);
+            shapes.iter().map(move |shape| {
+                let share =
+                    |axis: usize| nodes.iter().zip(&shape.values).map(|(node, value)| value * node[axis]).sum();
+                std::array::from_fn(share)
+            })
+        });
+        self.initial_stress.iter_mut().zip(places).for_each(|(stress, place)| *stress = field.at(place));
         self
     }
 
@@ -79,16 +99,21 @@ impl ElasticMaterial {
         self
     }
 
-    /// Cauchy stress at total deformation gradient `total`, Pa.
+    /// Cauchy stress of the first point at total deformation gradient `total`, Pa.
     pub fn stress(&self, total: &Matrix3<f64>) -> Matrix3<f64> {
+        self.stress_of(0, total)
+    }
+
+    fn stress_of(&self, point: usize, total: &Matrix3<f64>) -> Matrix3<f64> {
+        let initial = self.initial_stress[point];
         match self.law {
             ElasticLaw::SmallStrain => {
                 let gradient = total - Matrix3::identity();
-                self.initial_stress + self.linear(&(0.5 * (gradient + gradient.transpose())))
+                initial + self.linear(&(0.5 * (gradient + gradient.transpose())))
             }
             ElasticLaw::SaintVenant => {
                 let strain = 0.5 * (total.transpose() * total - Matrix3::identity());
-                let second_piola = self.initial_stress + self.linear(&strain);
+                let second_piola = initial + self.linear(&strain);
                 total * second_piola * total.transpose() / total.determinant()
             }
         }
@@ -99,7 +124,7 @@ impl ElasticMaterial {
     }
 
     /// Change of the stress for the change `rate` of the displacement gradient in the current configuration.
-    fn stress_change(&self, total: &Matrix3<f64>, rate: &Matrix3<f64>) -> Matrix3<f64> {
+    fn stress_change(&self, point: usize, total: &Matrix3<f64>, rate: &Matrix3<f64>) -> Matrix3<f64> {
         let stretching = 0.5 * (rate + rate.transpose());
         match self.law {
             ElasticLaw::SmallStrain => {
@@ -108,7 +133,7 @@ impl ElasticMaterial {
             }
             ElasticLaw::SaintVenant => {
                 // Push-forward of the second Piola stress: its own change, then the change of F and of det F.
-                let stress = self.stress(total);
+                let stress = self.stress_of(point, total);
                 let strain_change = total.transpose() * stretching * total;
                 let own = total * self.linear(&strain_change) * total.transpose() / total.determinant();
                 own + rate * stress + stress * rate.transpose() - stress * rate.trace()
@@ -116,10 +141,10 @@ impl ElasticMaterial {
         }
     }
 
-    fn tangent(&self, total: &Matrix3<f64>) -> Operator {
+    fn tangent(&self, point: usize, total: &Matrix3<f64>) -> Operator {
         let mut tangent = Operator::zeros();
         for pair in 0..9 {
-            tangent.set_column(pair, &column(&self.stress_change(total, &unit(pair))));
+            tangent.set_column(pair, &column(&self.stress_change(point, total, &unit(pair))));
         }
         tangent
     }
@@ -138,12 +163,13 @@ impl ElasticMaterial {
             return Err(RveError::TargetInverted { determinant: step.determinant() });
         }
         let total = step * self.committed[trial.point];
-        Ok((total, self.answer(&total, &trial.ask)))
+        Ok((total, self.answer(trial.point, &total, &trial.ask)))
     }
 
-    fn answer(&self, total: &Matrix3<f64>, ask: &Ask) -> TrialAnswer {
-        let stress = self.stress(total);
-        let tangent = (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(total))));
+    fn answer(&self, point: usize, total: &Matrix3<f64>, ask: &Ask) -> TrialAnswer {
+        let stress = self.stress_of(point, total);
+        let tangent =
+            (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(point, total))));
         TrialAnswer {
             stress: tensor(&stress),
             tangent,
@@ -206,7 +232,7 @@ mod tests {
         let initial = [[-0.5, 0.1, 0.2], [0.1, -0.7, 0.0], [0.2, 0.0, -0.3]];
         for law in [ElasticLaw::SmallStrain, ElasticLaw::SaintVenant] {
             let material = ElasticMaterial::spatial(law, 3.0, 1.0, 1).with_initial_stress(initial);
-            let tangent = material.tangent(&start);
+            let tangent = material.tangent(0, &start);
             for pair in 0..9 {
                 let stress = |size: f64| material.stress(&((Matrix3::identity() + size * unit(pair)) * start));
                 let difference = column(&((stress(1e-6) - stress(-1e-6)) / 2e-6));

@@ -11,6 +11,7 @@ mod checkpoint;
 pub(crate) mod constraints;
 mod dynamic_stage;
 mod fields;
+mod initial;
 mod linear_solver;
 pub(crate) mod loads;
 mod newton;
@@ -217,6 +218,7 @@ impl<'a> Solver<'a> {
         let counters = Counters::of(&self.statistics);
         let still = self.body.zero();
         let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
+        self.check_initial_state(&start).map_err(explain)?;
         self.renewer.started(self.tangent_asked == self.stage().strategy.tangent);
         self.tangent_asked = self.stage().strategy.tangent;
         self.committed_balance.clone_from(&self.balance);
@@ -315,8 +317,10 @@ impl<'a> Solver<'a> {
             flags: self.points.flags(),
         };
         let mut reactions = self.committed_balance.residual();
-        for &dof in self.constraints.free() {
-            reactions[dof] = 0.0;
+        for (dof, reaction) in reactions.iter_mut().enumerate() {
+            if self.constraints.is_unloaded(dof) {
+                *reaction = 0.0;
+            }
         }
         let fields = self.fields(&gradients, &reactions, &self.committed_balance.external);
         let view = FieldsView {

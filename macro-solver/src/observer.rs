@@ -247,6 +247,11 @@ pub struct DynamicsView<'a> {
 pub struct Statistics {
     /// Accepted load steps, without the initial equilibrium.
     pub steps: u64,
+    /// Out-of-balance force of the initial stress over the reactions or loads, whichever is larger.
+    pub initial_imbalance: f64,
+    /// Largest deviation of the initial stress from what [`crate::problem::InitialState`] expects, over the largest
+    /// component expected; 0 if nothing is expected.
+    pub initial_deviation: f64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,
     /// Iterates turned down by the safeguard.

@@ -14,6 +14,9 @@ use thiserror::Error;
 mod amplitude;
 mod condition;
 mod criteria;
+pub(crate) mod elimination;
+mod initial_stress;
+mod link;
 mod named_strategy;
 mod rigid_motion;
 mod stage;
@@ -23,6 +26,8 @@ mod validation;
 pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{Criteria, DisplacementMeasure, ForceMeasure, Measured, Tolerances};
+pub use initial_stress::{InitialState, InitialStress};
+pub use link::{Link, LinkTerm};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
 pub use stage::{Procedure, Stage, StepControl};
 pub use strategy::{Predictor, SecantGates, Strategy};
@@ -45,6 +50,8 @@ pub struct Problem {
     pub mesh: Mesh,
     /// What is done to the body, one stage after the other; each goes on from the state that the one before has left.
     pub stages: Vec<Stage>,
+    /// What is asked of the stress that the points start with.
+    pub initial: InitialState,
     /// What motion means for the points, and which stress is integrated where.
     pub formulation: Formulation,
     /// How the global equations are solved.
@@ -68,6 +75,7 @@ impl Problem {
         Self {
             mesh,
             stages: vec![Stage::new("loading", conditions.into_iter().map(Applied::from).collect())],
+            initial: InitialState::default(),
             formulation: Formulation::default(),
             equations: EquationSolver::default(),
             hourglass: HourglassControl::default(),
@@ -191,6 +199,24 @@ pub enum ProblemError {
         first: f64,
         /// Value of the later condition, m.
         second: f64,
+    },
+    /// Two sets are to move alike, but are not images of each other.
+    #[error("node {node} has no partner: the node sets '{from}' and '{to}' are not shifted images of each other")]
+    NoImage {
+        /// Node, from 0.
+        node: usize,
+        /// One set.
+        from: String,
+        /// The other one.
+        to: String,
+    },
+    /// Displacements cannot be tied to one another as asked.
+    #[error("{reason}; {remedy}")]
+    Linked {
+        /// What is wrong.
+        reason: &'static str,
+        /// What to do.
+        remedy: &'static str,
     },
     /// A part of the mesh can still move as a rigid body.
     #[error("the supports leave the part of the mesh around element {element} free to {motion}; hold another node")]

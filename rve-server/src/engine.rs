@@ -235,7 +235,7 @@ impl<S: Space> GrainRve<S> {
     /// The contact network of the committed state; no contact is marked as having slid.
     pub fn committed_network(&mut self) -> ContactNetwork<S> {
         self.relaxation.look(&self.model, &self.committed);
-        self.relaxation.network(&self.model, &self.committed)
+        self.relaxation.network(&self.model)
     }
 
     /// Everything that can be said about the committed state without moving a grain. For a fresh cell this is the
@@ -244,9 +244,8 @@ impl<S: Space> GrainRve<S> {
         let network = self.committed_network();
         let stress = network.stress();
         let ask = Ask { observables, ..Ask::default() };
-        let mut flags = TrialFlags::default();
+        let flags = TrialFlags::default();
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
-        note_condition(&network, &mut flags);
         self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, &ask, cost, flags)
     }
 
@@ -283,17 +282,17 @@ impl<S: Space> GrainRve<S> {
         let solved = end.solved;
         let straight = end.state.clone();
         self.relaxation.adopt(end);
-        let stress = self.relaxation.network(&self.model, &straight).stress();
+        let network = self.relaxation.network(&self.model);
+        let stress = network.stress();
         // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
         let turn = stretch.polar.turn;
         let state = straight.turned(turn);
-        let network = self.relaxation.network(&self.model, &state);
+        let network = network.turned_to(&state);
         let stress = rotated(&stress, &S::rotation_matrix(turn));
         let mut flags = TrialFlags::default();
         if !solved.equilibrated {
             flags.insert(TrialFlags::NOT_EQUILIBRATED);
         }
-        note_condition(&network, &mut flags);
         let cost = Cost {
             force_evaluations: solved.force_evaluations,
             ramp_steps: u64::from(solved.ramp_steps),
@@ -345,8 +344,7 @@ impl<S: Space> GrainRve<S> {
         let started = Instant::now();
         let network = self.committed_network();
         let stress = network.stress();
-        let mut flags = TrialFlags::SKIPPED_NULL_TARGET;
-        note_condition(&network, &mut flags);
+        let flags = TrialFlags::SKIPPED_NULL_TARGET;
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
         let mut answer = self.answer(&network, &self.committed, &stress, &S::Tensor::IDENTITY, ask, cost, flags);
         let (state, ramp_steps) = (self.committed.clone(), ask.ramp_steps.max(1));
@@ -365,13 +363,22 @@ impl<S: Space> GrainRve<S> {
         f: &S::Tensor,
         ask: &Ask,
         cost: Cost,
-        flags: TrialFlags,
+        mut flags: TrialFlags,
     ) -> TrialAnswer {
+        let scalars = scalars(network, state);
+        note_condition(network, scalars.max_overlap_ratio, &mut flags);
         TrialAnswer {
             stress: in_space(stress),
             tangent: None,
-            scalars: scalars(network, state),
-            observed: observe(&self.relaxation.measures(&self.model), network, state, stress, f, ask.observables),
+            scalars,
+            observed: observe(
+                || self.relaxation.elastic_energy(&self.model),
+                network,
+                state,
+                stress,
+                f,
+                ask.observables,
+            ),
             cost,
             flags,
         }

@@ -10,6 +10,7 @@
 //! normal to `e` in space.
 
 use crate::space::{Discs, Space};
+use crate::state::GrainState;
 
 /// One contact that carries force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,4 +55,23 @@ pub struct ContactNetwork<S: Space = Discs> {
     pub friction: f64,
     /// Contacts in sorted pair order (origin, end, shift).
     pub contacts: Vec<NetworkContact<S>>,
+}
+
+impl<S: Space> ContactNetwork<S> {
+    /// The same network in a state that differs by a rotation of the whole only.
+    #[must_use]
+    pub(crate) fn turned_to(mut self, state: &GrainState<S>) -> Self {
+        self.cell = state.cell.rows;
+        self.positions.clone_from(&state.positions);
+        for (contact, record) in self.contacts.iter_mut().zip(&state.contacts) {
+            contact.tangential_force = record.tangential_force;
+        }
+        self
+    }
+
+    /// Share of the contacts at the Coulomb limit; 0 without contacts.
+    pub(crate) fn sliding_fraction(&self) -> f64 {
+        let sliding = self.contacts.iter().filter(|contact| contact.at_limit).count();
+        sliding as f64 / self.contacts.len().max(1) as f64
+    }
 }

@@ -61,14 +61,15 @@ impl<S: Space> PairFinder<S> {
         let neighbours: i32 = (0..S::DIMENSION).map(|axis| 2 * reach[axis] + 1).product();
         self.sort_into_bins(cell, positions, bins);
 
+        let steps: Vec<S::Shift> = (0..neighbours).map(|neighbour| step_of::<S>(neighbour, reach)).collect();
         for origin in 0..radii.len() {
             self.found.clear();
             let (here, wraps) = self.wrapped[origin];
             let home = self.bin_of[origin];
-            for neighbour in 0..neighbours {
-                let step = step_of::<S>(neighbour, reach);
-                let image = S::shift(|axis| (home[axis] + step[axis]).div_euclid(bins[axis]));
-                let place = S::shift(|axis| (home[axis] + step[axis]).rem_euclid(bins[axis]));
+            for step in &steps {
+                let place = S::shift(|axis| home[axis] + step[axis]);
+                let image = S::shift(|axis| image_of(place[axis], bins[axis]));
+                let place = S::shift(|axis| place[axis] - image[axis] * bins[axis]);
                 let translation = cell.translation(image);
                 let bin = bin_number::<S>(place, bins);
                 let (from, to) = (self.bin_start[bin] as usize, self.bin_start[bin + 1] as usize);
@@ -132,6 +133,11 @@ const MOST_BINS: f64 = 1024.0;
 /// Bins along one side, each at least one range wide. The tiny margin keeps rounding at a bin's edge harmless.
 fn bin_count(width: f64, range: f64) -> i32 {
     ((width / (range * (1.0 + 1e-9))).floor().min(MOST_BINS) as i32).max(1)
+}
+
+/// In which image of the cell a bin lies. Nearly always in the cell itself: a division less.
+fn image_of(place: i32, bins: i32) -> i32 {
+    if (0..bins).contains(&place) { 0 } else { place.div_euclid(bins) }
 }
 
 /// Number of a bin in the table.

@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    let listed_forces = listed_forces(&scene.definition).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let listed_forces = listed_forces(scene.definition()).map_err(|error| Failure::new(Exit::BadInput, error))?;
     print(overview(&scene, &crew, &listed_forces).as_bytes())?;
     Ok(Exit::Done)
 }
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 /// What a run of the scene would be, for people.
 fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String {
     let problem = &scene.problem;
-    let options = scene.definition.options();
+    let options = scene.definition().options();
     let points = problem.point_count();
     let quasi_static = problem.stages.iter().filter(|stage| !matches!(stage.procedure, Procedure::Dynamic(_)));
     let steps: usize = quasi_static.map(|stage| stage.control.increments).sum();
@@ -99,6 +99,9 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
     if let Some(warning) = listed_forces.warning() {
         writeln!(text, "{:<20} {warning}", "note").expect("writing to a String cannot fail");
     }
+    for remark in &scene.materials.remarks {
+        writeln!(text, "{:<20} {remark}", "region").expect("writing to a String cannot fail");
+    }
     for remark in crew.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
@@ -123,9 +126,9 @@ fn stage_line(stage: &Stage) -> String {
 }
 
 fn packing_line(scene: &Scene) -> String {
-    let grains = match scene.definition.dimension() {
+    let grains = match scene.definition().dimension() {
         2 => "discs",
         _ => "spheres",
     };
-    format!("{} {grains} in {}", scene.definition.number(), scene.packing_path.display())
+    format!("{} {grains} in {}", scene.definition().number(), scene.packing_path.display())
 }

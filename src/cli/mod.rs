@@ -8,6 +8,7 @@ mod element;
 pub(crate) mod exit;
 mod pack;
 mod replay;
+mod report;
 mod run;
 mod rve_server;
 mod specimen;
@@ -54,6 +55,8 @@ enum Command {
     Status(status::Arguments),
     /// Remove what dead runs left behind
     Clean(clean::Arguments),
+    /// Put what a run has written on one page
+    Report(report::Arguments),
     /// Measure what this program costs on this machine
     Bench(bench::Arguments),
     /// Print a completion script for a shell
@@ -71,6 +74,7 @@ pub(crate) fn main() -> ExitCode {
         Command::RveServer(arguments) => rve_server::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
         Command::Clean(arguments) => clean::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

@@ -2,8 +2,8 @@
 
 use super::{BUILT_IN, Catalogue, Engine, Suitability, capabilities_of, suitability};
 use crate::cli::exit::{Exit, Failure};
-use crate::scene::Scene;
-use protocol::Capabilities;
+use crate::scene::{Materials, Scene};
+use protocol::{Capabilities, Definition};
 
 /// One engine of a run.
 #[derive(Clone, Debug)]
@@ -14,6 +14,17 @@ pub(crate) struct Member {
     pub(crate) capabilities: Capabilities,
     /// What that means for the scene.
     pub(crate) suitability: Suitability,
+}
+
+/// Definitions with the engines that solve them, and the points of each.
+#[derive(Clone, Debug)]
+pub(crate) struct Shares {
+    /// What points are made of.
+    pub(crate) definitions: Vec<Definition>,
+    /// Name of the engine of each definition.
+    pub(crate) engines: Vec<String>,
+    /// For each point the place of its definition.
+    pub(crate) made_of: Vec<usize>,
 }
 
 /// The engines of a run and the points of each.
@@ -55,7 +66,7 @@ impl Crew {
         for name in &names {
             let engine = catalogue.find(name).map_err(refuse)?;
             let capabilities = capabilities_of(&engine).map_err(refuse)?;
-            let suitability = suitability(&capabilities, &scene.definition, &scene.problem.tangents())
+            let suitability = suitability(&capabilities, &scene.materials.definitions, &scene.problem.tangents())
                 .map_err(|reason| Failure::new(Exit::BadInput, reason))?;
             members.push(Member { engine, capabilities, suitability });
         }
@@ -65,6 +76,23 @@ impl Crew {
     /// Whether a point is solved by the engine inside this program.
     pub(crate) fn is_built_in(&self, point: usize) -> bool {
         self.members[self.member_of[point]].engine.is_built_in()
+    }
+
+    /// What the pool is made of: every definition that an engine solves, the name of that engine, and for each point its
+    /// place among them.
+    pub(crate) fn shares(&self, materials: &Materials) -> Shares {
+        let mut kinds: Vec<(usize, usize)> = Vec::new();
+        let mut made_of = Vec::with_capacity(self.member_of.len());
+        for (&member, &material) in self.member_of.iter().zip(&materials.made_of) {
+            let place = kinds.iter().position(|kind| *kind == (member, material)).unwrap_or_else(|| {
+                kinds.push((member, material));
+                kinds.len() - 1
+            });
+            made_of.push(place);
+        }
+        let definitions = kinds.iter().map(|&(_, material)| materials.definitions[material].to_protocol()).collect();
+        let engines = kinds.iter().map(|&(member, _)| self.members[member].capabilities.engine.clone()).collect();
+        Shares { definitions, engines, made_of }
     }
 
     /// For each point, whether its tangents are found by finite differences.

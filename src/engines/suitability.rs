@@ -12,29 +12,31 @@ pub(crate) struct Suitability {
     pub(crate) remarks: Vec<String>,
 }
 
-/// Judges an engine for a definition and the tangents that the solver wants.
+/// Judges an engine for what points are made of and the tangents that the solver wants.
 ///
 /// # Errors
 /// Why the engine cannot run the scene, with the remedy.
 pub(crate) fn suitability(
     capabilities: &Capabilities,
-    definition: &AnyDefinition,
+    definitions: &[AnyDefinition],
     tangents: &[TangentKind],
 ) -> Result<Suitability, String> {
     let engine = &capabilities.engine;
-    let dimension = definition.dimension();
-    if !capabilities.dimensions.contains(&dimension) {
-        return Err(format!(
-            "engine `{engine}` serves {:?} dimensions, the packing has {dimension}; choose another engine or packing",
-            capabilities.dimensions
-        ));
-    }
-    let law = law_keyword(definition.contact().law);
-    if !capabilities.laws.iter().any(|served| served == law) {
-        return Err(format!(
-            "engine `{engine}` serves the contact laws {:?}, not \"{law}\"; choose another engine or contact.law",
-            capabilities.laws
-        ));
+    for definition in definitions {
+        let dimension = definition.dimension();
+        if !capabilities.dimensions.contains(&dimension) {
+            return Err(format!(
+                "engine `{engine}` serves {:?} dimensions, the packing has {dimension}; choose another engine or packing",
+                capabilities.dimensions
+            ));
+        }
+        let law = law_keyword(definition.contact().law);
+        if !capabilities.laws.iter().any(|served| served == law) {
+            return Err(format!(
+                "engine `{engine}` serves the contact laws {:?}, not \"{law}\"; choose another engine or contact.law",
+                capabilities.laws
+            ));
+        }
     }
     let mut remarks = Vec::new();
     let lacking = |tangent: &&TangentKind| **tangent != TangentKind::None && !capabilities.tangents.contains(tangent);

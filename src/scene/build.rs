@@ -3,7 +3,9 @@
 
 use super::document::Document;
 use super::engines::EnginePlan;
+use super::initial::initial_state;
 use super::input_error::InputError;
+use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::probes::probes;
 use super::recording::{grains, observables, plot};
@@ -29,8 +31,8 @@ pub(crate) struct Scene {
     pub(crate) document: Document,
     /// What the solver solves.
     pub(crate) problem: Problem,
-    /// What every Gauss point is made of.
-    pub(crate) definition: AnyDefinition,
+    /// What the Gauss points are made of.
+    pub(crate) materials: Materials,
     /// Where the packing was read.
     pub(crate) packing_path: PathBuf,
     /// Who solves the points.
@@ -48,6 +50,11 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
+    /// The packing of the scene itself with its law and options; regions may differ in packing and law.
+    pub(crate) fn definition(&self) -> &AnyDefinition {
+        &self.materials.definitions[0]
+    }
+
     /// Reads and checks a scene file with its overrides and its packing.
     ///
     /// # Errors
@@ -64,31 +71,21 @@ impl Scene {
         let plot = plot(&document, &file.output, &probes)?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let (stages, outputs) = stages(&document, &sets, &file, definition.bulk_density())?;
+        let materials = materials(&document, &file, &sets, definition)?;
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
         problem.nonlocal = file.nonlocal.clone();
         equations(&mut problem, &file.solver);
+        problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.observables = observables;
-        problem.strain_per_step = definition.options().strain_per_step();
+        problem.strain_per_step = materials.definitions[0].options().strain_per_step();
         problem.validate().map_err(|error| problem_error(&document, &error))?;
         let grains = grains(&document, &file.output, problem.point_count())?;
         let record = RecordPlan { probes, stages: outputs, gauss_points: file.output.gauss_points, observables };
         let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
         let engines = EnginePlan::read(&document, &file.pool, &problem)?;
         let pool = PoolKeys::read(&document, &file.pool)?;
-        Ok(Self {
-            name,
-            document,
-            problem,
-            definition,
-            packing_path,
-            engines,
-            record,
-            grains,
-            plot,
-            checkpoint,
-            pool,
-        })
+        Ok(Self { name, document, problem, materials, packing_path, engines, record, grains, plot, checkpoint, pool })
     }
 }
 
@@ -103,6 +100,8 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
     };
     let key: &[&str] = match *what {
         "duration" => &["loading", "duration"],
+        "largest_deviation" => &["initial_stress", "largest_deviation"],
+        "largest_imbalance" => &["initial_stress", "largest_imbalance"],
         "density" => &["dynamics", "density"],
         "time step" => &["dynamics", "time_step"],
         "mass-scaled step" => &["dynamics", "mass_scaled_step"],

@@ -6,6 +6,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
+use super::links::{LinkTables, links};
 use super::schema::{
     BodyForceTable, BoundaryTable, Components, HistoryTable, OriginKeyword, PlatenKind, PressureKeyword,
     PressureTable, SceneFile, StageTable, TractionTable,
@@ -20,6 +21,7 @@ pub(super) struct ConditionTables<'a> {
     pressure: &'a [Spanned<PressureTable>],
     traction: &'a [Spanned<TractionTable>],
     body_force: &'a [Spanned<BodyForceTable>],
+    links: LinkTables<'a>,
 }
 
 impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
@@ -29,6 +31,12 @@ impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
             pressure: &file.pressure,
             traction: &file.traction,
             body_force: &file.body_force,
+            links: LinkTables {
+                tilting_platen: &file.tilting_platen,
+                rigid_body: &file.rigid_body,
+                periodic: &file.periodic,
+                sum: &file.sum,
+            },
         }
     }
 }
@@ -40,6 +48,12 @@ impl<'a> From<&'a StageTable> for ConditionTables<'a> {
             pressure: &stage.pressure,
             traction: &stage.traction,
             body_force: &stage.body_force,
+            links: LinkTables {
+                tilting_platen: &stage.tilting_platen,
+                rigid_body: &stage.rigid_body,
+                periodic: &stage.periodic,
+                sum: &stage.sum,
+            },
         }
     }
 }
@@ -51,6 +65,7 @@ enum Table {
     Pressure,
     Traction,
     BodyForce,
+    Linked,
 }
 
 /// A condition that acts, and how it is called.
@@ -136,7 +151,7 @@ fn fades(earlier: &mut Applied, new: &Applied) -> bool {
 
 /// Whether it prescribes displacements.
 fn is_support(condition: &Condition) -> bool {
-    matches!(condition, Condition::Displacement { .. } | Condition::Platen { .. })
+    matches!(condition, Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_))
 }
 
 /// The condition as it stands at the end of its stage, for the stages that follow.
@@ -147,6 +162,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
         // Displacements count from the beginning of the next stage.
         Condition::Displacement { value, .. } => *value = 0.0,
         Condition::Platen { displacement, .. } => *displacement = 0.0,
+        Condition::Linked(link) => *link = link.held(),
         Condition::Pressure { value, .. } => *value *= factor,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => {
             value.iter_mut().for_each(|component| *component *= factor);
@@ -158,7 +174,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
 /// Whether a load is no load any more.
 fn is_idle(condition: &Condition) -> bool {
     match condition {
-        Condition::Displacement { .. } | Condition::Platen { .. } => false,
+        Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => false,
         Condition::Pressure { value, .. } => *value == 0.0,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => *value == [0.0; 3],
     }
@@ -203,6 +219,8 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         let history = history(document, &force.history, Amplitude::RAMP)?;
         push(Table::BodyForce, &force.name, &force.set, Applied::new(condition, history));
     }
+    let linked = links(document, sets, &tables.links)?.into_iter();
+    found.extend(linked.map(|(name, applied)| Acting { table: Table::Linked, name, applied }));
     Ok(found)
 }
 
@@ -210,7 +228,11 @@ fn or_zero(components: Components) -> [f64; 3] {
     components.by_axis().map(|(_, component)| component.unwrap_or(0.0))
 }
 
-fn history(
+/// The history that a key gives, or the usual one.
+///
+/// # Errors
+/// What is given is not usable.
+pub(super) fn history(
     document: &Document,
     given: &Option<Spanned<HistoryTable>>,
     otherwise: Amplitude,

@@ -121,13 +121,13 @@ impl Document {
         located.hint("the keys, their units and defaults are in docs/scene.md")
     }
 
-    /// The document with overrides applied and `replacements` made (path to a key, its new value), as TOML text.
+    /// The document with overrides applied and `replacements` made (path to a key with dots, its new value), as TOML text.
     /// Comments and layout of the file are kept as long as every change concerns a key that the file has.
     pub(crate) fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
         let overrides = self.overrides.iter().map(|given| (given.path.clone(), given.value.clone()));
         let more = replacements
             .iter()
-            .map(|(path, value)| (vec![(*path).to_owned()], toml::Value::String((*value).to_owned()).to_string()));
+            .map(|(path, value)| (parts(path), toml::Value::String((*value).to_owned()).to_string()));
         let changes: Vec<(Vec<String>, String)> = overrides.chain(more).collect();
         let mut edits: Vec<(Range<usize>, &str)> = Vec::new();
         let root = DeTable::parse(&self.text).map_err(|error| self.toml_error(&error))?;
@@ -152,9 +152,7 @@ impl Document {
     fn rewritten(&self, changes: &[(Vec<String>, String)]) -> Result<String, InputError> {
         let mut table: toml::Table = self.deserialize()?;
         for (path, value) in changes {
-            if let [key] = path.as_slice() {
-                table.insert(key.clone(), toml_value(value));
-            }
+            replace(&mut table, path, toml_value(value));
         }
         toml::to_string(&table).map_err(|error| self.error(format!("could not be written anew: {error}")))
     }
@@ -265,6 +263,31 @@ fn insert_below<'a>(
         }
         other => Err(format!("`{name}` is a {}, which has no keys", other.type_str())),
     }
+}
+
+/// The parts of a path with dots.
+fn parts(path: &str) -> Vec<String> {
+    path.split('.').map(str::to_owned).collect()
+}
+
+/// Replaces the value at `path`, where there is one or could be one.
+fn replace(table: &mut toml::Table, path: &[String], value: toml::Value) {
+    let Some((key, rest)) = path.split_first() else { return };
+    if rest.is_empty() {
+        table.insert(key.clone(), value);
+        return;
+    }
+    let Some(mut place) = table.get_mut(key) else { return };
+    for part in rest {
+        let below = match place {
+            toml::Value::Table(table) => table.get_mut(part),
+            toml::Value::Array(entries) => part.parse::<usize>().ok().and_then(|index| entries.get_mut(index)),
+            _ => None,
+        };
+        let Some(below) = below else { return };
+        place = below;
+    }
+    *place = value;
 }
 
 /// Where the value at `path` stands in the file, if it does.

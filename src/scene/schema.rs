@@ -6,6 +6,7 @@ use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::problem::Axis;
 use protocol::TangentKind;
 use rve_server::definition::{ContactTable, RveOptions};
+use rve_server::packing::Removal;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -22,6 +23,8 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) rve: RveOptions,
     #[serde(default)]
+    pub(crate) region: Vec<Spanned<RegionTable>>,
+    #[serde(default)]
     pub(crate) boundary: Vec<Spanned<BoundaryTable>>,
     #[serde(default)]
     pub(crate) pressure: Vec<Spanned<PressureTable>>,
@@ -29,6 +32,16 @@ pub(crate) struct SceneFile {
     pub(crate) traction: Vec<Spanned<TractionTable>>,
     #[serde(default)]
     pub(crate) body_force: Vec<Spanned<BodyForceTable>>,
+    #[serde(default)]
+    pub(crate) tilting_platen: Vec<Spanned<TiltingPlatenTable>>,
+    #[serde(default)]
+    pub(crate) rigid_body: Vec<Spanned<RigidBodyTable>>,
+    #[serde(default)]
+    pub(crate) periodic: Vec<Spanned<PeriodicTable>>,
+    #[serde(default)]
+    pub(crate) sum: Vec<Spanned<SumTable>>,
+    #[serde(default)]
+    pub(crate) initial_stress: InitialStressTable,
     #[serde(default)]
     pub(crate) procedure: ProcedureKeyword,
     #[serde(default)]
@@ -97,6 +110,38 @@ pub(crate) struct MeshTable {
     pub(crate) element: Option<ElementKind>,
 }
 
+/// `[[region]]`: elements whose points are made of something else than the scene's packing.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RegionTable {
+    pub(crate) name: String,
+    pub(crate) elements: Option<Spanned<String>>,
+    pub(crate) from: Option<Vec<f64>>,
+    pub(crate) to: Option<Vec<f64>>,
+    #[serde(default)]
+    pub(crate) packings: Vec<Spanned<PathBuf>>,
+    #[serde(default = "upright")]
+    pub(crate) rotations: Vec<f64>,
+    pub(crate) removal: Option<Removal>,
+    pub(crate) contact: Option<ContactTable>,
+    pub(crate) seed: Option<u64>,
+    #[serde(default)]
+    pub(crate) vary: VaryKeyword,
+}
+
+fn upright() -> Vec<f64> {
+    vec![0.0]
+}
+
+/// What gets one lot where cells are dealt out at random.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum VaryKeyword {
+    #[default]
+    Point,
+    Element,
+}
+
 /// Mesh generators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -126,6 +171,14 @@ pub(crate) struct StageTable {
     pub(crate) traction: Vec<Spanned<TractionTable>>,
     #[serde(default)]
     pub(crate) body_force: Vec<Spanned<BodyForceTable>>,
+    #[serde(default)]
+    pub(crate) tilting_platen: Vec<Spanned<TiltingPlatenTable>>,
+    #[serde(default)]
+    pub(crate) rigid_body: Vec<Spanned<RigidBodyTable>>,
+    #[serde(default)]
+    pub(crate) periodic: Vec<Spanned<PeriodicTable>>,
+    #[serde(default)]
+    pub(crate) sum: Vec<Spanned<SumTable>>,
     #[serde(default)]
     pub(crate) remove: Vec<Spanned<String>>,
     #[serde(default)]
@@ -194,8 +247,106 @@ pub(crate) struct BoundaryTable {
     pub(crate) from: OriginKeyword,
 }
 
-/// Components of a displacement (what is left out is free) or of a traction (what is left out is zero).
+/// `[[tilting_platen]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TiltingPlatenTable {
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) set: Spanned<String>,
+    pub(crate) normal: AxisKeyword,
+    pub(crate) displacement: Option<f64>,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
+}
+
+/// `[[rigid_body]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RigidBodyTable {
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) set: Spanned<String>,
+    #[serde(default)]
+    pub(crate) displacement: Components,
+    #[serde(default)]
+    pub(crate) rotation: Components,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
+}
+
+/// `[[periodic]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PeriodicTable {
+    pub(crate) name: Option<Spanned<String>>,
+    pub(crate) from: Spanned<String>,
+    pub(crate) to: Spanned<String>,
+    #[serde(default)]
+    pub(crate) jump: Components,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
+}
+
+/// `[[sum]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SumTable {
+    pub(crate) name: String,
+    pub(crate) terms: Vec<TermTable>,
+    #[serde(default)]
+    pub(crate) value: f64,
+    pub(crate) history: Option<Spanned<HistoryTable>>,
+}
+
+/// A summand of `[[sum]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TermTable {
+    pub(crate) set: Spanned<String>,
+    pub(crate) component: AxisKeyword,
+    pub(crate) coefficient: f64,
+}
+
+/// Axes.
 #[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum AxisKeyword {
+    X,
+    Y,
+    Z,
+}
+
+/// `[initial_stress]`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct InitialStressTable {
+    pub(crate) uniform: Option<StressTable>,
+    pub(crate) geostatic: Option<GeostaticTable>,
+    pub(crate) largest_deviation: Option<f64>,
+    pub(crate) largest_imbalance: Option<f64>,
+}
+
+/// Components of a symmetric stress, Pa; what is left out is zero.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct StressTable {
+    pub(crate) xx: f64,
+    pub(crate) yy: f64,
+    pub(crate) zz: f64,
+    pub(crate) xy: f64,
+    pub(crate) xz: f64,
+    pub(crate) yz: f64,
+}
+
+/// `geostatic` of `[initial_stress]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct GeostaticTable {
+    pub(crate) surface: f64,
+    pub(crate) unit_weight: f64,
+    pub(crate) rest_coefficient: f64,
+    #[serde(default)]
+    pub(crate) surcharge: f64,
+}
+
+/// Components of a displacement (what is left out is free) or of a traction (what is left out is zero).
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Components {
     pub(crate) x: Option<f64>,

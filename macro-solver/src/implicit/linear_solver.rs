@@ -334,7 +334,7 @@ mod tests {
     fn split(count: usize, first_is_held: bool) -> Constraints {
         let hold = Prescribed { value: 0.0, origin: Origin::Stage, history: &Amplitude::Constant };
         let prescribed: Vec<_> = (0..count).map(|dof| (first_is_held && dof == 0).then_some(hold)).collect();
-        Constraints::new(&prescribed, &vec![0.0; count])
+        Constraints::new(&prescribed, &[], &vec![0.0; count])
     }
 
     fn chain(length: usize) -> (Vec<Block>, Constraints) {

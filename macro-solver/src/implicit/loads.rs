@@ -52,7 +52,7 @@ impl Loads {
                 Condition::BodyForce { elements, value } => {
                     loads.add_body_force(mesh, problem.elements(elements)?, *value, history);
                 }
-                Condition::Displacement { .. } | Condition::Platen { .. } => {}
+                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
             }
         }
         Ok(loads)

@@ -232,7 +232,7 @@ impl Solver<'_> {
         let right: Vec<f64> = residual.iter().map(|value| -value).collect();
         if let Some(memory) = &mut self.memory {
             let change = |step: &[f64]| largest_component(&self.body.gradients(&self.constraints.expand(step)));
-            memory.learn(&self.constraints.restrict(iterate), &residual, change);
+            memory.learn(&self.constraints.select(iterate), &residual, change);
         }
         if self.renewer.factorizes() {
             self.factorize()?;
@@ -242,7 +242,8 @@ impl Solver<'_> {
 
     /// Factorizes the stiffness of the latest balance.
     pub(super) fn factorize(&mut self) -> Result<(), LinearSolverError> {
-        timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&self.balance.blocks))?;
+        let blocks = self.constraints.condense(&self.balance.blocks);
+        timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&blocks))?;
         self.renewer.factorized();
         Ok(())
     }
@@ -271,6 +272,8 @@ impl Solver<'_> {
                 *value = prescribed - self.body.displacements[dof];
             }
         }
+        // Dependent components take part with what is given to them; those that they follow stand still as yet.
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
         let linear = self.stage().strategy.predictor == Predictor::Linear;
         match self.last_increment.as_ref().filter(|_| linear) {
             Some((last, size)) => {
@@ -295,6 +298,7 @@ impl Solver<'_> {
                 }
             }
         }
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
         Ok(increment)
     }
 

@@ -8,6 +8,7 @@ use super::renewal::Renewer;
 use super::{Session, Solver};
 use crate::body::Body;
 use crate::observer::Outcome;
+use crate::problem::elimination::dependents;
 use crate::problem::{Moment, Problem, ProblemError, Stage};
 
 /// What a stage prescribes, ready for the solver.
@@ -23,9 +24,12 @@ impl Equations {
     /// # Errors
     /// A condition that does not fit the mesh.
     pub(super) fn new(problem: &Problem, stage: &Stage, body: &Body, start: &[f64]) -> Result<Self, ProblemError> {
-        let constraints = Constraints::new(&problem.prescribed_displacements(stage)?, start);
+        let prescribed = problem.prescribed_displacements(stage)?;
+        let equations = problem.equations(stage, &body.positions(&body.zero()))?;
+        let constraints = Constraints::new(&prescribed, &dependents(&equations, &prescribed)?, start);
         let loads = Loads::new(problem, stage)?;
-        let block_dofs = body.block_dofs(&loads);
+        let block_dofs: Vec<Vec<usize>> =
+            body.block_dofs(&loads).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect();
         let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints, problem.equations);
         Ok(Self { constraints, loads, linear })
     }

@@ -4,6 +4,8 @@ mod bending;
 mod convergence;
 mod equilibrium;
 mod formulations;
+mod initial;
+mod links;
 mod patch;
 mod plane_benchmarks;
 mod stages;

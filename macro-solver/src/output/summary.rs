@@ -82,6 +82,12 @@ pub struct Summary {
     pub reissued_jobs: u64,
     /// Steps tried again with a smaller increment.
     pub cutbacks: u64,
+    /// Out-of-balance force of the stress that the run started with, over the reactions or loads.
+    #[serde(default)]
+    pub initial_imbalance: f64,
+    /// Largest deviation of that stress from what `[initial_stress]` expects, over the largest component expected.
+    #[serde(default)]
+    pub initial_deviation: f64,
     /// Evaluations that had to take a worse way, by name.
     pub fallbacks: BTreeMap<String, u64>,
     /// Evaluations that were not needed, by name.
@@ -132,6 +138,8 @@ mod tests {
             worker_restarts: 0,
             reissued_jobs: 0,
             cutbacks: 1,
+            initial_imbalance: 0.25,
+            initial_deviation: 0.0,
             fallbacks: BTreeMap::new(),
             skipped: BTreeMap::new(),
             time: TimeShares::default(),

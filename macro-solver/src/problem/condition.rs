@@ -1,6 +1,6 @@
 //! Supports and loads.
 
-use super::Amplitude;
+use super::{Amplitude, Link};
 
 /// A space direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,6 +72,11 @@ impl Applied {
     pub fn new(condition: Condition, history: Amplitude) -> Self {
         Self { condition, history, origin: Origin::Stage }
     }
+
+    /// Whether it ties displacements to one another.
+    pub fn is_link(&self) -> bool {
+        matches!(self.condition, Condition::Linked(_))
+    }
 }
 
 impl From<Condition> for Applied {
@@ -132,6 +137,8 @@ pub enum Condition {
         /// Value at factor 1, N/m3.
         value: [f64; 3],
     },
+    /// Displacements that are tied to one another.
+    Linked(Link),
 }
 
 impl Condition {

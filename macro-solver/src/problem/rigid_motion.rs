@@ -1,43 +1,96 @@
 //! Whether the supports hold every part of the mesh.
 
+use super::elimination::Dependent;
 use super::{Prescribed, ProblemError};
 use crate::mesh::{Dimension, Mesh};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Every connected part must have its translations and rotations suppressed by prescribed displacements; otherwise
-/// the equations are singular for any material.
-pub(super) fn check_rigid_motion(mesh: &Mesh, prescribed: &[Option<Prescribed<'_>>]) -> Result<(), ProblemError> {
-    for (element, nodes) in parts(mesh) {
+/// Every connected part must have its translations and rotations suppressed by prescribed and linked displacements;
+/// otherwise the equations are singular for any material. Parts are looked at one by one, or, where displacements are
+/// linked, all together.
+pub(super) fn check_rigid_motion(
+    mesh: &Mesh,
+    prescribed: &[Option<Prescribed<'_>>],
+    dependents: &[Dependent<'_>],
+) -> Result<(), ProblemError> {
+    let parts: Vec<Part> = parts(mesh).into_iter().map(|(element, nodes)| Part::new(mesh, element, nodes)).collect();
+    if dependents.is_empty() {
+        return parts.chunks(1).try_for_each(|alone| check_together(mesh, alone, prescribed, &[]));
+    }
+    check_together(mesh, &parts, prescribed, dependents)
+}
+
+/// A connected part of the mesh.
+struct Part {
+    element: usize,
+    nodes: Vec<usize>,
+    centre: [f64; 3],
+    extent: f64,
+}
+
+impl Part {
+    fn new(mesh: &Mesh, element: usize, nodes: Vec<usize>) -> Self {
         let count = nodes.len() as f64;
-        let centre: [f64; 3] =
-            std::array::from_fn(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
-        let arm = |node: usize| -> [f64; 3] { std::array::from_fn(|i| mesh.nodes[node][i] - centre[i]) };
-        let extent =
-            nodes.iter().map(|&node| arm(node).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt();
-        let words = motion_words(mesh.dimension);
-        let mut gram = DMatrix::zeros(words.len(), words.len());
-        for &node in &nodes {
-            let motions = rigid_motions(mesh.dimension, arm(node).map(|x| x / extent));
-            for (axis, motion) in motions.iter().enumerate() {
-                if prescribed[mesh.dimension.count() * node + axis].is_some() {
-                    gram += motion * motion.transpose();
+        let centre = std::array::from_fn(|i| nodes.iter().map(|&node| mesh.nodes[node][i]).sum::<f64>() / count);
+        let square = |node: &usize| (0..3).map(|i| (mesh.nodes[*node][i] - centre[i]).powi(2)).sum::<f64>();
+        let extent = nodes.iter().map(square).fold(0.0, f64::max).sqrt();
+        Self { element, nodes, centre, extent }
+    }
+
+    /// Displacement of a node along each axis, as a row over the rigid motions.
+    fn motions(&self, mesh: &Mesh, node: usize) -> Vec<DVector<f64>> {
+        let arm = std::array::from_fn(|i| (mesh.nodes[node][i] - self.centre[i]) / self.extent);
+        rigid_motions(mesh.dimension, arm)
+    }
+}
+
+fn check_together(
+    mesh: &Mesh,
+    parts: &[Part],
+    prescribed: &[Option<Prescribed<'_>>],
+    dependents: &[Dependent<'_>],
+) -> Result<(), ProblemError> {
+    let (words, dimension) = (motion_words(mesh.dimension), mesh.dimension.count());
+    let size = words.len() * parts.len();
+    let mut gram = DMatrix::zeros(size, size);
+    let mut part_of = vec![None; if dependents.is_empty() { 0 } else { mesh.nodes.len() }];
+    for (number, part) in parts.iter().enumerate() {
+        let first = number * words.len();
+        for &node in &part.nodes {
+            part_of.get_mut(node).into_iter().for_each(|place| *place = Some(number));
+            for (axis, motion) in part.motions(mesh, node).iter().enumerate() {
+                if prescribed[dimension * node + axis].is_some() {
+                    let mut block = gram.view_mut((first, first), (words.len(), words.len()));
+                    block += motion * motion.transpose();
                 }
             }
         }
-        let eigen = SymmetricEigen::new(gram);
-        let weakest = eigen.eigenvalues.imin();
-        if eigen.eigenvalues[weakest] < 1e-10 {
-            let free = eigen.eigenvectors.column(weakest);
-            let involved: Vec<&str> = words
-                .iter()
-                .zip(free.iter())
-                .filter(|(_, share)| share.abs() > 1e-6)
-                .map(|(word, _)| *word)
-                .collect();
-            return Err(ProblemError::RigidMotion { element, motion: involved.join(" and ") });
-        }
     }
-    Ok(())
+    for Dependent { dof, masters, .. } in dependents {
+        let mut row = DVector::zeros(size);
+        for (dof, coefficient) in
+            std::iter::once((*dof, 1.0)).chain(masters.iter().map(|&(dof, share)| (dof, -share)))
+        {
+            let node = dof / dimension;
+            if let Some(number) = part_of[node] {
+                let motion = &parts[number].motions(mesh, node)[dof % dimension];
+                let mut share = row.rows_mut(number * words.len(), words.len());
+                share += coefficient * motion;
+            }
+        }
+        gram += &row * row.transpose();
+    }
+    let eigen = SymmetricEigen::new(gram);
+    let weakest = eigen.eigenvalues.imin();
+    if eigen.eigenvalues[weakest] >= 1e-10 {
+        return Ok(());
+    }
+    let free = eigen.eigenvectors.column(weakest);
+    let part = free.iamax() / words.len();
+    let shares = free.rows(part * words.len(), words.len());
+    let involved: Vec<&str> =
+        words.iter().zip(shares.iter()).filter(|(_, share)| share.abs() > 1e-6).map(|(word, _)| *word).collect();
+    Err(ProblemError::RigidMotion { element: parts[part].element, motion: involved.join(" and ") })
 }
 
 /// Displacement along each axis, as a row over the rigid motions, of a node at `arm` from the centre.

@@ -1,8 +1,10 @@
 //! Everything that can be wrong with a problem, found before the first evaluation.
 
+use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, ProblemError, Procedure, Renewal, Stage, Tolerances,
+    Amplitude, Applied, Axis, Condition, InitialStress, Origin, Platen, Problem, ProblemError, Procedure, Renewal,
+    Stage, Tolerances,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::element::point_places;
@@ -47,6 +49,14 @@ impl Problem {
             ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
             ("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0),
         ])?;
+        let expected = self.initial.expected.iter().flat_map(InitialStress::numbers);
+        refuse_unsound(expected.map(|value| ("initial_stress", value, "a finite number", true)).collect())?;
+        let limits = [
+            ("largest_deviation", self.initial.largest_deviation),
+            ("largest_imbalance", self.initial.largest_imbalance),
+        ];
+        let given = limits.into_iter().filter_map(|(name, limit)| Some((name, limit?)));
+        refuse_unsound(given.map(|(name, limit)| (name, limit, "at least 0", limit >= 0.0)).collect())?;
         let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
         let is_dynamic = |stage: &Stage| matches!(stage.procedure, Procedure::Dynamic(_));
         let is_viscous = matches!(self.hourglass, HourglassControl::Viscous { .. });
@@ -79,18 +89,25 @@ impl Problem {
                 Condition::BodyForce { elements, .. } => {
                     self.elements(elements)?;
                 }
-                Condition::Displacement { .. } | Condition::Platen { .. } => {}
+                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
             }
         }
         self.check_third_axis(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
+        let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
+        if stage.procedure != Procedure::Implicit && stage.conditions.iter().any(Applied::is_link) {
+            return Err(ProblemError::Linked {
+                reason: "linked displacements need an implicit stage",
+                remedy: "remove them before this stage, or solve it implicitly",
+            });
+        }
         match &stage.procedure {
-            Procedure::Implicit => check_rigid_motion(&self.mesh, &prescribed),
+            Procedure::Implicit => check_rigid_motion(&self.mesh, &prescribed, &dependents),
             Procedure::Relaxation(settings) => {
                 if let Some((what, requirement, value)) = settings.defect() {
                     return Err(ProblemError::Number { what, requirement, value });
                 }
-                check_rigid_motion(&self.mesh, &prescribed)
+                check_rigid_motion(&self.mesh, &prescribed, &dependents)
             }
             // Inertia holds what no support does.
             Procedure::Dynamic(settings) => settings.validate(self),
@@ -133,7 +150,10 @@ impl Problem {
                         }
                     }
                 }
-                Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => {}
+                Condition::Pressure { .. }
+                | Condition::Traction { .. }
+                | Condition::BodyForce { .. }
+                | Condition::Linked(_) => {}
             }
         }
         Ok(prescribed)
@@ -265,6 +285,7 @@ fn stage_numbers(stage: &Stage) -> Vec<Check> {
             Condition::Pressure { value, .. } => ("pressure", vec![*value]),
             Condition::Traction { value, .. } => ("traction", value.to_vec()),
             Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
+            Condition::Linked(link) => ("linked displacement", link.numbers()),
         };
         checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
     }

@@ -3,7 +3,6 @@
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::network::ContactNetwork;
-use crate::relaxation::ContactMeasures;
 use crate::space::{Space, Tensor};
 use crate::state::GrainState;
 use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
@@ -22,9 +21,9 @@ pub(crate) fn scalars<S: Space>(network: &ContactNetwork<S>, state: &GrainState<
     }
 }
 
-/// The optional results that were asked for. `f` leads from the committed configuration to the present one.
+/// The optional results that were asked for. `elastic_energy` sums the energy stored in all contacts, J; `f` leads from the committed configuration to the present one.
 pub(crate) fn observe<S: Space>(
-    measures: &ContactMeasures,
+    elastic_energy: impl FnOnce() -> f64,
     network: &ContactNetwork<S>,
     state: &GrainState<S>,
     stress: &S::Tensor,
@@ -44,11 +43,11 @@ pub(crate) fn observe<S: Space>(
         observed.fabric_anisotropy = anisotropy(&fabric);
     }
     if wanted.contains(Observables::SLIDING_FRACTION) {
-        observed.sliding_fraction = measures.sliding_fraction;
+        observed.sliding_fraction = network.sliding_fraction();
     }
     if wanted.contains(Observables::ENERGY) {
         let volume = network.volume();
-        observed.elastic_energy = measures.elastic_energy / volume;
+        observed.elastic_energy = elastic_energy() / volume;
         observed.frictional_dissipation = state.dissipation / volume;
     }
     if wanted.contains(Observables::ROTATION) {
@@ -58,11 +57,11 @@ pub(crate) fn observe<S: Space>(
 }
 
 /// Flags that follow from the state alone.
-pub(crate) fn note_condition<S: Space>(network: &ContactNetwork<S>, flags: &mut TrialFlags) {
+pub(crate) fn note_condition<S: Space>(network: &ContactNetwork<S>, max_overlap_ratio: f64, flags: &mut TrialFlags) {
     if network.contacts.is_empty() {
         flags.insert(TrialFlags::FLUID);
     }
-    if network.max_overlap_ratio() > LARGE_OVERLAP {
+    if max_overlap_ratio > LARGE_OVERLAP {
         flags.insert(TrialFlags::LARGE_OVERLAP);
     }
 }

@@ -386,12 +386,11 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     let before = contact.direction;
     let touched = R::splat(0.5).less(before.dot(before));
     let opened = touched & !touching;
-    if opened.any() {
+    let born = touching & !touched;
+    // One look for both: it costs more than either sum, and neither happens often.
+    if (opened | born).any() {
         sums.opening_loss += R::select(opened, loss_of(data.law, constants, contact), R::default());
         data.limit_counts[index] = R::select(opened, R::default(), data.limit_counts[index]);
-    }
-    let born = touching & !touched;
-    if born.any() {
         sums.births += R::select(born, R::splat(1.0), R::default());
     }
     let (slip, carrier) = K::slip_and_turning(before, direction, reciprocal, length, arms, [origin.spin, end.spin]);

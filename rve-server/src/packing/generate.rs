@@ -8,10 +8,11 @@ use crate::packing::friction_search::{FrictionAttempt, search};
 use crate::packing::journal::{Journal, PackingProgress};
 use crate::packing::preshear::{ShearAttempt, presheared};
 use crate::packing::recipe::{PackingRecipe, Removal, StateQuantity};
+use crate::packing::removal::weakened;
 use crate::packing::report::{PackingReport, measured};
-use crate::packing::scatter::{chosen, scattered};
+use crate::packing::scatter::scattered;
 use crate::packing::stress_target::StressTarget;
-use crate::packing::{ListedContact, Packing, PackingError, PackingFile};
+use crate::packing::{Packing, PackingError, PackingFile};
 use crate::space::Space;
 use serde::Serialize;
 
@@ -141,15 +142,15 @@ impl<'a> Workshop<'a> {
         contact: &ContactTable,
         removal: &Removal,
     ) -> Result<PackingFile<S>, PackingError> {
-        let removed = chosen(packing.grains.len(), removal.number, removal.seed);
-        let mut bed = self.bed(without(packing, &removed), contact)?;
-        bed.servo()?;
-        bed.packing(serde_json::Value::Null)
+        weakened(packing, contact, removal, self.target, self.tolerances(), self.journal)
     }
 
     fn bed<S: Space>(&self, packing: PackingFile<S>, contact: &ContactTable) -> Result<Bed<'a, S>, PackingError> {
-        let tolerances = Tolerances { force: self.recipe.tolerance, stress: self.recipe.stress_tolerance };
-        Bed::new(packing, contact, self.target, tolerances, self.journal)
+        Bed::new(packing, contact, self.target, self.tolerances(), self.journal)
+    }
+
+    fn tolerances(&self) -> Tolerances {
+        Tolerances { force: self.recipe.tolerance, stress: self.recipe.stress_tolerance }
     }
 }
 
@@ -161,23 +162,4 @@ pub(crate) fn value_of(report: &PackingReport, quantity: StateQuantity) -> f64 {
         StateQuantity::CoordinationNumber => report.coordination_number,
         StateQuantity::CoordinationNumberNoRattlers => report.coordination_number_no_rattlers,
     }
-}
-
-/// The packing without the grains `removed` (ascending) and their contacts; the others are numbered anew, in order.
-fn without<S: Space>(packing: &PackingFile<S>, removed: &[usize]) -> PackingFile<S> {
-    let mut numbers = vec![None; packing.grains.len()];
-    let mut next = 0u32;
-    for (grain, number) in numbers.iter_mut().enumerate() {
-        if removed.binary_search(&grain).is_err() {
-            *number = Some(next);
-            next += 1;
-        }
-    }
-    let kept = |grain: usize| numbers[grain].is_some();
-    let grains = packing.grains.iter().enumerate().filter(|(grain, _)| kept(*grain)).map(|(_, grain)| *grain);
-    let contacts = packing.contacts.iter().filter_map(|contact| {
-        let (origin, end) = (numbers[contact.origin as usize]?, numbers[contact.end as usize]?);
-        Some(ListedContact { origin, end, ..*contact })
-    });
-    PackingFile { grains: grains.collect(), contacts: contacts.collect(), ..packing.clone() }
 }

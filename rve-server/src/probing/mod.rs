@@ -176,7 +176,6 @@ fn stress_after<S: Space>(
         }
     };
     *spent += solved.force_evaluations;
-    let straight = solver.end_state(start, solved.unbalanced);
-    let stress = solver.network(model, &straight).stress();
+    let stress = solver.network(model).stress();
     solved.equilibrated.then(|| rotated(&stress, &S::rotation_matrix(polar.turn)))
 }

@@ -83,15 +83,6 @@ pub(crate) struct Relaxation<S: Space, C: ContactLaw<S::Kinematics>> {
     pub(crate) skin_in_radii: Option<f64>,
 }
 
-/// What the contacts of a state amount to, beyond the network that is linearised.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ContactMeasures {
-    /// Share of contacts at the Coulomb limit.
-    pub sliding_fraction: f64,
-    /// Energy stored in all contacts, J.
-    pub elastic_energy: f64,
-}
-
 /// The solver of one packing, whatever its contact law: one choice per trial, none per contact. It holds the end of its
 /// last solve, look or adoption until the next one.
 pub trait QuasiStatic<S: Space>: Debug + Send + Sync {
@@ -123,12 +114,11 @@ pub trait QuasiStatic<S: Space>: Debug + Send + Sync {
     /// The end state of the last solve or look; `state` is the one it started from.
     fn end_state(&self, state: &GrainState<S>, unbalanced: f64) -> GrainState<S>;
 
-    /// The contacts of the last end, frozen; positions, cell and tangential forces are those of `state`, which is the end
-    /// state, perhaps turned as a whole.
-    fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S>;
+    /// The contacts of the last end, frozen.
+    fn network(&self, model: &GrainModel) -> ContactNetwork<S>;
 
-    /// Measures of the contacts of the last end.
-    fn measures(&self, model: &GrainModel) -> ContactMeasures;
+    /// Energy stored in the contacts of the last end, J.
+    fn elastic_energy(&self, model: &GrainModel) -> f64;
 
     /// A solver for the same law without any working memory.
     fn another(&self) -> Box<dyn QuasiStatic<S>>;
@@ -187,25 +177,22 @@ impl<S: Space, C: ContactLaw<S::Kinematics>> QuasiStatic<S> for Relaxation<S, C>
         GrainState { unbalanced, ..self.last().state.clone() }
     }
 
-    fn network(&self, model: &GrainModel, state: &GrainState<S>) -> ContactNetwork<S> {
-        frozen(model, &self.law, self.last(), state)
+    fn network(&self, model: &GrainModel) -> ContactNetwork<S> {
+        frozen(model, &self.law, self.last())
     }
 
-    fn measures(&self, model: &GrainModel) -> ContactMeasures {
+    fn elastic_energy(&self, model: &GrainModel) -> f64 {
         let state = &self.last().state;
-        let mut measures = ContactMeasures::default();
-        let mut sliding = 0;
+        let mut stored = 0.0;
         for (place, contact) in state.contacts.iter().enumerate() {
             let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
             let (_, overlap) = geometry(state, contact, radii);
             let constants = self.law.constants(radii);
             let memory = self.law.resumed(overlap, rolling_moment(state, place));
-            sliding += usize::from(is_at_limit(&self.law, state, contact, radii));
             let force = contact.tangential_force.norm();
-            measures.elastic_energy += self.law.energy(&constants, overlap, force, &memory);
+            stored += self.law.energy(&constants, overlap, force, &memory);
         }
-        measures.sliding_fraction = sliding as f64 / state.contacts.len().max(1) as f64;
-        measures
+        stored
     }
 
     fn another(&self) -> Box<dyn QuasiStatic<S>> {
@@ -420,33 +407,28 @@ fn end_of<S: Space, C: ContactLaw<S::Kinematics>>(
     End { solved, state, slid }
 }
 
-/// The contacts of an end as a network; positions, cell and tangential forces are those of `state`.
-fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(
-    model: &GrainModel,
-    law: &C,
-    end: &End<S>,
-    state: &GrainState<S>,
-) -> ContactNetwork<S> {
-    let straight = &end.state;
-    let ends = state.contacts.iter().zip(&straight.contacts).zip(&end.slid).enumerate();
-    let contacts = ends.map(|(place, ((record, contact), slid))| {
+/// The contacts of an end as a network.
+fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(model: &GrainModel, law: &C, end: &End<S>) -> ContactNetwork<S> {
+    let state = &end.state;
+    let ends = state.contacts.iter().zip(&end.slid).enumerate();
+    let contacts = ends.map(|(place, (contact, slid))| {
         let radii = [model.radii[contact.origin as usize], model.radii[contact.end as usize]];
         let constants = law.constants(radii);
-        let (_, overlap) = geometry(straight, contact, radii);
+        let (_, overlap) = geometry(state, contact, radii);
         let [normal_stiffness, tangential_stiffness, rolling_stiffness] = law.stiffness(&constants, overlap);
-        let moment = S::Kinematics::length(rolling_moment(straight, place));
+        let moment = S::Kinematics::length(rolling_moment(state, place));
         let rolls_on = moment >= AT_LIMIT * law.rolling_limit(&constants, overlap);
         NetworkContact {
-            origin: record.origin,
-            end: record.end,
-            shift: record.shift,
+            origin: contact.origin,
+            end: contact.end,
+            shift: contact.shift,
             normal_stiffness,
             tangential_stiffness,
             rolling_stiffness: if rolls_on { 0.0 } else { rolling_stiffness },
             normal_force: law.normal_force(&constants, overlap),
-            tangential_force: record.tangential_force,
+            tangential_force: contact.tangential_force,
             slid: *slid,
-            at_limit: is_at_limit(law, straight, contact, radii),
+            at_limit: contact.tangential_force.norm() >= AT_LIMIT * law.friction_limit(&constants, overlap),
         }
     });
     ContactNetwork {
@@ -458,17 +440,6 @@ fn frozen<S: Space, C: ContactLaw<S::Kinematics>>(
         friction: model.friction,
         contacts: contacts.collect(),
     }
-}
-
-/// Whether a contact of a state is at its friction limit.
-fn is_at_limit<S: Space, C: ContactLaw<S::Kinematics>>(
-    law: &C,
-    state: &GrainState<S>,
-    contact: &ContactRecord<S>,
-    radii: [f64; 2],
-) -> bool {
-    let (_, overlap) = geometry(state, contact, radii);
-    contact.tangential_force.norm() >= AT_LIMIT * law.friction_limit(&law.constants(radii), overlap)
 }
 
 /// Branch vector and overlap of a contact of a state, m.

@@ -67,10 +67,12 @@ pub(crate) fn largest_own_stiffness<'a, S: Space, L: ContactLaw<S::Kinematics>>(
     largest
 }
 
-/// Upper bound of the largest eigenvalue by Gershgorin's circles.
+/// Upper bound of the largest eigenvalue: in the plane from mean and deviator, in space by Gershgorin's circles.
 fn cheap_bound<S: Space>(block: &Block) -> f64 {
     if S::DIMENSION == 2 {
-        return f64::INFINITY;
+        let Deviator { mean, half, .. } = Deviator::of(block);
+        // Rounding must not rule out the largest one.
+        return (mean + 2.0 * (half / 3.0).sqrt()) * (1.0 + 1e-14);
     }
     let mut sums = [0.0; 6];
     let mut place = 0;
@@ -143,6 +145,25 @@ pub(crate) fn largest_eigenvalue<S: Space>(block: &Block) -> f64 {
     if S::DIMENSION == 2 { largest_of_three(block) } else { largest_of_six(block) }
 }
 
+/// A symmetric 3x3 matrix as its mean and invariants of its deviator.
+struct Deviator {
+    mean: f64,
+    /// Half the squared norm.
+    half: f64,
+    determinant: f64,
+}
+
+impl Deviator {
+    fn of(block: &Block) -> Self {
+        let [xx, yy, zz, xy, xz, yz, ..] = *block;
+        let mean = (xx + yy + zz) / 3.0;
+        let (x, y, z) = (xx - mean, yy - mean, zz - mean);
+        let half = 0.5 * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
+        let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
+        Self { mean, half, determinant }
+    }
+}
+
 /// Upper bound of the largest eigenvalue of a symmetric 3x3 matrix, tight to rounding unless two eigenvalues nearly
 /// coincide.
 ///
@@ -150,12 +171,8 @@ pub(crate) fn largest_eigenvalue<S: Space>(block: &Block) -> f64 {
 /// iterate is a bound. Arithmetic alone, so that the masses and with them all results do not depend on a system's
 /// mathematical library.
 fn largest_of_three(block: &Block) -> f64 {
-    let [xx, yy, zz, xy, xz, yz, ..] = *block;
-    let mean = (xx + yy + zz) / 3.0;
-    let (x, y, z) = (xx - mean, yy - mean, zz - mean);
-    // Of the deviator: half its squared norm, and its determinant. Characteristic cubic: r^3 - half r - determinant.
-    let half = 0.5 * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
-    let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
+    // Characteristic cubic of the deviator: r^3 - half r - determinant.
+    let Deviator { mean, half, determinant } = Deviator::of(block);
     let mut root = 2.0 * (half / 3.0).sqrt();
     for _ in 0..NEWTON_STEPS {
         let slope = 3.0 * root * root - half;

@@ -5,7 +5,7 @@
 //! so that a busy machine slows both sides alike.
 
 mod channel;
-mod chart;
+pub(crate) mod chart;
 mod machine;
 mod newton;
 mod repeat;
@@ -14,7 +14,7 @@ mod rve;
 mod scaling;
 mod schedule;
 mod self_test;
-mod table;
+pub(crate) mod table;
 mod workers;
 
 use super::exit::{Exit, Failure};

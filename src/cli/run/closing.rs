@@ -49,6 +49,8 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,
         cutbacks: statistics.cut_backs,
+        initial_imbalance: statistics.initial_imbalance,
+        initial_deviation: statistics.initial_deviation,
         fallbacks: fallbacks(statistics, pool, &about),
         skipped: named([
             ("unchanged_targets", statistics.skipped),
@@ -154,6 +156,7 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
     );
     line("checkpoints", checkpoints(&summary.checkpoint));
+    line("at the start", format!("out of balance by {:.1e} of the loads", summary.initial_imbalance));
     line("fell short", shortfalls(summary));
     let saved: Vec<String> = nonzero(&summary.skipped);
     line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });

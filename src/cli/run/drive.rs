@@ -58,7 +58,7 @@ pub(super) fn drive<P: MacroPort>(
         tracing::warn!("grains are drawn only where this program's own engine solves them");
     }
     let (mut tap, snapshots) = SnapshotTap::new(&mut pool, &drawn);
-    let mut grains = GrainWriter::create(folder.path(), &scene.definition, &scene.record, snapshots)
+    let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;
     // The recorders come first: what a person has been told is on the disk.
     let mut observers =

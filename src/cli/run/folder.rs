@@ -1,7 +1,7 @@
 //! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
 
 use crate::cli::exit::Failure;
-use crate::scene::InputError;
+use crate::scene::{InputError, PackingCopy};
 use macro_solver::output::{OutputError, write_atomically};
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
@@ -25,7 +25,7 @@ const FILES: [&str; 12] = [
 ];
 
 /// Folders that a run fills.
-const FOLDERS: [&str; 2] = ["fields", "grains"];
+const FOLDERS: [&str; 3] = ["fields", "grains", "packings"];
 
 /// A folder that is ready to be written to.
 #[derive(Debug)]
@@ -36,17 +36,17 @@ pub(super) struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Makes the folder, or empties that of an earlier run, and writes the scene and the packing into it. A folder that
+    /// Makes the folder, or empties that of an earlier run, and writes the scene and its packings into it. A folder that
     /// cannot take even these is removed again if it was new.
     ///
     /// # Errors
     /// The path is a file, or a folder with files that are not a run's; the system refuses.
-    pub(super) fn prepare(path: &Path, scene: &str, packing: &str) -> Result<Self, Failure> {
+    pub(super) fn prepare(path: &Path, scene: &str, packings: &[PackingCopy]) -> Result<Self, Failure> {
         refuse_foreign(path)?;
         let is_new = !path.exists();
         fs::create_dir_all(path).map_err(|source| OutputError::write(path, source))?;
         let folder = Self { path: path.to_owned(), _lock: lock(path)? };
-        let filled = folder.fill(scene, packing);
+        let filled = folder.fill(scene, packings);
         if filled.is_err() && is_new {
             // The error that is reported is the one that matters; what cannot be removed was never made.
             let _ = fs::remove_dir_all(path);
@@ -73,7 +73,7 @@ impl OutputFolder {
         &self.path
     }
 
-    fn fill(&self, scene: &str, packing: &str) -> Result<(), OutputError> {
+    fn fill(&self, scene: &str, packings: &[PackingCopy]) -> Result<(), OutputError> {
         for name in FILES {
             let file = self.path.join(name);
             absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
@@ -83,7 +83,13 @@ impl OutputFolder {
             absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
         }
         remove_drafts(&self.path)?;
-        write_atomically(&self.path.join("packing.json"), packing.as_bytes())?;
+        for packing in packings {
+            let file = self.path.join(&packing.name);
+            if let Some(parent) = file.parent() {
+                fs::create_dir_all(parent).map_err(|source| OutputError::write(parent, source))?;
+            }
+            write_atomically(&file, packing.text.as_bytes())?;
+        }
         write_atomically(&self.path.join("scene.toml"), scene.as_bytes())
     }
 }
@@ -150,12 +156,13 @@ mod tests {
     fn an_earlier_run_is_replaced_and_foreign_files_are_never_touched() {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("out");
-        OutputFolder::prepare(&path, "a = 1", "{}").unwrap();
+        OutputFolder::prepare(&path, "a = 1", &[]).unwrap();
         fs::write(path.join("history.csv"), "old").unwrap();
         fs::create_dir(path.join("fields")).unwrap();
         fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
         fs::write(path.join(".history.csv.99.partial"), "cut short").unwrap();
-        let second = OutputFolder::prepare(&path, "a = 2", "{}").unwrap();
+        let packing = PackingCopy { key: "packing".into(), name: "packings/a.json".into(), text: "{}".into() };
+        let second = OutputFolder::prepare(&path, "a = 2", &[packing]).unwrap();
         assert!(!path.join(".history.csv.99.partial").exists());
         let taken = OutputFolder::reopen(&path).unwrap_err();
         assert!(taken.message.contains("another run writes"), "{}", taken.message);
@@ -165,7 +172,7 @@ mod tests {
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 
         fs::write(path.join("thesis.txt"), "mine").unwrap();
-        assert!(OutputFolder::prepare(&path, "a = 3", "{}").unwrap_err().message.contains("thesis.txt"));
+        assert!(OutputFolder::prepare(&path, "a = 3", &[]).unwrap_err().message.contains("thesis.txt"));
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
     }
 }

@@ -3,6 +3,7 @@
 //! [`SnapshotTap`] sits between solver and pool and keeps the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
+use crate::scene::Materials;
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
@@ -78,7 +79,8 @@ pub(super) struct GrainWriter {
     folder: PathBuf,
     plan: RecordPlan,
     snapshots: Snapshots,
-    artist: Box<dyn Draw>,
+    /// One for each chosen point.
+    artists: BTreeMap<PointId, Box<dyn Draw>>,
     series: BTreeMap<PointId, FieldSeries>,
 }
 
@@ -86,10 +88,10 @@ impl GrainWriter {
     /// A writer into `folder/grains`, whenever the plan wants fields.
     ///
     /// # Errors
-    /// The folder cannot be made, or the definition is not a cell of grains.
+    /// The folder cannot be made, or a point is not made of a cell of grains.
     pub(super) fn create(
         folder: &Path,
-        definition: &AnyDefinition,
+        materials: &Materials,
         plan: &RecordPlan,
         snapshots: Snapshots,
     ) -> Result<Self, StopRequest> {
@@ -97,14 +99,20 @@ impl GrainWriter {
         if plan.has_fields() && !snapshots.borrow().is_empty() {
             fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
         }
-        let artist = artist(definition).map_err(stop)?;
-        Ok(Self { folder, plan: plan.clone(), snapshots, artist, series: BTreeMap::new() })
+        let mut artists = BTreeMap::new();
+        for &point in snapshots.borrow().keys() {
+            let definition = &materials.definitions[materials.made_of[point]];
+            artists.insert(point, artist(definition).map_err(stop)?);
+        }
+        Ok(Self { folder, plan: plan.clone(), snapshots, artists, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
         for (&point, snapshot) in self.snapshots.borrow().iter() {
             let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
-            self.artist.draw(snapshot, &self.folder.join(&name))?;
+            if let Some(artist) = self.artists.get(&point) {
+                artist.draw(snapshot, &self.folder.join(&name))?;
+            }
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
             series.add(report.time, name).map_err(stop)?;

@@ -89,6 +89,13 @@ impl Observer for Journal {
             tangent_fallback = report.flags.tangent_fallback,
             force_evaluations = fields.statistics.cost.force_evaluations,
         );
+        if report.step == 0 {
+            tracing::info!(
+                event = "initial_stress",
+                imbalance = fields.statistics.initial_imbalance,
+                deviation = fields.statistics.initial_deviation,
+            );
+        }
         Ok(())
     }
 

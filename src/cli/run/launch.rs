@@ -51,7 +51,8 @@ pub(super) fn run(
     let differences = crew.differences();
     // What an engine cannot do was found out before; where none lacks it, workers that join by hand are held to it.
     settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.tangents() };
-    settings.engines = crew.members.iter().map(|member| member.capabilities.engine.clone()).collect();
+    let shares = crew.shares(&scene.materials);
+    settings.engines = shares.engines;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.patience = ATTACHED_PATIENCE;
         if !arguments.quiet {
@@ -73,9 +74,7 @@ pub(super) fn run(
         Box::new(fleet)
     };
     scene.pool.apply(&mut settings);
-    // One definition per engine: their bytes are equal, who solves them is not.
-    let definitions = vec![scene.definition.to_protocol(); crew.members.len()];
-    let mut pool = Pool::new(port, supply, interrupt, settings, definitions, &crew.member_of);
+    let mut pool = Pool::new(port, supply, interrupt, settings, shares.definitions, &shares.made_of);
     let watcher = beacon.clone();
     pool.report_to(move |workers| watcher.report(workers));
     pool.gather(workers * crew.members.len()).map_err(|error| match error {

@@ -101,8 +101,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    let as_run = scene.document.as_run(&[("packing", "packing.json")])?;
-    let note = RunNote::new(&as_run, &scene.definition.to_protocol().id().to_string());
+    let as_run = scene.document.as_run(&scene.materials.renamed())?;
+    let note = RunNote::new(&as_run, &scene.materials.identity());
     let start = if arguments.resume { resume::start(&path, &note)? } else { Start::Anew };
     let (folder, continued) = match start {
         Start::Complete => {
@@ -120,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             if arguments.resume {
                 say(arguments, &format!("no checkpoint in {}: from the start", path.display()));
             }
-            (OutputFolder::prepare(&path, &as_run, &scene.definition.packing_json())?, None)
+            (OutputFolder::prepare(&path, &as_run, &scene.materials.files)?, None)
         }
     };
     journal::open(&folder.path().join("run.jsonl"))?;

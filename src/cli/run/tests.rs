@@ -18,8 +18,8 @@ use std::time::Instant;
 
 /// Runs a scene with so many worker threads.
 fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -> Result<Exit, Failure> {
-    let as_run = scene.document.as_run(&[("packing", "packing.json")]).unwrap();
-    let folder = OutputFolder::prepare(place, &as_run, &scene.definition.packing_json()).unwrap();
+    let as_run = scene.document.as_run(&scene.materials.renamed()).unwrap();
+    let folder = OutputFolder::prepare(place, &as_run, &scene.materials.files).unwrap();
     let (port, door) = channel();
     let servants: Vec<_> = (0..workers)
         .map(|_| {
@@ -27,13 +27,13 @@ fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -
             std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")))
         })
         .collect();
-    let definition = scene.definition.to_protocol();
-    let made_of = vec![0; scene.problem.point_count()];
-    let settings = PoolSettings::new("test");
-    let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &made_of);
+    let crew = Crew::assemble(scene, None).unwrap();
+    let shares = crew.shares(&scene.materials);
+    let settings = PoolSettings { engines: shares.engines, ..PoolSettings::new("test") };
+    let (supply, interrupt) = (Box::new(JoiningWorkers), Interrupt::new());
+    let mut pool = Pool::new(port, supply, interrupt, settings, shares.definitions, &shares.made_of);
     pool.gather(workers).unwrap();
     let note = RunNote::new(&as_run, "");
-    let crew = Crew::assemble(scene, None).unwrap();
     let manner =
         Manner { crew: &crew, workers, begun: Instant::now(), quiet: true, note: &note, continued: None, beside };
     let exit = drive(scene, pool, &folder, manner);
@@ -42,7 +42,11 @@ fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -
 }
 
 fn small(overrides: &[&str]) -> Scene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/biaxial-small.toml");
+    scene("scenes/biaxial-small.toml", overrides)
+}
+
+fn scene(file: &str, overrides: &[&str]) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
     Scene::load(&path, &overrides.iter().map(|&given| given.to_owned()).collect::<Vec<_>>()).unwrap()
 }
 
@@ -80,6 +84,25 @@ fn the_scene_in_the_output_folder_repeats_the_run() {
     run(&small(&["mesh.elements=[1, 2]", "loading.increments=1"]), &first, 1, &mut Silent).unwrap();
     run(&Scene::load(&first.join("scene.toml"), &[]).unwrap(), &second, 1, &mut Silent).unwrap();
     assert_eq!(fs::read(first.join("history.csv")).unwrap(), fs::read(second.join("history.csv")).unwrap());
+}
+
+/// Cells that differ: the same bytes for any number of workers, and again from the folder that the run has left.
+#[test]
+fn a_run_of_different_cells_does_not_depend_on_workers_and_can_be_repeated() {
+    let place = tempfile::tempdir().unwrap();
+    let overrides = ["loading.increments=2", "region.0.packings=['../packings/discs-100.json']", "output.grains=[8]"];
+    let scene = scene("scenes/weak-element.toml", &overrides);
+    let [one, two, again] = ["one", "two", "again"].map(|name| place.path().join(name));
+    run(&scene, &one, 1, &mut Silent).unwrap();
+    run(&scene, &two, 2, &mut Silent).unwrap();
+    run(&Scene::load(&one.join("scene.toml"), &[]).unwrap(), &again, 1, &mut Silent).unwrap();
+    let history = fs::read_to_string(one.join("history.csv")).unwrap();
+    for other in [&two, &again] {
+        assert_eq!(fs::read_to_string(other.join("history.csv")).unwrap(), history);
+    }
+    let grains = fs::read(one.join("grains/point-0008-step-0002.vtp")).unwrap();
+    assert_eq!(fs::read(two.join("grains/point-0008-step-0002.vtp")).unwrap(), grains);
+    assert!(one.join("packings/0-0.json").exists());
 }
 
 /// Puts a file in the place of the folder of fields once step 1 is accepted.

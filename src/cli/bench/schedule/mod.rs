@@ -12,7 +12,7 @@ use super::chart::{Chart, Scale};
 use super::repeat::median;
 use super::report::Report;
 use super::table::Table;
-use super::workers::{Role, StudyPool, pausing_definition};
+use super::workers::{Role, StudyPool, pausing_definition, processor_seconds};
 use anyhow::anyhow;
 use costs::{Dice, Tail, drifted, ideal, static_split};
 use macro_solver::material::{PointMaterial, PointTrial};
@@ -20,7 +20,7 @@ use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::shared_memory::Waiting;
 use protocol::{Ask, Definition, Tensor2};
 use std::sync::{Arc, Barrier};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use virtual_port::{MessageTimes, Play, VirtualPort};
 
 /// Mean cost of a job, s: an increment of 400 discs.
@@ -51,7 +51,7 @@ struct Excess {
     in_order: f64,
     longest_first: f64,
     drifted: f64,
-    /// Time that the pool itself took per job, us; of this machine, not of the simulated one.
+    /// Processor time that the pool itself took per job, us; of this machine, not of the simulated one.
     decision: f64,
 }
 
@@ -100,8 +100,8 @@ fn simulated(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let heading = format!("Simulated workers, {POINTS} points each, mean cost {} ms: time over ideal", MEAN * 1e3);
     report.table("simulated", &heading, &table)?;
     report.note(&format!(
-        "The macro takes {:.0} us per message and a message {:.0} us on its way. `decision_us`: what deciding took here \
-         per job.",
+        "The macro takes {:.0} us per message and a message {:.0} us on its way. `decision_us`: processor time that \
+         deciding took here per job, the simulation included.",
         TIMES.handling * 1e6,
         TIMES.latency * 1e6
     ))?;
@@ -128,7 +128,7 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
 }
 
 /// Has the pool do two batches, the second with what it has learnt in the first. Returns the virtual time of the second,
-/// s, and the real time that it took per job, us.
+/// s, and the processor time of this machine that it took per job, us.
 fn play(workers: usize, first: &[f64], second: &[f64], tells_cost: bool) -> anyhow::Result<(f64, f64)> {
     let scene = Play::new(workers, TIMES);
     let port = VirtualPort::new(std::rc::Rc::clone(&scene), "play");
@@ -144,9 +144,9 @@ fn play(workers: usize, first: &[f64], second: &[f64], tells_cost: bool) -> anyh
     pool.evaluate(&trials)?;
     pool.commit()?;
     scene.borrow_mut().costs = second.to_vec();
-    let (since, begin) = (scene.borrow().now(), Instant::now());
+    let (since, begin) = (scene.borrow().now(), processor_seconds("thread-self"));
     pool.evaluate(&trials)?;
-    let decision = begin.elapsed().as_secs_f64() * 1e6 / first.len() as f64;
+    let decision = (processor_seconds("thread-self") - begin) * 1e6 / first.len() as f64;
     let took = scene.borrow().now() - since;
     Ok((took, decision))
 }
@@ -182,10 +182,16 @@ fn asleep(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     report.table("asleep", heading, &table).map_err(anyhow::Error::from)
 }
 
+/// A cost that no other point has, so that equal costs do not make equal questions, of which the pool asks one.
+fn apart(point: usize, cost: f64) -> f64 {
+    cost * (1.0 + 1e-9 * point as f64)
+}
+
 /// Makes the pool learn in one batch, then returns the time of the next.
 fn pool_asleep(costs: &[f64], workers: usize, tells_cost: bool) -> anyhow::Result<Duration> {
     let mut pool = StudyPool::open(Some(Role::Pausing), pausing_definition(), workers, costs.len(), Waiting::Block)?;
-    let trials: Vec<_> = costs.iter().enumerate().map(|(point, cost)| trial(point, *cost, tells_cost)).collect();
+    let trials: Vec<_> =
+        costs.iter().enumerate().map(|(point, cost)| trial(point, apart(point, *cost), tells_cost)).collect();
     pool.ask(&trials)?;
     pool.commit()?;
     pool.ask(&trials)
@@ -204,7 +210,8 @@ fn split_asleep(costs: &[f64], workers: usize) -> anyhow::Result<Duration> {
                     StudyPool::open(Some(Role::Pausing), pausing_definition(), 1, part.len(), Waiting::Block);
                 // All must come here, whatever has gone wrong with one.
                 barrier.wait();
-                let trials: Vec<_> = part.iter().enumerate().map(|(point, cost)| trial(point, *cost, true)).collect();
+                let trials: Vec<_> =
+                    part.iter().enumerate().map(|(point, cost)| trial(point, apart(point, *cost), true)).collect();
                 opened?.ask(&trials)
             })
         })

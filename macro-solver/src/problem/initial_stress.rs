@@ -1,0 +1,73 @@
+//! The stress that a body should start with, and how well it has to be met.
+
+use nalgebra::Matrix3;
+
+/// A stress field, Pa, tension positive.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InitialStress {
+    /// The same everywhere, by rows.
+    Uniform([[f64; 3]; 3]),
+    /// That of a level ground at rest: the vertical pressure is the surcharge plus unit weight times depth, the
+    /// horizontal ones are `rest_coefficient` times that, and there is no shear. Above the surface only the surcharge.
+    Geostatic {
+        /// Height of the surface, m, along y.
+        surface: f64,
+        /// Mass density times the acceleration of gravity, N/m3.
+        unit_weight: f64,
+        /// K0, horizontal over vertical stress.
+        rest_coefficient: f64,
+        /// Vertical pressure at the surface, Pa, **compression positive**.
+        surcharge: f64,
+    },
+}
+
+impl InitialStress {
+    /// The stress at a place, m.
+    pub fn at(&self, place: [f64; 3]) -> Matrix3<f64> {
+        match self {
+            Self::Uniform(rows) => Matrix3::from_fn(|i, j| rows[i][j]),
+            Self::Geostatic { surface, unit_weight, rest_coefficient, surcharge } => {
+                let vertical = -(surcharge + unit_weight * (surface - place[1]).max(0.0));
+                let horizontal = rest_coefficient * vertical;
+                Matrix3::from_diagonal(&[horizontal, vertical, horizontal].into())
+            }
+        }
+    }
+
+    /// Every number in it.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::Uniform(rows) => rows.iter().flatten().copied().collect(),
+            Self::Geostatic { surface, unit_weight, rest_coefficient, surcharge } => {
+                vec![*surface, *unit_weight, *rest_coefficient, *surcharge]
+            }
+        }
+    }
+}
+
+/// What is asked of the stress that the points start with. Without limits everything is reported and nothing refused:
+/// what is out of balance is equilibrated in step 0.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InitialState {
+    /// What it should be.
+    pub expected: Option<InitialStress>,
+    /// Largest deviation of a component in the dimensions of the problem from what is expected, over the largest component
+    /// expected anywhere; `None`: any.
+    pub largest_deviation: Option<f64>,
+    /// Largest out-of-balance force over the reactions or loads, whichever is larger; `None`: any.
+    pub largest_imbalance: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ground_at_rest_is_pressed_by_its_depth() {
+        let ground =
+            InitialStress::Geostatic { surface: 10.0, unit_weight: 2e4, rest_coefficient: 0.5, surcharge: 1e3 };
+        let stress = ground.at([3.0, 7.0, 0.0]);
+        assert_eq!([stress[(0, 0)], stress[(1, 1)], stress[(2, 2)], stress[(0, 1)]], [-30.5e3, -61e3, -30.5e3, 0.0]);
+        assert_eq!(ground.at([0.0, 11.0, 0.0])[(1, 1)], -1e3);
+    }
+}

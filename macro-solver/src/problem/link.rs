@@ -1,0 +1,303 @@
+//! Conditions that tie displacements to one another: rigid bodies, tilting platens, periodic faces, sums.
+
+use super::{Amplitude, Applied, Axis, Condition, Problem, ProblemError, Stage};
+
+/// A condition between displacements. What it says counts from the beginning of its stage: rotations are linearised about
+/// the positions at that time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Link {
+    /// The nodes move as one rigid body. A component left out is free.
+    RigidBody {
+        /// Node set.
+        nodes: String,
+        /// Displacement of the mean position of the set at factor 1, m.
+        displacement: [Option<f64>; 3],
+        /// Rotation vector at factor 1, rad; in the plane only the third component.
+        rotation: [Option<f64>; 3],
+    },
+    /// A rigid, smooth platen that may tilt: across it the nodes stay in one plane, along it they slide freely. It carries
+    /// no moment.
+    TiltingPlaten {
+        /// Node set.
+        nodes: String,
+        /// Normal of the platen.
+        axis: Axis,
+        /// Displacement of its middle along the axis at factor 1, m; `None`: it moves freely, under loads.
+        displacement: Option<f64>,
+    },
+    /// Every node of one set moves as its image in the other one plus a jump that is the same for all pairs.
+    Periodic {
+        /// Node set.
+        from: String,
+        /// Node set: the same, shifted.
+        to: String,
+        /// Displacement of `to` minus that of `from` at factor 1, m; a component left out finds its own value.
+        jump: [Option<f64>; 3],
+    },
+    /// A sum of mean displacements of node sets.
+    Sum {
+        /// Summands.
+        terms: Vec<LinkTerm>,
+        /// Value of the sum at factor 1, m.
+        value: f64,
+    },
+}
+
+/// A summand of [`Link::Sum`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinkTerm {
+    /// Node set; its mean displacement counts.
+    pub nodes: String,
+    /// Component.
+    pub axis: Axis,
+    /// Coefficient, dimensionless.
+    pub coefficient: f64,
+}
+
+/// A linear equation between changes of displacements since the beginning of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Equation<'a> {
+    /// Degree of freedom and coefficient.
+    pub(crate) terms: Vec<(usize, f64)>,
+    /// Unknowns that belong to no node, by number, and coefficients.
+    pub(crate) auxiliary: Vec<(usize, f64)>,
+    /// Right-hand side at factor 1, m.
+    pub(crate) value: f64,
+    /// Factor over the stage.
+    pub(crate) history: &'a Amplitude,
+}
+
+impl Link {
+    /// Every number in it.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::RigidBody { displacement, rotation, .. } => {
+                displacement.iter().chain(rotation).flatten().copied().collect()
+            }
+            Self::TiltingPlaten { displacement, .. } => displacement.iter().copied().collect(),
+            Self::Periodic { jump, .. } => jump.iter().flatten().copied().collect(),
+            Self::Sum { terms, value } => terms.iter().map(|term| term.coefficient).chain([*value]).collect(),
+        }
+    }
+
+    /// The same with every value 0 and what was free still free: how it holds on in later stages.
+    #[must_use]
+    pub fn held(&self) -> Self {
+        let mut held = self.clone();
+        let clear = |values: &mut [Option<f64>]| values.iter_mut().flatten().for_each(|value| *value = 0.0);
+        match &mut held {
+            Self::RigidBody { displacement, rotation, .. } => {
+                clear(displacement);
+                clear(rotation);
+            }
+            Self::TiltingPlaten { displacement, .. } => clear(std::slice::from_mut(displacement)),
+            Self::Periodic { jump, .. } => clear(jump),
+            Self::Sum { value, .. } => *value = 0.0,
+        }
+        held
+    }
+}
+
+impl Problem {
+    /// The equations of all links of a stage, which begins with the nodes at `positions`, m.
+    ///
+    /// # Errors
+    /// A node set that does not exist, z in the plane, or periodic sets that are not images of each other.
+    pub(crate) fn equations<'a>(
+        &self,
+        stage: &'a Stage,
+        positions: &[[f64; 3]],
+    ) -> Result<Vec<Equation<'a>>, ProblemError> {
+        let mut writer = Writer { problem: self, positions, auxiliaries: 0, equations: Vec::new() };
+        for Applied { condition, history, .. } in &stage.conditions {
+            let Condition::Linked(link) = condition else { continue };
+            match link {
+                Link::RigidBody { nodes, displacement, rotation } => {
+                    writer.rigid_body(nodes, *displacement, *rotation, history)?;
+                }
+                Link::TiltingPlaten { nodes, axis, displacement } => {
+                    writer.tilting_platen(nodes, *axis, *displacement, history)?;
+                }
+                Link::Periodic { from, to, jump } => writer.periodic(from, to, *jump, history)?,
+                Link::Sum { terms, value } => writer.sum(terms, *value, history)?,
+            }
+        }
+        Ok(writer.equations)
+    }
+}
+
+/// Writes equations down.
+struct Writer<'a, 'b> {
+    problem: &'b Problem,
+    positions: &'b [[f64; 3]],
+    auxiliaries: usize,
+    equations: Vec<Equation<'a>>,
+}
+
+/// A prescribed number, or the unknown that stands for it.
+#[derive(Clone, Copy)]
+enum Part {
+    Known(f64),
+    Unknown(usize),
+}
+
+impl<'a> Writer<'a, '_> {
+    fn dimension(&self) -> usize {
+        self.problem.mesh.dimension.count()
+    }
+
+    fn part(&mut self, given: Option<f64>) -> Part {
+        given.map_or_else(
+            || {
+                self.auxiliaries += 1;
+                Part::Unknown(self.auxiliaries - 1)
+            },
+            Part::Known,
+        )
+    }
+
+    /// `u_dof = sum of coefficient x part`.
+    fn equate(&mut self, dof: usize, parts: &[(Part, f64)], history: &'a Amplitude) {
+        let mut equation = Equation { terms: vec![(dof, 1.0)], auxiliary: Vec::new(), value: 0.0, history };
+        for &(part, coefficient) in parts.iter().filter(|(_, coefficient)| *coefficient != 0.0) {
+            match part {
+                Part::Known(value) => equation.value += coefficient * value,
+                Part::Unknown(number) => equation.auxiliary.push((number, -coefficient)),
+            }
+        }
+        self.equations.push(equation);
+    }
+
+    fn middle(&self, nodes: &[usize]) -> [f64; 3] {
+        let count = nodes.len() as f64;
+        std::array::from_fn(|axis| nodes.iter().map(|&node| self.positions[node][axis]).sum::<f64>() / count)
+    }
+
+    fn rigid_body(
+        &mut self,
+        set: &str,
+        displacement: [Option<f64>; 3],
+        rotation: [Option<f64>; 3],
+        history: &'a Amplitude,
+    ) -> Result<(), ProblemError> {
+        let dimension = self.dimension();
+        let out_of_plane = displacement[2].or(rotation[0]).or(rotation[1]).is_some_and(|value| value != 0.0);
+        if dimension == 2 && out_of_plane {
+            return Err(ProblemError::NoThirdAxis);
+        }
+        let nodes = self.problem.nodes(set)?.to_vec();
+        let middle = self.middle(&nodes);
+        let moved = displacement.map(|given| self.part(given));
+        let turned = rotation.map(|given| self.part(given));
+        for node in nodes {
+            let [x, y, z]: [f64; 3] = std::array::from_fn(|axis| self.positions[node][axis] - middle[axis]);
+            // u = U + theta x r; in the plane only the rotation about the third axis counts.
+            let solid = f64::from(u8::from(dimension == 3));
+            let rows = [
+                [(moved[0], 1.0), (turned[1], solid * z), (turned[2], -y)],
+                [(moved[1], 1.0), (turned[2], x), (turned[0], -solid * z)],
+                [(moved[2], 1.0), (turned[0], y), (turned[1], -x)],
+            ];
+            for (axis, row) in rows.iter().enumerate().take(dimension) {
+                self.equate(dimension * node + axis, row, history);
+            }
+        }
+        Ok(())
+    }
+
+    fn tilting_platen(
+        &mut self,
+        set: &str,
+        normal: Axis,
+        displacement: Option<f64>,
+        history: &'a Amplitude,
+    ) -> Result<(), ProblemError> {
+        let dimension = self.dimension();
+        if normal.index() >= dimension {
+            return Err(ProblemError::NoThirdAxis);
+        }
+        let nodes = self.problem.nodes(set)?.to_vec();
+        let middle = self.middle(&nodes);
+        let moved = self.part(displacement);
+        let tilts: Vec<(usize, Part)> =
+            (0..dimension).filter(|&axis| axis != normal.index()).map(|axis| (axis, self.part(None))).collect();
+        for node in nodes {
+            let mut parts = vec![(moved, 1.0)];
+            parts.extend(tilts.iter().map(|&(axis, tilt)| (tilt, self.positions[node][axis] - middle[axis])));
+            self.equate(dimension * node + normal.index(), &parts, history);
+        }
+        Ok(())
+    }
+
+    fn periodic(
+        &mut self,
+        from: &str,
+        to: &str,
+        jump: [Option<f64>; 3],
+        history: &'a Amplitude,
+    ) -> Result<(), ProblemError> {
+        let dimension = self.dimension();
+        if dimension == 2 && jump[2].is_some_and(|value| value != 0.0) {
+            return Err(ProblemError::NoThirdAxis);
+        }
+        let parts = jump.map(|given| self.part(given));
+        for [first, second] in self.problem.pairs(from, to)? {
+            for (axis, part) in parts.iter().enumerate().take(dimension) {
+                self.equate(dimension * second + axis, &[(*part, 1.0)], history);
+                let equation = self.equations.last_mut().expect("just written");
+                equation.terms.push((dimension * first + axis, -1.0));
+            }
+        }
+        Ok(())
+    }
+
+    fn sum(&mut self, terms: &[LinkTerm], value: f64, history: &'a Amplitude) -> Result<(), ProblemError> {
+        let mut equation = Equation { terms: Vec::new(), auxiliary: Vec::new(), value, history };
+        for term in terms {
+            if term.axis.index() >= self.dimension() {
+                return Err(ProblemError::NoThirdAxis);
+            }
+            let nodes = self.problem.nodes(&term.nodes)?;
+            let share = term.coefficient / nodes.len() as f64;
+            equation.terms.extend(nodes.iter().map(|node| (self.dimension() * node + term.axis.index(), share)));
+        }
+        self.equations.push(equation);
+        Ok(())
+    }
+}
+
+/// Largest distance between a node and the image of its partner, over the extent of the sets.
+const LARGEST_MISFIT: f64 = 1e-6;
+
+impl Problem {
+    /// Nodes of one set with their images in another, by initial positions.
+    fn pairs(&self, from: &str, to: &str) -> Result<Vec<[usize; 2]>, ProblemError> {
+        let (first, second) = (self.nodes(from)?, self.nodes(to)?);
+        let misfit = |node: usize| ProblemError::NoImage { node, from: from.to_owned(), to: to.to_owned() };
+        let Some(&any) = first.first() else { return Ok(Vec::new()) };
+        if first.len() != second.len() {
+            return Err(misfit(any));
+        }
+        let mean = |nodes: &[usize], axis: usize| {
+            nodes.iter().map(|&node| self.mesh.nodes[node][axis]).sum::<f64>() / nodes.len() as f64
+        };
+        let offset: [f64; 3] = std::array::from_fn(|axis| mean(second, axis) - mean(first, axis));
+        let distance =
+            |one: [f64; 3], other: [f64; 3]| (0..3).map(|i| (one[i] - other[i]).powi(2)).sum::<f64>().sqrt();
+        let size = distance(offset, [0.0; 3]);
+        let mut pairs = Vec::with_capacity(first.len());
+        for &node in first {
+            let image: [f64; 3] = std::array::from_fn(|axis| self.mesh.nodes[node][axis] + offset[axis]);
+            let nearest = second.iter().min_by(|one, other| {
+                distance(self.mesh.nodes[**one], image).total_cmp(&distance(self.mesh.nodes[**other], image))
+            });
+            match nearest {
+                Some(&found) if distance(self.mesh.nodes[found], image) <= LARGEST_MISFIT * size => {
+                    pairs.push([node, found]);
+                }
+                _ => return Err(misfit(node)),
+            }
+        }
+        Ok(pairs)
+    }
+}

@@ -1,0 +1,42 @@
+//! `[initial_stress]`: what the stress of the packings should be at their places, and how well it has to be met.
+
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{InitialStressTable, StressTable};
+use macro_solver::problem::{InitialState, InitialStress};
+
+/// Reads the table.
+///
+/// # Errors
+/// Two fields at once, or a deviation from a field that is not given.
+pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> Result<InitialState, InputError> {
+    let expected = match (&table.uniform, &table.geostatic) {
+        (Some(_), Some(_)) => {
+            return Err(document
+                .error_at_key(&["initial_stress"], "two stress fields are expected at once")
+                .hint("give either `uniform` or `geostatic`"));
+        }
+        (Some(uniform), None) => Some(InitialStress::Uniform(rows(uniform))),
+        (None, Some(ground)) => Some(InitialStress::Geostatic {
+            surface: ground.surface,
+            unit_weight: ground.unit_weight,
+            rest_coefficient: ground.rest_coefficient,
+            surcharge: ground.surcharge,
+        }),
+        (None, None) => None,
+    };
+    if expected.is_none() && table.largest_deviation.is_some() {
+        return Err(document
+            .error_at_key(&["initial_stress", "largest_deviation"], "there is no stress to deviate from")
+            .hint("say what is expected with `uniform` or `geostatic`"));
+    }
+    Ok(InitialState {
+        expected,
+        largest_deviation: table.largest_deviation,
+        largest_imbalance: table.largest_imbalance,
+    })
+}
+
+fn rows(stress: &StressTable) -> [[f64; 3]; 3] {
+    [[stress.xx, stress.xy, stress.xz], [stress.xy, stress.yy, stress.yz], [stress.xz, stress.yz, stress.zz]]
+}
