@@ -7,8 +7,12 @@ use vtkio::Vtk;
 use vtkio::model::{CellType, DataSet};
 
 fn run(out: &Path, workers: &str, more: &[&str]) -> Output {
+    run_scene("scenes/biaxial-small.toml", out, workers, more)
+}
+
+fn run_scene(scene: &str, out: &Path, workers: &str, more: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(["run", "scenes/biaxial-small.toml", "--workers", workers, "--out"])
+        .args(["run", scene, "--workers", workers, "--out"])
         .arg(out)
         .args(more)
         .current_dir(env!("CARGO_MANIFEST_DIR"))
@@ -160,4 +164,79 @@ fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     assert!(summary["cutbacks"].as_u64() > Some(0));
     let history = fs::read_to_string(out.join("history.csv")).unwrap();
     assert!(history.lines().count() >= 2 && history.ends_with('\n'), "the initial state is kept: {history}");
+}
+
+/// Values of a column of a history, by row.
+fn column(out: &Path, name: &str) -> Vec<String> {
+    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
+    let place = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
+    reader.records().map(|row| row.unwrap()[place].to_owned()).collect()
+}
+
+fn numbers(out: &Path, name: &str) -> Vec<f64> {
+    column(out, name).iter().map(|text| text.parse().unwrap()).collect()
+}
+
+/// Scenes that show stages, different cells and linked displacements run to their end, with the same bytes for one and
+/// two workers.
+#[test]
+fn the_scenes_of_stages_regions_and_links_run() {
+    let place = tempfile::tempdir().unwrap();
+    for name in ["compression-shear", "weak-element", "simple-shear"] {
+        let scene = format!("scenes/{name}.toml");
+        let [one, two] = ["1", "2"].map(|workers| {
+            let out = place.path().join(format!("{name}-{workers}"));
+            let output = run_scene(&scene, &out, workers, &["--quiet"]);
+            assert!(output.status.success(), "{name}: {}", text(&output.stderr));
+            out
+        });
+        let read = |out: &Path| fs::read(out.join("history.csv")).unwrap();
+        assert_eq!(read(&one), read(&two), "{name}");
+    }
+    let sheared = place.path().join("compression-shear-1");
+    let stages = column(&sheared, "stage");
+    assert_eq!((stages[0].as_str(), stages.last().unwrap().as_str()), ("compression", "shear"));
+    let end = stages.iter().filter(|stage| *stage == "compression").count() - 1;
+    assert!((numbers(&sheared, "mean_pressure")[end] - 2.0e5).abs() < 500.0, "the pressures have doubled");
+    assert!(numbers(&sheared, "top_force")[..=end].iter().all(|force| *force == 0.0), "no platen as yet");
+    assert!((numbers(&sheared, "time").last().unwrap() - 660.0).abs() < 1e-9);
+    let dragged = place.path().join("simple-shear-1");
+    assert!((numbers(&dragged, "vertical_stress").last().unwrap() + 1.0e5).abs() < 3e3, "the pressure stays");
+    assert!(*numbers(&dragged, "shear_stress").last().unwrap() > 1e4, "the head is held back");
+}
+
+/// I-11. A dead load on the initial side grows to p / (1 - 5 %) per current length; the ratio of the stresses hardly sees it.
+#[test]
+fn follower_and_dead_pressure_give_one_stress_ratio_to_five_percent() {
+    let place = tempfile::tempdir().unwrap();
+    let [follower, dead] = ["follower", "dead"].map(|kind| {
+        let out = place.path().join(kind);
+        let kinds = [0, 1].map(|side| format!("pressure.{side}.kind={kind}"));
+        let more = [
+            "--quiet",
+            "--set",
+            "mesh.elements=[1, 1]",
+            "--set",
+            "loading.increments=100",
+            "--set",
+            "boundary.2.displacement.y=-5e-3",
+            "--set",
+            "solver.force_tolerance=5e-3",
+            "--set",
+            "solver.displacement_tolerance=5e-2",
+            "--set",
+            "output.fields_every=0",
+            "--set",
+            &kinds[0],
+            "--set",
+            &kinds[1],
+        ];
+        let output = run(&out, "1", &more);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let ratio = *numbers(&out, "stress_ratio").last().unwrap();
+        (ratio, *numbers(&out, "top_force").last().unwrap())
+    });
+    assert!((dead.0 / follower.0 - 1.0).abs() < 0.02, "{} {}", dead.0, follower.0);
+    let force = dead.1 / follower.1 - 1.0;
+    assert!((0.03..0.08).contains(&force), "the force grows with the pressure: {force}");
 }
