@@ -227,9 +227,9 @@ fn follower_and_dead_pressure_give_one_stress_ratio_to_five_percent() {
             "--set",
             "output.fields_every=0",
             "--set",
-            &kinds[0],
+            kinds[0].as_str(),
             "--set",
-            &kinds[1],
+            kinds[1].as_str(),
         ];
         let output = run(&out, "1", &more);
         assert!(output.status.success(), "{}", text(&output.stderr));
