@@ -225,7 +225,11 @@ impl MacroPort for Port {
         world.inbox.push_front((worker, job, start, true));
         match world.manner {
             Manner::Damaged => {
-                let damaged = broken(std::slice::from_ref(&sound), &mut world.dice);
+                let mut damaged = broken(std::slice::from_ref(&sound), &mut world.dice);
+                // Who sends is the port's to check, and this port has none: that field stays as it was.
+                if damaged.len() >= 32 {
+                    damaged[24..32].copy_from_slice(&sound[24..32]);
+                }
                 if damaged != sound {
                     world.sent += 1;
                     deliver(worker, &damaged, sink);
