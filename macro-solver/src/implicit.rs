@@ -15,6 +15,7 @@ mod initial;
 mod linear_solver;
 pub(crate) mod loads;
 mod newton;
+mod path;
 pub(crate) mod points;
 mod quasi_newton;
 mod relaxation;
@@ -30,12 +31,13 @@ use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::dynamics::Integrator;
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
-use crate::problem::{Problem, ProblemError, Procedure};
+use crate::problem::{PathControl, Problem, ProblemError, Procedure};
 use balance::Balance;
 use constraints::Constraints;
 use linear_solver::LinearSolver;
 use loads::Loads;
 use newton::Converged;
+use path::Constraint;
 use points::{Points, failure};
 use protocol::TangentKind;
 use quasi_newton::Memory;
@@ -114,8 +116,16 @@ struct Solver<'a> {
     committed_balance: Balance,
     /// Displacements and size of the last accepted load step.
     last_increment: Option<(Vec<f64>, f64)>,
-    /// Share of the stage that has passed.
+    /// Load factor of the committed state.
     load: f64,
+    /// Share of the stage's path that has passed; the load factor, unless that is an unknown.
+    passed: f64,
+    /// What is prescribed in place of the load factor.
+    constraint: Option<Constraint>,
+    /// Length of a full step under arc-length control.
+    arc_length: Option<f64>,
+    /// Change of the load factor in the last accepted step.
+    last_load_change: f64,
     step: usize,
     /// The dynamic stage under way or just over.
     integrator: Option<Integrator>,
@@ -157,6 +167,10 @@ impl<'a> Solver<'a> {
             committed_balance: empty,
             last_increment: None,
             load: 0.0,
+            passed: 0.0,
+            constraint: Constraint::new(problem, &first.control.path)?,
+            arc_length: None,
+            last_load_change: 0.0,
             step: 0,
             integrator: None,
             carried_velocity: None,
@@ -189,18 +203,22 @@ impl<'a> Solver<'a> {
     /// Takes load steps to the end of the stage.
     fn follow(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         let control = &self.stage().control;
-        let base = 1.0 / control.increments as f64;
-        while self.load < 1.0 {
+        while !self.is_at_end() {
             self.step += 1;
             let mut size = self.size;
             let iterations = self.advance(&mut size, session)?;
             // Iterations of a motion say nothing about how hard the step was.
             let is_relaxed = matches!(self.stage().procedure, Procedure::Relaxation(_));
-            let is_easy = is_relaxed || iterations <= control.target_iterations;
-            self.size = if is_easy { (size * control.growth).min(base) } else { size };
+            self.size = control.next_size(size, if is_relaxed { 1 } else { iterations });
             self.keep(session);
         }
         Ok(())
+    }
+
+    /// Whether the stage's path has been followed to its end.
+    fn is_at_end(&self) -> bool {
+        let reaches_load = matches!(self.stage().control.path, PathControl::ArcLength { .. });
+        self.passed >= 1.0 || (reaches_load && self.load >= 1.0)
     }
 
     fn keep(&self, session: &mut Session<'_>) {
@@ -226,7 +244,7 @@ impl<'a> Solver<'a> {
         self.points.forget_trials();
         let ratio = start.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
         let converged = if ratio <= self.stage().tolerances.force {
-            Converged { increment: still, iterations: 0, force_ratio: ratio, displacement_ratio: 0.0 }
+            Converged { increment: still, load: 0.0, iterations: 0, force_ratio: ratio, displacement_ratio: 0.0 }
         } else {
             let converged = self.approach(0.0, false, session).map_err(ended)?;
             session.material.commit().map_err(|error| ended(failure(error)))?;
@@ -241,15 +259,15 @@ impl<'a> Solver<'a> {
         let counters = Counters::of(&self.statistics);
         self.points.start_step();
         for cut_backs in 0.. {
-            let load = next_load(self.load, *size, control.increments, control.min);
-            match self.approach(load, cut_backs > 0, session) {
+            let passed = next_load(self.passed, *size, control.increments, control.min);
+            match self.approach(passed, cut_backs > 0, session) {
                 Ok(converged) => {
                     session.material.commit().map_err(|error| match failure(error) {
                         Failure::Run(outcome) => outcome,
                         Failure::Attempt(reason) => Outcome::WorkersLost { reason },
                     })?;
                     let iterations = converged.iterations;
-                    self.accept(&converged, load, cut_backs, &counters, session)?;
+                    self.accept(&converged, passed, cut_backs, &counters, session)?;
                     return Ok(iterations);
                 }
                 Err(Failure::Run(outcome)) => return Err(outcome),
@@ -257,7 +275,7 @@ impl<'a> Solver<'a> {
                     session.material.rollback();
                     self.points.forget_trials();
                     self.points.forget_corrections();
-                    let from = load - self.load;
+                    let (load, from) = (passed, passed - self.passed);
                     *size = from * control.cut;
                     if *size < control.min {
                         let reason = format!(
@@ -286,27 +304,28 @@ impl<'a> Solver<'a> {
     fn accept(
         &mut self,
         converged: &Converged,
-        load: f64,
+        passed: f64,
         cut_backs: usize,
         before: &Counters,
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
-        let size = load - self.load;
+        let (load, size) = (converged.load, passed - self.passed);
         let gradients = self.gradients(&converged.increment);
         self.body.commit(&converged.increment);
         self.points.commit(&gradients);
         self.committed_balance.clone_from(&self.balance);
         if size > 0.0 {
             self.last_increment = Some((converged.increment.clone(), size));
+            self.last_load_change = load - self.load;
             self.statistics.steps += 1;
         }
-        self.load = load;
+        (self.load, self.passed) = (load, passed);
         let report = StepReport {
             step: self.step,
             stage: self.stage,
             load,
-            time: self.problem.begin_of(self.stage) + self.moment(load).time,
-            share: (self.stage as f64 + load) / self.problem.stages.len() as f64,
+            time: self.problem.begin_of(self.stage) + self.moment(passed).time,
+            share: (self.stage as f64 + passed) / self.problem.stages.len() as f64,
             size,
             iterations: converged.iterations,
             evaluations: self.statistics.evaluations - before.evaluations,

@@ -256,6 +256,8 @@ pub struct Statistics {
     pub iterations: u64,
     /// Iterates turned down by the safeguard.
     pub turned_down: u64,
+    /// Point evaluations of these iterates.
+    pub turned_down_evaluations: u64,
     /// Point evaluations.
     pub evaluations: u64,
     /// Point evaluations by point.

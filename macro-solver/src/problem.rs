@@ -18,6 +18,7 @@ pub(crate) mod elimination;
 mod initial_stress;
 mod link;
 mod named_strategy;
+mod path_control;
 mod rigid_motion;
 mod stage;
 mod strategy;
@@ -29,7 +30,8 @@ pub use criteria::{Criteria, DisplacementMeasure, ForceMeasure, Measured, Tolera
 pub use initial_stress::{InitialState, InitialStress};
 pub use link::{Link, LinkTerm};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
-pub use stage::{Procedure, Stage, StepControl};
+pub use path_control::PathControl;
+pub use stage::{Procedure, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
 

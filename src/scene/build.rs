@@ -120,6 +120,7 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "min" => &["loading", "smallest_increment"],
         "growth" => &["loading", "growth"],
         "cut" => &["loading", "cut"],
+        "first_load" | "probe growth" => &["loading", "control"],
         "max_iterations" => &["loading", "max_iterations"],
         "force tolerance" => &["solver", "force_tolerance"],
         "displacement tolerance" => &["solver", "displacement_tolerance"],

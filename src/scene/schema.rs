@@ -426,6 +426,64 @@ pub(crate) struct LoadingTable {
     pub(crate) cut: Option<Spanned<f64>>,
     pub(crate) easy_iterations: Option<Spanned<usize>>,
     pub(crate) max_iterations: Option<Spanned<usize>>,
+    pub(crate) control: Option<ControlTable>,
+    pub(crate) adapt: Option<AdaptKeyword>,
+}
+
+/// How the step size follows the iterations.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum AdaptKeyword {
+    Easy,
+    Target,
+}
+
+/// `control` of `[loading]`: what a step prescribes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ControlTable {
+    Load,
+    ArcLength(ArcLengthTable),
+    Indirect(IndirectTable),
+}
+
+/// `arc_length`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ArcLengthTable {
+    pub(crate) first_load: f64,
+    pub(crate) set: Option<String>,
+    pub(crate) component: Option<ComponentKeyword>,
+}
+
+/// `indirect`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct IndirectTable {
+    pub(crate) set: String,
+    pub(crate) relative_to: Option<String>,
+    pub(crate) component: ComponentKeyword,
+    pub(crate) growth: f64,
+}
+
+/// A space direction.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ComponentKeyword {
+    X,
+    Y,
+    Z,
+}
+
+impl ComponentKeyword {
+    /// The axis.
+    pub(crate) fn axis(self) -> Axis {
+        match self {
+            Self::X => Axis::X,
+            Self::Y => Axis::Y,
+            Self::Z => Axis::Z,
+        }
+    }
 }
 
 /// `[solver]`; what is left out takes the solver's default.

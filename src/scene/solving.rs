@@ -3,12 +3,15 @@
 use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{
-    EquationKeyword, FormulationKeyword, HourglassKeyword, LoadingTable, PredictorKeyword, SolverTable,
+    AdaptKeyword, ComponentKeyword, ControlTable, EquationKeyword, FormulationKeyword, HourglassKeyword,
+    LoadingTable, PredictorKeyword, SolverTable,
 };
 use super::strategies::{criteria, preset, refine};
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
-use macro_solver::problem::{EquationSolver, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances};
+use macro_solver::problem::{
+    EquationSolver, PathControl, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances,
+};
 use protocol::TangentKind;
 use toml::Spanned;
 
@@ -68,6 +71,30 @@ pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
     replace(&mut control.cut, &table.cut);
     replace(&mut control.target_iterations, &table.easy_iterations);
     replace(&mut control.max_iterations, &table.max_iterations);
+    match table.adapt {
+        Some(AdaptKeyword::Easy) => control.rule = StepRule::Easy,
+        Some(AdaptKeyword::Target) => control.rule = StepRule::Target,
+        None => {}
+    }
+    if let Some(path) = &table.control {
+        control.path = path_control(path);
+    }
+}
+
+fn path_control(table: &ControlTable) -> PathControl {
+    match table.clone() {
+        ControlTable::Load => PathControl::Load,
+        ControlTable::ArcLength(arc) => {
+            let component = arc.component.map(ComponentKeyword::axis);
+            PathControl::ArcLength { first_load: arc.first_load, measured: arc.set.map(|set| (set, component)) }
+        }
+        ControlTable::Indirect(indirect) => PathControl::Indirect {
+            nodes: indirect.set,
+            relative_to: indirect.relative_to,
+            axis: indirect.component.axis(),
+            growth: indirect.growth,
+        },
+    }
 }
 
 /// Changes what the keys of a table say.

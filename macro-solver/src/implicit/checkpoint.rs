@@ -23,6 +23,9 @@ struct Record {
     stage: u64,
     stage_start: Vec<f64>,
     load: f64,
+    passed: f64,
+    arc_length: Option<f64>,
+    last_load_change: f64,
     step: u64,
     size: f64,
     statistics: Statistics,
@@ -46,6 +49,9 @@ impl Checkpointed for Solver<'_> {
             stage: self.stage as u64,
             stage_start: self.stage_start.clone(),
             load: self.load,
+            passed: self.passed,
+            arc_length: self.arc_length,
+            last_load_change: self.last_load_change,
             step: self.step as u64,
             size: self.size,
             statistics: self.statistics.clone(),
@@ -69,7 +75,8 @@ impl Checkpointed for Solver<'_> {
         }
         self.points.restore(SECTION, record.points)?;
         self.last_increment = record.last_increment;
-        (self.load, self.size) = (record.load, record.size);
+        (self.load, self.passed, self.size) = (record.load, record.passed, record.size);
+        (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);
         let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));
         (self.step, self.stage) = (number(record.step)?, number(record.stage)?);
         if self.stage >= self.problem.stages.len() {

@@ -18,6 +18,8 @@ const ROUND_OFF: f64 = 1e-12;
 pub(super) struct Converged {
     /// Change of the displacements, m, by degree of freedom.
     pub(super) increment: Vec<f64>,
+    /// Load factor reached.
+    pub(super) load: f64,
     /// Iterations used.
     pub(super) iterations: usize,
     /// Force ratio reached.
@@ -50,10 +52,11 @@ impl Evaluated {
 }
 
 impl Solver<'_> {
-    /// Tries to reach `load` from the committed state; `again` after a failed attempt at this step.
+    /// Tries the step from the committed state to the share `passed` of the stage's path; `again` after a failed attempt at
+    /// this step.
     pub(super) fn attempt(
         &mut self,
-        load: f64,
+        passed: f64,
         again: bool,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
@@ -61,25 +64,40 @@ impl Solver<'_> {
         if let Some(memory) = &mut self.memory {
             memory.begin_attempt(again);
         }
-        let mut iterate = self.predict(load)?;
+        // An initial state is brought to balance under its own loads.
+        let constraint = self.constraint.clone().filter(|_| passed > self.passed);
+        let (mut iterate, mut load) = match &constraint {
+            None => (self.predict(passed)?, passed),
+            Some(constraint) => self.predict_path(constraint, passed - self.passed)?,
+        };
+        let first = iterate.clone();
         let gradients = self.body.gradients(&iterate);
         self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
         let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
         let tolerances = &self.stage().tolerances;
-        let full_step = self.full_step(load);
+        let full_step = self.full_step(passed);
         let mut last = String::new();
         for iteration in 1..=self.stage().control.max_iterations {
             self.statistics.iterations += 1;
             let mut report = self.blank_report(load, iteration);
-            if let Err(reason) = self.try_iterate(&iterate, &mut safeguard, &mut report, session)? {
+            // The load factor is a part of the iterate: a retreat takes it back as well.
+            let joined: Vec<f64> = iterate.iter().copied().chain([load]).collect();
+            if let Err(reason) = self.try_iterate(&iterate, &joined, &mut safeguard, &mut report, session)? {
                 report.turned_down = true;
                 self.statistics.turned_down += 1;
+                self.statistics.turned_down_evaluations += report.evaluations;
                 session.observer.iterated(&report);
-                iterate = safeguard.retreat(&iterate).ok_or(Failure::Attempt(reason))?;
+                iterate = safeguard.retreat(&joined).ok_or(Failure::Attempt(reason))?;
+                load = iterate.pop().expect("the load factor was joined");
                 continue;
             }
-            let correction = self.correction(&iterate).map_err(|error| Failure::Attempt(error.to_string()))?;
+            let (correction, load_change) = match &constraint {
+                None => (self.correction(&iterate).map_err(|error| Failure::Attempt(error.to_string()))?, 0.0),
+                Some(constraint) => {
+                    self.correction_on_path(constraint, &iterate, &first, load, passed - self.passed)?
+                }
+            };
             let measured = self.measured(report.force_ratio, &iterate, &correction, full_step);
             report.displacement_ratio = Some(measured.displacement);
             session.observer.iterated(&report);
@@ -87,6 +105,7 @@ impl Solver<'_> {
             if excess.iter().all(|excess| *excess <= 1.0) {
                 return Ok(Converged {
                     increment: iterate,
+                    load,
                     iterations: iteration,
                     force_ratio: measured.force,
                     displacement_ratio: measured.displacement,
@@ -103,6 +122,7 @@ impl Solver<'_> {
             for (value, change) in iterate.iter_mut().zip(&correction) {
                 *value += share * change;
             }
+            load += share * load_change;
         }
         let iterations = self.stage().control.max_iterations;
         Err(Failure::Attempt(format!("not converged after {iterations} iterations: {last}")))
@@ -143,10 +163,11 @@ impl Solver<'_> {
         }
     }
 
-    /// Evaluates an iterate and fills its report; the inner result says why the iterate is turned down.
+    /// Evaluates an iterate, known to the safeguard together with its load factor, and fills its report; the inner result says why the iterate is turned down.
     fn try_iterate(
         &mut self,
         iterate: &[f64],
+        joined: &[f64],
         safeguard: &mut Safeguard,
         report: &mut IterationReport,
         session: &mut Session<'_>,
@@ -160,7 +181,7 @@ impl Solver<'_> {
         let tolerances = &self.stage().tolerances;
         report.force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
         let settled = tolerances.force * evaluated.scale;
-        if safeguard.accepts(iterate, evaluated.residual, settled) {
+        if safeguard.accepts(joined, evaluated.residual, settled) {
             self.renewer.judge(evaluated.residual);
             return Ok(Ok(()));
         }
@@ -249,7 +270,7 @@ impl Solver<'_> {
     }
 
     /// Solves with the factors in place and returns displacements that are zero where prescribed.
-    fn solve_linear(&mut self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
+    pub(super) fn solve_linear(&mut self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
         let (linear, memory) = (&mut self.linear, &self.memory);
         let solution = timed(&mut self.statistics.linear_solver_nanoseconds, || match memory {
             Some(memory) => memory.apply(right, |right| linear.solve(right)),
@@ -302,9 +323,9 @@ impl Solver<'_> {
         Ok(increment)
     }
 
-    /// Size of a full step over that of the step to `load`; 1 for the initial equilibrium, which has no size.
-    fn full_step(&self, load: f64) -> f64 {
-        let size = load - self.load;
+    /// Size of a full step over that of the step to `passed`; 1 for the initial equilibrium, which has no size.
+    fn full_step(&self, passed: f64) -> f64 {
+        let size = passed - self.passed;
         if size > 0.0 { 1.0 / (self.stage().control.increments as f64 * size) } else { 1.0 }
     }
 }

@@ -55,7 +55,13 @@ impl Solver<'_> {
             if iteration > 1 && relaxation.is_settled(force_ratio <= tolerance) {
                 let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
                 self.tell(load, iteration, evaluated.asked, force_ratio, displacement_ratio, session);
-                return Ok(Converged { increment: iterate, iterations: iteration, force_ratio, displacement_ratio });
+                return Ok(Converged {
+                    increment: iterate,
+                    load,
+                    iterations: iteration,
+                    force_ratio,
+                    displacement_ratio,
+                });
             }
             let ratio = relaxation.step_ratio();
             if ratio > 1.0 {

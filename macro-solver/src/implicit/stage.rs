@@ -3,6 +3,7 @@
 use super::constraints::Constraints;
 use super::linear_solver::LinearSolver;
 use super::loads::Loads;
+use super::path::Constraint;
 use super::quasi_newton::Memory;
 use super::renewal::Renewer;
 use super::{Session, Solver};
@@ -55,7 +56,8 @@ impl<'a> Solver<'a> {
             return Ok(false);
         }
         self.stage += 1;
-        self.load = 0.0;
+        (self.load, self.passed) = (0.0, 0.0);
+        (self.arc_length, self.last_load_change) = (None, 0.0);
         self.size = 1.0 / self.stage().control.increments as f64;
         self.last_increment = None;
         self.carried_velocity = self.integrator.take().map(|integrator| integrator.velocity().to_vec());
@@ -76,6 +78,7 @@ impl<'a> Solver<'a> {
         let equations = Equations::new(self.problem, self.stage(), &self.body, &self.stage_start)?;
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
+        self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
         let strategy = &self.stage().strategy;
         self.points.choose(strategy);
         self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());

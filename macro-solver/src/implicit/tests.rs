@@ -7,6 +7,7 @@ mod formulations;
 mod initial;
 mod links;
 mod patch;
+mod path;
 mod plane_benchmarks;
 mod stages;
 mod stepping;

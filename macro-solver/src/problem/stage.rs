@@ -1,6 +1,6 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
-use super::{Applied, Moment, Strategy, Tolerances};
+use super::{Applied, Moment, PathControl, Strategy, Tolerances};
 use crate::dynamics::{DynamicSettings, RelaxationSettings};
 
 /// How a stage is solved.
@@ -66,7 +66,7 @@ impl Stage {
     }
 }
 
-/// How the load factor goes from 0 to 1 over a stage. All sizes are shares of the stage.
+/// How a stage goes along its path, by default the load factor from 0 to 1. All sizes are shares of the stage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepControl {
     /// Number of equal steps if nothing is cut back; the first and largest size is `1 / increments`.
@@ -81,10 +81,63 @@ pub struct StepControl {
     pub target_iterations: usize,
     /// A step that has not converged after this many iterations is cut back.
     pub max_iterations: usize,
+    /// How the size follows the iterations that a step took.
+    pub rule: StepRule,
+    /// What a step prescribes.
+    pub path: PathControl,
+}
+
+/// How the size of the next step follows from the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StepRule {
+    /// Grows by [`StepControl::growth`] after an easy step and stays otherwise.
+    #[default]
+    Easy,
+    /// Is multiplied by the square root of [`StepControl::target_iterations`] over the iterations taken, at most by
+    /// [`StepControl::growth`] and at least by [`StepControl::cut`] [Crisfield 1981].
+    Target,
+}
+
+impl StepControl {
+    /// Size of the step after one of `size` that took `iterations`.
+    pub fn next_size(&self, size: f64, iterations: usize) -> f64 {
+        let factor = match self.rule {
+            StepRule::Easy if iterations <= self.target_iterations => self.growth,
+            StepRule::Easy => 1.0,
+            StepRule::Target => {
+                let wanted = self.target_iterations.max(1) as f64 / iterations.max(1) as f64;
+                wanted.sqrt().clamp(self.cut, self.growth)
+            }
+        };
+        (size * factor).clamp(self.min, 1.0 / self.increments as f64)
+    }
 }
 
 impl Default for StepControl {
     fn default() -> Self {
-        Self { increments: 20, min: 1e-4, growth: 1.5, cut: 0.5, target_iterations: 6, max_iterations: 15 }
+        Self {
+            increments: 20,
+            min: 1e-4,
+            growth: 1.5,
+            cut: 0.5,
+            target_iterations: 6,
+            max_iterations: 15,
+            rule: StepRule::Easy,
+            path: PathControl::Load,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_follow_the_iterations() {
+        let easy = StepControl { increments: 10, ..StepControl::default() };
+        assert_eq!([1, 6, 7].map(|iterations| easy.next_size(0.04, iterations)), [0.06, 0.06, 0.04]);
+        let target = StepControl { rule: StepRule::Target, target_iterations: 4, growth: 2.0, ..easy };
+        assert_eq!([1, 4, 16, 100].map(|iterations| target.next_size(0.04, iterations)), [0.08, 0.04, 0.02, 0.02]);
+        assert_eq!((target.next_size(0.09, 1), target.next_size(1.5e-4, 100)), (0.1, 1e-4));
     }
 }

@@ -3,7 +3,7 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, InitialStress, Origin, Platen, Problem, ProblemError, Procedure, Renewal,
+    Amplitude, Applied, Axis, Condition, InitialStress, Origin, PathControl, Platen, Problem, ProblemError, Procedure, Renewal,
     Stage, Tolerances,
 };
 use crate::element::hourglass::HourglassControl;
@@ -90,6 +90,12 @@ impl Problem {
                     self.elements(elements)?;
                 }
                 Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
+            }
+        }
+        for (nodes, axis) in stage.control.path.measured() {
+            self.nodes(nodes)?;
+            if axis == Some(Axis::Z) && self.mesh.dimension == Dimension::Plane {
+                return Err(ProblemError::NoThirdAxis);
             }
         }
         self.check_third_axis(stage)?;
@@ -259,6 +265,15 @@ fn stage_numbers(stage: &Stage) -> Vec<Check> {
     ];
     if let Some(floor) = strategy.tangent_floor {
         checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
+    }
+    match &control.path {
+        PathControl::Load => {}
+        PathControl::ArcLength { first_load, .. } => {
+            checks.push(("first_load", *first_load, "other than 0", *first_load != 0.0));
+        }
+        PathControl::Indirect { growth, .. } => {
+            checks.push(("probe growth", *growth, "other than 0", *growth != 0.0));
+        }
     }
     if let Some(grid) = strategy.target_grid {
         checks.push(("target_grid", grid, "above 0 and at most 1e-3", grid > 0.0 && grid <= 1e-3));

@@ -110,6 +110,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
         ("iterates_turned_down", statistics.turned_down),
+        ("evaluations_turned_down", statistics.turned_down_evaluations),
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", about.differences.operators),
         ("difference_evaluations", about.differences.probes),

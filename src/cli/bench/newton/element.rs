@@ -34,7 +34,10 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let steps = effort.choose(STEPS, 3);
     let (packings, accuracy) = match effort.quick {
         true => (vec![small_packing()?], Accuracy::Draft),
-        false => (SEEDS.into_iter().map(packing_of_seed).collect::<anyhow::Result<_>>()?, Accuracy::Default),
+        false => {
+            let accuracy = if effort.full { Accuracy::Default } else { Accuracy::Draft };
+            (SEEDS.into_iter().map(packing_of_seed).collect::<anyhow::Result<_>>()?, accuracy)
+        }
     };
     let grains = packings
         .into_iter()
