@@ -10,7 +10,7 @@ use super::strategies::{criteria, preset, refine};
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::problem::{
-    EquationSolver, PathControl, Predictor, Problem, SecantGates, StepControl, Strategy, Tolerances,
+    EquationSolver, PathControl, Predictor, Problem, SecantGates, StepControl, StepRule, Strategy, Tolerances,
 };
 use protocol::TangentKind;
 use toml::Spanned;

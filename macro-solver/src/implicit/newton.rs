@@ -287,14 +287,7 @@ impl Solver<'_> {
     /// committed state.
     fn predict(&mut self, load: f64) -> Result<Vec<f64>, Failure> {
         let moment = self.moment(load);
-        let mut increment = self.body.zero();
-        for (dof, value) in increment.iter_mut().enumerate() {
-            if let Some(prescribed) = self.constraints.prescribed(dof, moment) {
-                *value = prescribed - self.body.displacements[dof];
-            }
-        }
-        // Dependent components take part with what is given to them; those that they follow stand still as yet.
-        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        let mut increment = self.given(moment);
         let linear = self.stage().strategy.predictor == Predictor::Linear;
         match self.last_increment.as_ref().filter(|_| linear) {
             Some((last, size)) => {

@@ -6,7 +6,7 @@
 
 use super::linear_solver::{LinearSolverError, norm};
 use super::{Failure, Solver};
-use crate::problem::{Axis, PathControl, Predictor, Problem, ProblemError};
+use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError};
 
 /// Half the change of the load factor from which its direction is taken; histories are piecewise smooth.
 const LOAD_CHANGE: f64 = 1e-6;
@@ -177,24 +177,31 @@ impl Solver<'_> {
     /// the rest does under them and under the change of the loads.
     fn load_direction(&mut self, iterate: &[f64], load: f64) -> Result<Vec<f64>, LinearSolverError> {
         let (ahead, behind) = (self.moment(load + LOAD_CHANGE), self.moment(load - LOAD_CHANGE));
-        let per_factor = |ahead: f64, behind: f64| (ahead - behind) / (2.0 * LOAD_CHANGE);
-        let mut direction = self.body.zero();
-        for (dof, value) in direction.iter_mut().enumerate() {
-            let at = |moment| self.constraints.prescribed(dof, moment);
-            if let (Some(ahead), Some(behind)) = (at(ahead), at(behind)) {
-                *value = per_factor(ahead, behind);
-            }
-        }
+        let per_factor = |ahead: &[f64], behind: &[f64]| -> Vec<f64> {
+            ahead.iter().zip(behind).map(|(ahead, behind)| (ahead - behind) / (2.0 * LOAD_CHANGE)).collect()
+        };
+        let mut direction = per_factor(&self.given(ahead), &self.given(behind));
         let positions = self.body.positions(iterate);
-        let (ahead, behind) = (self.loads.force(&positions, ahead), self.loads.force(&positions, behind));
+        let pushed = per_factor(&self.loads.force(&positions, ahead), &self.loads.force(&positions, behind));
         let pulled = self.balance.stiffness_times(&direction);
-        let right: Vec<f64> =
-            (0..pulled.len()).map(|dof| per_factor(ahead[dof], behind[dof]) - pulled[dof]).collect();
-        let free = self.solve_linear(&self.constraints.restrict(&right))?;
-        for &dof in self.constraints.free() {
-            direction[dof] = free[dof];
+        let right: Vec<f64> = pushed.iter().zip(&pulled).map(|(pushed, pulled)| pushed - pulled).collect();
+        let rest = self.solve_linear(&self.constraints.restrict(&right))?;
+        for (value, rest) in direction.iter_mut().zip(&rest) {
+            *value += rest;
         }
         Ok(direction)
+    }
+
+    /// Increment of the prescribed components at a moment, and of those that follow them, while the free ones stay.
+    pub(super) fn given(&self, moment: Moment) -> Vec<f64> {
+        let mut increment = self.body.zero();
+        for (dof, value) in increment.iter_mut().enumerate() {
+            if let Some(prescribed) = self.constraints.prescribed(dof, moment) {
+                *value = prescribed - self.body.displacements[dof];
+            }
+        }
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        increment
     }
 }
 

@@ -3,8 +3,8 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, InitialStress, Origin, PathControl, Platen, Problem, ProblemError, Procedure, Renewal,
-    Stage, Tolerances,
+    Amplitude, Applied, Axis, Condition, InitialStress, Origin, PathControl, Platen, Problem, ProblemError,
+    Procedure, Renewal, Stage, Tolerances,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::element::point_places;
