@@ -1,5 +1,6 @@
-//! How good operators are on a packing of discs, as CSV: checks T-7 (relaxed over uniform-strain moduli with k_t = k_n) and
-//! T-8 (distance of consistent and quasi-static operators from PSTLO over the size of the probe).
+//! How good operators are on a packing of discs, as CSV: checks T-7 (relaxed over uniform-strain moduli with k_t = k_n),
+//! T-4 (what operators lack of major symmetry) and T-8 (distance of consistent and quasi-static operators from PSTLO over the
+//! size of the probe).
 //! `cargo run --release -p grainspan-rve-server --example operator_sweep -- [PACKING]`.
 
 use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
@@ -12,6 +13,7 @@ fn main() {
     let path = std::env::args().nth(1).unwrap_or_else(|| "tests/data/case-a/packing.json".into());
     let packing: PackingFile = PackingFile::read(Path::new(&path)).expect("a packing of discs");
     moduli(&packing);
+    symmetry(&packing);
     sweep(&packing);
 }
 
@@ -52,6 +54,36 @@ fn moduli(packing: &PackingFile) {
         relaxed.get(0, 0, 1, 1) / 1e3,
         relaxed.get(0, 1, 0, 1) / 1e3
     );
+}
+
+/// `|C - C^T| / |C|` of the operator of the true stress and of that of the nominal stress, `C_ijkl + sigma_ij d_kl -
+/// sigma_il d_jk`, which is symmetric where the forces have a potential.
+#[expect(clippy::print_stdout, reason = "a program for people")]
+fn symmetry(packing: &PackingFile) {
+    println!("check,strain,kind,true_stress,nominal_stress,pressure_over_C1111");
+    let mut cell = cell(packing, 0.5, RveOptions { tolerance: Some(1e-6), ..RveOptions::default() });
+    for strain in [1e-8, 2e-3] {
+        let target = Tensor2::from_plane([[strain, 0.0], [0.0, -strain]]);
+        for kind in [TangentKind::TrussLike, TangentKind::TrussLikeReleased, TangentKind::TrussLikeSlip] {
+            let answer = cell.trial(&target, &Ask { tangent: kind, ..Ask::default() }).expect("a trial");
+            let (operator, stress) = (*answer.tangent.expect("one was asked for"), answer.stress);
+            let (mut nominal, mut turned) = (operator, [operator, operator]);
+            for [i, j, k, l] in (0..16).map(|place| [place & 1, place >> 1 & 1, place >> 2 & 1, place >> 3]) {
+                let volume = if k == l { stress.get(i, j) } else { 0.0 };
+                let turn = if j == k { stress.get(i, l) } else { 0.0 };
+                nominal.set(i, j, k, l, operator.get(i, j, k, l) + volume - turn);
+                turned[0].set(k, l, i, j, operator.get(i, j, k, l));
+                turned[1].set(k, l, i, j, operator.get(i, j, k, l) + volume - turn);
+            }
+            println!(
+                "T-4,{strain:e},{},{:.2e},{:.2e},{:.2e}",
+                kind.keyword(),
+                distance(&turned[0], &operator),
+                distance(&turned[1], &nominal),
+                -0.5 * (stress.get(0, 0) + stress.get(1, 1)) / operator.get(0, 0, 0, 0)
+            );
+        }
+    }
 }
 
 #[expect(clippy::print_stdout, reason = "a program for people")]
