@@ -15,7 +15,7 @@ const LONGEST: f64 = 31.0 * 86_400.0;
 
 /// Trials per message unless the scene says otherwise: enough for two rounds through the lanes of a worker, so that a
 /// lane that is done early finds more to do.
-const SLICE: NonZeroUsize = NonZeroUsize::new(16).unwrap();
+pub(crate) const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 
 /// Most trials per message, and messages, that make sense.
 const MOST: usize = 4096;
@@ -77,7 +77,7 @@ impl PoolKeys {
 
     /// Replaces what is given.
     pub(crate) fn apply(&self, settings: &mut PoolSettings) {
-        settings.slice = self.slice.unwrap_or(SLICE);
+        settings.slice = self.slice.unwrap_or(JOBS_A_MESSAGE);
         replace(&mut settings.window, self.window);
         settings.recycling = self.recycling;
         replace(&mut settings.hang.floor, self.hang_floor);

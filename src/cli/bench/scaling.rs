@@ -7,10 +7,12 @@ use super::repeat::{interleaved, median, ratio};
 use super::report::Report;
 use super::table::Table;
 use super::workers::{StudyPool, grain_definition, processor_seconds};
+use crate::scene::JOBS_A_MESSAGE;
+use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
 
 /// Points of the fixed work; a fourth of it is the work of one worker in the other series.
-const POINTS: usize = 64;
+const POINTS: usize = 256;
 
 /// Measures both series.
 ///
@@ -84,8 +86,10 @@ struct Measured {
 
 fn series(effort: &Effort, counts: &[usize], points: impl Fn(usize) -> usize) -> anyhow::Result<Vec<Measured>> {
     let definition = grain_definition()?;
-    let open =
-        |workers: &usize| StudyPool::open(None, definition.clone(), *workers, points(*workers), Waiting::Block);
+    let as_in_a_run = |settings: &mut PoolSettings| settings.slice = JOBS_A_MESSAGE;
+    let open = |workers: &usize| {
+        StudyPool::open_with(None, definition.clone(), *workers, points(*workers), Waiting::Block, as_in_a_run)
+    };
     let mut pools = counts.iter().map(open).collect::<anyhow::Result<Vec<_>>>()?;
     // The first batch builds cells and touches memory for the first time.
     pools.iter_mut().try_for_each(|pool| pool.round().map(|_| ()))?;

@@ -6,6 +6,7 @@ use crate::cli::bench::repeat::{interleaved, median, ratio};
 use crate::cli::bench::report::Report;
 use crate::cli::bench::table::Table;
 use crate::cli::bench::workers::{EMPTY_SNAPSHOTS, Role, StudyPool, grain_definition, idle_definition};
+use crate::scene::JOBS_A_MESSAGE;
 use anyhow::Context;
 use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
@@ -15,7 +16,7 @@ use std::num::NonZeroUsize;
 const ROUNDS: usize = 7;
 
 /// Jobs per message: the least, and what a run sends.
-const SLICES: [NonZeroUsize; 2] = [NonZeroUsize::MIN, NonZeroUsize::new(16).unwrap()];
+const SLICES: [NonZeroUsize; 2] = [NonZeroUsize::MIN, JOBS_A_MESSAGE];
 
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     overhead(effort, report)?;

@@ -8,7 +8,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 /// Lengths of the snapshots of RVEs without grains, bytes: next to nothing, and as long as that of 400 discs.
-pub(crate) const EMPTY_SNAPSHOTS: [usize; 2] = [64, 40_000];
+pub(crate) const EMPTY_SNAPSHOTS: [usize; 2] = [64, 28_000];
 
 /// An RVE that costs nothing and whose snapshot has this length.
 pub(crate) fn idle_definition(snapshot: usize) -> Definition {
