@@ -152,6 +152,27 @@ fn a_run_whose_workers_cannot_live_ends_with_code_three() {
     assert!(site.path("a").join("checkpoint.bin").exists(), "and can be continued from");
 }
 
+/// A worker that is stopped in the moment between its birth and its program holds the thread of the run in the kernel: it
+/// is ended from another thread, and the run goes on.
+#[test]
+fn a_worker_stopped_at_its_birth_does_not_hold_the_run() {
+    let site = Site::new();
+    // The moment is short: tried until it is met.
+    for attempt in 0..200 {
+        let name = format!("attempt-{attempt}");
+        let mut run = site.start_run(&name, "8", 2);
+        if run.stop_a_newborn() {
+            let ended = run.end();
+            assert!(ended.status.success(), "{}", ended.stderr);
+            let log = std::fs::read_to_string(site.path(&name).join("run.jsonl")).unwrap();
+            assert!(log.contains("stopped while it started"), "{log}");
+            assert!(site.summary(&name, "worker_restarts") >= 1);
+            return;
+        }
+    }
+    panic!("no worker was met at its birth");
+}
+
 /// Nobody is left to tell it, so it must find out by itself.
 #[test]
 fn a_stopped_worker_does_not_outlive_a_killed_run() {

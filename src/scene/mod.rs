@@ -25,3 +25,4 @@ pub(crate) use changes::changes;
 pub(crate) use document::Document;
 pub(crate) use input_error::InputError;
 pub(crate) use materials::{Materials, PackingCopy};
+pub(crate) use supervision::JOBS_A_MESSAGE;

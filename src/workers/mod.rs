@@ -7,6 +7,7 @@ mod back_off;
 mod beacon;
 mod fleet;
 mod last_words;
+mod launch;
 mod parent;
 mod processes;
 mod run_name;

@@ -2,6 +2,7 @@
 
 use super::back_off::BackOff;
 use super::last_words::LastWords;
+use super::launch::launched;
 use crate::engines::Engine;
 use macro_solver::pool::{Outlook, WorkerSupply};
 use std::collections::BTreeMap;
@@ -118,7 +119,7 @@ impl WorkerProcesses {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
-        let mut child = command.process_group(0).spawn()?;
+        let mut child = launched(command.process_group(0))?;
         let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
         let words = LastWords::of(child.id(), stderr)?;
         tracing::debug!(pid = child.id(), "worker started");

@@ -138,6 +138,28 @@ impl Watched {
         children_of(self.pid())
     }
 
+    /// Stops the first worker that is met before it has become its program; false when all eight got through.
+    pub fn stop_a_newborn(&mut self) -> bool {
+        let line = |pid: u32| fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let children = format!("/proc/{0}/task/{0}/children", self.pid());
+        let mut known = Vec::new();
+        while self.runs() && known.len() < 8 {
+            for pid in fs::read_to_string(&children).unwrap_or_default().split_whitespace() {
+                let pid: u32 = pid.parse().unwrap();
+                if known.contains(&pid) {
+                    continue;
+                }
+                known.push(pid);
+                signal(pid, rustix::process::Signal::STOP);
+                if line(pid) == line(self.pid()) {
+                    return true;
+                }
+                signal(pid, rustix::process::Signal::CONT);
+            }
+        }
+        false
+    }
+
     /// Waits until this many workers run.
     pub fn await_workers(&mut self, count: usize) -> Vec<u32> {
         eventually("workers", || {
