@@ -240,3 +240,59 @@ fn follower_and_dead_pressure_give_one_stress_ratio_to_five_percent() {
     let force = dead.1 / follower.1 - 1.0;
     assert!((0.03..0.08).contains(&force), "the force grows with the pressure: {force}");
 }
+
+/// Every scene is sound; element tests and specimens have commands of their own.
+#[test]
+fn every_scene_passes_the_check() {
+    let scenes = names(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes"));
+    let others = ["element.toml", "specimen-biaxial.toml"];
+    let mut checked = 0;
+    for name in scenes.iter().filter(|name| !others.contains(&name.as_str())) {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+        program.arg("check").arg(Path::new("scenes").join(name)).current_dir(env!("CARGO_MANIFEST_DIR"));
+        let output = program.output().unwrap();
+        assert!(output.status.success(), "{name}: {}", text(&output.stderr));
+        checked += 1;
+    }
+    assert_eq!(checked + others.len(), scenes.len());
+}
+
+/// Stress ratio at a compression, between the rows of a run.
+fn ratio_at(out: &Path, compression: f64) -> f64 {
+    let (along, up) = (numbers(out, "axial_compression"), numbers(out, "stress_ratio"));
+    let after = along.iter().position(|value| *value > compression).unwrap();
+    let share = (compression - along[after - 1]) / (along[after] - along[after - 1]);
+    up[after - 1] + share * (up[after] - up[after - 1])
+}
+
+/// Past the peak the load of a force-driven test has to fall: arc length and indirect control find it, and agree with a head that is
+/// moved; raising the load ends at the peak.
+#[test]
+fn arc_length_follows_grains_past_their_peak() {
+    let place = tempfile::tempdir().unwrap();
+    let indirect = "loading.control={indirect={set=\"top\",relative_to=\"bottom\",component=\"y\",growth=-2e-3}}";
+    let moved = ["--set", "loading.control=load", "--set", "tilting_platen.0.displacement=-2e-3"];
+    let ways =
+        [("arc", &[][..]), ("indirect", &["--set", indirect][..]), ("moved", &moved[..]), ("raised", &moved[..2])];
+    let [arc, indirect, moved, raised] = ways.map(|(name, changes)| {
+        let out = place.path().join(name);
+        let output = run_scene("scenes/biaxial-arc-length.toml", &out, "1", &[&["--quiet"], changes].concat());
+        assert_eq!(output.status.code(), Some(i32::from(name == "raised")), "{name}: {}", text(&output.stderr));
+        out
+    });
+    let highest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    let peak = highest(&numbers(&moved, "stress_ratio"));
+    let at_peak = highest(&numbers(&raised, "axial_compression"));
+    assert!((highest(&numbers(&raised, "stress_ratio")) / peak - 1.0).abs() < 5e-3, "the load ends at the peak");
+    for (out, up_to_peak, beyond) in [(&arc, 4e-3, 3e-2), (&indirect, 1e-3, 2e-3)] {
+        let (ratio, load) = (numbers(out, "stress_ratio"), numbers(out, "load"));
+        assert!((highest(&ratio) / peak - 1.0).abs() < 5e-3, "{}", highest(&ratio));
+        assert!(load.last().unwrap() < &(0.8 * highest(&load)) && ratio.last().unwrap() < &(0.9 * peak));
+        for step in 1..=19 {
+            let compression = f64::from(step) * 1e-3;
+            let allowed = if compression < at_peak { up_to_peak } else { beyond };
+            let (ours, theirs) = (ratio_at(out, compression), ratio_at(&moved, compression));
+            assert!((ours / theirs - 1.0).abs() < allowed, "at {compression}: {ours} {theirs}");
+        }
+    }
+}

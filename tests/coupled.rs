@@ -6,19 +6,19 @@
 
 use macro_solver::dynamics::{DynamicSettings, RayleighDamping, RelaxationSettings, Reporting};
 use macro_solver::formulation::Formulation;
-use macro_solver::implicit::solve;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
-use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use macro_solver::problem::{Axis, Condition, Platen, PressureKind, Problem, Procedure};
-use protocol::transport::in_process::channel;
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainEngine;
 use rve_server::packing::PackingFile;
-use rve_server::server::{ServeOptions, serve};
 use std::path::Path;
+
+mod in_process;
+
+use in_process::solved_in_process;
 
 const PRESSURE: f64 = 1e5;
 
@@ -110,19 +110,8 @@ fn biaxial_problem(
 
 /// Solves with one worker in this process.
 fn solved(problem: Problem) -> (Outcome, Recorder) {
-    let points = problem.point_count();
-    let (port, door) = channel();
-    let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
-    let mut settings = PoolSettings::new("test");
-    settings.tangents = vec![TangentKind::TrussLikeSlip];
-    let mut pool =
-        Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition()], &vec![0; points]);
-    pool.gather(1).unwrap();
     let mut recorder = Recorder::default();
-    let run = solve(&problem, &mut pool, &mut recorder);
-    pool.close();
-    drop(pool);
-    worker.join().unwrap().unwrap();
+    let run = solved_in_process(&problem, definition(), &mut recorder);
     (run.outcome, recorder)
 }
 
@@ -148,7 +137,6 @@ fn three_procedures_agree_on_a_biaxial_test() {
         ..DynamicSettings::new(2000.0)
     };
     let (moved, most) = run(Procedure::Dynamic(Box::new(slow)), Formulation::Corotational);
-    eprintln!("stress ratio and evaluations: {newton} {few}, {relaxed} {many}, {moved} {most}");
     assert!((relaxed / newton - 1.0).abs() < 0.01, "{relaxed} against {newton}");
     assert!((moved / newton - 1.0).abs() < 0.01, "{moved} against {newton}");
     assert!(newton > 1.2 && few < many && many < most, "{newton}: {few}, {many}, {most} evaluations");
