@@ -1,5 +1,9 @@
 //! The grain side: a periodic cell of discs or spheres, its quasi-static solver, homogenization, tangent operators, packings.
 
+/// Tests that the release suite shares name the crate as it does.
+#[cfg(test)]
+extern crate self as rve_server;
+
 pub mod cell;
 mod cell_reduction;
 pub mod definition;

@@ -6,6 +6,9 @@
 
 #![expect(clippy::print_stderr, reason = "the figures are for people")]
 
+#[path = "support/gas.rs"]
+mod gas;
+
 use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
 use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
 use rve_server::element::{ElementTest, run_element};
@@ -229,4 +232,13 @@ fn large_specimens_run() {
         );
         assert!(summary.grains > 90_000);
     }
+}
+
+/// B-2: a million steps of smooth elastic discs in a box.
+#[test]
+fn energy_of_a_gas_does_not_drift_in_a_million_steps() {
+    eprintln!("B-2");
+    let drift = gas::drift(1_000_000);
+    eprintln!("  {drift:?}");
+    assert!(drift.busy > 0.2 && drift.largest < 1e-4 && drift.secular.abs() < 5e-5);
 }

@@ -5,14 +5,23 @@ mod block;
 pub mod body;
 #[cfg(test)]
 mod collision_tests;
+#[cfg(test)]
+mod conservation_tests;
 pub mod contact;
 pub mod csv_table;
+#[cfg(test)]
+mod damping_tests;
 pub mod dynamics;
+#[cfg(test)]
+#[path = "../../tests/support/gas.rs"]
+mod gas;
 pub mod run;
 pub mod test_file;
 #[cfg(test)]
 mod tests;
 pub mod wall;
+#[cfg(test)]
+mod wave_tests;
 
 pub use body::Body;
 pub use contact::{ContactSums, Grain, Load};

@@ -8,16 +8,16 @@ use crate::lanes::Tuple;
 use crate::law::{LinearSprings, PlainLinear, RollingSpring, Unloading};
 use crate::space::{Discs, Spheres};
 
-const RADIUS: f64 = 0.01;
-const MASS: f64 = 0.02;
-const STIFFNESS: f64 = 1e6;
+pub(super) const RADIUS: f64 = 0.01;
+pub(super) const MASS: f64 = 0.02;
+pub(super) const STIFFNESS: f64 = 1e6;
 const GRAVITY: f64 = 9.81;
 
-fn law(friction: f64) -> PlainLinear {
+pub(super) fn law(friction: f64) -> PlainLinear {
     spring_law(STIFFNESS, friction)
 }
 
-fn spring_law(stiffness: f64, friction: f64) -> PlainLinear {
+pub(super) fn spring_law(stiffness: f64, friction: f64) -> PlainLinear {
     PlainLinear {
         springs: LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.8 },
         friction,
@@ -28,7 +28,7 @@ fn spring_law(stiffness: f64, friction: f64) -> PlainLinear {
     }
 }
 
-fn still() -> Motion {
+pub(super) fn still() -> Motion {
     Motion {
         gravity: [0.0; 3],
         local_damping: 0.0,
@@ -39,7 +39,7 @@ fn still() -> Motion {
     }
 }
 
-fn vector<S: SpecimenSpace>(components: [f64; 3]) -> S::Coordinates<f64> {
+pub(super) fn vector<S: SpecimenSpace>(components: [f64; 3]) -> S::Coordinates<f64> {
     Tuple::build(|axis| components[axis])
 }
 
@@ -47,7 +47,7 @@ fn grain<S: SpecimenSpace>(position: [f64; 3], velocity: [f64; 3]) -> Grain<S> {
     Grain { position: vector::<S>(position), velocity: vector::<S>(velocity), spin: Tuple::zero(), radius: RADIUS }
 }
 
-fn floor<S: SpecimenSpace>(friction: f64, damping_ratio: f64) -> Wall<S, PlainLinear> {
+pub(super) fn floor<S: SpecimenSpace>(friction: f64, damping_ratio: f64) -> Wall<S, PlainLinear> {
     let normal = vector::<S>([0.0, 1.0, 0.0]);
     Wall::new("floor", Tuple::zero(), normal, law(friction), WallDrive::Velocity(0.0), damping_ratio)
 }

@@ -30,6 +30,8 @@ mod sample_networks;
 #[cfg(test)]
 mod space_tests;
 #[cfg(test)]
+mod symmetry_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::network::ContactNetwork;
