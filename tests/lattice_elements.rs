@@ -1,32 +1,33 @@
 //! Finite elements whose points are crystals with one grain, asked through the real service: problems of elasticity with
-//! known answers, without an elastic law anywhere (checks I-3, I-4 and I-5).
+//! known answers, without an elastic law anywhere (checks I-3 to I-6 and L-4).
 //!
 //! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
 //! as the overlap bonds it without stress, so that it also carries tension.
 
 use macro_solver::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::formulation::Formulation;
-use macro_solver::implicit::solve;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
-use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
-use macro_solver::problem::{Amplitude, Applied, Axis, Condition, Problem, Procedure, Tolerances};
-use protocol::transport::in_process::channel;
+use macro_solver::problem::{
+    Amplitude, Applied, Axis, Condition, Link, LinkTerm, PressureKind, Problem, Procedure, Strategy, Tolerances,
+};
 use protocol::{Definition, TangentKind, Tensor2};
 use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
-use rve_server::engine::GrainEngine;
 use rve_server::packing::PackingFile;
-use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
+
+mod in_process;
+
+use in_process::solved_in_process;
 
 const OVERLAP: f64 = 0.02;
 const NORMAL: f64 = 0.866_025_403_784_438_6;
 
-/// One disc of unit diameter per cell, bonded without stress at `OVERLAP`.
-fn bonded(stiffness_ratio: f64) -> Definition {
-    let side = 1.0 - OVERLAP;
+/// One disc of unit diameter per cell of a triangular lattice whose spacing is shorter by `overlap`.
+fn lattice(overlap: f64, contact: ContactTable, strain_per_step: f64) -> Definition {
+    let side = 1.0 - overlap;
     let packing = PackingFile::<Discs> {
         format: PackingFile::FORMAT.into(),
         version: PackingFile::VERSION,
@@ -37,9 +38,15 @@ fn bonded(stiffness_ratio: f64) -> Definition {
         contacts: Vec::new(),
         provenance: serde_json::Value::Null,
     };
-    let contact = ContactTable { cohesion: OVERLAP, ..ContactTable::linear(NORMAL, stiffness_ratio, 1e9) };
-    let options = RveOptions { accuracy: Accuracy::Tight, strain_per_step: Some(1e-3), ..RveOptions::default() };
+    let options =
+        RveOptions { accuracy: Accuracy::Tight, strain_per_step: Some(strain_per_step), ..RveOptions::default() };
     GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+/// Bonded without stress at `OVERLAP`.
+fn bonded(stiffness_ratio: f64) -> Definition {
+    let contact = ContactTable { cohesion: OVERLAP, ..ContactTable::linear(NORMAL, stiffness_ratio, 1e9) };
+    lattice(OVERLAP, contact, 1e-3)
 }
 
 /// The last accepted state.
@@ -48,6 +55,7 @@ struct Last {
     displacements: Vec<[f64; 3]>,
     stresses: Vec<Tensor2>,
     deformations: Vec<Tensor2>,
+    places: Vec<[f64; 3]>,
 }
 
 impl Observer for Last {
@@ -55,24 +63,15 @@ impl Observer for Last {
         self.displacements = fields.displacements.to_vec();
         self.stresses = fields.points.iter().map(|point| point.stress).collect();
         self.deformations = fields.points.iter().map(|point| point.deformation).collect();
+        self.places = fields.points.iter().map(|point| point.initial_position).collect();
         Ok(())
     }
 }
 
 /// Solves with a lattice behind every point and one worker in this process.
 fn through_the_service(problem: &Problem, definition: Definition) -> Last {
-    let (port, door) = channel();
-    let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
-    let mut settings = PoolSettings::new("test");
-    settings.tangents = vec![problem.stages[0].strategy.tangent];
-    let points = vec![0; problem.point_count()];
-    let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &points);
-    pool.gather(1).unwrap();
     let mut last = Last::default();
-    let run = solve(problem, &mut pool, &mut last);
-    pool.close();
-    drop(pool);
-    worker.join().unwrap().unwrap();
+    let run = solved_in_process(problem, definition, &mut last);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     last
 }
@@ -210,5 +209,106 @@ fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
                 assert!((found - exact).abs() < 1e-8, "{formulation:?}: {found:e} {exact:e}");
             }
         }
+    }
+}
+
+/// L-4 with H-5. A ring of lattices under inner pressure: `u = A r / 2K + B / 2G r`, `sigma = A -+ B / r^2`.
+#[test]
+fn a_thick_cylinder_of_lattices_begins_elastically() {
+    let (inner, outer, pressure) = (1.0, 2.0, 1e-6);
+    let mut mesh = Block::plane([1.0, 1.0], [4, 6], ElementKind::Q8).mesh().unwrap();
+    for node in &mut mesh.nodes {
+        let radius = inner + (outer - inner) * node[0];
+        let (sin, cos) = (node[1] * FRAC_PI_2).sin_cos();
+        *node = [radius * cos, radius * sin, 0.0];
+    }
+    let conditions = vec![
+        Condition::fixed("bottom", Axis::Y),
+        Condition::fixed("top", Axis::X),
+        Condition::Pressure { sides: "left".into(), value: pressure, kind: PressureKind::Follower },
+    ];
+    let mut problem = problem(mesh, conditions);
+    problem.stages[0].conditions[2].history = Amplitude::RAMP;
+    let last = through_the_service(&problem, bonded(1.0 / 3.0));
+    let (bulk, shear) = (0.75f64.sqrt() * NORMAL, NORMAL / 3f64.sqrt());
+    let mean = pressure * inner * inner / (outer * outer - inner * inner);
+    let ring = mean * outer * outer;
+    for (place, moved) in problem.mesh.nodes.iter().zip(&last.displacements) {
+        let radius = place[0].hypot(place[1]);
+        let exact = mean * radius / (2.0 * bulk) + ring / (2.0 * shear * radius);
+        let found = (moved[0] * place[0] + moved[1] * place[1]) / radius;
+        assert!((found / exact - 1.0).abs() < 5e-3, "r = {radius}: {found:e} {exact:e}");
+    }
+    for (place, stress) in last.places.iter().zip(&last.stresses) {
+        let (radius, [[xx, xy], [_, yy]]) = (place[0].hypot(place[1]), stress.plane());
+        let [cos, sin] = [place[0] / radius, place[1] / radius];
+        let radial = xx * cos * cos + 2.0 * xy * cos * sin + yy * sin * sin;
+        let exact = mean - ring / (radius * radius);
+        assert!((radial - exact).abs() < 1e-2 * pressure, "r = {radius}: {radial:e} {exact:e}");
+    }
+}
+
+/// Stress, deformation and reaction of the head after every step of one element.
+#[derive(Default)]
+struct Curve(Vec<([[f64; 2]; 2], [[f64; 2]; 2], f64)>);
+
+impl Observer for Curve {
+    fn accepted(&mut self, _report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let point = &fields.points[0];
+        let head = fields.mesh.node_sets["top"].iter().map(|&node| fields.reactions[node][1]).sum();
+        self.0.push((point.stress.plane(), point.deformation.plane(), head));
+        Ok(())
+    }
+}
+
+/// I-6 with D-9. One element of a frictional lattice between a moving head and a constant lateral pressure. Rows part, the inclined
+/// contacts slide and keep their length `d`: at an axial strain `e` their inclination is `sin theta = (1 - e) sin 60`, the width has
+/// grown to `cos theta / cos 60`, and `sigma_1 / sigma_3 = tan theta tan (theta + phi)` falls from its peak at the very beginning.
+#[test]
+fn an_element_of_a_frictional_lattice_softens_along_its_closed_form() {
+    for friction in [0.1f64, 0.3] {
+        let (overlap, strain, steps) = (1e-5, 0.05, 50);
+        let pressure = 3f64.sqrt() * overlap / (1.0 - overlap);
+        let definition = lattice(overlap, ContactTable::linear(1.0, 0.5, friction), 1e-5);
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let across = |nodes: &str, coefficient| LinkTerm { nodes: nodes.into(), axis: Axis::X, coefficient };
+        let conditions = vec![
+            Condition::fixed("left", Axis::X),
+            Condition::fixed("bottom", Axis::Y),
+            Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -strain },
+            Condition::Linked(Link::Sum {
+                terms: vec![across("top_right", 1.0), across("bottom_right", -1.0)],
+                value: 0.0,
+            }),
+            Condition::Pressure { sides: "right".into(), value: pressure, kind: PressureKind::Follower },
+        ];
+        let mut problem = problem(mesh, conditions);
+        let stage = &mut problem.stages[0];
+        stage.strategy = Strategy::default();
+        stage.control.increments = steps;
+        stage.tolerances = Tolerances::both(1e-5, 1e-5);
+        let mut curve = Curve::default();
+        let run = solved_in_process(&problem, definition, &mut curve);
+        assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+        let closed_form = |angle: f64| angle.tan() * (angle + friction.atan()).tan();
+        let mut before = f64::INFINITY;
+        for (stress, deformation, head) in &curve.0[1..] {
+            let (width, height) = (deformation[0][0], deformation[1][1]);
+            let angle = (height * FRAC_PI_3.sin()).asin();
+            let ratio = -head / width / pressure;
+            let exact = closed_form(angle);
+            assert!((ratio / exact - 1.0).abs() < 1e-3, "mu {friction}, height {height}: {ratio} {exact}");
+            // The contacts shorten by some 1e-5 of the diameter under the axial stress, which makes the specimen narrower by 1e-4.
+            assert!(
+                (width / (2.0 * angle.cos()) - 1.0).abs() < 1e-3,
+                "mu {friction}, height {height}: width {width}"
+            );
+            let local = stress[1][1] / stress[0][0];
+            let exact = closed_form((FRAC_PI_3.tan() * height / width).atan());
+            assert!((local / exact - 1.0).abs() < 1e-3, "mu {friction}, height {height}: {local} {exact}");
+            assert!(ratio < before, "softening throughout");
+            before = ratio;
+        }
+        assert!(curve.0.len() > steps, "no step left out");
     }
 }
