@@ -146,3 +146,84 @@ pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &Sol
     strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::Scene;
+    use macro_solver::problem::Strategy;
+    use protocol::TangentKind;
+    use rve_server::definition::OperatorOptions;
+    use std::path::Path;
+
+    fn scene(more: &[&str]) -> Result<Scene, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
+        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+        Scene::load(&path, &overrides).map_err(|error| error.to_string())
+    }
+
+    fn strategy(more: &[&str]) -> Strategy {
+        scene(more).unwrap().problem.stages[0].strategy.clone()
+    }
+
+    #[test]
+    fn every_operator_can_be_asked_for_by_its_keyword() {
+        for kind in TangentKind::ALL.into_iter().filter(|kind| *kind != TangentKind::None) {
+            let text = format!("solver.tangent={}", kind.keyword());
+            assert_eq!(strategy(&[&text]).tangent, kind);
+            // The key goes before the strategy's own operator.
+            assert_eq!(strategy(&[&text, "solver.strategy=newton"]).tangent, kind);
+        }
+        assert_eq!(strategy(&[]).tangent, Strategy::default().tangent);
+    }
+
+    #[test]
+    fn options_of_operators_arrive_where_they_are_used() {
+        let more = [
+            "rve.operator.probe=2e-6",
+            "rve.operator.quasi_static_probe=3e-7",
+            "rve.operator.quasi_static_tolerance=1e-8",
+            "rve.operator.average_steps=3",
+            "solver.tangent_floor=0.1",
+            "solver.secant={ enabled = true, floor = 0.3, max_ratio = 2.0 }",
+        ];
+        let scene = scene(&more).unwrap();
+        let expected = OperatorOptions {
+            probe: Some(2e-6),
+            quasi_static_probe: Some(3e-7),
+            quasi_static_tolerance: Some(1e-8),
+            average_steps: Some(3),
+        };
+        for definition in &scene.materials.definitions {
+            assert_eq!(definition.options().operator, expected, "every region's cells have them");
+        }
+        let strategy = &scene.problem.stages[0].strategy;
+        assert_eq!(strategy.tangent_floor, Some(0.1));
+        let gates = strategy.secant.unwrap();
+        assert_eq!((gates.floor, gates.max_ratio), (0.3, 2.0));
+        assert_eq!(self::strategy(&["solver.tangent_floor=0"]).tangent_floor, None, "0 takes the floor away");
+        assert_eq!(self::strategy(&["solver.secant={ enabled = false, floor = 0.3 }"]).secant, None);
+    }
+
+    #[test]
+    fn defects_of_operators_name_their_key() {
+        let reason = |more: &str| scene(&[more]).err().unwrap_or_else(|| panic!("{more} was accepted"));
+        let refused = reason("solver.tangent=none");
+        assert!(refused.contains("without a tangent") && refused.contains("truss_like_slip"), "{refused}");
+        let refused = reason("solver.tangent=trusslike");
+        assert!(refused.contains("trusslike") && refused.contains("truss_like"), "{refused}");
+        for (defect, said) in [
+            ("solver.tangent_floor=-0.1", "solver.tangent_floor"),
+            ("solver.tangent_floor=1.5", "solver.tangent_floor"),
+            ("solver.tangent_flor=0.1", "tangent_flor"),
+            ("rve.operator.probe=0", "rve.operator.probe"),
+            ("rve.operator.probe=0.1", "no small probe"),
+            ("rve.operator.quasi_static_probe=-1e-6", "rve.operator.quasi_static_probe"),
+            ("rve.operator.quasi_static_tolerance=nan", "rve.operator.quasi_static_tolerance"),
+            ("rve.operator.average_steps=0", "at least 1"),
+            ("rve.operator.probes=1e-6", "probes"),
+        ] {
+            let refused = reason(defect);
+            assert!(refused.contains(said), "{defect}: {refused}");
+        }
+    }
+}

@@ -148,3 +148,55 @@ fn seconds(document: &Document, given: &Option<Spanned<f64>>) -> Result<Option<D
         .error_at(given.span(), format!("{value} s is not a usable time"))
         .hint(format!("give a time from 0 to {LONGEST} s")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use std::path::Path;
+
+    /// The settings of a pool after the keys of a scene.
+    fn settings(more: &[&str]) -> Result<PoolSettings, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
+        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+        let scene = Scene::load(&path, &overrides).map_err(|error| error.to_string())?;
+        let mut settings = PoolSettings::new("test");
+        scene.pool.apply(&mut settings);
+        Ok(settings)
+    }
+
+    #[test]
+    fn trials_per_message_and_messages_per_worker_are_read() {
+        let sizes = |more: &[&str]| settings(more).map(|settings| [settings.slice.get(), settings.window.get()]);
+        let window = PoolSettings::new("test").window.get();
+        assert_eq!(sizes(&[]), Ok([SLICE.get(), window]));
+        assert_eq!(sizes(&["pool.slice=5", "pool.window=7"]), Ok([5, 7]));
+        assert_eq!(sizes(&["pool.slice=4096"]), Ok([4096, window]));
+        assert_eq!(sizes(&["pool.lanes=true", "pool.slice=5"]), Ok([5, window]));
+        assert_eq!(sizes(&["pool.lanes=false"]), Ok([1, window]));
+        assert_eq!(sizes(&["pool.lanes=false", "pool.slice=5"]), Ok([1, window]), "whatever slice says");
+    }
+
+    #[test]
+    fn defects_of_the_pool_name_their_key() {
+        for (defect, said) in [
+            ("pool.slice=0", "a number from 1 to 4096"),
+            ("pool.slice=4097", "4097 is not a usable number"),
+            ("pool.slice=-1", "pool.slice"),
+            ("pool.slice=2.5", "pool.slice"),
+            ("pool.window=0", "a number from 1 to 4096"),
+            ("pool.window=many", "pool.window"),
+            ("pool.lanes=8", "pool.lanes"),
+            ("pool.lane=true", "lane"),
+            ("pool.wait=sleep", "\"hybrid\""),
+            ("pool.hang_factor=0.5", "1 or more"),
+            ("pool.quarantine_after=0", "at least 1"),
+            ("pool.patience=-1", "is not a usable time"),
+        ] {
+            let refused = settings(&[defect]).err().unwrap_or_else(|| panic!("{defect} was accepted"));
+            assert!(refused.contains(said), "{defect}: {refused}");
+        }
+        // A slice that cannot be is refused even where it is not used.
+        assert!(settings(&["pool.lanes=false", "pool.slice=0"]).is_err());
+    }
+}
