@@ -79,6 +79,9 @@ pub enum FrameError {
     /// The lengths inside do not add up to the length of the message.
     #[error("a message whose parts do not add up to its {0} bytes")]
     Length(usize),
+    /// Jobs or replies without a single one: nobody sends such, so something was lost on the way.
+    #[error("a message of jobs or replies that holds none")]
+    Empty,
     /// The control message cannot be read.
     #[error("a control message that cannot be read: {0}")]
     Control(String),
@@ -133,7 +136,7 @@ impl<'a> Frame<'a> {
     /// The jobs inside, with their snapshots.
     ///
     /// # Errors
-    /// [`FrameError::Length`].
+    /// [`FrameError::Length`], [`FrameError::Empty`].
     pub fn jobs(&self) -> Result<Vec<LoadedJob<'a>>, FrameError> {
         let (jobs, mut tail) = self.array::<TrialJob>()?;
         let loaded = jobs
@@ -145,7 +148,7 @@ impl<'a> Frame<'a> {
     /// The replies inside, with their snapshots and error texts.
     ///
     /// # Errors
-    /// [`FrameError::Length`].
+    /// [`FrameError::Length`], [`FrameError::Empty`].
     pub fn replies(&self) -> Result<Vec<LoadedReply<'a>>, FrameError> {
         let (replies, mut tail) = self.array::<TrialReply>()?;
         let loaded = replies
@@ -160,6 +163,9 @@ impl<'a> Frame<'a> {
 
     /// The array at the start of the body and the bytes behind it.
     fn array<T: Pod>(&self) -> Result<(impl Iterator<Item = T> + 'a, &'a [u8]), FrameError> {
+        if self.count == 0 {
+            return Err(FrameError::Empty);
+        }
         let length = self.count.checked_mul(size_of::<T>()).ok_or(self.malformed())?;
         let (array, tail) = self.body.split_at_checked(length).ok_or(self.malformed())?;
         Ok((array.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned), tail))
@@ -316,6 +322,17 @@ mod tests {
         let back = Frame::parse(&bytes).unwrap().replies().unwrap();
         assert_eq!((back[0].error, back[1].state), (&b"why"[..], &b"state"[..]));
         assert_eq!(back[1].reply.status, ReplyStatus::Done as u32);
+    }
+
+    /// Found by the hunt for broken replies: cut down to its header, a message said nothing and was not counted.
+    #[test]
+    fn a_message_that_holds_nothing_is_refused() {
+        for outgoing in [Outgoing::Replies(&[]), Outgoing::Jobs(&[])] {
+            let bytes = outgoing.to_vec(1);
+            let frame = Frame::parse(&bytes).unwrap();
+            assert_eq!(frame.replies().map(|_| ()), Err(FrameError::Empty));
+            assert_eq!(frame.jobs().map(|_| ()), Err(FrameError::Empty));
+        }
     }
 
     #[test]
