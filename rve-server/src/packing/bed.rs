@@ -3,7 +3,7 @@
 use crate::definition::{ContactTable, GrainDefinition, RveOptions};
 use crate::engine::GrainRve;
 use crate::packing::journal::{Journal, PackingProgress};
-use crate::packing::servo::{Response, aim, pressure};
+use crate::packing::servo::{CircleWatch, LARGEST_STRAIN, Response, aim, pressure};
 use crate::packing::stress_target::{Matrix, StressTarget, turned_in, turned_out};
 use crate::packing::{ListedContact, PackingError, PackingFile};
 use crate::space::{Components, Space, Tensor, apply};
@@ -32,9 +32,21 @@ const CLOSE: f64 = 0.5;
 /// Steps without a smaller error after which the servo on spheres looks at the network again.
 const PATIENCE: u32 = 12;
 
-/// Share of the target pressure below which a cell of spheres is simply compressed further, by this strain.
+/// What a careful step leaves of the distance to the stress it aims at, above which the step is taken back and shortened.
+const WORTHWHILE: f64 = 0.95;
+
+/// Careful steps in a row before the servo tries plain ones again.
+const CAREFUL_STEPS: u32 = 10;
+
+/// Most times that a careful step is halved; what is left then is taken as it is, so that a cell that snaps can go on.
+const MOST_HALVINGS: u32 = 8;
+
+/// Share of the target pressure below which a cell is simply compressed further, by this strain: spheres at once, discs after
+/// so many steps in a row and by up to so many times twice as much.
 const SLACK_PRESSURE: f64 = 0.005;
 const SLACK_STRAIN: f64 = 1e-4;
+const SLACK_STEPS: i32 = 40;
+const SLACK_DOUBLINGS: i32 = 4;
 
 /// Largest strain component of a servo step on spheres while the stress is far from the target: a network of few contacts
 /// says that it is soft, and is not after half of the step.
@@ -153,6 +165,7 @@ impl<'a, S: Space> Bed<'a, S> {
         // Discs keep to the network's own operator in every step: committed packings come out again to the bit.
         let learns = S::DIMENSION == 3;
         let (mut best, mut since_best) = (f64::INFINITY, 0);
+        let (mut watch, mut careful_steps, mut slack) = (CircleWatch::new(), 0, 0);
         for increment in 0..MOST_INCREMENTS {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
@@ -170,8 +183,26 @@ impl<'a, S: Space> Bed<'a, S> {
             if let Some(operator) = &answer.tangent {
                 response.adopt(operator);
             }
+            slack = if self.pressure_share(&answer) < SLACK_PRESSURE { slack + 1 } else { 0 };
+            if !learns && slack > SLACK_STEPS {
+                // What few contacts there are say nothing about where load will be found.
+                let strain = SLACK_STRAIN * 2f64.powi((slack - SLACK_STEPS).min(SLACK_DOUBLINGS));
+                answer = self.trial(&self.isotropic(-strain), self.tangent())?;
+                continue;
+            }
+            if slack > 0 {
+                watch = CircleWatch::new();
+            } else if !learns && watch.is_circling(error) {
+                (watch, careful_steps) = (CircleWatch::new(), CAREFUL_STEPS);
+            }
+            if careful_steps > 0 && slack == 0 && error > self.tolerances.stress {
+                careful_steps -= 1;
+                answer = self.careful_step(&mut response, &answer)?;
+                continue;
+            }
             let deviator = turned_out(&self.target.deviator, &self.axes());
-            let mut strain = response.strain(&aim(&self.target, &deviator, &answer.stress), &answer.stress);
+            let aimed = aim(&self.target, &deviator, &answer.stress);
+            let mut strain = response.strain(&aimed, &answer.stress, LARGEST_STRAIN);
             let mut kind = self.tangent();
             if learns {
                 if error >= CLOSE {
@@ -196,6 +227,30 @@ impl<'a, S: Space> Bed<'a, S> {
         Err(PackingError::Content(format!(
             "the stress did not reach the target in {MOST_INCREMENTS} servo steps; loosen tolerance or stress_tolerance"
         )))
+    }
+
+    /// A step that is taken back and shortened until it brings the stress nearer to the target. Every miss teaches the
+    /// response what lies between the two states that a plain servo jumps to and fro.
+    fn careful_step(&mut self, response: &mut Response, before: &TrialAnswer) -> Result<TrialAnswer, PackingError> {
+        let deviator = turned_out(&self.target.deviator, &self.axes());
+        let aimed = aim(&self.target, &deviator, &before.stress);
+        let missing = |stress: &Tensor2| {
+            let stress = rows(stress);
+            largest(&std::array::from_fn(|i| std::array::from_fn(|j| stress[i][j] - aimed[i][j])))
+        };
+        let mut most = LARGEST_STRAIN;
+        for _ in 0..MOST_HALVINGS {
+            let strain = response.strain(&aimed, &before.stress, most);
+            let answer = self.trial(&strain, self.tangent())?;
+            if missing(&answer.stress) < WORTHWHILE * missing(&before.stress) {
+                return Ok(answer);
+            }
+            self.cell.rollback();
+            response.learn(&strain, &difference(&answer.stress, &before.stress));
+            most = 0.5 * largest(&strain);
+        }
+        let strain = response.strain(&aimed, &before.stress, most);
+        self.trial(&strain, self.tangent())
     }
 
     /// Strains the cell by a symmetric tensor given in the cell's own axes.
@@ -323,9 +378,14 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 /// A strain cut to a largest component.
 fn limited(strain: &Matrix, most: f64) -> Matrix {
-    let largest = strain.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    let largest = largest(strain);
     let share = if largest > most { most / largest } else { 1.0 };
     strain.map(|row| row.map(|value| share * value))
+}
+
+/// Size of the largest component.
+fn largest(matrix: &Matrix) -> f64 {
+    matrix.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
 }
 
 /// A tensor by its rows.

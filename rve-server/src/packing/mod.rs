@@ -1,6 +1,8 @@
 //! Packings: the JSON file that any source may write, and the generator that prepares one.
 
 mod bed;
+#[cfg(test)]
+mod bed_tests;
 pub mod file;
 mod friction_search;
 pub mod generate;

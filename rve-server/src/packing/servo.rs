@@ -4,8 +4,8 @@ use crate::packing::stress_target::{Matrix, StressTarget, symmetric_pairs};
 use nalgebra::{DMatrix, DVector};
 use protocol::{Tensor2, Tensor4};
 
-/// Largest strain component of one servo step.
-const LARGEST_STRAIN: f64 = 1e-3;
+/// Largest strain component of one servo step, unless the caller wants smaller ones.
+pub(crate) const LARGEST_STRAIN: f64 = 1e-3;
 
 /// Shear over bulk modulus that is assumed while nothing is known yet.
 const FIRST_SHEAR_TO_BULK: f64 = 0.5;
@@ -28,6 +28,34 @@ pub(crate) fn pressure(stress: &Tensor2, dimension: usize) -> f64 {
         -0.5 * (stress.get(0, 0) + stress.get(1, 1))
     } else {
         -(stress.get(0, 0) + stress.get(1, 1) + stress.get(2, 2)) / 3.0
+    }
+}
+
+/// Steps in which the stress error must fall by a tenth; a servo that takes longer goes round in circles.
+const LONGEST_CIRCLE: u32 = 100;
+
+/// Notices that a servo goes round in circles: a contact that opens under the steps of one operator and closes under those
+/// of the other leads from one state to the other and back for ever, or creeps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CircleWatch {
+    milestone: f64,
+    steps: u32,
+}
+
+impl CircleWatch {
+    /// Before the first step.
+    pub(crate) fn new() -> Self {
+        Self { milestone: f64::INFINITY, steps: 0 }
+    }
+
+    /// Takes the next stress error; whether the servo has come no further for too long.
+    pub(crate) fn is_circling(&mut self, error: f64) -> bool {
+        if error < 0.9 * self.milestone {
+            *self = Self { milestone: error, steps: 0 };
+        } else {
+            self.steps += 1;
+        }
+        self.steps >= LONGEST_CIRCLE
     }
 }
 
@@ -74,9 +102,9 @@ impl Response {
         }
     }
 
-    /// Symmetric strain that is to change `stress` into `aim`; a little compression if the model says nothing, cut to a
-    /// size that the model can be trusted for.
-    pub(crate) fn strain(&self, aim: &Matrix, stress: &Tensor2) -> Matrix {
+    /// Symmetric strain that is to change `stress` into `aim`; a little compression if the model says nothing, cut to
+    /// `most`, a size that the model can be trusted for.
+    pub(crate) fn strain(&self, aim: &Matrix, stress: &Tensor2, most: f64) -> Matrix {
         let pairs = symmetric_pairs(self.dimension);
         let wanted = DVector::from_iterator(
             pairs.len(),
@@ -94,7 +122,7 @@ impl Response {
             DVector::from_fn(pairs.len(), |row, _| if row < self.dimension { -1e-5 } else { 0.0 })
         });
         let largest = step.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        let shrink = (LARGEST_STRAIN / largest).min(1.0);
+        let shrink = (most / largest).min(1.0);
         let mut strain = [[0.0; 3]; 3];
         for (&(i, j), value) in pairs.iter().zip(step.iter()) {
             strain[i][j] = value * shrink;
@@ -130,7 +158,7 @@ mod tests {
             let mut steps = 0;
             loop {
                 let aimed = aim(&target, &target.deviator, &stress);
-                let strain = response.strain(&aimed, &stress);
+                let strain = response.strain(&aimed, &stress, LARGEST_STRAIN);
                 let effect = &material * components(&strain, dimension);
                 let mut change = [[0.0; 3]; 3];
                 for (&(i, j), value) in symmetric_pairs(dimension).iter().zip(effect.iter()) {
