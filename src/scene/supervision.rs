@@ -169,7 +169,7 @@ mod tests {
     fn trials_per_message_and_messages_per_worker_are_read() {
         let sizes = |more: &[&str]| settings(more).map(|settings| [settings.slice.get(), settings.window.get()]);
         let window = PoolSettings::new("test").window.get();
-        assert_eq!(sizes(&[]), Ok([SLICE.get(), window]));
+        assert_eq!(sizes(&[]), Ok([JOBS_A_MESSAGE.get(), window]));
         assert_eq!(sizes(&["pool.slice=5", "pool.window=7"]), Ok([5, 7]));
         assert_eq!(sizes(&["pool.slice=4096"]), Ok([4096, window]));
         assert_eq!(sizes(&["pool.lanes=true", "pool.slice=5"]), Ok([5, window]));
