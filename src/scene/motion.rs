@@ -32,6 +32,7 @@ pub(crate) struct DynamicsTable {
     output_steps: Option<u64>,
     output_interval: Option<Spanned<f64>>,
     energy_tolerance: Option<f64>,
+    longest_excess: Option<u64>,
     tangent_every: Option<u64>,
 }
 
@@ -159,6 +160,7 @@ fn change_dynamics(
     replace(&mut settings.reporting, table.output_steps.map(Reporting::Steps));
     replace(&mut settings.reporting, given(&table.output_interval).map(Reporting::Interval));
     replace(&mut settings.energy_tolerance, table.energy_tolerance);
+    replace(&mut settings.longest_excess, table.longest_excess);
     replace(&mut settings.tangent_every, table.tangent_every);
     if let Some(absorbing) = &table.absorbing {
         settings.absorbing = absorbing.iter().map(|set| sets.side_set(document, set)).collect::<Result<_, _>>()?;

@@ -4,7 +4,8 @@
 //! half-step velocities (Belytschko, Liu and Moran 2000, section 6.2.3). The central difference method balances these to
 //! `sum m a^2 dt^2 / 8`, which is small as long as motions are resolved in time. A large residual alone may be the front of a sudden
 //! load or a motion that the step resolves coarsely: a stable mode near the limit has as much of it as an unstable one. What
-//! only an unstable mode does is to grow beyond everything that was supplied.
+//! only an unstable mode does is to grow beyond everything that was supplied. A residual that stays large, instant after instant,
+//! says that the motion is not resolved in time: its result is not one to go on with either.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,11 @@ pub struct EnergyBalance {
     pub largest: f64,
     /// Largest absolute residual so far.
     pub largest_residual: f64,
+    /// Instants so far at which the residual was beyond the tolerance of the run, without what the start has left in it for good:
+    /// `-sum m a^2 dt^2 / 8` with the first accelerations.
+    pub excess_steps: u64,
+    /// Most of them in a row.
+    pub longest_excess: u64,
 }
 
 impl EnergyBalance {
@@ -83,8 +89,23 @@ pub(super) struct Monitor {
     /// The ledger.
     pub(super) balance: EnergyBalance,
     tolerance: f64,
+    /// Instants in a row beyond the tolerance at which the run is stopped; 0: never.
+    patience: u64,
+    /// Instants in a row beyond the tolerance up to now.
+    in_a_row: u64,
+    /// What the accelerations of the start take from the balance for good, J.
+    left_by_start: f64,
     /// Largest energy that loads, supports and stresses have supplied so far, J.
     supplied: f64,
+}
+
+/// Why the monitor stops a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Excess {
+    /// The body holds far more energy than it was given, or something is no number.
+    Unstable,
+    /// The residual has been beyond the tolerance for too many instants in a row.
+    Unresolved,
 }
 
 /// Largest energy over what was supplied at which a run is stopped. A stable mode with `x = (w dt / 2)^2` reaches `1 / (1 - x)`:
@@ -93,12 +114,20 @@ const AMPLIFICATION: f64 = 1e3;
 
 impl Monitor {
     /// An empty ledger.
-    pub(super) fn new(tolerance: f64) -> Self {
-        Self { balance: EnergyBalance::default(), tolerance, supplied: 0.0 }
+    pub(super) fn new(tolerance: f64, patience: u64) -> Self {
+        Self {
+            balance: EnergyBalance::default(),
+            tolerance,
+            patience,
+            in_a_row: 0,
+            left_by_start: 0.0,
+            supplied: 0.0,
+        }
     }
 
-    /// The kinetic energy at the start, J.
-    pub(super) fn start(&mut self, kinetic: f64) {
+    /// The kinetic energy at the start, J, and `sum m a^2 dt^2 / 8`, by which its accelerations set off the balance for good.
+    pub(super) fn start(&mut self, kinetic: f64, left_by_start: f64) {
+        self.left_by_start = left_by_start;
         self.balance.kinetic = kinetic;
         self.balance.initial_kinetic = kinetic;
         self.balance.close();
@@ -118,12 +147,19 @@ impl Monitor {
         balance.close();
         let supplied = balance.initial_kinetic + balance.external.abs() + (-balance.internal).max(0.0);
         self.supplied = self.supplied.max(supplied);
+        let unresolved = (balance.residual() + self.left_by_start).abs() > self.tolerance * balance.largest;
+        self.in_a_row = if unresolved { self.in_a_row + 1 } else { 0 };
+        balance.excess_steps += u64::from(self.in_a_row > 0);
+        balance.longest_excess = balance.longest_excess.max(self.in_a_row);
     }
 
-    /// Whether energy comes from nowhere: the residual is beyond the tolerance and the body holds far more than it was given, or
-    /// something is no number.
-    pub(super) fn is_unstable(&self) -> bool {
+    /// What is wrong with the balance, if anything.
+    pub(super) fn excess(&self) -> Option<Excess> {
         let ratio = self.balance.relative_residual();
-        !ratio.is_finite() || (ratio > self.tolerance && self.balance.largest > AMPLIFICATION * self.supplied)
+        let grows = ratio > self.tolerance && self.balance.largest > AMPLIFICATION * self.supplied;
+        if grows || !ratio.is_finite() {
+            return Some(Excess::Unstable);
+        }
+        (self.patience > 0 && self.in_a_row >= self.patience).then_some(Excess::Unresolved)
     }
 }

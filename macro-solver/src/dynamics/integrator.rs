@@ -5,7 +5,7 @@
 //! step before, dampers at nodes the mean of both. A report about an instant is complete: its velocity is that mean.
 
 use super::dashpots::{Dashpots, next_velocity};
-use super::energy::{EnergyBalance, Forces, Monitor};
+use super::energy::{EnergyBalance, Excess, Forces, Monitor};
 use super::forces::{ElementLaws, Motion};
 use super::masses::{element_masses, nodal_masses, scale_factors};
 use super::settings::{DynamicSettings, Reporting, StepRule};
@@ -109,7 +109,7 @@ impl Integrator {
             acceleration: specimen.body.zero(),
             forces: Forces::default(),
             hourglass_energy: 0.0,
-            monitor: Monitor::new(settings.energy_tolerance),
+            monitor: Monitor::new(settings.energy_tolerance, settings.longest_excess),
             gradients: still,
         };
         integrator.choose_masses_and_step(specimen)?;
@@ -178,7 +178,10 @@ impl Integrator {
             }
         }
         self.find_reactions(specimen, axes);
-        self.monitor.start(self.kinetic_energy(axes));
+        let per_freedom = self.acceleration.iter().enumerate();
+        let left: f64 =
+            per_freedom.map(|(dof, rate)| self.masses[dof / axes] * (rate * self.step).powi(2) / 8.0).sum();
+        self.monitor.start(self.kinetic_energy(axes), left);
     }
 
     /// One time step: displacements, answers, forces, velocities, energies.
@@ -217,15 +220,25 @@ impl Integrator {
         let mut nanoseconds = 0;
         timed(&mut nanoseconds, || self.next_instant(specimen, &path, renews))?;
         specimen.statistics.assembly_nanoseconds += nanoseconds;
-        if self.monitor.is_unstable() {
-            let balance = self.monitor.balance;
-            return Err(self.unstable(format!(
-                "the body holds {:.1e} J, far more than it was given, and the energy balance is off by {:.1e} of that",
-                balance.largest,
-                balance.relative_residual()
-            )));
+        self.check_energy()
+    }
+
+    /// Ends a run whose energies do not add up.
+    fn check_energy(&self) -> Result<(), Outcome> {
+        let balance = self.monitor.balance;
+        let (largest, residual) = (balance.largest, balance.relative_residual());
+        match self.monitor.excess() {
+            None => Ok(()),
+            Some(Excess::Unstable) => Err(self.unstable(format!(
+                "the body holds {largest:.1e} J, far more than it was given, and the energy balance is off by {residual:.1e} \
+                 of that"
+            ))),
+            Some(Excess::Unresolved) => Err(self.unstable(format!(
+                "the energy balance has been off by more than it may for {} steps, now by {residual:.1e} of the largest \
+                 energy: the motion is too fast for the time step, though it does not grow",
+                balance.longest_excess
+            ))),
         }
-        Ok(())
     }
 
     fn next_instant(&mut self, specimen: &Specimen<'_>, path: &[f64], renews: bool) -> Result<(), Outcome> {

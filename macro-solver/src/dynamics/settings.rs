@@ -104,6 +104,8 @@ pub struct DynamicSettings {
     pub reporting: Reporting,
     /// Residual of the energy balance over the largest energy so far below which a run is never stopped.
     pub energy_tolerance: f64,
+    /// Instants in a row with a larger residual at which a run is stopped; 0: only a growing energy stops it.
+    pub longest_excess: u64,
     /// The stable step is found again from new elastic tangents after every so many steps; 0: only at the start.
     pub tangent_every: u64,
 }
@@ -123,6 +125,7 @@ impl DynamicSettings {
             absorbing: Vec::new(),
             reporting: Reporting::Steps(1),
             energy_tolerance: 1e-2,
+            longest_excess: 200,
             tangent_every: 0,
         }
     }

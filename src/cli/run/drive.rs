@@ -129,7 +129,8 @@ pub(super) fn drive<P: MacroPort>(
             format!(
                 "the motion is unstable{stage}: at time step {step} (t = {time:.6e} s) {reason}\nhint: the step of {time_step:.3e} s is too \
                  large; leave dynamics.time_step out or lower dynamics.safety, and if the material stiffens set \
-                 dynamics.tangent_every"
+                 dynamics.tangent_every. A motion that does not grow is resolved by slower histories or damping, or let go \
+                 with dynamics.longest_excess = 0"
             ),
         )),
         Outcome::Interrupted => Err(Failure::new(

@@ -66,13 +66,16 @@ impl Observer for EnergyLedger {
         self.dissipation = total(|point| point.observed.frictional_dissipation);
         self.hourglass = view.hourglass_energy;
         if let Some(motion) = &view.dynamics {
-            let before = self.dynamics.get("energy_residual").copied().unwrap_or(0.0);
+            let largest = |name: &str, now: f64| now.max(self.dynamics.get(name).copied().unwrap_or(0.0));
+            let residual = largest("energy_residual", motion.energy.largest_relative_residual());
+            let steps = largest("steps_off_energy_balance", motion.energy.longest_excess as f64);
             self.dynamics = BTreeMap::from([
                 ("time_step".to_owned(), motion.time_step),
                 ("mass".to_owned(), motion.mass),
                 ("added_mass".to_owned(), motion.added_mass),
                 ("kinetic_energy".to_owned(), motion.energy.kinetic),
-                ("energy_residual".to_owned(), before.max(motion.energy.largest_relative_residual())),
+                ("energy_residual".to_owned(), residual),
+                ("steps_off_energy_balance".to_owned(), steps),
             ]);
         }
         let forces: Vec<[f64; 3]> =

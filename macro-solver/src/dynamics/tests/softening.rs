@@ -68,7 +68,8 @@ fn the_band_of_a_softening_bar_does_not_follow_the_mesh() {
 
 fn struck_bar(nonlocal: NonlocalSettings) -> Problem {
     let start = InitialVelocity { nodes: "right".into(), value: [1e-3, 0.0, 0.0] };
-    let settings = DynamicSettings { initial_velocities: vec![start], ..settings(1.0) };
+    // A struck node swings at the frequency of the mesh, which no step resolves: whether its energy grows is what counts here.
+    let settings = DynamicSettings { initial_velocities: vec![start], longest_excess: 0, ..settings(1.0) };
     let conditions = vec![held("left", Axis::X), held("all", Axis::Y)];
     let mut problem = problem(strip(ElementKind::Q4Single, 40, 1.0), conditions, 200.0, settings);
     problem.nonlocal = Some(nonlocal);

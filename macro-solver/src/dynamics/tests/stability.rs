@@ -1,7 +1,7 @@
 //! S-9: what is too fast for its step is stopped; H-13: what is not keeps its energy; the step that elements allow.
 
 use super::*;
-use crate::dynamics::{InitialVelocity, MassScaling, StepRule};
+use crate::dynamics::{InitialVelocity, MassScaling, RayleighDamping, StepRule};
 use crate::element::hourglass::HourglassControl;
 
 /// A square of 6 x 6 elements with an edge struck by a velocity of 1e-3 m/s, free elsewhere.
@@ -75,12 +75,41 @@ fn an_unstable_mesh_is_stopped_and_a_stable_one_keeps_its_energy() {
             }
             other => panic!("{kind:?}: {other:?}"),
         }
-        let calm = DynamicSettings { step: StepRule::Stable { safety: 0.9 }, ..settings(2.0) };
+        let calm = DynamicSettings { step: StepRule::Stable { safety: 0.9 }, longest_excess: 0, ..settings(2.0) };
         let problem = struck(kind, calm, 500.0 * critical);
         let film = completed(&problem, &mut elastic(&problem, 1.0, 1.0));
         let energy = film.last().energy;
         assert!(energy.external.abs() < 1e-12 * energy.largest && energy.kinetic > 0.0);
     }
+}
+
+/// H-13 enforced: struck nodes swing at the frequency of the mesh. The energy does not grow, but the step does not resolve the motion, so
+/// its balance stays off by more than 1e-2 and the run is stopped, unless told to go on. Damping that takes that motion away lets it
+/// run.
+#[test]
+fn a_motion_that_the_step_does_not_resolve_is_stopped() {
+    let with = |longest_excess, stiffness| {
+        let damping = RayleighDamping { mass: 0.0, stiffness };
+        let settings = DynamicSettings { longest_excess, damping, ..settings(2.0) };
+        struck(ElementKind::Q4, settings, 300.0)
+    };
+    let defaults = DynamicSettings::new(2.0);
+    let coarse = with(defaults.longest_excess, 0.0);
+    let (outcome, film) = run(&coarse, &mut elastic(&coarse, 1.0, 1.0));
+    match outcome.outcome {
+        Outcome::Unstable { step, ref reason, .. } => {
+            assert!(step == 200 && reason.contains("does not grow"), "{step}: {reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(film.last().energy.longest_excess >= 198 && film.last().energy.largest_relative_residual() > 0.1);
+    let patient = with(0, 0.0);
+    let film = completed(&patient, &mut elastic(&patient, 1.0, 1.0));
+    assert!(film.last().energy.excess_steps > 300);
+    let damped = with(defaults.longest_excess, 0.5);
+    let film = completed(&damped, &mut elastic(&damped, 1.0, 1.0));
+    let energy = film.last().energy;
+    assert!(energy.excess_steps < 100, "{energy:?}");
 }
 
 /// Mass scaling to a step: the step is reached, the added mass is that of the element equation, and it is told.
