@@ -271,10 +271,12 @@ fn locally_damped<R: Real, T: Tuple<R>>(coefficient: f64, load: T, velocity: T) 
 /// let it overlap one.
 const BLOCK: usize = 32;
 
-/// Geometry of the pairs of one block that may touch.
+/// Geometry of a pair that may touch in some lane, or has a history in one.
 #[derive(Clone, Copy)]
 struct Near<K: Kinematics, R: Real> {
     index: usize,
+    /// Whether it may touch now.
+    is_near: bool,
     branch: K::Coordinates<R>,
     length: R,
     reciprocal: R,
@@ -286,12 +288,14 @@ pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
     data: &mut StepData<'_, K, C, R>,
     sums: &mut StepSums<R>,
 ) {
-    let mut near = [Near { index: 0, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() }; BLOCK];
+    let nowhere =
+        Near { index: 0, is_near: false, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() };
+    let mut near = [nowhere; BLOCK];
     let mut local = ContactSums::default();
     let mut start = 0;
     while start < data.pairs.len() {
         let stop = (start + BLOCK).min(data.pairs.len());
-        let count = find_near(data, start, stop, &mut near, &mut local.opening_loss);
+        let count = find_near(data, start, stop, &mut near);
         for pair in &near[..count] {
             load_pair(data, pair, &mut local);
         }
@@ -318,14 +322,14 @@ struct ContactSums<R: Real> {
     births: R,
 }
 
-/// Lists the pairs `start..stop` that touch in some lane and lets go of the others. Returns their number.
+/// Lists the pairs `start..stop` that may touch in some lane, and those that a lane has a history of: they are let go in
+/// key order with the others, so that sums over openings have one order. Returns their number.
 #[inline(always)]
 fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
-    data: &mut StepData<'_, K, C, R>,
+    data: &StepData<'_, K, C, R>,
     start: usize,
     stop: usize,
     near: &mut [Near<K, R>; BLOCK],
-    opening_loss: &mut R,
 ) -> usize {
     let mut count = 0;
     let listed = data.pairs[start..stop].iter().zip(&data.pair_constants[start..stop]);
@@ -334,16 +338,11 @@ fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
         let branch = end.position.minus(origin.position).plus(data.images[pair.image as usize]);
         let square = branch.dot(branch);
         let index = start + offset;
-        if square.less(R::splat(constants.near_square)).any() {
+        let is_near = square.less(R::splat(constants.near_square)).any();
+        if is_near || data.live[index] {
             let length = square.sqrt();
-            near[count] = Near { index, branch, length, reciprocal: R::splat(1.0) / length };
+            near[count] = Near { index, is_near, branch, length, reciprocal: R::splat(1.0) / length };
             count += 1;
-        } else if data.live[index] {
-            let contact = &mut data.contacts[index];
-            *opening_loss += loss_of(data.law, constants, contact);
-            *contact = Contact::none();
-            data.limit_counts[index] = R::default();
-            data.live[index] = false;
         }
     }
     count
@@ -374,7 +373,7 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     near: &Near<K, R>,
     sums: &mut ContactSums<R>,
 ) {
-    let Near { index, branch, length, reciprocal } = *near;
+    let Near { index, is_near, branch, length, reciprocal } = *near;
     let (pair, constants, contact) = (data.pairs[index], &data.pair_constants[index], &mut data.contacts[index]);
     let (origin, end) = (&data.grains[pair.origin as usize], &data.grains[pair.end as usize]);
     let direction = branch.scaled(reciprocal);
@@ -410,7 +409,7 @@ fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
     let tangential = response.tangential_force.where_or(touching, Tuple::zero());
     let normal = R::select(touching, response.normal_force, R::default());
     *contact = Contact { direction, tangential_force: tangential, memory: memory.where_or(touching, Tuple::zero()) };
-    data.live[index] = true;
+    data.live[index] = is_near;
     // Viscous forces act, but they are no part of a contact's history.
     let (mut acting, mut across) = (normal, tangential);
     if let Some(viscous) = response.viscous {
