@@ -30,7 +30,10 @@ impl Desk {
         }
         let worker = self.roster.idle(group).or_else(|| self.ahead_of_time(group, active))?;
         let most = self.settings.slice.get().min(waiting.div_ceil(active));
-        let indices = self.batch.queue.take(group, worker, most);
+        // No message holds more than one worker's share of all work that is left: the longest jobs go first, and a message
+        // full of them would keep all others waiting for its worker.
+        let left = self.batch.queue.expected(group) + self.roster.load(group);
+        let indices = self.batch.queue.take(group, worker, most, left / active as u128);
         Some(self.load(worker, &indices, now))
     }
 

@@ -48,13 +48,19 @@ impl Line {
         self.tickets.first_key_value().map_or(0, |(_, ticket)| ticket.expected)
     }
 
-    /// Takes up to `most` jobs of one definition, the longest first.
-    fn take(&mut self, most: usize) -> Vec<usize> {
+    /// Takes up to `most` jobs of one definition, the longest first, until they exceed `work` expected force evaluations.
+    fn take(&mut self, most: usize, work: u128) -> Vec<usize> {
         let Some((_, first)) = self.tickets.pop_first() else { return Vec::new() };
         let mut taken = vec![first];
         if most > 1 && !first.suspect {
             let alike = |ticket: &&Ticket| ticket.definition == first.definition && !ticket.suspect;
-            taken.extend(self.tickets.values().filter(alike).take(most - 1));
+            let mut sum = u128::from(first.expected);
+            let fits = |ticket: &&Ticket| {
+                let has_room = sum <= work;
+                sum += u128::from(ticket.expected);
+                has_room
+            };
+            taken.extend(self.tickets.values().filter(alike).take(most - 1).take_while(fits));
             for ticket in &taken[1..] {
                 self.tickets.remove(&ticket.rank());
             }
@@ -95,12 +101,13 @@ impl Queue {
         self.line_for(worker).and_then(|home| self.lines.get(&home)).map_or(0, Line::head)
     }
 
-    /// Takes up to `most` jobs of one definition for `worker`, the longest of a line first. Of the lines whose longest
+    /// Takes up to `most` jobs of one definition for `worker`, the longest of a line first, until they exceed `work` expected
+    /// force evaluations. Of the lines whose longest
     /// job is among the long ones of all: its own, else that of jobs at home nowhere, else that with most work left
     /// (lowest worker number among equals).
-    pub(super) fn take(&mut self, worker: WorkerId, most: usize) -> Vec<usize> {
+    pub(super) fn take(&mut self, worker: WorkerId, most: usize, work: u128) -> Vec<usize> {
         let Some(home) = self.line_for(worker) else { return Vec::new() };
-        self.edit(home, |line| line.take(most))
+        self.edit(home, |line| line.take(most, work))
     }
 
     /// Makes the jobs of a lost worker homeless.
@@ -185,8 +192,8 @@ impl Queues {
     }
 
     /// See [`Queue::take`].
-    pub(super) fn take(&mut self, group: usize, worker: WorkerId, most: usize) -> Vec<usize> {
-        self.groups.get_mut(&group).map_or_else(Vec::new, |queue| queue.take(worker, most))
+    pub(super) fn take(&mut self, group: usize, worker: WorkerId, most: usize, work: u128) -> Vec<usize> {
+        self.groups.get_mut(&group).map_or_else(Vec::new, |queue| queue.take(worker, most, work))
     }
 
     /// Makes the jobs of a lost worker homeless.
@@ -218,9 +225,21 @@ mod tests {
         for (job, expected) in [(2, 5), (0, 5), (1, 9)] {
             queue.add(None, ticket(job, expected));
         }
-        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1)).collect();
+        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1, u128::MAX)).collect();
         assert_eq!(order, [1, 0, 2]);
         assert_eq!(queue.len(), 0);
+    }
+
+    #[test]
+    fn message_ends_with_the_job_that_exceeds_its_work() {
+        let mut queue = Queue::default();
+        for (job, expected) in [(0, 100), (1, 30), (2, 30), (3, 30), (4, 0), (5, 0)] {
+            queue.add(None, ticket(job, expected));
+        }
+        assert_eq!(queue.take(FIRST, 8, 95), [0]);
+        assert_eq!(queue.take(SECOND, 8, 45), [1, 2]);
+        assert_eq!(queue.take(THIRD, 1, 45), [3]);
+        assert_eq!(queue.take(FIRST, 8, 0), [4, 5], "jobs of unknown length");
     }
 
     #[test]
@@ -231,7 +250,7 @@ mod tests {
         queue.add(Some(SECOND), ticket(2, 100));
         queue.add(Some(SECOND), ticket(3, 60));
         queue.add(Some(THIRD), ticket(4, 70));
-        let order: Vec<_> = (0..5).flat_map(|_| queue.take(FIRST, 1)).collect();
+        let order: Vec<_> = (0..5).flat_map(|_| queue.take(FIRST, 1, u128::MAX)).collect();
         assert_eq!(order, [0, 1, 2, 4, 3]);
     }
 
@@ -242,7 +261,7 @@ mod tests {
         queue.add(None, ticket(1, 30));
         queue.add(Some(SECOND), ticket(2, 100));
         assert_eq!((queue.next_expected(FIRST), queue.expected()), (100, 170));
-        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1)).collect();
+        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1, u128::MAX)).collect();
         assert_eq!(order, [2, 0, 1]);
         assert_eq!((queue.next_expected(FIRST), queue.expected()), (0, 0));
     }
@@ -254,10 +273,10 @@ mod tests {
         queue.add(None, Ticket { definition: 1, ..ticket(1, 8) });
         queue.add(None, Ticket { suspect: true, ..ticket(2, 7) });
         queue.add(None, ticket(3, 6));
-        assert_eq!(queue.take(FIRST, 8), [0, 3]);
-        assert_eq!(queue.take(FIRST, 8), [1]);
-        assert_eq!(queue.take(FIRST, 8), [2]);
-        assert!(queue.take(FIRST, 8).is_empty());
+        assert_eq!(queue.take(FIRST, 8, u128::MAX), [0, 3]);
+        assert_eq!(queue.take(FIRST, 8, u128::MAX), [1]);
+        assert_eq!(queue.take(FIRST, 8, u128::MAX), [2]);
+        assert!(queue.take(FIRST, 8, u128::MAX).is_empty());
     }
 
     #[test]
@@ -268,11 +287,11 @@ mod tests {
         queue.add(Some(SECOND), ticket(0, 1));
         queue.disown(SECOND);
         assert_eq!(queue.len(), 3);
-        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1)).collect();
+        let order: Vec<_> = (0..3).flat_map(|_| queue.take(FIRST, 1, u128::MAX)).collect();
         assert_eq!(order, [3, 1, 0]);
         queue.add(None, ticket(7, 1));
         queue.add(Some(THIRD), ticket(8, 1));
         assert_eq!(queue.retain(|job| job == 8), 1);
-        assert_eq!(queue.take(FIRST, 1), [8]);
+        assert_eq!(queue.take(FIRST, 1, u128::MAX), [8]);
     }
 }

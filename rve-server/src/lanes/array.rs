@@ -133,6 +133,11 @@ impl<const L: usize> Mask for LaneMask<L> {
         }
         all != 0
     }
+
+    #[inline(always)]
+    fn lane(self, lane: usize) -> bool {
+        self.0[lane] != 0
+    }
 }
 
 impl<const L: usize> Real for Lanes<L> {

@@ -3,9 +3,8 @@
 //! The step is written once. This file stamps it out per instruction set, inside functions that are allowed to use that
 //! set; the only `unsafe` of the engine is the call of such a function, guarded by the check that the processor has it.
 
-use super::kernel::{
-    Grain, GrainConstants, MoveSums, Steering, StepData, StepSums, kick_grain, load_pairs, sum_grain,
-};
+use super::contacts::load_pairs;
+use super::kernel::{Grain, GrainConstants, MoveSums, Steering, StepData, StepSums, kick_grain, sum_grain};
 use super::kinematics::Kinematics;
 use super::real::Real;
 use crate::law::ContactLaw;

@@ -1,14 +1,13 @@
-//! One explicit step of one cell, or of several cells side by side: kick, move, contact forces and all sums. Nearly all
-//! time is spent here.
+//! One explicit step of one cell, or of several cells side by side: what it reads and writes, and what it does with grains.
+//! What it does with contacts: `contacts`.
 //!
-//! Pairs are visited in key order and forces are added in that order, grains are summed in their order, accumulators
-//! start at +0.0 (so that the +0.0 of a pair that does not touch changes nothing). The bits of a lane therefore depend on its own
-//! contacts alone: not on the pairs that are listed beside them, not on the other lanes. Nothing allocates.
+//! Grains are summed in their order, accumulators start at +0.0. The bits of a lane depend on its own grains alone. Nothing
+//! allocates.
 
 use super::kinematics::Kinematics;
-use super::real::{Mask, Real};
+use super::real::Real;
 use super::tuple::Tuple;
-use crate::law::{ContactLaw, ContactMotion};
+use crate::law::ContactLaw;
 
 /// Squared motion per step, m2 or rad2, below which a grain is put to rest: products of numbers so small become
 /// subnormal, and those cost a hundred times more.
@@ -264,184 +263,6 @@ fn locally_damped<R: Real, T: Tuple<R>>(coefficient: f64, load: T, velocity: T) 
             force - loss
         },
     )
-}
-
-/// Pairs whose geometry is worked out before any of their forces. Two passes instead of one: each has a short chain of
-/// dependent operations, so the processor overlaps many pairs; the chain through square root, quotient and law would
-/// let it overlap one.
-const BLOCK: usize = 32;
-
-/// Geometry of a pair that may touch in some lane, or has a history in one.
-#[derive(Clone, Copy)]
-struct Near<K: Kinematics, R: Real> {
-    index: usize,
-    /// Whether it may touch now.
-    is_near: bool,
-    branch: K::Coordinates<R>,
-    length: R,
-    reciprocal: R,
-}
-
-/// Forces of all contacts, in key order.
-#[inline(always)]
-pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
-    data: &mut StepData<'_, K, C, R>,
-    sums: &mut StepSums<R>,
-) {
-    let nowhere =
-        Near { index: 0, is_near: false, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() };
-    let mut near = [nowhere; BLOCK];
-    let mut local = ContactSums::default();
-    let mut start = 0;
-    while start < data.pairs.len() {
-        let stop = (start + BLOCK).min(data.pairs.len());
-        let count = find_near(data, start, stop, &mut near);
-        for pair in &near[..count] {
-            load_pair(data, pair, &mut local);
-        }
-        start = stop;
-    }
-    sums.contacts = local.contacts;
-    sums.normal_force = local.normal_force;
-    sums.dissipation = local.dissipation;
-    sums.opening_loss = local.opening_loss;
-    sums.contact_force_square = local.contact_force_square;
-    sums.elastic_energy = local.elastic_energy;
-    sums.births = local.births;
-}
-
-/// Sums over contacts, see [`StepSums`].
-#[derive(Clone, Copy, Debug, Default)]
-struct ContactSums<R: Real> {
-    contacts: R,
-    normal_force: R,
-    dissipation: R,
-    opening_loss: R,
-    contact_force_square: R,
-    elastic_energy: R,
-    births: R,
-}
-
-/// Lists the pairs `start..stop` that may touch in some lane, and those that a lane has a history of: they are let go in
-/// key order with the others, so that sums over openings have one order. Returns their number.
-#[inline(always)]
-fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
-    data: &StepData<'_, K, C, R>,
-    start: usize,
-    stop: usize,
-    near: &mut [Near<K, R>; BLOCK],
-) -> usize {
-    let mut count = 0;
-    let listed = data.pairs[start..stop].iter().zip(&data.pair_constants[start..stop]);
-    for (offset, (pair, constants)) in listed.enumerate() {
-        let (origin, end) = (&data.grains[pair.origin as usize], &data.grains[pair.end as usize]);
-        let branch = end.position.minus(origin.position).plus(data.images[pair.image as usize]);
-        let square = branch.dot(branch);
-        let index = start + offset;
-        let is_near = square.less(R::splat(constants.near_square)).any();
-        if is_near || data.live[index] {
-            let length = square.sqrt();
-            near[count] = Near { index, is_near, branch, length, reciprocal: R::splat(1.0) / length };
-            count += 1;
-        }
-    }
-    count
-}
-
-/// What the history of a contact would lose if it opened now; zero in lanes that have none.
-#[inline(always)]
-fn loss_of<K: Kinematics, C: ContactLaw<K>, R: Real>(
-    law: &C,
-    constants: &PairConstants<K, C>,
-    contact: &Contact<K, C, R>,
-) -> R {
-    law.opening_loss(&spread::<K, C, R>(constants), contact.tangential_force, &contact.memory)
-}
-
-#[inline(always)]
-fn spread<K: Kinematics, C: ContactLaw<K>, R: Real>(constants: &PairConstants<K, C>) -> C::Constants<R> {
-    <C::Constants<R>>::build(
-        #[inline(always)]
-        |i| R::splat(constants.law.as_ref()[i]),
-    )
-}
-
-/// Force, history and loads of one pair.
-#[inline(always)]
-fn load_pair<K: Kinematics, C: ContactLaw<K>, R: Real>(
-    data: &mut StepData<'_, K, C, R>,
-    near: &Near<K, R>,
-    sums: &mut ContactSums<R>,
-) {
-    let Near { index, is_near, branch, length, reciprocal } = *near;
-    let (pair, constants, contact) = (data.pairs[index], &data.pair_constants[index], &mut data.contacts[index]);
-    let (origin, end) = (&data.grains[pair.origin as usize], &data.grains[pair.end as usize]);
-    let direction = branch.scaled(reciprocal);
-    let overlap = R::splat(constants.radii[0] + constants.radii[1]) - length;
-    let touching = R::default().less(overlap);
-    let half = R::splat(0.5) * overlap;
-    let arms = [R::splat(constants.radii[0]) - half, R::splat(constants.radii[1]) - half];
-    let law_constants = spread::<K, C, R>(constants);
-    let before = contact.direction;
-    let touched = R::splat(0.5).less(before.dot(before));
-    let opened = touched & !touching;
-    let born = touching & !touched;
-    // One look for both: it costs more than either sum, and neither happens often.
-    if (opened | born).any() {
-        sums.opening_loss += R::select(opened, loss_of(data.law, constants, contact), R::default());
-        data.limit_counts[index] = R::select(opened, R::default(), data.limit_counts[index]);
-        sums.births += R::select(born, R::splat(1.0), R::default());
-    }
-    let (slip, carrier) = K::slip_and_turning(before, direction, reciprocal, length, arms, [origin.spin, end.spin]);
-    let rolling = if C::ROLLS { K::across(origin.spin.minus(end.spin), direction) } else { Tuple::zero() };
-    let carried = K::carried(&carrier, contact.tangential_force);
-    let motion = ContactMotion::<K, R> { overlap, touched, carried, slip, rolling };
-    let mut memory = contact.memory;
-    data.law.carry(
-        &mut memory,
-        #[inline(always)]
-        |moment| K::carried(&carrier, moment),
-    );
-    let response = data.law.respond(&law_constants, &motion, &mut memory);
-
-    // From here on everything is zero in lanes that do not touch.
-    let direction = direction.where_or(touching, Tuple::zero());
-    let tangential = response.tangential_force.where_or(touching, Tuple::zero());
-    let normal = R::select(touching, response.normal_force, R::default());
-    *contact = Contact { direction, tangential_force: tangential, memory: memory.where_or(touching, Tuple::zero()) };
-    data.live[index] = is_near;
-    // Viscous forces act, but they are no part of a contact's history.
-    let (mut acting, mut across) = (normal, tangential);
-    if let Some(viscous) = response.viscous {
-        acting += R::select(touching, viscous.normal_force, R::default());
-        across = across.plus(viscous.tangential_force.where_or(touching, Tuple::zero()));
-    }
-    let force = direction.scaled_plus(acting, K::turn(across, direction));
-    let mut moments = [across.scaled(arms[0]), across.scaled(arms[1])];
-    if let Some(couple) = response.couple {
-        let couple = couple.where_or(touching, Tuple::zero());
-        moments = [moments[0].plus(couple), moments[1].minus(couple)];
-    }
-    let origin = &mut data.grains[pair.origin as usize];
-    origin.force = origin.force.plus(force);
-    origin.moment = origin.moment.plus(moments[0]);
-    let end = &mut data.grains[pair.end as usize];
-    end.force = end.force.minus(force);
-    end.moment = end.moment.plus(moments[1]);
-
-    sums.contacts += R::select(touching, R::splat(1.0), R::default());
-    sums.normal_force += normal.abs();
-    sums.dissipation += R::select(touching, response.dissipation, R::default());
-    if data.wanted.limit_counts {
-        data.limit_counts[index] += R::select(touching & response.at_limit, data.sampling, R::default());
-    }
-    if data.wanted.contact_force_square {
-        sums.contact_force_square += normal.mul_add(normal, tangential.dot(tangential));
-    }
-    if data.wanted.elastic_energy {
-        let energy = data.law.energy(&law_constants, overlap, K::length(tangential), &contact.memory);
-        sums.elastic_energy += R::select(touching, energy, R::default());
-    }
 }
 
 #[inline(always)]

@@ -7,10 +7,13 @@
 //! multiply-add), no reassociation, no approximate reciprocal, decisions by [`Real::select`] and never by a
 //! multiplication with zero.
 
+mod abreast;
 mod array;
 pub mod backend;
+mod contacts;
 mod kernel;
 mod kinematics;
+mod pair;
 mod real;
 #[cfg(test)]
 mod tests;

@@ -10,6 +10,9 @@ pub trait Mask: Copy + Debug + PartialEq + BitAnd<Output = Self> + BitOr<Output 
 
     /// Whether at least one lane says yes.
     fn any(self) -> bool;
+
+    /// Whether one lane says yes.
+    fn lane(self, lane: usize) -> bool;
 }
 
 /// One number, or several independent ones side by side.
@@ -92,6 +95,11 @@ impl Mask for bool {
 
     #[inline(always)]
     fn any(self) -> bool {
+        self
+    }
+
+    #[inline(always)]
+    fn lane(self, _: usize) -> bool {
         self
     }
 }

@@ -1,5 +1,6 @@
 //! One problem solved on grains, with workers in this process.
 
+use crate::scene::JOBS_A_MESSAGE;
 use anyhow::Context;
 use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
@@ -15,7 +16,7 @@ use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What one run has shown.
 #[derive(Debug)]
@@ -67,16 +68,25 @@ impl Finding {
     }
 }
 
-#[derive(Default)]
-struct Recorder(Vec<Step>);
+struct Recorder {
+    steps: Vec<Step>,
+    end: Instant,
+}
 
 impl Observer for Recorder {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         let mean = |axis: usize| fields.points.iter().map(|p| p.volume * p.stress.get(axis, axis)).sum::<f64>();
-        self.0.push(Step { report: *report, ratio: mean(1) / mean(0) });
+        self.steps.push(Step { report: *report, ratio: mean(1) / mean(0) });
+        if Instant::now() > self.end {
+            return Err(StopRequest { reason: "the time for one way is over".into() });
+        }
         Ok(())
     }
 }
+
+/// Longest wall time of one run: a way that fails at every second step must not keep the others waiting for ever. It is stopped after the
+/// next accepted step, and the table says how far it came.
+const LONGEST: Duration = Duration::from_secs(1500);
 
 /// Solves `problem` with the same grains behind every point.
 ///
@@ -91,12 +101,13 @@ pub(super) fn solve_on_grains(problem: &Problem, definition: &Definition, worker
         };
         let served: Vec<_> = (0..workers).map(served).collect();
         let points = vec![0; problem.point_count()];
-        let settings = PoolSettings::new("newton");
+        // As in a run: enough trials at a time for the lanes.
+        let settings = PoolSettings { slice: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
         let supply = Box::new(JoiningWorkers);
         let mut pool = Pool::new(port, supply, Interrupt::new(), settings, vec![definition.clone()], &points);
-        let mut recorder = Recorder::default();
         pool.gather(workers)?;
         let begin = Instant::now();
+        let mut recorder = Recorder { steps: Vec::new(), end: begin + LONGEST };
         let run = solve(problem, &mut pool, &mut recorder);
         let wall = begin.elapsed().as_secs_f64();
         let PoolStatistics { solved: computed, .. } = pool.statistics();
@@ -105,7 +116,7 @@ pub(super) fn solve_on_grains(problem: &Problem, definition: &Definition, worker
         for worker in served {
             worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
         }
-        Ok(Finding { steps: recorder.0, computed, increments: problem.stages[0].control.increments, wall, run })
+        Ok(Finding { steps: recorder.steps, computed, increments: problem.stages[0].control.increments, wall, run })
     })
 }
 
