@@ -92,8 +92,9 @@ impl Backend {
     }
 }
 
-/// Moves and evaluations for one instruction set. The bodies per grain stay functions of their own: inlined into the
-/// loop, the compiler turns to vectorising across grains, with gathers, and takes three times as long.
+/// Moves and evaluations for one instruction set. The bodies per grain of several cells stay functions of their own: inlined into
+/// the loop, the compiler turns to vectorising across grains, with gathers, and takes three times as long. For a single cell
+/// the call is what costs.
 macro_rules! step_functions {
     ($module:ident $(, $features:literal)?) => {
         mod $module {
@@ -128,7 +129,11 @@ macro_rules! step_functions {
             ) -> MoveSums<R> {
                 let mut sums = MoveSums::default();
                 for (grain, constants) in data.grains.iter_mut().zip(data.grain_constants) {
-                    kick(grain, constants, steering, data.wanted.old_power, &mut sums);
+                    if R::LANES == 1 {
+                        kick_grain(grain, constants, steering, data.wanted.old_power, &mut sums);
+                    } else {
+                        kick(grain, constants, steering, data.wanted.old_power, &mut sums);
+                    }
                 }
                 sums
             }
@@ -140,7 +145,11 @@ macro_rules! step_functions {
                 let mut sums = StepSums::default();
                 load_pairs(data, &mut sums);
                 for (grain, constants) in data.grains.iter().zip(data.grain_constants) {
-                    grain_sums(grain, constants, &mut sums);
+                    if R::LANES == 1 {
+                        sum_grain(grain, constants, &mut sums);
+                    } else {
+                        grain_sums(grain, constants, &mut sums);
+                    }
                 }
                 sums
             }
