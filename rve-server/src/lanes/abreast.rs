@@ -1,8 +1,8 @@
 //! Contact forces of one step of a single cell: the lanes hold several of its pairs in place of several cells.
 //!
-//! Pairs that may touch are collected in key order, worked on side by side, and what they give is added one by one in key
-//! order. A lane goes through the operations that its pair would have gone through alone, so the bits are those of cells side
-//! by side.
+//! Neighbours in the list share a group. Constants and histories of a group stay in its lanes from one step to the next; what
+//! a pair needs of its grains is collected, and what it does to them is handed out pair by pair in key order. A lane goes
+//! through the operations that its pair would have gone through alone, so the bits are those of cells side by side.
 
 use super::array::Lanes;
 use super::contacts::{add_loads, branch_of};
@@ -16,200 +16,244 @@ use crate::law::ContactLaw;
 /// Pairs side by side.
 const ABREAST: usize = 8;
 
-/// Groups of pairs collected before the first of them is worked on: numbers that have just been written one by one cannot be
+/// Groups that are collected before the first of them is worked on: numbers that have just been written one by one cannot be
 /// read as a whole for a while.
-const GROUPS: usize = 4;
+const AHEAD: usize = 4;
 
 type Packed = Lanes<ABREAST>;
 
-/// Pairs in lanes, and what has become of them.
-#[derive(Clone, Copy)]
-struct Group<K: Kinematics, C: ContactLaw<K>> {
-    branch: K::Coordinates<Packed>,
+/// Listed pairs of one cell in lanes, in key order: what they are, and their histories.
+#[derive(Clone, Copy, Debug)]
+pub struct PairGroup<K: Kinematics, C: ContactLaw<K>> {
+    /// Radii of origin and end grain, m; zero in lanes without a pair, which never touch.
     radii: [Packed; 2],
+    near_square: Packed,
     constants: C::Constants<Packed>,
     contact: Contact<K, C, Packed>,
+    limit_count: Packed,
+    /// Whether a pair has a history.
+    is_live: bool,
+}
+
+/// What a group needs of its grains and does to them in one step.
+#[derive(Clone, Copy)]
+struct Meeting<K: Kinematics> {
+    branch: K::Coordinates<Packed>,
     spins: [K::Axial<Packed>; 2],
-    /// Whether a contact has opened or begun in some lane.
-    has_changed: bool,
-    opened: <Packed as Real>::Mask,
-    opening_loss: Packed,
-    births: Packed,
     force: K::Coordinates<Packed>,
     moments: [K::Axial<Packed>; 2],
+    /// Tangential energy lost by contacts that opened, and 1 where one has begun, if anything of that kind has happened.
+    change: Option<[Packed; 2]>,
     touches: Packed,
     normal_force: Packed,
     dissipation: Packed,
-    at_limit: Packed,
     force_square: Packed,
     energy: Packed,
 }
 
-/// Forces of all contacts, in key order, of data with one lane.
+/// A group in one step.
+struct Abreast<'a, K: Kinematics, C: ContactLaw<K>> {
+    group: &'a mut PairGroup<K, C>,
+    meeting: &'a mut Meeting<K>,
+    /// What an evaluation at the friction limit counts.
+    sampling: Packed,
+}
+
+/// Puts the pairs of data with one lane into groups.
+pub fn pack<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    data: &StepData<'_, K, C, R>,
+    groups: &mut Vec<PairGroup<K, C>>,
+) {
+    debug_assert_eq!(R::LANES, 1, "the lanes are for pairs");
+    groups.clear();
+    groups.resize(data.pairs.len().div_ceil(ABREAST), PairGroup::empty());
+    for (index, constants) in data.pair_constants.iter().enumerate() {
+        let (group, lane) = (&mut groups[index / ABREAST], index % ABREAST);
+        put::<f64, _, _>(&mut group.radii, lane, &constants.radii);
+        group.near_square.set_lane(lane, constants.near_square);
+        put::<f64, _, _>(&mut group.constants, lane, &constants.law);
+        let contact = &data.contacts[index];
+        put(&mut group.contact.direction, lane, &contact.direction);
+        put(&mut group.contact.tangential_force, lane, &contact.tangential_force);
+        put(&mut group.contact.memory, lane, &contact.memory);
+        group.limit_count.set_lane(lane, data.limit_counts[index].lane(0));
+        group.is_live |= data.live[index];
+    }
+}
+
+/// Takes histories, whether there are any, and counts of the pairs out of their groups again.
+pub fn unpack<K: Kinematics, C: ContactLaw<K>, R: Real>(
+    groups: &[PairGroup<K, C>],
+    contacts: &mut [Contact<K, C, R>],
+    live: &mut [bool],
+    limit_counts: &mut [R],
+) {
+    let pairs = contacts.iter_mut().zip(live).zip(limit_counts);
+    for (index, ((contact, live), limit_count)) in pairs.enumerate() {
+        let (group, lane) = (&groups[index / ABREAST], index % ABREAST);
+        *contact = Contact {
+            direction: get(&group.contact.direction, lane),
+            tangential_force: get(&group.contact.tangential_force, lane),
+            memory: get(&group.contact.memory, lane),
+        };
+        *live = group.is_live;
+        *limit_count = R::splat(group.limit_count.lane(lane));
+    }
+}
+
+/// Forces of all contacts, in key order, of data with one lane whose pairs are in groups.
 #[inline(always)]
-pub(super) fn load_pairs_abreast<K: Kinematics, C: ContactLaw<K>, R: Real>(
+pub(super) fn load_groups<K: Kinematics, C: ContactLaw<K>, R: Real>(
     data: &mut StepData<'_, K, C, R>,
     sums: &mut StepSums<R>,
 ) {
-    debug_assert_eq!(R::LANES, 1, "the lanes are for pairs");
-    let mut groups = [Group::<K, C>::empty(); GROUPS];
-    let mut members = [(0, false); GROUPS * ABREAST];
+    debug_assert_eq!(data.groups.len(), data.pairs.len().div_ceil(ABREAST), "pairs have been packed");
+    let sampling = Packed::splat(data.sampling.lane(0));
+    let mut meetings = [Meeting::<K>::empty(); AHEAD];
     let mut local = StepSums::default();
-    let mut next = 0;
-    while next < data.pairs.len() {
-        let mut count = 0;
-        while next < data.pairs.len() && count < members.len() {
-            let branch = branch_of(data.grains, data.images, &data.pairs[next]);
-            let is_near = branch.dot(branch).less(R::splat(data.pair_constants[next].near_square)).any();
-            if is_near || data.live[next] {
-                members[count] = (next, is_near);
-                groups[count / ABREAST].put(data, next, branch, count % ABREAST);
-                count += 1;
+    for (groups, pairs) in data.groups.chunks_mut(AHEAD).zip(data.pairs.chunks(AHEAD * ABREAST)) {
+        for (meeting, pairs) in meetings.iter_mut().zip(pairs.chunks(ABREAST)) {
+            for (lane, pair) in pairs.iter().enumerate() {
+                put(&mut meeting.branch, lane, &branch_of(data.grains, data.images, pair));
+                put(&mut meeting.spins[0], lane, &data.grains[pair.origin as usize].spin);
+                put(&mut meeting.spins[1], lane, &data.grains[pair.end as usize].spin);
             }
-            next += 1;
         }
-        for (group, members) in groups.iter_mut().zip(members[..count].chunks(ABREAST)) {
-            let branch = group.branch;
-            let length = branch.dot(branch).sqrt();
-            group.has_changed = false;
-            press(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, group);
-            for (lane, (index, is_near)) in members.iter().enumerate() {
-                data.live[*index] = *is_near;
-                group.take(data, *index, lane, &mut local);
+        for ((group, meeting), pairs) in groups.iter_mut().zip(&mut meetings).zip(pairs.chunks(ABREAST)) {
+            let branch = meeting.branch;
+            let square = branch.dot(branch);
+            let is_near = square.less(group.near_square).any();
+            if !is_near && !group.is_live {
+                continue;
+            }
+            group.is_live = is_near;
+            let length = square.sqrt();
+            meeting.change = None;
+            let mut site = Abreast { group, meeting, sampling };
+            press(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, &mut site);
+            for (lane, pair) in pairs.iter().enumerate() {
+                let moments = [get(&meeting.moments[0], lane), get(&meeting.moments[1], lane)];
+                add_loads(data.grains, pair, get(&meeting.force, lane), moments);
+                meeting.add_to(&mut local, lane);
+            }
+            if data.wanted.contact_force_square {
+                for lane in 0..pairs.len() {
+                    local.contact_force_square += R::splat(meeting.force_square.lane(lane));
+                }
+            }
+            if data.wanted.elastic_energy {
+                for lane in 0..pairs.len() {
+                    local.elastic_energy += R::splat(meeting.energy.lane(lane));
+                }
             }
         }
     }
     *sums = local;
 }
 
-impl<K: Kinematics, C: ContactLaw<K>> Group<K, C> {
+impl<K: Kinematics, C: ContactLaw<K>> PairGroup<K, C> {
+    fn empty() -> Self {
+        let zero = Packed::default();
+        Self {
+            radii: [zero; 2],
+            near_square: zero,
+            constants: Tuple::zero(),
+            contact: Contact::none(),
+            limit_count: zero,
+            is_live: false,
+        }
+    }
+}
+
+impl<K: Kinematics> Meeting<K> {
     #[inline(always)]
     fn empty() -> Self {
         let (zero, one) = (Packed::default(), Packed::splat(1.0));
         Self {
             branch: Tuple::filled(one),
-            radii: [one; 2],
-            constants: Tuple::filled(one),
-            contact: Contact::none(),
             spins: [Tuple::zero(); 2],
-            has_changed: false,
-            opened: Mask::splat(false),
-            opening_loss: zero,
-            births: zero,
             force: Tuple::zero(),
             moments: [Tuple::zero(); 2],
+            change: None,
             touches: zero,
             normal_force: zero,
             dissipation: zero,
-            at_limit: zero,
             force_square: zero,
             energy: zero,
         }
     }
 
-    /// Puts a pair into a lane.
+    /// Adds what every evaluation sums up.
     #[inline(always)]
-    fn put<R: Real>(&mut self, data: &StepData<'_, K, C, R>, index: usize, branch: K::Coordinates<R>, lane: usize) {
-        let (pair, constants, contact) = (&data.pairs[index], &data.pair_constants[index], &data.contacts[index]);
-        put(&mut self.branch, lane, &branch);
-        put::<f64, _, _>(&mut self.radii, lane, &constants.radii);
-        put::<f64, _, _>(&mut self.constants, lane, &constants.law);
-        put(&mut self.contact.direction, lane, &contact.direction);
-        put(&mut self.contact.tangential_force, lane, &contact.tangential_force);
-        put(&mut self.contact.memory, lane, &contact.memory);
-        put(&mut self.spins[0], lane, &data.grains[pair.origin as usize].spin);
-        put(&mut self.spins[1], lane, &data.grains[pair.end as usize].spin);
-    }
-
-    /// Takes what has become of a pair out of a lane.
-    #[inline(always)]
-    fn take<R: Real>(&self, data: &mut StepData<'_, K, C, R>, index: usize, lane: usize, sums: &mut StepSums<R>) {
+    fn add_to<R: Real>(&self, sums: &mut StepSums<R>, lane: usize) {
         let of = |value: &Packed| R::splat(value.lane(lane));
-        if self.has_changed {
-            sums.opening_loss += of(&self.opening_loss);
-            sums.births += of(&self.births);
-            if self.opened.lane(lane) {
-                data.limit_counts[index] = R::default();
-            }
-        }
-        data.contacts[index] = Contact {
-            direction: get(&self.contact.direction, lane),
-            tangential_force: get(&self.contact.tangential_force, lane),
-            memory: get(&self.contact.memory, lane),
-        };
-        let pair = data.pairs[index];
-        let moments = [get(&self.moments[0], lane), get(&self.moments[1], lane)];
-        add_loads(data.grains, &pair, get(&self.force, lane), moments);
         sums.contacts += of(&self.touches);
         sums.normal_force += of(&self.normal_force);
         sums.dissipation += of(&self.dissipation);
-        if data.wanted.limit_counts {
-            data.limit_counts[index] += of(&self.at_limit) * data.sampling;
-        }
-        if data.wanted.contact_force_square {
-            sums.contact_force_square += of(&self.force_square);
-        }
-        if data.wanted.elastic_energy {
-            sums.elastic_energy += of(&self.energy);
+        if let Some([opening_loss, births]) = &self.change {
+            sums.opening_loss += of(opening_loss);
+            sums.births += of(births);
         }
     }
 }
 
-impl<K: Kinematics, C: ContactLaw<K>> PairSite<K, C, Packed> for Group<K, C> {
+impl<K: Kinematics, C: ContactLaw<K>> PairSite<K, C, Packed> for Abreast<'_, K, C> {
     #[inline(always)]
     fn radii(&self) -> [Packed; 2] {
-        self.radii
+        self.group.radii
     }
 
     #[inline(always)]
     fn constants(&self) -> C::Constants<Packed> {
-        self.constants
+        self.group.constants
     }
 
     #[inline(always)]
     fn contact(&self) -> &Contact<K, C, Packed> {
-        &self.contact
+        &self.group.contact
     }
 
     #[inline(always)]
     fn spins(&self) -> [K::Axial<Packed>; 2] {
-        self.spins
+        self.meeting.spins
     }
 
     #[inline(always)]
     fn change(&mut self, opened: <Packed as Real>::Mask, loss: Packed, births: Packed) {
-        self.has_changed = true;
-        (self.opened, self.opening_loss, self.births) = (opened, loss, births);
+        self.meeting.change = Some([loss, births]);
+        self.group.limit_count = Packed::select(opened, Packed::default(), self.group.limit_count);
     }
 
     #[inline(always)]
     fn keep(&mut self, contact: Contact<K, C, Packed>) {
-        self.contact = contact;
+        self.group.contact = contact;
     }
 
     #[inline(always)]
     fn load(&mut self, force: K::Coordinates<Packed>, moments: [K::Axial<Packed>; 2]) {
-        (self.force, self.moments) = (force, moments);
+        (self.meeting.force, self.meeting.moments) = (force, moments);
     }
 
     #[inline(always)]
     fn add(&mut self, touches: Packed, normal_force: Packed, dissipation: Packed) {
-        (self.touches, self.normal_force, self.dissipation) = (touches, normal_force, dissipation);
+        self.meeting.touches = touches;
+        self.meeting.normal_force = normal_force;
+        self.meeting.dissipation = dissipation;
     }
 
     #[inline(always)]
     fn add_at_limit(&mut self, at_limit: Packed) {
-        self.at_limit = at_limit;
+        self.group.limit_count += at_limit * self.sampling;
     }
 
     #[inline(always)]
     fn add_force_square(&mut self, square: Packed) {
-        self.force_square = square;
+        self.meeting.force_square = square;
     }
 
     #[inline(always)]
     fn add_energy(&mut self, energy: Packed) {
-        self.energy = energy;
+        self.meeting.energy = energy;
     }
 }
 

@@ -4,7 +4,7 @@
 //! that does not touch changes nothing). The bits of a lane therefore depend on its own contacts alone: not on the pairs that
 //! are listed beside them, not on the other lanes. Nothing allocates.
 
-use super::abreast::load_pairs_abreast;
+use super::abreast::load_groups;
 use super::kernel::{Contact, Grain, ListedPair, PairConstants, StepData, StepSums};
 use super::kinematics::Kinematics;
 use super::pair::{PairSite, press};
@@ -43,7 +43,7 @@ pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
     sums: &mut StepSums<R>,
 ) {
     if R::LANES == 1 {
-        return load_pairs_abreast(data, sums);
+        return load_groups(data, sums);
     }
     let nowhere =
         Near { index: 0, is_near: false, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() };

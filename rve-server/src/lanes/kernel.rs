@@ -4,6 +4,7 @@
 //! Grains are summed in their order, accumulators start at +0.0. The bits of a lane depend on its own grains alone. Nothing
 //! allocates.
 
+use super::abreast::PairGroup;
 use super::kinematics::Kinematics;
 use super::real::Real;
 use super::tuple::Tuple;
@@ -157,8 +158,10 @@ pub struct StepData<'a, K: Kinematics, C: ContactLaw<K>, R: Real> {
     pub pairs: &'a [ListedPair],
     /// What the pairs are.
     pub pair_constants: &'a [PairConstants<K, C>],
-    /// Histories of the pairs.
+    /// Histories of the pairs; an evaluation of a single cell has them in `groups`.
     pub contacts: &'a mut [Contact<K, C, R>],
+    /// The pairs of a single cell with their histories; empty for several cells.
+    pub groups: &'a mut [PairGroup<K, C>],
     /// Whether a pair has a history in some lane.
     pub live: &'a mut [bool],
     /// Evaluations at the friction limit per pair, weighted; begins anew when a contact opens.

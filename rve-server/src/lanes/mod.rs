@@ -19,6 +19,7 @@ mod real;
 mod tests;
 mod tuple;
 
+pub use abreast::{PairGroup, pack, unpack};
 pub use array::{LaneMask, Lanes};
 pub use kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, Steering, StepData, StepSums, Wanted,

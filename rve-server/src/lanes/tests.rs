@@ -59,21 +59,25 @@ fn opening_loss<R: Real>(forces: [f64; 3], backend: Backend) -> f64 {
         contacts[couple].direction = [R::splat(1.0), R::default()];
         contacts[couple].tangential_force = [R::splat(force)];
     }
-    let mut data = StepData {
+    let data = StepData {
         law: &LAW,
         grain_constants: &[GrainConstants::default(); 6],
         grains: &mut grains,
         pairs: &[0, 2, 4].map(|origin| ListedPair { origin, end: origin + 1, image: 0 }),
         pair_constants: &[PairConstants::new(&LAW, [1.0, 1.0]); 3],
         contacts: &mut contacts,
+        groups: &mut [],
         live: &mut [true; 3],
         limit_counts: &mut [R::default(); 3],
         sampling: R::default(),
         images: &[Tuple::zero()],
         wanted: Wanted::default(),
     };
-    let sums = backend.evaluate(&mut data);
-    assert_eq!(data.live, [R::LANES > 1, false, false]);
+    let mut groups = Vec::new();
+    if R::LANES == 1 {
+        pack(&data, &mut groups);
+    }
+    let sums = backend.evaluate(&mut StepData { groups: &mut groups, ..data });
     sums.opening_loss.lane(0)
 }
 

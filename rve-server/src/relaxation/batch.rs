@@ -9,8 +9,8 @@ use super::setting::Setting;
 use super::stiffness::TouchingPair;
 use crate::cell::Cell;
 use crate::lanes::{
-    Contact, Grain, GrainConstants, Kinematics, ListedPair, MoveSums, PairConstants, Real, Steering, StepData,
-    StepSums, Tuple, Wanted,
+    Contact, Grain, GrainConstants, Kinematics, ListedPair, MoveSums, PairConstants, PairGroup, Real, Steering,
+    StepData, StepSums, Tuple, Wanted, pack, unpack,
 };
 use crate::law::ContactLaw;
 use crate::pairs::{PairFinder, PairKey};
@@ -42,6 +42,8 @@ pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kinematics>, R: Real> {
     contacts: Vec<Contact<S::Kinematics, C, R>>,
     live: Vec<bool>,
     limit_counts: Vec<R>,
+    /// The pairs of a single cell as evaluations work on them; while it is filled, histories and counts are in it.
+    groups: Vec<PairGroup<S::Kinematics, C>>,
     shifts: Vec<S::Shift>,
     images: Vec<<S::Kinematics as Kinematics>::Coordinates<R>>,
     lanes: Vec<Option<Occupied<S>>>,
@@ -68,6 +70,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
             contacts: Vec::new(),
             live: Vec::new(),
             limit_counts: Vec::new(),
+            groups: Vec::new(),
             shifts: Vec::new(),
             images: Vec::new(),
             lanes: (0..R::LANES).map(|_| None).collect(),
@@ -89,6 +92,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
     /// Fills an empty lane.
     pub(crate) fn put(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &LaneContents<S, C>) {
         debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
+        self.unpack();
         for (grain, given) in self.grains.iter_mut().zip(&contents.grains) {
             grain.set_lane(lane, given);
         }
@@ -112,6 +116,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
 
     /// Empties a lane and returns what was in it.
     pub(crate) fn take(&mut self, lane: usize) -> LaneContents<S, C> {
+        self.unpack();
         let Occupied { cell, listing } = self.lanes[lane].take().expect("the lane is occupied");
         let grains = self.grains.iter().map(|grain| grain.lane(lane)).collect();
         let contacts = self
@@ -137,6 +142,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
 
     /// Forgets how often contacts of a lane have been at their limit.
     pub(crate) fn clear_limit_counts(&mut self, lane: usize) {
+        self.unpack();
         for count in &mut self.limit_counts {
             count.set_lane(lane, 0.0);
         }
@@ -177,11 +183,25 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
 
     /// Evaluates all contacts. `sampling` is what an evaluation at the friction limit counts in each lane.
     pub(crate) fn evaluate(&mut self, setting: &Setting<'_, C>, wanted: Wanted, sampling: R) -> StepSums<R> {
+        if R::LANES == 1 && self.groups.is_empty() {
+            let mut groups = std::mem::take(&mut self.groups);
+            pack(&self.data(setting, wanted, sampling), &mut groups);
+            self.groups = groups;
+        }
         setting.backend.evaluate(&mut self.data(setting, wanted, sampling))
     }
 
-    /// Directions and pairs of the contacts of a lane.
+    /// Takes histories and counts of a single cell back from the groups that evaluations work on.
+    pub(crate) fn unpack(&mut self) {
+        if !self.groups.is_empty() {
+            unpack(&self.groups, &mut self.contacts, &mut self.live, &mut self.limit_counts);
+            self.groups.clear();
+        }
+    }
+
+    /// Directions and pairs of the contacts of a lane; histories have to be unpacked.
     pub(crate) fn touching(&self, lane: usize) -> impl Iterator<Item = TouchingPair<'_, S, C>> {
+        debug_assert!(self.groups.is_empty(), "histories have been unpacked");
         self.keys.iter().zip(&self.pair_constants).zip(self.pairs.iter().zip(&self.contacts)).filter_map(
             move |((key, constants), (pair, contact))| {
                 let contact = contact.lane(lane);
@@ -210,6 +230,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
             pairs: &self.pairs,
             pair_constants: &self.pair_constants,
             contacts: &mut self.contacts,
+            groups: &mut self.groups,
             live: &mut self.live,
             limit_counts: &mut self.limit_counts,
             sampling,
@@ -248,6 +269,7 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
 
     /// Replaces the common list; histories move along.
     fn relist(&mut self, setting: &Setting<'_, C>, keys: Vec<PairKey<S>>) {
+        self.unpack();
         self.shifts.clear();
         self.shifts.extend(keys.iter().map(|key| key.shift));
         self.shifts.sort_unstable();

@@ -126,7 +126,7 @@ impl<S: Space> Run<S> {
     pub(crate) fn next_move<C: ContactLaw<S::Kinematics>, R: Real>(
         &mut self,
         setting: &Setting<'_, C>,
-        batch: &Batch<S, C, R>,
+        batch: &mut Batch<S, C, R>,
         lane: usize,
     ) -> Move<S> {
         let still = Move {
@@ -251,9 +251,10 @@ impl<S: Space> Run<S> {
     fn raise_mass<C: ContactLaw<S::Kinematics>, R: Real>(
         &mut self,
         setting: &Setting<'_, C>,
-        batch: &Batch<S, C, R>,
+        batch: &mut Batch<S, C, R>,
         lane: usize,
     ) {
+        batch.unpack();
         let stiffness = largest_own_stiffness(
             setting.law,
             setting.inertia_factor(),

@@ -4,7 +4,8 @@ use super::stiffness::largest_own_stiffness;
 use crate::cell::Cell;
 use crate::lanes::backend::Backend;
 use crate::lanes::{
-    Contact, Grain, GrainConstants, ListedPair, PairConstants, Steering, StepData, StepSums, Tuple, Wanted,
+    Contact, Grain, GrainConstants, ListedPair, PairConstants, PairGroup, Steering, StepData, StepSums, Tuple,
+    Wanted, pack, unpack,
 };
 use crate::law::ContactLaw;
 use crate::pairs::{PairFinder, PairKey};
@@ -23,6 +24,7 @@ pub(super) struct Sample<S: Space, L: ContactLaw<S::Kinematics>> {
     pub(super) contacts: Vec<Contact<S::Kinematics, L, f64>>,
     live: Vec<bool>,
     limit_counts: Vec<f64>,
+    groups: Vec<PairGroup<S::Kinematics, L>>,
     images: Vec<S::Vector>,
 }
 
@@ -64,6 +66,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> Sample<S, L> {
             contacts: vec![Contact::none(); keys.len()],
             live: vec![false; keys.len()],
             limit_counts: vec![0.0; keys.len()],
+            groups: Vec::new(),
             keys,
         };
         sample.evaluate();
@@ -78,6 +81,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> Sample<S, L> {
             pairs: &self.pairs,
             pair_constants: &self.pair_constants,
             contacts: &mut self.contacts,
+            groups: &mut self.groups,
             live: &mut self.live,
             limit_counts: &mut self.limit_counts,
             sampling: 0.0,
@@ -92,7 +96,16 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> Sample<S, L> {
             grain.force = Grain::<S::Kinematics, f64>::empty().force;
             grain.moment = Tuple::zero();
         }
-        Backend::best().evaluate(&mut self.data())
+        self.load_contacts()
+    }
+
+    fn load_contacts(&mut self) -> StepSums<f64> {
+        let mut groups = std::mem::take(&mut self.groups);
+        pack(&self.data(), &mut groups);
+        self.groups = groups;
+        let sums = Backend::best().evaluate(&mut self.data());
+        unpack(&self.groups, &mut self.contacts, &mut self.live, &mut self.limit_counts);
+        sums
     }
 
     /// How much a small random motion has grown after 120 undamped steps.
@@ -110,7 +123,7 @@ impl<S: Space, L: ContactLaw<S::Kinematics>> Sample<S, L> {
         let steering = Steering { affine: [still; 3], keep: 1.0, push: step * step, local: 0.0 };
         for _ in 0..120 {
             Backend::best().advance(&mut self.data(), &steering);
-            Backend::best().evaluate(&mut self.data());
+            self.load_contacts();
         }
         let fastest = self.grains.iter().fold(0.0, |fastest: f64, grain| {
             let spins = grain.spin.as_ref().iter();
