@@ -29,14 +29,17 @@ const PERTURBATION: f64 = 1e-10;
 /// Strain rates of the other programs, from the fastest; the slowest is their own reference.
 const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
 
-/// Draws error over cost for all cases.
+/// Draws error over cost for all cases, or for those that `--only` names.
 ///
 /// # Errors
 /// A solve fails, a peer fails, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let scratch = tempfile::tempdir().context("making a scratch folder")?;
+    let names: Vec<&str> = CASES.iter().map(|case| case.name).collect();
     for case in effort.choose(CASES, &CASES[..1]) {
-        study(case, effort, scratch.path(), report)?;
+        if effort.includes(case.name, &names) {
+            study(case, effort, scratch.path(), report)?;
+        }
     }
     Ok(())
 }
