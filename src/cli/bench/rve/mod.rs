@@ -173,7 +173,8 @@ fn judged(
         .iter()
         .map(|(rate, run)| row(peer.name().to_owned(), *rate, run, errors(case, &run.curve, &own.curve, pressure)))
         .collect();
-    let apart = errors(case, &own.curve, reference, pressure);
+    // At our rows, which are far apart: between them our curve is not straight.
+    let apart = errors(case, reference, &own.curve, pressure);
     rows.push(row(format!("{}, slowest, against our reference", peer.name()), *slowest, own, apart));
     rows
 }

@@ -105,6 +105,15 @@ mod tests {
         assert_eq!(interpolated(&coarse, 1.5), None);
     }
 
+    /// Curves are compared at the rows of the first: a coarse curve against a fine one, not the other way round.
+    #[test]
+    fn a_coarse_curve_of_the_same_bent_function_has_no_error_against_a_fine_one() {
+        let fine = curve(|strain| strain.sqrt());
+        let coarse: Vec<CurveRow> = fine.iter().step_by(5).cloned().collect();
+        assert_eq!(error(&coarse, &fine, &ALL, 1.0), 0.0);
+        assert!(error(&fine, &coarse, &ALL, 1.0) > 0.05);
+    }
+
     #[test]
     fn the_band_of_an_ensemble_is_its_spread_about_the_mean() {
         let ensemble = [curve(|_| 1.0), curve(|_| 3.0)];
