@@ -1,9 +1,9 @@
 //! Cost of one DEM step when cells are solved one by one and side by side in lanes, for a packing file in 2D or 3D.
 //!
 //! `cargo run --release -p grainspan-rve-server --example lane_cost -- PACKING.json [CELLS] [hertz]` stretches CELLS copies
-//! (default 32) of the cell by up to 1e-3 at default accuracy, each in its own way, and prints the instruction set, microseconds of processor time per step
-//! and cell, and particle-steps per second. Both ways give the same bits; the program checks it. Linear contacts
-//! have k_n = 2e8 R1 R2 / (R1 + R2), Hertz contacts the constants of glass.
+//! (default 32) of the cell by up to 1e-3 at default accuracy, each in its own way, and prints the instruction set, microseconds
+//! of processor time per step and cell, and particle-steps per second. Both ways give the same bits; the program checks it.
+//! Linear contacts have k_n = 2e8 R1 R2 / (R1 + R2), Hertz contacts the constants of glass.
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 

@@ -1,6 +1,7 @@
-//! Cost in processor time of every tangent operator against that of one default increment of 1e-3, and the force
-//! evaluations of its probes (least and median of five rounds):
-//! `cargo run --release -p grainspan-rve-server --example operator_cost -- PACKING [strain before] [repeats]`.
+//! Cost in processor time of tangent operators against that of one default increment of 1e-3, and the force evaluations of
+//! their probes (least and median of five rounds):
+//! `cargo run --release -p grainspan-rve-server --example operator_cost -- PACKING [strain before] [repeats] [operators]`;
+//! all operators if none is named. Discs have linear contacts, spheres Hertz-Mindlin contacts of glass.
 
 #[path = "support/processor_time.rs"]
 mod processor_time;
@@ -21,15 +22,33 @@ fn main() {
     let path = arguments.get(1).map_or("packings/discs-400.json", String::as_str);
     let strain: f64 = arguments.get(2).map_or(2e-3, |text| text.parse().expect("a strain"));
     let repeats: usize = arguments.get(3).map_or(30, |text| text.parse().expect("a count"));
+    let named: Vec<TangentKind> = arguments
+        .iter()
+        .skip(4)
+        .map(|name| {
+            TangentKind::ALL.into_iter().find(|kind| kind.keyword() == name).expect("the keyword of an operator")
+        })
+        .collect();
+    let all = TangentKind::ALL.into_iter().filter(|kind| *kind != TangentKind::None);
+    let kinds = if named.is_empty() { all.collect() } else { named };
+    let linear = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
+    let glass = "law = \"hertz_mindlin\"\nshear_modulus = 29e9\npoisson_ratio = 0.2\nfriction = 0.5";
     match Packing::read(Path::new(path)).expect("a packing") {
-        Packing::Discs(packing) => measure(packing, strain, repeats),
-        Packing::Spheres(packing) => measure(packing, strain, repeats),
+        Packing::Discs(packing) => measure(packing, linear, strain, repeats, &kinds),
+        Packing::Spheres(packing) => {
+            measure(packing, toml::from_str(glass).expect("a sound table"), strain, repeats, &kinds);
+        }
     }
 }
 
 #[expect(clippy::print_stdout, reason = "a program for people")]
-fn measure<S: Space>(packing: PackingFile<S>, strain: f64, repeats: usize) {
-    let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
+fn measure<S: Space>(
+    packing: PackingFile<S>,
+    contact: ContactTable,
+    strain: f64,
+    repeats: usize,
+    kinds: &[TangentKind],
+) {
     let mut cell =
         GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() }).expect("a cell");
     let target = |size: f64| Tensor2::from_plane([[0.0, 0.0], [0.0, -size]]);
@@ -54,7 +73,6 @@ fn measure<S: Space>(packing: PackingFile<S>, strain: f64, repeats: usize) {
     );
     // Rounds of all kinds in turn, so that a busy moment of the machine meets them all. The clock ticks in milliseconds:
     // each round of a cheap operator is many evaluations.
-    let kinds: Vec<TangentKind> = TangentKind::ALL.into_iter().filter(|kind| *kind != TangentKind::None).collect();
     let mut times = vec![Vec::new(); kinds.len()];
     let mut outcomes = vec![None; kinds.len()];
     for round in 0..ROUNDS {
