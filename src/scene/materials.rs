@@ -226,13 +226,7 @@ fn drawn(seed: u64, number: u64, count: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-
-    fn scene(more: &[&str]) -> Result<Scene, String> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
-        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
-        Scene::load(&path, &overrides).map_err(|error| error.to_string())
-    }
+    use crate::scene::{Scene, weak_element as scene};
 
     #[test]
     fn lots_are_drawn_evenly_and_by_seed() {

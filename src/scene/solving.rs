@@ -149,17 +149,10 @@ pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &Sol
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::Scene;
+    use crate::scene::weak_element as scene;
     use macro_solver::problem::Strategy;
     use protocol::TangentKind;
     use rve_server::definition::OperatorOptions;
-    use std::path::Path;
-
-    fn scene(more: &[&str]) -> Result<Scene, String> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
-        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
-        Scene::load(&path, &overrides).map_err(|error| error.to_string())
-    }
 
     fn strategy(more: &[&str]) -> Strategy {
         scene(more).unwrap().problem.stages[0].strategy.clone()

@@ -152,14 +152,10 @@ fn seconds(document: &Document, given: &Option<Spanned<f64>>) -> Result<Option<D
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-    use std::path::Path;
 
     /// The settings of a pool after the keys of a scene.
     fn settings(more: &[&str]) -> Result<PoolSettings, String> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
-        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
-        let scene = Scene::load(&path, &overrides).map_err(|error| error.to_string())?;
+        let scene = crate::scene::weak_element(more)?;
         let mut settings = PoolSettings::new("test");
         scene.pool.apply(&mut settings);
         Ok(settings)

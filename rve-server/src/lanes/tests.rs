@@ -3,7 +3,7 @@
 use super::backend::Backend;
 use super::*;
 use crate::definition::NormalStiffness;
-use crate::law::{LinearSprings, PlainLinear, RollingSpring, Unloading};
+use crate::law::{LinearSprings, PlainLinear};
 use crate::space::Discs;
 use proptest::prelude::*;
 
@@ -34,14 +34,8 @@ proptest! {
     }
 }
 
-const LAW: PlainLinear = PlainLinear {
-    springs: LinearSprings { normal: NormalStiffness::Constant(1.0), stiffness_ratio: 0.25 },
-    friction: 0.5,
-    cohesion: 0.0,
-    unloading: Unloading::Rescaled,
-    rolling: RollingSpring { stiffness: 0.0, friction: 0.0 },
-    viscosity: 0.0,
-};
+const LAW: PlainLinear =
+    PlainLinear::plain(LinearSprings { normal: NormalStiffness::Constant(1.0), stiffness_ratio: 0.25 }, 0.5);
 
 /// What three couples of unit discs lose that carried these tangential forces and have moved apart; in a second lane the
 /// first couple still touches.

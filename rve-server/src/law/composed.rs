@@ -51,6 +51,18 @@ const COMPLIANCE: usize = 6;
 impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
     const IS_EXTENDED: bool = MEMORY == 4;
 
+    /// Springs and Coulomb friction: no cohesion, no rolling resistance, no viscosity, and no motion that gains energy.
+    pub const fn plain(springs: N, friction: f64) -> Self {
+        Self {
+            springs,
+            friction,
+            cohesion: 0.0,
+            unloading: Unloading::Rescaled,
+            rolling: RollingSpring { stiffness: 0.0, friction: 0.0 },
+            viscosity: 0.0,
+        }
+    }
+
     /// Overlap of the last evaluation.
     #[inline(always)]
     fn old_overlap<R: Real>(memory: &[R; MEMORY]) -> R {

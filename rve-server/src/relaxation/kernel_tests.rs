@@ -4,7 +4,7 @@ use super::sample::Sample;
 use crate::cell::Cell;
 use crate::definition::NormalStiffness;
 use crate::lanes::StepSums;
-use crate::law::{LinearSprings, PlainLinear, RollingSpring, Unloading};
+use crate::law::{LinearSprings, PlainLinear};
 use crate::plane;
 use crate::space::{Components, Discs, Space, Spheres, scaled};
 use proptest::prelude::*;
@@ -12,14 +12,10 @@ use proptest::prelude::*;
 const STIFFNESS: f64 = 3.0e4;
 const RATIO: f64 = 0.6;
 const FRICTION: f64 = 0.4;
-const LAW: PlainLinear = PlainLinear {
-    springs: LinearSprings { normal: NormalStiffness::Constant(STIFFNESS), stiffness_ratio: RATIO },
-    friction: FRICTION,
-    cohesion: 0.0,
-    unloading: Unloading::Rescaled,
-    rolling: RollingSpring { stiffness: 0.0, friction: 0.0 },
-    viscosity: 0.0,
-};
+const LAW: PlainLinear = PlainLinear::plain(
+    LinearSprings { normal: NormalStiffness::Constant(STIFFNESS), stiffness_ratio: RATIO },
+    FRICTION,
+);
 
 /// Two grains and the contact between them.
 #[derive(Clone)]

@@ -11,14 +11,8 @@ use std::path::Path;
 
 type Solver = Relaxation<Discs, PlainLinear>;
 
-const LAW: PlainLinear = PlainLinear {
-    springs: LinearSprings { normal: NormalStiffness::Modulus(1e8), stiffness_ratio: 0.5 },
-    friction: 0.5,
-    cohesion: 0.0,
-    unloading: Unloading::Rescaled,
-    rolling: RollingSpring { stiffness: 0.0, friction: 0.0 },
-    viscosity: 0.0,
-};
+const LAW: PlainLinear =
+    PlainLinear::plain(LinearSprings { normal: NormalStiffness::Modulus(1e8), stiffness_ratio: 0.5 }, 0.5);
 
 fn hundred_discs(options: RveOptions) -> (GrainModel, GrainState) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");

@@ -43,14 +43,8 @@ fn restitution<C: ContactLaw<Spheres>>(law: C, damping_ratio: f64, speed: f64, s
 #[test]
 fn linear_dashpot_without_tension_has_its_restitution() {
     let stiffness: f64 = 1e6;
-    let law = PlainLinear {
-        springs: LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.8 },
-        friction: 0.0,
-        cohesion: 0.0,
-        unloading: Unloading::Rescaled,
-        rolling: RollingSpring::default(),
-        viscosity: 0.0,
-    };
+    let law =
+        PlainLinear::plain(LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.8 }, 0.0);
     // Half a period of the undamped contact in 20 000 steps: the dashpot sees the velocity of half a step ago.
     let step = std::f64::consts::PI * (MASS / stiffness).sqrt() / 20_000.0;
     for (ratio, expected) in [(0.05, 0.85876), (0.2, 0.57174), (0.5, 0.29844), (0.8, 0.17978), (1.5, 0.07559)] {

@@ -5,7 +5,7 @@ use super::SpecimenSpace;
 use super::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 use crate::definition::NormalStiffness;
 use crate::lanes::Tuple;
-use crate::law::{LinearSprings, PlainLinear, RollingSpring, Unloading};
+use crate::law::{LinearSprings, PlainLinear};
 use crate::space::{Discs, Spheres};
 
 pub(super) const RADIUS: f64 = 0.01;
@@ -18,14 +18,7 @@ pub(super) fn law(friction: f64) -> PlainLinear {
 }
 
 pub(super) fn spring_law(stiffness: f64, friction: f64) -> PlainLinear {
-    PlainLinear {
-        springs: LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.8 },
-        friction,
-        cohesion: 0.0,
-        unloading: Unloading::Rescaled,
-        rolling: RollingSpring::default(),
-        viscosity: 0.0,
-    }
+    PlainLinear::plain(LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.8 }, friction)
 }
 
 pub(super) fn still() -> Motion {

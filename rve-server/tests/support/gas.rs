@@ -1,7 +1,7 @@
 //! A gas of smooth elastic discs in a closed box.
 
 use rve_server::definition::NormalStiffness;
-use rve_server::law::{LinearSprings, PlainLinear, RollingSpring, Unloading};
+use rve_server::law::{LinearSprings, PlainLinear};
 use rve_server::space::Discs;
 use rve_server::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 
@@ -19,14 +19,8 @@ const PHASE: f64 = 0.01;
 
 /// 36 discs of mass and radius 1 that start on a grid with speeds of 1 or so, between four walls.
 pub(crate) fn gas() -> Dynamics<Discs, PlainLinear> {
-    let law = PlainLinear {
-        springs: LinearSprings { normal: NormalStiffness::Constant(STIFFNESS), stiffness_ratio: 0.0 },
-        friction: 0.0,
-        cohesion: 0.0,
-        unloading: Unloading::Rescaled,
-        rolling: RollingSpring::default(),
-        viscosity: 0.0,
-    };
+    let law =
+        PlainLinear::plain(LinearSprings { normal: NormalStiffness::Constant(STIFFNESS), stiffness_ratio: 0.0 }, 0.0);
     let pitch = ROOM / SIDE as f64;
     let grains: Vec<Grain<Discs>> = (0..SIDE * SIDE)
         .map(|number| {

@@ -138,14 +138,11 @@ fn viscous_linear_contact_restores_what_its_damping_leaves() {
         let stiffness = 100.0;
         let frequency = (2.0 * stiffness * bodies[0].inverse_mass).sqrt();
         let step = 1e-4 / frequency;
+        let springs = LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.5 };
         let law = ExtendedLinear {
-            springs: LinearSprings { normal: NormalStiffness::Constant(stiffness), stiffness_ratio: 0.5 },
-            friction: 0.0,
-            cohesion: 0.0,
-            unloading: Unloading::Rescaled,
-            rolling: RollingSpring::default(),
             // Force = stiffness x viscosity x motion per step, so the dashpot is stiffness x viscosity x step.
             viscosity: 2.0 * damping / (frequency * step),
+            ..ExtendedLinear::plain(springs, 0.0)
         };
         let mut pair = TwoBody::<Spheres, _>::new(law, bodies);
         collide(&mut pair, step);

@@ -121,6 +121,7 @@ fn summary(all: &[(&Way, &Finding)], points: f64) -> Table {
         "reached_%",
         "peak_ratio",
         "wall_s",
+        "end",
     ]);
     for (way, finding) in all {
         let peak = finding.peak();
@@ -146,6 +147,7 @@ fn summary(all: &[(&Way, &Finding)], points: f64) -> Table {
             (100.0 * finding.run.load).into(),
             finding.steps.iter().map(|step| step.ratio).fold(f64::NAN, f64::max).into(),
             finding.wall.into(),
+            finding.end().into(),
         ]);
     }
     table

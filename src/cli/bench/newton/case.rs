@@ -61,6 +61,16 @@ impl Finding {
         if is_there { sum as f64 } else { f64::NAN }
     }
 
+    /// How the run ended, in a word or two.
+    pub(super) fn end(&self) -> &'static str {
+        match self.run.outcome {
+            Outcome::Completed => "completed",
+            Outcome::DidNotConverge { .. } => "did not converge",
+            Outcome::Stopped(_) => "time is over",
+            _ => "broke off",
+        }
+    }
+
     /// Number of the step with the largest stress ratio.
     pub(super) fn peak(&self) -> usize {
         let largest = self.steps.iter().max_by(|one, other| one.ratio.total_cmp(&other.ratio));
@@ -84,8 +94,8 @@ impl Observer for Recorder {
     }
 }
 
-/// Longest wall time of one run: a way that fails at every second step must not keep the others waiting for ever. It is stopped after the
-/// next accepted step, and the table says how far it came.
+/// Longest wall time of one run: a way that fails at every second step must not keep the others waiting for ever. It is
+/// stopped after the next accepted step, and the table says so.
 const LONGEST: Duration = Duration::from_secs(1500);
 
 /// Solves `problem` with the same grains behind every point.
