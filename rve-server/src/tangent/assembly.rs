@@ -125,6 +125,45 @@ impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
         rate
     }
 
+    /// Corrects the stress rate of answers that leave `residual` of the loads; `radii` are those of the grains.
+    ///
+    /// Without prestress the balance equations are symmetric and the stress of a motion is minus the work of its loads, so that
+    /// the answers themselves weigh what is left: an error of theirs then enters the symmetric part with its square. The
+    /// moments that are left are the whole error of the other part. Prestress leaves its ratio to the stiffness of both.
+    pub(super) fn correct(
+        rate: &mut [[f64; B]; PAIRS],
+        answers: &[Columns<B, P>],
+        residual: &[Columns<B, P>],
+        radii: &[f64],
+    ) {
+        let mut works = [[0.0; B]; B];
+        for (answer, left) in answers.iter().flatten().zip(residual.iter().flatten()) {
+            for (works, weight) in works.iter_mut().zip(answer) {
+                for (work, left) in works.iter_mut().zip(left) {
+                    *work += weight * left;
+                }
+            }
+        }
+        for (strain, works) in works.iter().enumerate() {
+            let [i, j] = pair::<D>(strain);
+            for strain in 0..B {
+                rate[D * i + j][strain] -= works[strain];
+                if i != j {
+                    rate[D * j + i][strain] -= works[strain];
+                }
+            }
+        }
+        for spin in 0..B - D {
+            let [i, j] = if D == 2 { [0, 1] } else { [(spin + 1) % 3, (spin + 2) % 3] };
+            for strain in 0..B {
+                let moment: f64 =
+                    residual.iter().zip(radii).map(|(left, radius)| radius * left[D + spin][strain]).sum();
+                rate[D * i + j][strain] += 0.5 * moment;
+                rate[D * j + i][strain] -= 0.5 * moment;
+            }
+        }
+    }
+
     /// `sigma E - tr(E) sigma`, times the volume, for the unit strain `E` of the pair `kl`.
     fn area_and_volume(&self, [i, j]: [usize; 2], [k, l]: [usize; 2]) -> f64 {
         let half = |m: usize, n: usize| if n == j { 0.5 * self.force_branch[i][m] } else { 0.0 };

@@ -6,20 +6,24 @@
 //! upon all grains. Operators that need the grain solver itself are in `probing`. What an operator cannot do honestly is
 //! reported in [`TangentOutcome`].
 
+mod aggregates;
 mod assembly;
 mod backbone;
+mod bicgstab;
 mod block_matrix;
 mod calibration;
+mod conjugate_gradients;
 mod elimination;
 mod factors;
-mod iterative;
 mod link;
 mod network_operator;
 mod network_solver;
 mod orderings;
 mod response;
+mod single;
 mod sliding;
 mod strain;
+mod two_level;
 mod uniform_strain;
 mod vectorised;
 

@@ -1,29 +1,38 @@
-//! Iterative solution of the balance equations of large cells of spheres, where the factors of a direct one fill up.
+//! Iterative solution of the balance equations of large cells of spheres, where the factors of a direct one fill up, when
+//! sliding contacts spoil the symmetry.
 //!
-//! BiCGStab with the inverse diagonal blocks as preconditioner, all right-hand sides side by side in the lanes of a
-//! vector, each with its own scalars. It copes with the asymmetry of slip and with mechanisms that carry no load.
+//! BiCGStab in double precision with the two-level inverse as preconditioner, all right-hand sides side by side in the
+//! lanes of a vector, each with its own scalars.
 
-use super::block_matrix::{Block, BlockMatrix, Columns, subtract_applied};
+use super::block_matrix::{Block, BlockMatrix, Columns};
+use super::single::{SingleColumns, gather};
+use super::two_level::{Groups, TwoLevel};
 use super::vectorised::{Vectorised, dispatch};
 
 /// Norm of the residual over that of the load at which a column counts as solved. The operator is then right to about
 /// this figure.
-pub(super) const TOLERANCE: f64 = 1e-6;
+const TOLERANCE: f64 = 1e-6;
 
-/// Iterations after which a network counts as singular.
-const MOST_ITERATIONS: u32 = 1500;
+/// Iterations after which a network counts as singular: those that are not need some twenty. Beyond, the material next to
+/// flows, and the answer would cost many increments and say little.
+const MOST_ITERATIONS: u32 = 400;
 
-/// Solves for all columns of `loads`; `None` if that takes too many iterations or breaks down.
+/// Solves for all columns of `loads`; `None` if that takes too many iterations or breaks down. `typical` is the stiffness of
+/// a contact, N/m.
 pub(super) fn solve<const B: usize, const P: usize>(
     matrix: &BlockMatrix<B>,
     loads: &[Columns<B, P>],
+    groups: &Groups<B>,
+    typical: f64,
 ) -> Option<Vec<Columns<B, P>>> {
-    dispatch(Iteration { matrix, loads })
+    dispatch(Iteration { matrix, loads, groups, typical })
 }
 
 struct Iteration<'a, const B: usize, const P: usize> {
     matrix: &'a BlockMatrix<B>,
     loads: &'a [Columns<B, P>],
+    groups: &'a Groups<B>,
+    typical: f64,
 }
 
 impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
@@ -32,7 +41,7 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         let zero = vec![[[0.0; P]; B]; self.loads.len()];
-        let inverses = self.inverses();
+        let mut inverse = Inverse::of(&self);
         let wanted = dot(self.loads, self.loads).map(|square| TOLERANCE * TOLERANCE * square);
         let mut answers = zero.clone();
         let mut residual = self.loads.to_vec();
@@ -61,12 +70,12 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
                     }
                 }
             }
-            precondition(&inverses, &direction, &mut forward);
+            inverse.apply(&direction, &mut forward);
             self.apply(&forward, &mut moved);
             let along = dot(self.loads, &moved);
             alpha = std::array::from_fn(|lane| quotient(next_rho[lane], along[lane], open[lane]));
             add_scaled(&mut residual, &alpha.map(|value| -value), &moved);
-            precondition(&inverses, &residual, &mut sideways);
+            inverse.apply(&residual, &mut sideways);
             self.apply(&sideways, &mut carried);
             let (projected, length) = (dot(&carried, &residual), dot(&carried, &carried));
             omega = std::array::from_fn(|lane| quotient(projected[lane], length[lane], open[lane]));
@@ -80,28 +89,72 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
 }
 
 impl<const B: usize, const P: usize> Iteration<'_, B, P> {
-    /// Inverses of the diagonal blocks, their symmetric part.
-    #[inline(always)]
-    fn inverses(&self) -> Vec<Block<B>> {
-        self.matrix.diagonal.iter().map(inverted).collect()
-    }
-
     /// `result = matrix * values`.
     #[inline(always)]
     fn apply(&self, values: &[Columns<B, P>], result: &mut [Columns<B, P>]) {
         for ((result, block), value) in result.iter_mut().zip(&self.matrix.diagonal).zip(values) {
             *result = [[0.0; P]; B];
-            subtract_applied(result, block, value);
+            add_product(result, block, value);
         }
         for ((&[first, second], upper), lower) in
             self.matrix.pairs.iter().zip(&self.matrix.upper).zip(&self.matrix.lower)
         {
-            subtract_applied(&mut result[first], upper, &values[second]);
-            subtract_applied(&mut result[second], lower, &values[first]);
+            add_product(&mut result[first], upper, &values[second]);
+            add_product(&mut result[second], lower, &values[first]);
         }
-        for row in result.iter_mut().flatten() {
-            *row = row.map(|value| -value);
+    }
+}
+
+/// The two-level inverse between vectors in double precision, grains in the order of the matrix.
+struct Inverse<'a, const B: usize, const P: usize> {
+    inverse: TwoLevel<'a, B, P>,
+    /// Norms of the loads: over them, all values are plain numbers.
+    scale: [f64; P],
+    given: Vec<SingleColumns<B, P>>,
+    found: Vec<SingleColumns<B, P>>,
+    typical: f64,
+}
+
+impl<'a, const B: usize, const P: usize> Inverse<'a, B, P> {
+    #[inline(always)]
+    fn of(iteration: &Iteration<'a, B, P>) -> Self {
+        let zero = vec![[[0.0; P]; B]; iteration.loads.len()];
+        let norms = dot(iteration.loads, iteration.loads).map(f64::sqrt);
+        Self {
+            inverse: TwoLevel::of(iteration.matrix, iteration.groups, iteration.typical),
+            scale: norms.map(|norm| if norm > 0.0 { norm } else { 1.0 }),
+            given: zero.clone(),
+            found: zero,
+            typical: iteration.typical,
         }
+    }
+
+    #[inline(always)]
+    fn apply(&mut self, values: &[Columns<B, P>], result: &mut [Columns<B, P>]) {
+        gather(values, &self.inverse.order, &self.scale, &mut self.given);
+        self.inverse.apply(&self.given, &mut self.found);
+        for (found, &grain) in self.found.iter().zip(&self.inverse.order) {
+            for unknown in 0..B {
+                for lane in 0..P {
+                    result[grain][unknown][lane] =
+                        f64::from(found[unknown][lane]) * (self.scale[lane] / self.typical);
+                }
+            }
+        }
+    }
+}
+
+/// `target += block * values`.
+#[inline(always)]
+fn add_product<const B: usize, const P: usize>(target: &mut Columns<B, P>, block: &Block<B>, values: &Columns<B, P>) {
+    for row in 0..B {
+        let mut sum = target[row];
+        for column in 0..B {
+            for lane in 0..P {
+                sum[lane] = block[row][column].mul_add(values[column][lane], sum[lane]);
+            }
+        }
+        target[row] = sum;
     }
 }
 
@@ -137,49 +190,4 @@ fn add_scaled<const B: usize, const P: usize>(
             }
         }
     }
-}
-
-#[inline(always)]
-fn precondition<const B: usize, const P: usize>(
-    inverses: &[Block<B>],
-    values: &[Columns<B, P>],
-    result: &mut [Columns<B, P>],
-) {
-    for ((result, inverse), value) in result.iter_mut().zip(inverses).zip(values) {
-        for unknown in 0..B {
-            let mut sum = [0.0; P];
-            for other in 0..B {
-                for lane in 0..P {
-                    sum[lane] = inverse[unknown][other].mul_add(value[other][lane], sum[lane]);
-                }
-            }
-            result[unknown] = sum;
-        }
-    }
-}
-
-/// Inverse of the block's symmetric part by Gauss-Jordan; a pivot that is next to nothing leaves its unknown as it is.
-#[inline(always)]
-fn inverted<const B: usize>(block: &Block<B>) -> Block<B> {
-    let mut rest: Block<B> =
-        std::array::from_fn(|row| std::array::from_fn(|column| 0.5 * (block[row][column] + block[column][row])));
-    let largest = rest.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-    let mut inverse: Block<B> =
-        std::array::from_fn(|row| std::array::from_fn(|column| if row == column { 1.0 } else { 0.0 }));
-    for pivot in 0..B {
-        if rest[pivot][pivot].abs() <= 1e-6 * largest {
-            rest[pivot][pivot] = largest;
-        }
-        let scale = 1.0 / rest[pivot][pivot];
-        rest[pivot] = rest[pivot].map(|value| value * scale);
-        inverse[pivot] = inverse[pivot].map(|value| value * scale);
-        for row in (0..B).filter(|row| *row != pivot) {
-            let factor = rest[row][pivot];
-            for column in 0..B {
-                rest[row][column] -= factor * rest[pivot][column];
-                inverse[row][column] -= factor * inverse[pivot][column];
-            }
-        }
-    }
-    inverse
 }

@@ -1,0 +1,270 @@
+//! Groups of neighbouring grains and the ways in which each can move as one rigid body.
+//!
+//! What makes the balance of a large network hard to iterate on is that it is soft for motions that are smooth on the
+//! scale of the cell. Groups that move rigidly can follow them, and there are few groups.
+
+use super::block_matrix::{Block, BlockMatrix, Place};
+use super::link::{dot, turned};
+use std::collections::VecDeque;
+
+/// Two grains that touch, and the vector from the first to the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bond<const D: usize> {
+    /// The grains.
+    pub grains: [usize; 2],
+    /// From the first to the second, m.
+    pub branch: [f64; D],
+}
+
+/// Groups of grains.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Aggregates<const B: usize> {
+    /// Group of each grain.
+    pub group_of: Vec<usize>,
+    /// Number of groups.
+    pub count: usize,
+    /// Each grain's unknowns under each rigid motion of its group, `[unknown][motion]`: displacements, then spins, these
+    /// divided by the size of the group so that all motions are of one length.
+    pub motions: Vec<Block<B>>,
+}
+
+impl<const B: usize> Aggregates<B> {
+    /// Gathers linked grains into groups of up to `size`, breadth first; `radii` turn spins into lengths, and what is `pinned`
+    /// stays where it is.
+    pub(super) fn of<const D: usize>(bonds: &[Bond<D>], radii: &[f64], pinned: &[[bool; B]], size: usize) -> Self {
+        let mut gathering = Gathering::new(bonds, radii.len());
+        gathering.gather(size);
+        gathering.merge_small(size / 3);
+        let count = gathering.number_anew();
+        let arms = gathering.arms(count);
+        let mut squares = vec![[0.0; 2]; count];
+        for ((group, arm), radius) in gathering.group_of.iter().zip(&arms).zip(radii) {
+            squares[*group][0] += dot(arm, arm) + radius * radius;
+            squares[*group][1] += 1.0;
+        }
+        let grains = gathering.group_of.iter().zip(&arms).zip(radii).zip(pinned);
+        let motions = grains.map(|(((group, arm), radius), pinned)| {
+            let per_size = (squares[*group][1] / squares[*group][0]).sqrt();
+            let mut motions = rigid_motions::<D, B>(arm, *radius, per_size);
+            for (row, _) in motions.iter_mut().zip(pinned).filter(|(_, pinned)| **pinned) {
+                *row = [0.0; B];
+            }
+            motions
+        });
+        Self { motions: motions.collect(), count, group_of: gathering.group_of }
+    }
+
+    /// The matrix that the groups' rigid motions see.
+    #[inline(always)]
+    pub(super) fn projected(&self, matrix: &BlockMatrix<B>) -> BlockMatrix<B> {
+        let ends: Vec<[usize; 2]> = matrix.pairs.iter().map(|pair| pair.map(|grain| self.group_of[grain])).collect();
+        let (mut coarse, places) = BlockMatrix::with_pattern(self.count, &ends);
+        for (grain, block) in matrix.diagonal.iter().enumerate() {
+            add(&mut coarse.diagonal[self.group_of[grain]], &self.sandwiched(block, grain, grain));
+        }
+        let blocks = matrix.pairs.iter().zip(&matrix.upper).zip(&matrix.lower);
+        for (((&[first, second], upper), lower), place) in blocks.zip(places) {
+            let across = self.sandwiched(upper, first, second);
+            let back = self.sandwiched(lower, second, first);
+            match place {
+                Place::Diagonal => {
+                    let diagonal = &mut coarse.diagonal[self.group_of[first]];
+                    add(diagonal, &across);
+                    add(diagonal, &back);
+                }
+                Place::Forward(pair) => {
+                    add(&mut coarse.upper[pair], &across);
+                    add(&mut coarse.lower[pair], &back);
+                }
+                Place::Backward(pair) => {
+                    add(&mut coarse.lower[pair], &across);
+                    add(&mut coarse.upper[pair], &back);
+                }
+            }
+        }
+        coarse
+    }
+
+    /// `Z_row^T block Z_column` with the motions `Z` of two grains.
+    #[inline(always)]
+    fn sandwiched(&self, block: &Block<B>, row: usize, column: usize) -> Block<B> {
+        let (left, right) = (&self.motions[row], &self.motions[column]);
+        let mut moved = [[0.0; B]; B];
+        for unknown in 0..B {
+            for other in 0..B {
+                for motion in 0..B {
+                    moved[unknown][motion] =
+                        block[unknown][other].mul_add(right[other][motion], moved[unknown][motion]);
+                }
+            }
+        }
+        let mut result = [[0.0; B]; B];
+        for unknown in 0..B {
+            for motion in 0..B {
+                for other in 0..B {
+                    result[motion][other] =
+                        left[unknown][motion].mul_add(moved[unknown][other], result[motion][other]);
+                }
+            }
+        }
+        result
+    }
+}
+
+fn rigid_motions<const D: usize, const B: usize>(arm: &[f64; D], radius: f64, per_size: f64) -> Block<B> {
+    let mut motions = [[0.0; B]; B];
+    for (axis, row) in motions.iter_mut().enumerate().take(D) {
+        row[axis] = 1.0;
+    }
+    for spin in 0..B - D {
+        for (axis, velocity) in turned(spin, arm).into_iter().enumerate() {
+            motions[axis][D + spin] = velocity * per_size;
+        }
+        motions[D + spin][D + spin] = radius * per_size;
+    }
+    motions
+}
+
+#[inline(always)]
+fn add<const B: usize>(target: &mut Block<B>, block: &Block<B>) {
+    for (target, value) in target.iter_mut().flatten().zip(block.iter().flatten()) {
+        *target += value;
+    }
+}
+
+/// Groups in the making.
+struct Gathering<'a, const D: usize> {
+    bonds: &'a [Bond<D>],
+    /// Where the bonds of each grain begin in `bonds_at`.
+    starts: Vec<usize>,
+    /// Bond and the side on which the grain is.
+    bonds_at: Vec<(usize, usize)>,
+    group_of: Vec<usize>,
+    /// Members of each group; an emptied one has been merged into another.
+    members: Vec<Vec<usize>>,
+    /// Of each grain, measured along bonds from the first grain of its group, m.
+    position: Vec<[f64; D]>,
+}
+
+impl<'a, const D: usize> Gathering<'a, D> {
+    fn new(bonds: &'a [Bond<D>], grains: usize) -> Self {
+        let mut starts = vec![0; grains + 1];
+        for grain in bonds.iter().flat_map(|bond| bond.grains) {
+            starts[grain + 1] += 1;
+        }
+        for grain in 0..grains {
+            starts[grain + 1] += starts[grain];
+        }
+        let mut next = starts.clone();
+        let mut bonds_at = vec![(0, 0); 2 * bonds.len()];
+        for (index, bond) in bonds.iter().enumerate() {
+            for (side, &grain) in bond.grains.iter().enumerate() {
+                bonds_at[next[grain]] = (index, side);
+                next[grain] += 1;
+            }
+        }
+        Self {
+            bonds,
+            starts,
+            bonds_at,
+            group_of: vec![usize::MAX; grains],
+            members: Vec::new(),
+            position: vec![[0.0; D]; grains],
+        }
+    }
+
+    /// Neighbours of a grain and the vectors to them.
+    fn neighbours(&self, grain: usize) -> impl Iterator<Item = (usize, [f64; D])> {
+        self.bonds_at[self.starts[grain]..self.starts[grain + 1]].iter().map(|&(index, side)| {
+            let bond = &self.bonds[index];
+            let sign = if side == 0 { 1.0 } else { -1.0 };
+            (bond.grains[1 - side], bond.branch.map(|component| sign * component))
+        })
+    }
+
+    /// Groups of up to `size` grains; each begins next to the ones before it.
+    fn gather(&mut self, size: usize) {
+        let mut border = VecDeque::new();
+        for first in 0..self.group_of.len() {
+            border.push_back(first);
+            while let Some(seed) = border.pop_front() {
+                if self.group_of[seed] == usize::MAX {
+                    self.grow(seed, size, &mut border);
+                }
+            }
+        }
+    }
+
+    fn grow(&mut self, seed: usize, size: usize, border: &mut VecDeque<usize>) {
+        let group = self.members.len();
+        let mut list = vec![seed];
+        self.group_of[seed] = group;
+        let mut head = 0;
+        while head < list.len() {
+            let grain = list[head];
+            head += 1;
+            for (neighbour, branch) in self.neighbours(grain).collect::<Vec<_>>() {
+                if self.group_of[neighbour] != usize::MAX {
+                    continue;
+                }
+                if list.len() == size {
+                    border.push_back(neighbour);
+                    continue;
+                }
+                self.group_of[neighbour] = group;
+                self.position[neighbour] = plus(self.position[grain], branch);
+                list.push(neighbour);
+            }
+        }
+        self.members.push(list);
+    }
+
+    /// Groups of fewer than `least` grains join a neighbour.
+    fn merge_small(&mut self, least: usize) {
+        for group in 0..self.members.len() {
+            if self.members[group].len() >= least {
+                continue;
+            }
+            let way_out = self.members[group].iter().find_map(|&grain| {
+                self.neighbours(grain)
+                    .find(|(neighbour, _)| self.group_of[*neighbour] != group)
+                    .map(|(neighbour, branch)| (grain, neighbour, branch))
+            });
+            let Some((grain, neighbour, branch)) = way_out else { continue };
+            let there = plus(self.position[grain], branch);
+            let shift = plus(self.position[neighbour], there.map(|component| -component));
+            let target = self.group_of[neighbour];
+            for member in std::mem::take(&mut self.members[group]) {
+                self.group_of[member] = target;
+                self.position[member] = plus(self.position[member], shift);
+                self.members[target].push(member);
+            }
+        }
+    }
+
+    /// Numbers the groups that are left; returns how many.
+    fn number_anew(&mut self) -> usize {
+        self.members.retain(|list| !list.is_empty());
+        for (group, list) in self.members.iter().enumerate() {
+            for &member in list {
+                self.group_of[member] = group;
+            }
+        }
+        self.members.len()
+    }
+
+    /// Vectors from the centre of each grain's group to the grain, m.
+    fn arms(&self, count: usize) -> Vec<[f64; D]> {
+        let mut centres = vec![[0.0; D]; count];
+        for (group, position) in self.group_of.iter().zip(&self.position) {
+            let share = 1.0 / self.members[*group].len() as f64;
+            centres[*group] = plus(centres[*group], position.map(|component| component * share));
+        }
+        let placed = self.group_of.iter().zip(&self.position);
+        placed.map(|(group, position)| plus(*position, centres[*group].map(|component| -component))).collect()
+    }
+}
+
+fn plus<const D: usize>(a: [f64; D], b: [f64; D]) -> [f64; D] {
+    std::array::from_fn(|axis| a[axis] + b[axis])
+}
