@@ -70,13 +70,14 @@ fn frictionless_spheres_jam_isostatically() {
     assert!((1.0 - report.porosity - 0.639).abs() < 5e-3);
 }
 
-/// G-6: with ever more friction z* tends to d + 1.
+/// G-6: with ever more friction z* tends to d + 1. A friction of 10 is beyond any slope that a contact could have; discs
+/// that only just jam take minutes to find their last contacts, and get a higher pressure.
 #[test]
 fn rough_grains_need_one_contact_more_than_dimensions() {
     eprintln!("G-6");
-    let (_, discs) = made::<Discs>(&recipe(2, 1000, 2, 1e-5, 1e3, 1.4));
+    let (_, discs) = made::<Discs>(&recipe(2, 1000, 2, 1e-3, 10.0, 1.4));
     assert!((discs.coordination_number_no_rattlers - 3.0).abs() < 0.2);
-    let (_, spheres) = made::<Spheres>(&recipe(3, 1000, 2, 1e-5, 1e3, 1.0));
+    let (_, spheres) = made::<Spheres>(&recipe(3, 1000, 2, 1e-4, 10.0, 1.0));
     assert!((spheres.coordination_number_no_rattlers - 4.0).abs() < 0.2);
 }
 

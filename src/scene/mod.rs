@@ -24,7 +24,7 @@ pub(crate) use build::{Scene, read_packing};
 pub(crate) use changes::changes;
 pub(crate) use document::Document;
 pub(crate) use input_error::InputError;
-pub(crate) use materials::{Materials, PackingCopy};
+pub(crate) use materials::{Materials, PackingCopy, drawn};
 pub(crate) use supervision::JOBS_A_MESSAGE;
 
 /// The scene that unit tests change: one element, two kinds of cells. Errors as people see them.

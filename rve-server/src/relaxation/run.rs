@@ -139,10 +139,14 @@ impl<S: Space> Run<S> {
         if matches!(self.phase, Phase::Fresh | Phase::Rest) {
             return still;
         }
-        if self.is_stiffer && (self.mass == 0.0 || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)) {
+        self.damper.is_dense = self.sums.contacts >= 2.0 * setting.radii.len() as f64;
+        // In a gas of grains whose contacts stiffen as they are pressed, a step that is too long throws them away for good.
+        let is_due = self.mass == 0.0
+            || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)
+            || !self.damper.is_dense && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0;
+        if self.is_stiffer && is_due {
             self.raise_mass(setting, batch, lane);
         }
-        self.damper.is_dense = self.sums.contacts >= 2.0 * setting.radii.len() as f64;
         let kick = self.damper.kick(setting.options, self.mass, &self.sums, self.old_power);
         if self.phase == Phase::Hold {
             return Move { kick, ..still };
@@ -263,6 +267,8 @@ impl<S: Space> Run<S> {
             batch.touching(lane),
             &mut self.blocks,
         );
+        let approach = largest_component(&self.strain) / f64::from(self.ramp_steps.max(1));
+        let stiffness = stiffness.max(setting.first_touch_stiffness::<S>(approach));
         let factor = mass_factor(setting.options) * setting.law.mass_factor();
         let safety = safety::<S>();
         self.mass = self.mass.max(factor * stiffness / (2.0 * safety * safety));

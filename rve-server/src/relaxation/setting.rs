@@ -51,6 +51,21 @@ impl<'a, C> Setting<'a, C> {
         if self.rotations_free { INERTIA_FACTOR } else { 0.0 }
     }
 
+    /// Stiffness, N/m, of a contact that is pressed as far as one step of this strain brings two grains together; 0 for
+    /// laws that are as stiff as that at any overlap.
+    ///
+    /// Contacts of a gas of Hertzian grains begin without stiffness: masses taken from them alone would be next to nothing, and
+    /// the first deeper touch would throw the grains through many cells in one step.
+    pub(crate) fn first_touch_stiffness<S: Space>(&self, strain: f64) -> f64
+    where
+        C: ContactLaw<S::Kinematics>,
+    {
+        let constants = self.law.constants([self.mean_radius; 2]);
+        let at = |overlap: f64| self.law.stiffness(&constants, overlap)[0];
+        let overlap = 2.0 * self.mean_radius * strain;
+        if at(4.0 * overlap) > at(overlap) { at(overlap) } else { 0.0 }
+    }
+
     /// Inertias of the grains per unit of a cell's mass: grains of stiffer contacts get more of it, so that all are
     /// equally sluggish.
     pub(crate) fn grain_constants<S: Space>(&self) -> Vec<GrainConstants>

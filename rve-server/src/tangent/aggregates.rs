@@ -268,3 +268,108 @@ impl<'a, const D: usize> Gathering<'a, D> {
 fn plus<const D: usize>(a: [f64; D], b: [f64; D]) -> [f64; D] {
     std::array::from_fn(|axis| a[axis] + b[axis])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block of grains on a cubic grid with bonds to their neighbours, spacing 2.
+    fn grid(side: usize) -> (Vec<Bond<3>>, Vec<f64>) {
+        let number = |[i, j, k]: [usize; 3]| (k * side + j) * side + i;
+        let mut bonds = Vec::new();
+        for place in 0..side.pow(3) {
+            let here = [place % side, place / side % side, place / (side * side)];
+            for axis in 0..3 {
+                let mut there = here;
+                there[axis] += 1;
+                if there[axis] < side {
+                    let branch = std::array::from_fn(|other| if other == axis { 2.0 } else { 0.0 });
+                    bonds.push(Bond { grains: [number(here), number(there)], branch });
+                }
+            }
+        }
+        (bonds, (0..side.pow(3)).map(|grain| 0.9 + 0.01 * (grain % 7) as f64).collect())
+    }
+
+    #[test]
+    fn groups_are_few_of_a_size_and_hold_every_grain() {
+        let (bonds, radii) = grid(9);
+        let pinned = vec![[false; 6]; radii.len()];
+        let groups = Aggregates::<6>::of(&bonds, &radii, &pinned, 30);
+        let mut sizes = vec![0; groups.count];
+        for group in &groups.group_of {
+            sizes[*group] += 1;
+        }
+        assert_eq!(sizes.iter().sum::<usize>(), radii.len());
+        assert!(sizes.iter().all(|size| (10..60).contains(size)), "{sizes:?}");
+        assert!(groups.count < 2 * radii.len() / 30);
+    }
+
+    #[test]
+    fn rigid_motions_strain_no_bond_and_spare_what_is_pinned() {
+        let (bonds, radii) = grid(5);
+        let mut pinned = vec![[false; 6]; radii.len()];
+        pinned[17] = [true, false, false, false, true, false];
+        let groups = Aggregates::<6>::of(&bonds, &radii, &pinned, 40);
+        assert_eq!(groups.motions[17][0], [0.0; 6]);
+        assert_eq!(groups.motions[17][4], [0.0; 6]);
+        let inside = bonds.iter().filter(|bond| {
+            let [first, second] = bond.grains.map(|grain| groups.group_of[grain]);
+            first == second && !bond.grains.contains(&17)
+        });
+        let mut checked = 0;
+        for bond in inside {
+            let [first, second] = bond.grains.map(|grain| &groups.motions[grain]);
+            for motion in 0..6 {
+                // Spins over radius are those of the group; the ends move apart by that spin times the branch.
+                let spin: [f64; 3] = std::array::from_fn(|k| first[3 + k][motion] / radii[bond.grains[0]]);
+                let other: [f64; 3] = std::array::from_fn(|k| second[3 + k][motion] / radii[bond.grains[1]]);
+                let turn: [f64; 3] = (0..3).fold([0.0; 3], |sum, axis| {
+                    plus(sum, turned(axis, &bond.branch).map(|component| component * spin[axis]))
+                });
+                for axis in 0..3 {
+                    assert!((spin[axis] - other[axis]).abs() < 1e-14);
+                    assert!((second[axis][motion] - first[axis][motion] - turn[axis]).abs() < 1e-13);
+                }
+            }
+            checked += 1;
+        }
+        assert!(checked > 50);
+    }
+
+    /// The groups' matrix is `Z^T A Z`: its quadratic form is that of the grains under the same motion.
+    #[test]
+    fn projection_keeps_the_work_of_rigid_motions() {
+        let (bonds, radii) = grid(4);
+        let pinned = vec![[false; 6]; radii.len()];
+        let groups = Aggregates::<6>::of(&bonds, &radii, &pinned, 20);
+        let ends: Vec<[usize; 2]> = bonds.iter().map(|bond| bond.grains).collect();
+        let (mut matrix, _) = BlockMatrix::<6>::with_pattern(radii.len(), &ends);
+        let number = |seed: usize| ((seed as f64).powi(2) * std::f64::consts::GOLDEN_RATIO).fract() - 0.5;
+        let mut seed = 0;
+        let BlockMatrix { diagonal, upper, lower, .. } = &mut matrix;
+        for value in diagonal.iter_mut().chain(upper).chain(lower).flatten().flatten() {
+            seed += 1;
+            *value = number(seed);
+        }
+        let coarse = groups.projected(&matrix);
+        let moved = |group: usize, motion: usize| number(7 * group + motion + 1);
+        let fine: Vec<[[f64; 1]; 6]> = groups
+            .motions
+            .iter()
+            .zip(&groups.group_of)
+            .map(|(motions, &group)| {
+                motions.map(|row| [(0..6).map(|motion| row[motion] * moved(group, motion)).sum()])
+            })
+            .collect();
+        let whole: Vec<[[f64; 1]; 6]> =
+            (0..groups.count).map(|group| std::array::from_fn(|motion| [moved(group, motion)])).collect();
+        let work = |matrix: &BlockMatrix<6>, values: &[[[f64; 1]; 6]]| -> f64 {
+            let zero = vec![[[0.0]; 6]; values.len()];
+            let forces = matrix.residual(&zero, values);
+            -values.iter().flatten().flatten().zip(forces.iter().flatten().flatten()).map(|(u, f)| u * f).sum::<f64>()
+        };
+        let (given, wanted) = (work(&coarse, &whole), work(&matrix, &fine));
+        assert!((given - wanted).abs() < 1e-10 * wanted.abs().max(1.0), "{given} against {wanted}");
+    }
+}

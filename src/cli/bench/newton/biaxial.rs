@@ -1,5 +1,5 @@
 //! The biaxial test of [Argilaga2018], section 3, with every operator and strategy (T-10): iterations and evaluations per
-//! step before and after the peak.
+//! step before and after the peak, with one packing behind all points and with five that are dealt out at random.
 
 use super::case::{Finding, Step, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains};
 use super::ways::{Way, chosen, operators, own};
@@ -15,31 +15,63 @@ use rve_server::definition::{Accuracy, RveOptions};
 /// Width and height of the specimen, m.
 const SIZE: [f64; 2] = [0.05, 0.10];
 
-/// Seed of the packing.
-const SEED: u64 = 1;
+/// The grains behind the points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Grains {
+    /// One packing behind all: a specimen that stays uniform up to the peak, where all points come to the same snap at once.
+    Alike,
+    /// Five packings, dealt out at random: each point snaps when it must, and shear localises where it can.
+    Mixed,
+}
+
+impl Grains {
+    /// What `--only` calls it, and the names of files and charts.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Alike => "biaxial",
+            Self::Mixed => "mixed",
+        }
+    }
+
+    /// Seeds of the packings.
+    fn seeds(self) -> std::ops::RangeInclusive<u64> {
+        match self {
+            Self::Alike => 1..=1,
+            Self::Mixed => 1..=5,
+        }
+    }
+}
 
 /// Measures all ways at the size that the effort allows: 8 x 16 elements in full, else 2 x 4.
 ///
 /// # Errors
 /// The packing cannot be made, workers are lost, or the report cannot be written.
-pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+pub(super) fn run(kind: Grains, effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let elements = if effort.full { [8, 16] } else { effort.choose([2, 4], [1, 1]) };
     let steps = effort.choose(20, 2);
-    let packing = if effort.quick { small_packing()? } else { packing_of_seed(SEED)? };
-    let grains = definition(packing, ACCURACY)?;
-    let ways = chosen([own(), operators()].concat(), effort, "biaxial");
+    let packings = if effort.quick {
+        vec![small_packing()?]
+    } else {
+        kind.seeds().map(packing_of_seed).collect::<anyhow::Result<Vec<_>>>()?
+    };
+    let number = packings.len();
+    let grains =
+        packings.into_iter().map(|packing| definition(packing, ACCURACY)).collect::<anyhow::Result<Vec<_>>>()?;
+    let ways = chosen([own(), operators()].concat(), effort, kind.name());
     let points = (4 * elements[0] * elements[1]) as f64;
     let findings =
-        side_by_side(ways.len(), |way| solve_on_grains(&problem(elements, steps, &ways[way].strategy), &grains, 1));
+        side_by_side(ways.len(), |way| solve_on_grains(&problem(elements, steps, &ways[way].strategy), &grains));
     let findings = findings.into_iter().collect::<anyhow::Result<Vec<Finding>>>()?;
     let all: Vec<(&Way, &Finding)> = ways.iter().zip(&findings).collect();
     let discs = effort.choose(400, 100);
+    let name = kind.name();
     report.note(&format!(
-        "biaxial test: {} x {} Q8 elements of {discs} discs, draft accuracy, {steps} steps of 1e-3; FNORM/RNORM below 1e-2",
+        "{name}: {} x {} Q8 elements, {number} packings of {discs} discs, draft accuracy, {steps} steps of 1e-3; FNORM/RNORM \
+         below 1e-2",
         elements[0], elements[1]
     ))?;
-    report.raw("biaxial-steps", &each(&all, points))?;
-    report.table("biaxial", "per step, before and after the peak", &summary(&all, points))?;
+    report.raw(&format!("{name}-steps"), &each(&all, points))?;
+    report.table(name, "per step, before and after the peak", &summary(&all, points))?;
     let mut chart = Chart::new(
         "biaxial test",
         ("axial strain, %", Scale::Linear),
@@ -51,7 +83,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
             steps_taken.map(|step| [0.1 * step.report.load * steps as f64, step.report.evaluations as f64 / points]);
         chart.curve(&way.name, curve);
     }
-    report.chart("biaxial", &chart)?;
+    report.chart(name, &chart)?;
     report.note("Cells of one packing under equal strain answer alike; `computed` counts each answer once.")?;
     Ok(())
 }

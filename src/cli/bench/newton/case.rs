@@ -1,6 +1,6 @@
 //! One problem solved on grains, with workers in this process.
 
-use crate::scene::JOBS_A_MESSAGE;
+use crate::scene::{JOBS_A_MESSAGE, drawn};
 use anyhow::Context;
 use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
@@ -94,28 +94,29 @@ impl Observer for Recorder {
     }
 }
 
+/// Seed by which packings are dealt out to points.
+const DEAL: u64 = 1;
+
 /// Longest wall time of one run: a way that fails at every second step must not keep the others waiting for ever. It is
 /// stopped after the next accepted step, and the table says so.
 const LONGEST: Duration = Duration::from_secs(1500);
 
-/// Solves `problem` with the same grains behind every point.
+/// Solves `problem` with one worker; every point gets one of the definitions at random, with a fixed seed.
 ///
 /// # Errors
 /// A worker ends early.
-pub(super) fn solve_on_grains(problem: &Problem, definition: &Definition, workers: usize) -> anyhow::Result<Finding> {
+pub(super) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> anyhow::Result<Finding> {
     let (port, door) = channel();
     std::thread::scope(|scope| {
-        let served = |_| {
-            let mut port = door.join();
-            scope.spawn(move || serve(&mut GrainEngine, &mut port, &ServeOptions::new("newton")))
-        };
-        let served: Vec<_> = (0..workers).map(served).collect();
-        let points = vec![0; problem.point_count()];
+        let mut worker = door.join();
+        let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton")));
+        let draw = |point| drawn(DEAL, point as u64, definitions.len());
+        let points: Vec<usize> = (0..problem.point_count()).map(draw).collect();
         // As in a run: enough trials at a time for the lanes.
         let settings = PoolSettings { slice: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
         let supply = Box::new(JoiningWorkers);
-        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, vec![definition.clone()], &points);
-        pool.gather(workers)?;
+        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, definitions.to_vec(), &points);
+        pool.gather(1)?;
         let begin = Instant::now();
         let mut recorder = Recorder { steps: Vec::new(), end: begin + LONGEST };
         let run = solve(problem, &mut pool, &mut recorder);
@@ -123,9 +124,7 @@ pub(super) fn solve_on_grains(problem: &Problem, definition: &Definition, worker
         let PoolStatistics { solved: computed, .. } = pool.statistics();
         pool.close();
         drop(pool);
-        for worker in served {
-            worker.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
-        }
+        served.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
         Ok(Finding { steps: recorder.steps, computed, increments: problem.stages[0].control.increments, wall, run })
     })
 }

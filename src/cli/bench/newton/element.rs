@@ -55,7 +55,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let findings = side_by_side(count, |piece| {
         let (way, criterion, packing) = place(piece);
         let problem = problem(steps, &ways[way].strategy, criteria[criterion].1, accuracy);
-        solve_on_grains(&problem, &grains[packing], 1)
+        solve_on_grains(&problem, &grains[packing..=packing])
     });
     let findings = findings.into_iter().collect::<anyhow::Result<Vec<Finding>>>()?;
     let all: Vec<Of<'_>> = findings

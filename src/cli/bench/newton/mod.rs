@@ -11,9 +11,10 @@ mod ways;
 
 use super::Effort;
 use super::report::Report;
+use biaxial::Grains;
 
 /// What `--only` may name, beside strategies and operators.
-const PARTS: [&str; 2] = ["element", "biaxial"];
+const PARTS: [&str; 3] = ["element", "biaxial", "mixed"];
 
 /// Measures the parts that were chosen, or both.
 ///
@@ -24,7 +25,10 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         element::run(effort, report)?;
     }
     if effort.includes("biaxial", &PARTS) {
-        biaxial::run(effort, report)?;
+        biaxial::run(Grains::Alike, effort, report)?;
+    }
+    if effort.includes("mixed", &PARTS) {
+        biaxial::run(Grains::Mixed, effort, report)?;
     }
     Ok(())
 }

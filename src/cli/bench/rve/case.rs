@@ -91,6 +91,17 @@ pub(super) const CASES: &[Case] = &[
         reference: "strain_per_step = 5e-8\ntolerance = 1e-7",
         peer: Some(PeerLaw::HertzShear),
     },
+    Case {
+        name: "spheres-4096",
+        about: "4096 glass spheres after [Liu2015] 3.1; simple shear at constant volume to 1.5 %",
+        packing: include_str!("../../../../packings/spheres-4096.json"),
+        contact: "law = 'hertz_mindlin'\nshear_modulus = 29.0e9\npoisson_ratio = 0.15\nfriction = 0.5",
+        gradient: SHEAR,
+        row_strain: 1e-3,
+        windows: &up_to(0.015),
+        reference: "strain_per_step = 1e-7\ntolerance = 1e-6",
+        peer: None,
+    },
 ];
 
 impl Case {
