@@ -13,7 +13,9 @@ use crate::space::Spheres;
 pub struct Slip<R: Real> {
     /// Slip as an axial vector, m.
     pub slip: [R; 3],
-    roll: Roll<R>,
+    mean_spin: [R; 3],
+    sine_over_angle: R,
+    versine_over_square: R,
     sum: [R; 3],
     factor: R,
     direction: [R; 3],
@@ -30,17 +32,28 @@ pub fn slip_of_spheres<R: Real>(
     arms: [R; 2],
     spins: [[R; 3]; 2],
 ) -> Slip<R> {
-    let shares = [arms[0] * reciprocal_length, arms[1] * reciprocal_length];
-    let roll = Roll::new(spins[0].scaled_plus(shares[0], spins[1].scaled(shares[1])));
-    let rolled = roll.turned(before);
-    // Both products rounded, so that parallel vectors give exactly zero.
+    let mean_spin = spins[0].scaled(arms[0]).plus(spins[1].scaled(arms[1])).scaled(reciprocal_length);
+    let square = mean_spin.dot(mean_spin);
+    let one = R::splat(1.0);
+    // sin x / x and (1 - cos x) / x^2; the next terms are below rounding for angles under 0.03.
+    let sine_over_angle = one - square * (R::splat(1.0 / 6.0) - square * R::splat(1.0 / 120.0));
+    let versine_over_square = R::splat(0.5) - square * (R::splat(1.0 / 24.0) - square * R::splat(1.0 / 720.0));
+    let rolled = rotated(mean_spin, sine_over_angle, versine_over_square, before);
     let sine = Spheres::cross(rolled, direction);
     let sine_square = sine.dot(sine);
     // The turn beyond as an angle: arcsin by its series.
-    let angle_over_sine = series(sine_square, [1.0, 1.0 / 6.0, 0.075]);
+    let angle_over_sine = one + sine_square * (R::splat(1.0 / 6.0) + sine_square * R::splat(0.075));
     // 1 / (1 + cos) of the turn beyond, by its series in the square of the sine.
-    let factor = series(sine_square, [0.5, 0.125, 1.0 / 16.0]);
-    Slip { slip: sine.scaled(length * angle_over_sine), roll, sum: rolled.plus(direction), factor, direction }
+    let factor = R::splat(0.5) + sine_square * (R::splat(0.125) + sine_square * R::splat(1.0 / 16.0));
+    Slip {
+        slip: sine.scaled(length * angle_over_sine),
+        mean_spin,
+        sine_over_angle,
+        versine_over_square,
+        sum: rolled.plus(direction),
+        factor,
+        direction,
+    }
 }
 
 impl<R: Real> Slip<R> {
@@ -48,53 +61,15 @@ impl<R: Real> Slip<R> {
     /// whatever rounding has done to the old one.
     #[inline(always)]
     pub fn carried(&self, axial: [R; 3]) -> [R; 3] {
-        let along = self.roll.turned(axial);
-        self.sum.scaled_plus(-(self.factor * self.direction.dot(along)), along)
+        let along = rotated(self.mean_spin, self.sine_over_angle, self.versine_over_square, axial);
+        along.minus(self.sum.scaled(self.factor * self.direction.dot(along)))
     }
 }
 
-/// A rotation by `w`, of less than 0.03 rad: `cos x v + sin x / x w x v + (1 - cos x) / x^2 w (w . v)`, x the length of `w`.
-#[derive(Clone, Copy, Debug)]
-struct Roll<R: Real> {
-    spin: [R; 3],
-    /// `sin x / x w`.
-    across: [R; 3],
-    /// `(1 - cos x) / x^2`.
-    versine: R,
-    cosine: R,
-}
-
-impl<R: Real> Roll<R> {
-    #[inline(always)]
-    fn new(spin: [R; 3]) -> Self {
-        let square = spin.dot(spin);
-        // The next terms are below rounding.
-        let sine_over_angle = series(square, [1.0, -1.0 / 6.0, 1.0 / 120.0]);
-        let versine = series(square, [0.5, -1.0 / 24.0, 1.0 / 720.0]);
-        Self {
-            spin,
-            across: spin.scaled(sine_over_angle),
-            versine,
-            cosine: (-square).mul_add(versine, R::splat(1.0)),
-        }
-    }
-
-    #[inline(always)]
-    fn turned(&self, v: [R; 3]) -> [R; 3] {
-        let along = self.versine * self.spin.dot(v);
-        let w = self.across;
-        let straight = self.spin.scaled_plus(along, v.scaled(self.cosine));
-        <[R; 3]>::build(
-            #[inline(always)]
-            |i| {
-                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                w[j].mul_add(v[k], (-w[k]).mul_add(v[j], straight[i]))
-            },
-        )
-    }
-}
-
+/// `v + sin x / x w x v + (1 - cos x) / x^2 w x (w x v)` for a rotation vector `w` of length `x`.
 #[inline(always)]
-fn series<R: Real>(x: R, [a, b, c]: [f64; 3]) -> R {
-    x.mul_add(R::splat(c), R::splat(b)).mul_add(x, R::splat(a))
+fn rotated<R: Real>(w: [R; 3], sine_over_angle: R, versine_over_square: R, v: [R; 3]) -> [R; 3] {
+    let first = Spheres::cross(w, v);
+    let second = Spheres::cross(w, first);
+    v.plus(first.scaled(sine_over_angle)).plus(second.scaled(versine_over_square))
 }
