@@ -3,7 +3,7 @@
 //! What makes the balance of a large network hard to iterate on is that it is soft for motions that are smooth on the
 //! scale of the cell. Groups that move rigidly can follow them, and there are few groups.
 
-use super::block_matrix::{Block, BlockMatrix, Place};
+use super::block_matrix::{Block, BlockMatrix, add};
 use super::link::{dot, turned};
 use std::collections::VecDeque;
 
@@ -66,21 +66,7 @@ impl<const B: usize> Aggregates<B> {
         for (((&[first, second], upper), lower), place) in blocks.zip(places) {
             let across = self.sandwiched(upper, first, second);
             let back = self.sandwiched(lower, second, first);
-            match place {
-                Place::Diagonal => {
-                    let diagonal = &mut coarse.diagonal[self.group_of[first]];
-                    add(diagonal, &across);
-                    add(diagonal, &back);
-                }
-                Place::Forward(pair) => {
-                    add(&mut coarse.upper[pair], &across);
-                    add(&mut coarse.lower[pair], &back);
-                }
-                Place::Backward(pair) => {
-                    add(&mut coarse.lower[pair], &across);
-                    add(&mut coarse.upper[pair], &back);
-                }
-            }
+            coarse.add_link(self.group_of[first], place, &across, &back);
         }
         coarse
     }
@@ -123,13 +109,6 @@ fn rigid_motions<const D: usize, const B: usize>(arm: &[f64; D], radius: f64, pe
         motions[D + spin][D + spin] = radius * per_size;
     }
     motions
-}
-
-#[inline(always)]
-fn add<const B: usize>(target: &mut Block<B>, block: &Block<B>) {
-    for (target, value) in target.iter_mut().flatten().zip(block.iter().flatten()) {
-        *target += value;
-    }
 }
 
 /// Groups in the making.

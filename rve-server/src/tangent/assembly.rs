@@ -6,7 +6,7 @@
 //! are solved for: what a superposed rotation does is known exactly.
 
 use super::backbone::Backbone;
-use super::block_matrix::{BlockMatrix, Columns, Place};
+use super::block_matrix::{BlockMatrix, Columns, Place, add};
 use super::link::LinkedGrains;
 use super::response::Response;
 use super::sliding::ContactStiffness;
@@ -87,21 +87,7 @@ impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
     fn add_blocks(&mut self, response: &Response<D, B>, ends: &[usize; 2], place: Place) {
         add(&mut self.matrix.diagonal[ends[0]], &response.block(0, 0));
         add(&mut self.matrix.diagonal[ends[1]], &response.block(1, 1));
-        let (across, back) = (response.block(0, 1), response.block(1, 0));
-        match place {
-            Place::Diagonal => {
-                add(&mut self.matrix.diagonal[ends[0]], &across);
-                add(&mut self.matrix.diagonal[ends[0]], &back);
-            }
-            Place::Forward(pair) => {
-                add(&mut self.matrix.upper[pair], &across);
-                add(&mut self.matrix.lower[pair], &back);
-            }
-            Place::Backward(pair) => {
-                add(&mut self.matrix.upper[pair], &back);
-                add(&mut self.matrix.lower[pair], &across);
-            }
-        }
+        self.matrix.add_link(ends[0], place, &response.block(0, 1), &response.block(1, 0));
     }
 
     /// Change of the stress with each unit strain, `[D i + j][strain]`, times the volume: [Argilaga2018] eq. 23 at `F =
@@ -169,14 +155,5 @@ impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
         let half = |m: usize, n: usize| if n == j { 0.5 * self.force_branch[i][m] } else { 0.0 };
         let volume = if k == l { self.force_branch[i][j] } else { 0.0 };
         half(k, l) + half(l, k) - volume
-    }
-}
-
-#[inline(always)]
-fn add<const ROWS: usize, const COLUMNS: usize>(target: &mut [[f64; COLUMNS]; ROWS], block: &[[f64; COLUMNS]; ROWS]) {
-    for (target, values) in target.iter_mut().zip(block) {
-        for (target, value) in target.iter_mut().zip(values) {
-            *target += value;
-        }
     }
 }

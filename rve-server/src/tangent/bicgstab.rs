@@ -4,9 +4,9 @@
 //! BiCGStab in double precision with the two-level inverse as preconditioner, all right-hand sides side by side in the
 //! lanes of a vector, each with its own scalars.
 
-use super::block_matrix::{Block, BlockMatrix, Columns};
+use super::block_matrix::Columns;
 use super::single::{SingleColumns, gather};
-use super::two_level::{Groups, TwoLevel};
+use super::two_level::{Problem, TwoLevel};
 use super::vectorised::{Vectorised, dispatch};
 
 /// Norm of the residual over that of the load at which a column counts as solved. The operator is then right to about
@@ -17,34 +17,25 @@ const TOLERANCE: f64 = 1e-6;
 /// flows, and the answer would cost many increments and say little.
 const MOST_ITERATIONS: u32 = 400;
 
-/// Solves for all columns of `loads`; `None` if that takes too many iterations or breaks down. `typical` is the stiffness of
-/// a contact, N/m.
-pub(super) fn solve<const B: usize, const P: usize>(
-    matrix: &BlockMatrix<B>,
-    loads: &[Columns<B, P>],
-    groups: &Groups<B>,
-    typical: f64,
-) -> Option<Vec<Columns<B, P>>> {
-    dispatch(Iteration { matrix, loads, groups, typical })
+/// Solves for all columns of the loads; `None` if that takes too many iterations or breaks down.
+pub(super) fn solve<const B: usize, const P: usize>(problem: Problem<'_, B, P>) -> Option<Vec<Columns<B, P>>> {
+    dispatch(Iteration(problem))
 }
 
-struct Iteration<'a, const B: usize, const P: usize> {
-    matrix: &'a BlockMatrix<B>,
-    loads: &'a [Columns<B, P>],
-    groups: &'a Groups<B>,
-    typical: f64,
-}
+struct Iteration<'a, const B: usize, const P: usize>(Problem<'a, B, P>);
 
 impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
     type Output = Option<Vec<Columns<B, P>>>;
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let zero = vec![[[0.0; P]; B]; self.loads.len()];
-        let mut inverse = Inverse::of(&self);
-        let wanted = dot(self.loads, self.loads).map(|square| TOLERANCE * TOLERANCE * square);
+        let Self(problem) = self;
+        let Problem { matrix, loads, .. } = problem;
+        let zero = vec![[[0.0; P]; B]; loads.len()];
+        let mut inverse = Inverse::of(&problem);
+        let wanted = dot(loads, loads).map(|square| TOLERANCE * TOLERANCE * square);
         let mut answers = zero.clone();
-        let mut residual = self.loads.to_vec();
+        let mut residual = loads.to_vec();
         let mut direction = zero.clone();
         let (mut moved, mut carried) = (zero.clone(), zero.clone());
         let (mut forward, mut sideways) = (zero.clone(), zero);
@@ -58,7 +49,7 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
             if !open.contains(&true) {
                 return Some(answers);
             }
-            let next_rho = dot(self.loads, &residual);
+            let next_rho = dot(loads, &residual);
             let beta: [f64; P] = std::array::from_fn(|lane| {
                 quotient(next_rho[lane] * alpha[lane], rho[lane] * omega[lane], open[lane])
             });
@@ -71,12 +62,12 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
                 }
             }
             inverse.apply(&direction, &mut forward);
-            self.apply(&forward, &mut moved);
-            let along = dot(self.loads, &moved);
+            matrix.apply(&forward, &mut moved);
+            let along = dot(loads, &moved);
             alpha = std::array::from_fn(|lane| quotient(next_rho[lane], along[lane], open[lane]));
             add_scaled(&mut residual, &alpha.map(|value| -value), &moved);
             inverse.apply(&residual, &mut sideways);
-            self.apply(&sideways, &mut carried);
+            matrix.apply(&sideways, &mut carried);
             let (projected, length) = (dot(&carried, &residual), dot(&carried, &carried));
             omega = std::array::from_fn(|lane| quotient(projected[lane], length[lane], open[lane]));
             add_scaled(&mut answers, &alpha, &forward);
@@ -85,23 +76,6 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
             rho = next_rho;
         }
         None
-    }
-}
-
-impl<const B: usize, const P: usize> Iteration<'_, B, P> {
-    /// `result = matrix * values`.
-    #[inline(always)]
-    fn apply(&self, values: &[Columns<B, P>], result: &mut [Columns<B, P>]) {
-        for ((result, block), value) in result.iter_mut().zip(&self.matrix.diagonal).zip(values) {
-            *result = [[0.0; P]; B];
-            add_product(result, block, value);
-        }
-        for ((&[first, second], upper), lower) in
-            self.matrix.pairs.iter().zip(&self.matrix.upper).zip(&self.matrix.lower)
-        {
-            add_product(&mut result[first], upper, &values[second]);
-            add_product(&mut result[second], lower, &values[first]);
-        }
     }
 }
 
@@ -117,15 +91,15 @@ struct Inverse<'a, const B: usize, const P: usize> {
 
 impl<'a, const B: usize, const P: usize> Inverse<'a, B, P> {
     #[inline(always)]
-    fn of(iteration: &Iteration<'a, B, P>) -> Self {
-        let zero = vec![[[0.0; P]; B]; iteration.loads.len()];
-        let norms = dot(iteration.loads, iteration.loads).map(f64::sqrt);
+    fn of(problem: &Problem<'a, B, P>) -> Self {
+        let zero = vec![[[0.0; P]; B]; problem.loads.len()];
+        let norms = dot(problem.loads, problem.loads).map(f64::sqrt);
         Self {
-            inverse: TwoLevel::of(iteration.matrix, iteration.groups, iteration.typical),
+            inverse: TwoLevel::of(problem),
             scale: norms.map(|norm| if norm > 0.0 { norm } else { 1.0 }),
             given: zero.clone(),
             found: zero,
-            typical: iteration.typical,
+            typical: problem.typical,
         }
     }
 
@@ -141,20 +115,6 @@ impl<'a, const B: usize, const P: usize> Inverse<'a, B, P> {
                 }
             }
         }
-    }
-}
-
-/// `target += block * values`.
-#[inline(always)]
-fn add_product<const B: usize, const P: usize>(target: &mut Columns<B, P>, block: &Block<B>, values: &Columns<B, P>) {
-    for row in 0..B {
-        let mut sum = target[row];
-        for column in 0..B {
-            for lane in 0..P {
-                sum[lane] = block[row][column].mul_add(values[column][lane], sum[lane]);
-            }
-        }
-        target[row] = sum;
     }
 }
 

@@ -1,5 +1,7 @@
 //! A square sparse matrix of small blocks, one block row and column per grain, symmetric in its pattern.
 
+use num_traits::MulAdd;
+
 /// One block, `[row][column]`.
 pub(super) type Block<const B: usize> = [[f64; B]; B];
 
@@ -65,6 +67,25 @@ impl<const B: usize> BlockMatrix<B> {
         self.diagonal.len()
     }
 
+    /// Adds the blocks of a link: `across` for (origin, end), `back` for (end, origin).
+    #[inline(always)]
+    pub(super) fn add_link(&mut self, origin: usize, place: Place, across: &Block<B>, back: &Block<B>) {
+        match place {
+            Place::Diagonal => {
+                add(&mut self.diagonal[origin], across);
+                add(&mut self.diagonal[origin], back);
+            }
+            Place::Forward(pair) => {
+                add(&mut self.upper[pair], across);
+                add(&mut self.lower[pair], back);
+            }
+            Place::Backward(pair) => {
+                add(&mut self.upper[pair], back);
+                add(&mut self.lower[pair], across);
+            }
+        }
+    }
+
     /// Makes the equations of the unknowns marked in `pinned` read `stiffness * x = 0` and drops them elsewhere.
     pub(super) fn pin(&mut self, pinned: &[[bool; B]], stiffness: f64) {
         let clear = |block: &mut Block<B>, rows: &[bool; B], columns: &[bool; B]| {
@@ -100,6 +121,19 @@ impl<const B: usize> BlockMatrix<B> {
         }
     }
 
+    /// `result = matrix * values`.
+    #[inline(always)]
+    pub(super) fn apply<const R: usize>(&self, values: &[Columns<B, R>], result: &mut [Columns<B, R>]) {
+        for ((result, block), value) in result.iter_mut().zip(&self.diagonal).zip(values) {
+            *result = [[0.0; R]; B];
+            add_product(result, block, value);
+        }
+        for ((&[first, second], upper), lower) in self.pairs.iter().zip(&self.upper).zip(&self.lower) {
+            add_product(&mut result[first], upper, &values[second]);
+            add_product(&mut result[second], lower, &values[first]);
+        }
+    }
+
     /// `loads - matrix * answers`.
     #[inline(always)]
     pub(super) fn residual<const R: usize>(
@@ -116,6 +150,37 @@ impl<const B: usize> BlockMatrix<B> {
             subtract_applied(&mut residual[second], lower, &answers[first]);
         }
         residual
+    }
+}
+
+/// `target += values`.
+#[inline(always)]
+pub(super) fn add<const ROWS: usize, const COLUMNS: usize>(
+    target: &mut [[f64; COLUMNS]; ROWS],
+    values: &[[f64; COLUMNS]; ROWS],
+) {
+    for (target, values) in target.iter_mut().zip(values) {
+        for (target, value) in target.iter_mut().zip(values) {
+            *target += value;
+        }
+    }
+}
+
+/// `target += block * values`, fused, in either precision.
+#[inline(always)]
+pub(super) fn add_product<T: Copy + MulAdd<Output = T>, const B: usize, const R: usize>(
+    target: &mut [[T; R]; B],
+    block: &[[T; B]; B],
+    values: &[[T; R]; B],
+) {
+    for row in 0..B {
+        let mut sum = target[row];
+        for column in 0..B {
+            for lane in 0..R {
+                sum[lane] = block[row][column].mul_add(values[column][lane], sum[lane]);
+            }
+        }
+        target[row] = sum;
     }
 }
 

@@ -3,9 +3,9 @@
 //!
 //! All right-hand sides run side by side in the lanes of a vector, each with its own scalars.
 
-use super::block_matrix::{BlockMatrix, Columns};
+use super::block_matrix::Columns;
 use super::single::{SingleColumns, dot, gather};
-use super::two_level::{Groups, TwoLevel};
+use super::two_level::{Problem, TwoLevel};
 use super::vectorised::{Vectorised, dispatch};
 
 /// Norm of the residual over that of the load at which iterations end. A symmetric operator that is corrected by what is
@@ -23,32 +23,24 @@ const MOST_ITERATIONS: u32 = 300;
 
 /// Solves for all columns of `loads`; the answers and what they leave of the loads. `None` if that takes too many
 /// iterations or breaks down.
-pub(super) fn solve<const B: usize, const P: usize>(
-    matrix: &BlockMatrix<B>,
-    loads: &[Columns<B, P>],
-    groups: &Groups<B>,
-    typical: f64,
-) -> Option<[Vec<Columns<B, P>>; 2]> {
-    dispatch(Corrections { matrix, loads, groups, typical })
+pub(super) fn solve<const B: usize, const P: usize>(problem: Problem<'_, B, P>) -> Option<[Vec<Columns<B, P>>; 2]> {
+    dispatch(Corrections(problem))
 }
 
-struct Corrections<'a, const B: usize, const P: usize> {
-    matrix: &'a BlockMatrix<B>,
-    loads: &'a [Columns<B, P>],
-    groups: &'a Groups<B>,
-    typical: f64,
-}
+struct Corrections<'a, const B: usize, const P: usize>(Problem<'a, B, P>);
 
 impl<const B: usize, const P: usize> Vectorised for Corrections<'_, B, P> {
     type Output = Option<[Vec<Columns<B, P>>; 2]>;
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let inverse = TwoLevel::of(self.matrix, self.groups, self.typical);
-        let mut iterations = Iterations::new(self.loads.len());
-        let goal = squares(self.loads).map(|square| TOLERANCE * TOLERANCE * square);
-        let mut answers = vec![[[0.0; P]; B]; self.loads.len()];
-        let mut residual = self.loads.to_vec();
+        let Self(problem) = self;
+        let Problem { matrix, loads, typical, .. } = problem;
+        let inverse = TwoLevel::of(&problem);
+        let mut iterations = Iterations::new(loads.len());
+        let goal = squares(loads).map(|square| TOLERANCE * TOLERANCE * square);
+        let mut answers = vec![[[0.0; P]; B]; loads.len()];
+        let mut residual = loads.to_vec();
         for _ in 0..=MOST_ROUNDS {
             let square = squares(&residual);
             if square.iter().any(|value| !value.is_finite()) {
@@ -66,12 +58,11 @@ impl<const B: usize, const P: usize> Vectorised for Corrections<'_, B, P> {
             for (change, &grain) in iterations.answer.iter().zip(&inverse.order) {
                 for unknown in 0..B {
                     for lane in 0..P {
-                        answers[grain][unknown][lane] +=
-                            f64::from(change[unknown][lane]) * (scale[lane] / self.typical);
+                        answers[grain][unknown][lane] += f64::from(change[unknown][lane]) * (scale[lane] / typical);
                     }
                 }
             }
-            residual = self.matrix.residual(self.loads, &answers);
+            residual = matrix.residual(loads, &answers);
         }
         None
     }

@@ -12,7 +12,7 @@ use super::network_solver;
 use super::orderings::Orderings;
 use super::sliding::{ContactStiffness, Sliding};
 use super::strain::objective;
-use super::two_level::Groups;
+use super::two_level::{Groups, Problem};
 use super::vectorised::{Vectorised, dispatch};
 use protocol::Tensor4;
 
@@ -130,13 +130,10 @@ fn iterated<const D: usize, const B: usize, const P: usize>(
         .map(|contact| Bond { grains: [contact.origin, contact.end], branch: network.links[contact.index].branch })
         .collect();
     let groups = Groups::of(&system.matrix, &bonds, &backbone.radii, &backbone.pinned);
-    let symmetric = if sliding.is_symmetric() {
-        conjugate_gradients::solve(&system.matrix, &system.loads, &groups, typical)
-    } else {
-        None
-    };
+    let problem = || Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
+    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem()) } else { None };
     match symmetric {
         Some([columns, residual]) => Some(Answers { columns, residual: Some(residual) }),
-        None => bicgstab::solve(&system.matrix, &system.loads, &groups, typical).map(Answers::exact),
+        None => bicgstab::solve(problem()).map(Answers::exact),
     }
 }

@@ -3,7 +3,7 @@
 //! Half the memory and twice the lanes of double precision: what an iteration costs is reading the matrix. Values are
 //! divided by the stiffness of a contact, so that nothing over- or underflows whatever the units.
 
-use super::block_matrix::{Block, BlockMatrix, Columns};
+use super::block_matrix::{Block, BlockMatrix, Columns, add_product};
 
 /// One block, `[row][column]`.
 pub(super) type SingleBlock<const B: usize> = [[f32; B]; B];
@@ -86,24 +86,6 @@ pub(super) fn product<const B: usize, const P: usize>(
     let mut result = [[0.0; P]; B];
     add_product(&mut result, block, values);
     result
-}
-
-/// `target += block * values`.
-#[inline(always)]
-pub(super) fn add_product<const B: usize, const P: usize>(
-    target: &mut SingleColumns<B, P>,
-    block: &SingleBlock<B>,
-    values: &SingleColumns<B, P>,
-) {
-    for row in 0..B {
-        let mut sum = target[row];
-        for column in 0..B {
-            for lane in 0..P {
-                sum[lane] = block[row][column].mul_add(values[column][lane], sum[lane]);
-            }
-        }
-        target[row] = sum;
-    }
 }
 
 /// `target -= values`.

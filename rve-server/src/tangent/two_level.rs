@@ -5,10 +5,10 @@
 //! grows any more.
 
 use super::aggregates::{Aggregates, Bond};
-use super::block_matrix::{Block, BlockMatrix};
+use super::block_matrix::{Block, BlockMatrix, Columns, add_product};
 use super::elimination::Elimination;
 use super::factors::Factors;
-use super::single::{SingleBlock, SingleColumns, SingleMatrix, add_product, product, rounded, subtract};
+use super::single::{SingleBlock, SingleColumns, SingleMatrix, product, rounded, subtract};
 use super::vectorised::{Vectorised, dispatch};
 
 /// Grains of a group, unless that makes more groups than [`MOST_GROUPS`].
@@ -37,6 +37,18 @@ impl<const B: usize> Groups<B> {
         let matrix = dispatch(Projection { aggregates: &aggregates, matrix });
         Self { elimination: Elimination::of(matrix.grains(), &matrix.pairs), aggregates, matrix }
     }
+}
+
+/// Balance equations to be iterated on.
+pub(super) struct Problem<'a, const B: usize, const P: usize> {
+    /// Forces and moments of grains over their motions.
+    pub matrix: &'a BlockMatrix<B>,
+    /// Right-hand sides.
+    pub loads: &'a [Columns<B, P>],
+    /// Groups of the grains of `matrix`.
+    pub groups: &'a Groups<B>,
+    /// Stiffness of a contact, N/m.
+    pub typical: f64,
 }
 
 /// The matrix that groups see.
@@ -72,9 +84,10 @@ pub(super) struct TwoLevel<'a, const B: usize, const P: usize> {
 }
 
 impl<'a, const B: usize, const P: usize> TwoLevel<'a, B, P> {
-    /// Prepares the inverse of `matrix`; `typical` is the stiffness of a contact, N/m.
+    /// Prepares the inverse of the matrix of `problem`.
     #[inline(always)]
-    pub(super) fn of(matrix: &BlockMatrix<B>, groups: &'a Groups<B>, typical: f64) -> Self {
+    pub(super) fn of(problem: &Problem<'a, B, P>) -> Self {
+        let &Problem { matrix, groups, typical, .. } = problem;
         let aggregates = &groups.aggregates;
         let mut order: Vec<usize> = (0..matrix.grains()).collect();
         order.sort_by_key(|&grain| aggregates.group_of[grain]);
