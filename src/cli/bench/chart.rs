@@ -100,6 +100,45 @@ impl Chart {
         }
     }
 
+    /// The corner, upper ones first, where the names of the curves hide the fewest points and stretches between them.
+    fn emptiest_corner(&self) -> SeriesLabelPosition {
+        let ranges = [self.range(0), self.range(1)];
+        let share = |axis: usize, value: f64| {
+            let (range, scale) = (&ranges[axis], self.axes[axis].1);
+            let place = |value: f64| if scale == Scale::Logarithmic { value.ln() } else { value };
+            (place(value) - place(range.start)) / (place(range.end) - place(range.start))
+        };
+        let ends = |points: &[[f64; 2]]| points.iter().map(|p| [share(0, p[0]), share(1, p[1])]).collect::<Vec<_>>();
+        let mut places = Vec::new();
+        for points in self.curves.iter().map(|(_, points)| ends(points)) {
+            places.extend(points.first().copied());
+            for pair in points.windows(2) {
+                places.extend((1..=10).map(|part| {
+                    let weight = f64::from(part) / 10.0;
+                    std::array::from_fn(|axis| pair[0][axis] + weight * (pair[1][axis] - pair[0][axis]))
+                }));
+            }
+        }
+        let (width, height) = (0.28, 0.1 + 0.045 * self.curves.len() as f64);
+        let hidden = |right: bool, upper: bool| {
+            let inside = |place: &&[f64; 2]| {
+                (if right { place[0] > 1.0 - width } else { place[0] < width })
+                    && (if upper { place[1] > 1.0 - height } else { place[1] < height })
+            };
+            places.iter().filter(inside).count()
+        };
+        let corners = [
+            (SeriesLabelPosition::UpperRight, hidden(true, true)),
+            (SeriesLabelPosition::UpperLeft, hidden(false, true)),
+            (SeriesLabelPosition::LowerLeft, hidden(false, false)),
+            (SeriesLabelPosition::LowerRight, hidden(true, false)),
+        ];
+        corners
+            .into_iter()
+            .min_by_key(|(_, hidden)| *hidden)
+            .map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)
+    }
+
     fn draw<X, Y>(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, x: X, y: Y) -> Result<(), Failed>
     where
         X: AsRangedCoord<Value = f64>,
@@ -134,6 +173,7 @@ impl Chart {
         }
         chart
             .configure_series_labels()
+            .position(self.emptiest_corner())
             .background_style(WHITE.mix(0.85))
             .border_style(BLACK.mix(0.3))
             .label_font(("sans-serif", 13))
@@ -171,6 +211,17 @@ mod tests {
             assert!(!text.contains("NaN"));
         }
         assert!(Chart::new("nothing", ("x", Scale::Linear), ("y", Scale::Linear)).to_svg().is_ok());
+    }
+
+    #[test]
+    fn names_stand_where_they_hide_least() {
+        let corner = |points: [[f64; 2]; 2]| {
+            let mut chart = Chart::new("", ("x", Scale::Logarithmic), ("y", Scale::Linear));
+            chart.curve("a", points);
+            format!("{:?}", chart.emptiest_corner())
+        };
+        assert_eq!(corner([[1.0, 1.0], [1e3, 0.0]]), "UpperRight");
+        assert_eq!(corner([[1.0, 0.0], [1e3, 1.0]]), "UpperLeft");
     }
 
     #[test]

@@ -21,7 +21,7 @@ use super::exit::{Exit, Failure};
 use super::stdout::print;
 use machine::Machine;
 use report::Report;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// One thing that can be measured.
 struct Study {
@@ -31,6 +31,8 @@ struct Study {
     about: &'static str,
     /// Measures; must not depend on the order of studies or leave processes behind.
     run: fn(&Effort, &mut Report) -> anyhow::Result<()>,
+    /// Draws the pictures of the tables in a folder anew, for studies that can.
+    redraw: Option<fn(&Path) -> anyhow::Result<()>>,
 }
 
 /// All studies, in the order of `--list`.
@@ -39,31 +41,37 @@ const STUDIES: &[Study] = &[
         name: "self-test",
         about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
         run: self_test::run,
+        redraw: None,
     },
     Study {
         name: "channel",
         about: "round trip and throughput against payload, cost of a call without grains, ways to wait",
         run: channel::run,
+        redraw: None,
     },
     Study {
         name: "schedule",
         about: "time of a batch of unequal jobs over the ideal: static split, in order, longest first; 2 to 4096 workers",
         run: schedule::run,
+        redraw: None,
     },
     Study {
         name: "scaling",
         about: "400 discs on 1, 2 and more workers: fixed work, work per worker, the serial part",
         run: scaling::run,
+        redraw: None,
     },
     Study {
         name: "rve",
         about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
         run: rve::run,
+        redraw: Some(rve::redraw),
     },
     Study {
         name: "newton",
         about: "evaluations per step of every strategy and operator: one element over five packings, biaxial test",
         run: newton::run,
+        redraw: None,
     },
 ];
 
@@ -121,6 +129,9 @@ pub(crate) struct Arguments {
     /// Measure only this part or variant; may be repeated
     #[arg(long, value_name = "PART")]
     only: Vec<String>,
+    /// Measure nothing: draw the pictures of the tables in the folder anew (rve)
+    #[arg(long, conflicts_with_all = ["quick", "full", "only"])]
+    redraw: bool,
     /// Be the other side of a study: a role and an address
     #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
     helper: Option<Vec<String>>,
@@ -149,6 +160,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Ok(failure) => failure,
         Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),
     };
+    if arguments.redraw {
+        let redraw = study.redraw.ok_or_else(|| anyhow::anyhow!("this study cannot draw without measuring"));
+        redraw.and_then(|redraw| redraw(&folder)).map_err(failed)?;
+        return Ok(Exit::Done);
+    }
     let mut report = Report::open(&folder, study.name, &Machine::here(), &effort)?;
     (study.run)(&effort, &mut report).map_err(failed)?;
     report.close()?;

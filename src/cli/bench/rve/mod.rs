@@ -5,18 +5,20 @@
 mod case;
 mod measure;
 mod peers;
+mod record;
 mod setting;
 mod window;
 
 use super::Effort;
-use super::chart::{Chart, Scale};
 use super::repeat::median;
 use super::report::Report;
-use super::table::{Cell, Table};
+use super::table::Table;
 use anyhow::Context;
 use case::{CASES, Case};
+use macro_solver::output::write_atomically;
 use measure::Run;
 use peers::Peer;
+use record::{Measured, charts, read, table};
 use rve_server::definition::RveOptions;
 use rve_server::packing::Packing;
 use setting::{Setting, is_beyond, settings};
@@ -44,14 +46,22 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A setting and what it gave in every round.
-struct Measured {
-    curve: String,
-    name: String,
-    processor: f64,
-    evaluations: u64,
-    not_equilibrated: u64,
-    errors: Vec<f64>,
+/// Draws the pictures of the tables in a folder anew.
+///
+/// # Errors
+/// A table is none of this study, or a picture cannot be written.
+pub(super) fn redraw(folder: &Path) -> anyhow::Result<()> {
+    for case in CASES {
+        let file = folder.join(format!("{}.csv", case.name));
+        if !file.exists() {
+            continue;
+        }
+        let measured = read(&file).with_context(|| file.display().to_string())?;
+        for (name, chart) in charts(case, &measured) {
+            write_atomically(&folder.join(format!("{name}.svg")), chart.to_svg()?.as_bytes())?;
+        }
+    }
+    Ok(())
 }
 
 fn study(case: &Case, effort: &Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {
@@ -81,8 +91,12 @@ fn study(case: &Case, effort: &Effort, scratch: &Path, report: &mut Report) -> a
             }
         }
     }
-    tabulate(case, &measured, report)?;
-    draw(case, &measured, report)
+    let heading = format!("{}: error of the stress (RMS, in units of the pressure) and its price", case.name);
+    report.table(case.name, &heading, &table(&measured))?;
+    for (name, chart) in charts(case, &measured) {
+        report.chart(&name, &chart)?;
+    }
+    Ok(())
 }
 
 /// All settings, in alternating rounds.
@@ -177,65 +191,4 @@ fn judged(
     let apart = errors(case, reference, &own.curve, pressure);
     rows.push(row(format!("{}, slowest, against our reference", peer.name()), *slowest, own, apart));
     rows
-}
-
-fn tabulate(case: &Case, measured: &[Measured], report: &mut Report) -> anyhow::Result<()> {
-    let mut table = Table::new([
-        "curve",
-        "setting",
-        "cpu_s",
-        "force_evaluations",
-        "us_per_evaluation",
-        "not_equilibrated",
-        "error_start",
-        "error_to_peak",
-        "error_after",
-    ]);
-    for row in measured {
-        let error = |window: usize| Cell::from(row.errors.get(window).copied().unwrap_or(f64::NAN));
-        table.row([
-            row.curve.clone().into(),
-            row.name.clone().into(),
-            row.processor.into(),
-            row.evaluations.into(),
-            (1e6 * row.processor / row.evaluations as f64).into(),
-            row.not_equilibrated.into(),
-            error(0),
-            error(1),
-            error(2),
-        ]);
-    }
-    let heading = format!("{}: error of the stress (RMS, in units of the pressure) and its price", case.name);
-    Ok(report.table(case.name, &heading, &table)?)
-}
-
-/// One picture over time and one over force evaluations, of the error to the peak.
-fn draw(case: &Case, measured: &[Measured], report: &mut Report) -> anyhow::Result<()> {
-    let mut curves: Vec<&str> = Vec::new();
-    for row in measured {
-        if !curves.contains(&row.curve.as_str()) {
-            curves.push(&row.curve);
-        }
-    }
-    for (window, meaning) in [(0, "start"), (1, "to the peak"), (2, "after")] {
-        for (file, axis) in [("time", "processor time, s"), ("evaluations", "force evaluations")] {
-            let title = format!("{}, {meaning}", case.name);
-            let mut chart =
-                Chart::new(&title, (axis, Scale::Logarithmic), ("stress error / pressure", Scale::Logarithmic));
-            for curve in &curves {
-                let mut points: Vec<[f64; 2]> = measured
-                    .iter()
-                    .filter(|row| row.curve == *curve)
-                    .map(|row| {
-                        let price = if file == "time" { row.processor } else { row.evaluations as f64 };
-                        [price, row.errors[window]]
-                    })
-                    .collect();
-                points.sort_by(|first, second| first[0].total_cmp(&second[0]));
-                chart.curve(curve, points);
-            }
-            report.chart(&format!("{}-{}-{file}", case.name, case.windows[window].name), &chart)?;
-        }
-    }
-    Ok(())
 }
