@@ -149,11 +149,9 @@ fn the_number_of_workers_changes_no_bit_and_quiet_is_quiet() {
 fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     let place = tempfile::tempdir().unwrap();
     let out = place.path().join("out");
-    let output = run(
-        &out,
-        "1",
-        &["--set", "loading.max_iterations=1", "--set", "loading.smallest_increment=0.1", "--set", "name=hopeless"],
-    );
+    let hopeless = ["--set", "loading.max_iterations=1", "--set", "loading.smallest_increment=0.1"];
+    let left_alone = ["--set", "loading.stabilise=false", "--set", "name=hopeless"];
+    let output = run(&out, "1", &[&hopeless[..], &left_alone].concat());
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     assert!(
@@ -164,6 +162,15 @@ fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     assert!(summary["cutbacks"].as_u64() > Some(0));
     let history = fs::read_to_string(out.join("history.csv")).unwrap();
     assert!(history.lines().count() >= 2 && history.ends_with('\n'), "the initial state is kept: {history}");
+    // The same with creep: it gets through, and says what that took.
+    let out = place.path().join("stabilised");
+    let output = run(&out, "2", &hopeless);
+    let stderr = text(&output.stderr);
+    assert!(output.status.success() && stderr.contains("crept to balance in"), "{stderr}");
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["fallbacks"]["steps_stabilised"].as_u64() > Some(0), "{summary}");
+    let taken = summary["energy"]["stabilisation"].as_f64().unwrap();
+    assert!(taken.abs() > 0.0 && taken.abs() < 0.2 * summary["energy"]["external_work"].as_f64().unwrap(), "{taken}");
 }
 
 /// Values of a column of a history, by row.

@@ -22,20 +22,22 @@ mod relaxation;
 mod renewal;
 mod safeguard;
 mod secant;
+mod stabilisation;
 mod stage;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use crate::body::Body;
 use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::dynamics::Integrator;
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
-use crate::problem::{PathControl, Problem, ProblemError, Procedure};
+use crate::problem::{PathControl, Problem, ProblemError, Procedure, Stabilisation};
 use balance::Balance;
 use constraints::Constraints;
 use linear_solver::LinearSolver;
 use loads::Loads;
+use nalgebra::Matrix3;
 use newton::Converged;
 use path::Constraint;
 use points::{Points, failure};
@@ -250,13 +252,15 @@ impl<'a> Solver<'a> {
             session.material.commit().map_err(|error| ended(failure(error)))?;
             converged
         };
-        self.accept(&converged, 0.0, 0, &counters, session)
+        let gradients = self.settle(&converged.increment);
+        self.accept(&converged, 0.0, &gradients, &counters, session)
     }
 
     /// Takes one load step, cutting it back as often as needed; returns the iterations of the successful attempt.
     fn advance(&mut self, size: &mut f64, session: &mut Session<'_>) -> Result<usize, Outcome> {
         let control = &self.stage().control;
         let counters = Counters::of(&self.statistics);
+        let begun_with = *size;
         self.points.start_step();
         for cut_backs in 0.. {
             let passed = next_load(self.passed, *size, control.increments, control.min);
@@ -266,9 +270,9 @@ impl<'a> Solver<'a> {
                         Failure::Run(outcome) => outcome,
                         Failure::Attempt(reason) => Outcome::WorkersLost { reason },
                     })?;
-                    let iterations = converged.iterations;
-                    self.accept(&converged, passed, cut_backs, &counters, session)?;
-                    return Ok(iterations);
+                    let gradients = self.settle(&converged.increment);
+                    self.accept(&converged, passed, &gradients, &Counters { cut_backs, ..counters }, session)?;
+                    return Ok(converged.iterations);
                 }
                 Err(Failure::Run(outcome)) => return Err(outcome),
                 Err(Failure::Attempt(reason)) => {
@@ -276,13 +280,15 @@ impl<'a> Solver<'a> {
                     self.points.forget_trials();
                     self.points.forget_corrections();
                     let (load, from) = (passed, passed - self.passed);
+                    if let Some(settings) = self.stabilises(cut_backs + 1, from) {
+                        let counters = Counters { cut_backs: cut_backs + 1, ..counters };
+                        self.stabilise(settings, passed, reason, &counters, session)?;
+                        *size = begun_with;
+                        return Ok(1);
+                    }
                     *size = from * control.cut;
                     if *size < control.min {
-                        let reason = format!(
-                            "at load {load:.6}{} with the smallest step {from:.2e}: {reason}",
-                            self.of_stage()
-                        );
-                        return Err(Outcome::DidNotConverge { reason });
+                        return Err(Outcome::DidNotConverge { reason: self.explained(passed, &reason) });
                     }
                     self.statistics.cut_backs += 1;
                     session.observer.cut_back(&CutBack { step: self.step, load, from, to: *size, reason });
@@ -300,22 +306,62 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Moves the reference to the converged configuration, which the material has committed, and reports it.
+    /// Why the last attempt, which aimed at the share `passed` of the path, was the last.
+    fn explained(&self, passed: f64, reason: &str) -> String {
+        let (size, stage) = (passed - self.passed, self.of_stage());
+        let smallest = if size * self.stage().control.cut < self.stage().control.min { "the smallest" } else { "a" };
+        format!("at load {passed:.6}{stage} with {smallest} step {size:.2e}: {reason}")
+    }
+
+    /// Takes a step to the share `passed` of the path by creep.
+    fn stabilise(
+        &mut self,
+        settings: Stabilisation,
+        passed: f64,
+        reason: String,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<(), Outcome> {
+        self.statistics.cut_backs += 1;
+        let crossed = self.creep(settings, passed, reason.clone(), session).map_err(|failure| match failure {
+            Failure::Run(outcome) => outcome,
+            Failure::Attempt(lost) => {
+                Outcome::DidNotConverge { reason: format!("{}; stabilised: {lost}", self.explained(passed, &reason)) }
+            }
+        })?;
+        let event = &crossed.event;
+        self.statistics.stabilised_steps += 1;
+        self.statistics.creep_increments += event.increments as u64;
+        self.statistics.creep_evaluations += event.evaluations;
+        self.statistics.creep_work += event.work;
+        session.observer.stabilised(event);
+        let before = Counters { creep: event.increments, ..*before };
+        self.accept(&crossed.converged, passed, &crossed.gradients, &before, session)
+    }
+
+    /// Moves the reference to the configuration after `increment`, which the material has committed; the displacement
+    /// gradients of the points.
+    fn settle(&mut self, increment: &[f64]) -> Vec<Matrix3<f64>> {
+        let gradients = self.gradients(increment);
+        self.body.commit(increment);
+        self.points.commit(&gradients);
+        self.committed_balance.clone_from(&self.balance);
+        gradients
+    }
+
+    /// Ends a step, whose state has been settled, and reports it; `gradients` are those of the whole step.
     fn accept(
         &mut self,
         converged: &Converged,
         passed: f64,
-        cut_backs: usize,
+        gradients: &[Matrix3<f64>],
         before: &Counters,
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
         let (load, size) = (converged.load, passed - self.passed);
-        let gradients = self.gradients(&converged.increment);
-        self.body.commit(&converged.increment);
-        self.points.commit(&gradients);
-        self.committed_balance.clone_from(&self.balance);
         if size > 0.0 {
-            self.last_increment = Some((converged.increment.clone(), size));
+            // The way through a snap says nothing about the next step.
+            self.last_increment = (before.creep == 0).then(|| (converged.increment.clone(), size));
             self.last_load_change = load - self.load;
             self.statistics.steps += 1;
         }
@@ -330,7 +376,8 @@ impl<'a> Solver<'a> {
             iterations: converged.iterations,
             evaluations: self.statistics.evaluations - before.evaluations,
             skipped: self.statistics.skipped - before.skipped,
-            cut_backs,
+            cut_backs: before.cut_backs,
+            creep: before.creep,
             force_ratio: converged.force_ratio,
             displacement_ratio: converged.displacement_ratio,
             flags: self.points.flags(),
@@ -341,7 +388,7 @@ impl<'a> Solver<'a> {
                 *reaction = 0.0;
             }
         }
-        let fields = self.fields(&gradients, &reactions, &self.committed_balance.external);
+        let fields = self.fields(gradients, &reactions, &self.committed_balance.external);
         let view = FieldsView {
             mesh: self.body.mesh(),
             displacements: &fields.displacements,
@@ -356,15 +403,20 @@ impl<'a> Solver<'a> {
     }
 }
 
-/// Counters at the start of a step.
+/// Counters at the start of a step, and what happened before it was accepted.
+#[derive(Clone, Copy)]
 struct Counters {
     evaluations: u64,
     skipped: u64,
+    /// Failed attempts.
+    cut_backs: usize,
+    /// Increments of creep.
+    creep: usize,
 }
 
 impl Counters {
     fn of(statistics: &Statistics) -> Self {
-        Self { evaluations: statistics.evaluations, skipped: statistics.skipped }
+        Self { evaluations: statistics.evaluations, skipped: statistics.skipped, cut_backs: 0, creep: 0 }
     }
 }
 

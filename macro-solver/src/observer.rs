@@ -47,6 +47,9 @@ pub trait Observer {
     /// A step failed and is tried again with a smaller size.
     fn cut_back(&mut self, _event: &CutBack) {}
 
+    /// A step that found no balance was stabilised; it is accepted next.
+    fn stabilised(&mut self, _event: &Stabilised) {}
+
     /// The run is over; nothing follows.
     fn finished(&mut self, _run: &Run) {}
 
@@ -111,6 +114,8 @@ pub struct StepReport {
     pub skipped: u64,
     /// Failed attempts before this step.
     pub cut_backs: usize,
+    /// Increments of creep in this step, see [`Stabilised`]; 0 unless it was stabilised.
+    pub creep: usize,
     /// Out-of-balance ratio of the accepted state.
     pub force_ratio: f64,
     /// Displacement ratio of the accepted state; 0 for an initial equilibrium that needed no iteration.
@@ -131,6 +136,25 @@ pub struct CutBack {
     /// Size tried next.
     pub to: f64,
     /// Why.
+    pub reason: String,
+}
+
+/// A step in which the body crept to balance, see [`crate::problem::Stabilisation`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stabilised {
+    /// Step.
+    pub step: usize,
+    /// Load factor.
+    pub load: f64,
+    /// Increments committed on the way.
+    pub increments: usize,
+    /// Point evaluations.
+    pub evaluations: u64,
+    /// Largest out-of-balance force of a state on the way over reactions and loads.
+    pub largest_imbalance: f64,
+    /// Work that the drag took, J, in the plane per metre.
+    pub work: f64,
+    /// Why the last attempt without it failed.
     pub reason: String,
 }
 
@@ -268,6 +292,14 @@ pub struct Statistics {
     pub skipped: u64,
     /// Failed attempts.
     pub cut_backs: u64,
+    /// Steps that found balance by creep, see [`Stabilised`].
+    pub stabilised_steps: u64,
+    /// Increments of creep, none of them in balance but the last of each step.
+    pub creep_increments: u64,
+    /// Point evaluations of these steps' creep.
+    pub creep_evaluations: u64,
+    /// Work that the drag took, J, in the plane per metre.
+    pub creep_work: f64,
     /// Secant corrections applied to point tangents.
     pub secant_corrections: u64,
     /// Secant corrections that a gate or the floor turned down.

@@ -31,7 +31,7 @@ pub use initial_stress::{InitialState, InitialStress};
 pub use link::{Link, LinkTerm};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
 pub use path_control::PathControl;
-pub use stage::{Procedure, Stage, StepControl, StepRule};
+pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
 

@@ -122,6 +122,8 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "cut" => &["loading", "cut"],
         "first_load" | "probe growth" => &["loading", "control"],
         "max_iterations" => &["loading", "max_iterations"],
+        "stabilise_after" => &["loading", "stabilise_after"],
+        "stabilise_increments" => &["loading", "stabilise_increments"],
         "force tolerance" => &["solver", "force_tolerance"],
         "displacement tolerance" => &["solver", "displacement_tolerance"],
         "capped_change" => &["solver", "capped_change"],

@@ -10,7 +10,8 @@ use super::strategies::{criteria, preset, refine};
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::problem::{
-    EquationSolver, PathControl, Predictor, Problem, SecantGates, StepControl, StepRule, Strategy, Tolerances,
+    EquationSolver, PathControl, Predictor, Problem, SecantGates, Stabilisation, StepControl, StepRule, Strategy,
+    Tolerances,
 };
 use protocol::TangentKind;
 use toml::Spanned;
@@ -78,6 +79,15 @@ pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
     }
     if let Some(path) = &table.control {
         control.path = path_control(path);
+    }
+    match table.stabilise {
+        Some(false) => control.stabilisation = None,
+        Some(true) => control.stabilisation = control.stabilisation.or(Some(Stabilisation::default())),
+        None => {}
+    }
+    if let Some(stabilisation) = &mut control.stabilisation {
+        stabilisation.after = table.stabilise_after.as_ref().map(|after| *after.get_ref()).or(stabilisation.after);
+        replace(&mut stabilisation.most_increments, &table.stabilise_increments);
     }
 }
 

@@ -151,6 +151,8 @@ impl Watched {
                 }
                 known.push(pid);
                 signal(pid, rustix::process::Signal::STOP);
+                // It stops on its way out of the kernel: an exec under way is finished first.
+                eventually("stop of a newborn", || is_stopped(pid).then_some(()));
                 if line(pid) == line(self.pid()) {
                     return true;
                 }
@@ -222,6 +224,12 @@ pub fn children_of(pid: u32) -> Vec<u32> {
     }
     children.sort_unstable();
     children
+}
+
+/// Whether a process stands still, or has ended.
+fn is_stopped(pid: u32) -> bool {
+    let state = |text: String| text.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
+    fs::read_to_string(format!("/proc/{pid}/stat")).map_or(true, |text| matches!(state(text), Some('T' | 'Z' | 'X')))
 }
 
 /// Whether a process lives.

@@ -2,10 +2,12 @@
 
 use super::*;
 use crate::elastic::{ElasticLaw, ElasticMaterial};
+use crate::implicit::tests::stabilisation::{pulled, weak_at_the_bottom};
 use crate::implicit::{solve, solve_kept};
+use crate::material::PointMaterial;
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
-use crate::observer::{FieldsView, Outcome, Silent, StepReport, StopRequest};
+use crate::observer::{FieldsView, Outcome, Silent, Statistics, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, NamedStrategy, PathControl, Platen, PressureKind, Problem};
 use protocol::StateId;
 use std::fs;
@@ -230,9 +232,19 @@ fn a_run_whose_load_factor_is_unknown_continues_to_the_same_bits() {
     }
 }
 
+/// A step that was stabilised leaves no increment behind from which the next could be guessed.
+#[test]
+fn a_run_goes_on_after_a_snap_to_the_same_bits() {
+    let statistics = continues_with(&pulled(1e-2), weak_at_the_bottom);
+    assert_eq!(statistics.stabilised_steps, 1);
+}
+
 /// Continues after every step, and returns how often one was cut back.
 fn continues_to_the_same_bits(problem: &Problem) -> u64 {
-    let material = || law(problem).with_largest_target(0.0165);
+    continues_with(problem, || law(problem).with_largest_target(0.0165)).cut_backs
+}
+
+fn continues_with<M: PointMaterial>(problem: &Problem, material: impl Fn() -> M) -> Statistics {
     let (mut whole, mut shelf) = (Witness::default(), Shelf::default());
     let run = solve_kept(problem, &mut material(), &mut whole, &mut shelf);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?} {:?}", problem.stages[0].strategy, run.outcome);
@@ -243,7 +255,7 @@ fn continues_to_the_same_bits(problem: &Problem) -> u64 {
         solve_kept(problem, &mut material(), &mut rest, &mut keeper);
         assert_eq!(rest.0, whole.0[step + 1..], "continued after step {step}");
     }
-    run.statistics.cut_backs
+    run.statistics
 }
 
 #[test]

@@ -78,6 +78,7 @@ impl Solver<'_> {
             evaluations: self.statistics.evaluations - before.evaluations,
             skipped: self.statistics.skipped - before.skipped,
             cut_backs: 0,
+            creep: 0,
             force_ratio: 0.0,
             displacement_ratio: 0.0,
             flags: self.points.flags(),

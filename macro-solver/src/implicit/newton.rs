@@ -129,7 +129,7 @@ impl Solver<'_> {
     }
 
     /// The measures of an iterate that would still get `correction`.
-    fn measured(&self, force: f64, iterate: &[f64], correction: &[f64], full_step: f64) -> Measured {
+    pub(super) fn measured(&self, force: f64, iterate: &[f64], correction: &[f64], full_step: f64) -> Measured {
         let size = match self.stage().tolerances.criteria.displacement {
             Some(DisplacementMeasure::Step) => norm(iterate),
             Some(DisplacementMeasure::FullStep) | None => full_step * norm(iterate),
@@ -317,14 +317,14 @@ impl Solver<'_> {
     }
 
     /// Size of a full step over that of the step to `passed`; 1 for the initial equilibrium, which has no size.
-    fn full_step(&self, passed: f64) -> f64 {
+    pub(super) fn full_step(&self, passed: f64) -> f64 {
         let size = passed - self.passed;
         if size > 0.0 { 1.0 / (self.stage().control.increments as f64 * size) } else { 1.0 }
     }
 }
 
 /// Largest component of any of the displacement gradients.
-fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
+pub(super) fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
     gradients.iter().map(Matrix3::amax).fold(0.0, f64::max)
 }
 

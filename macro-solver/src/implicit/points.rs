@@ -84,6 +84,15 @@ impl Point {
         self.last_sample = Some(Sample::committed(&self.committed_stress));
     }
 
+    /// Lamé modulus and shear modulus of an isotropic solid as stiff as the first tangent, Pa; 0 before it.
+    pub(crate) fn first_moduli(&self) -> [f64; 2] {
+        // Grains under a high stress ratio may be stiffer in shear than isotropic solids are.
+        self.yardstick.map_or([0.0; 2], |yardstick| {
+            let shear = yardstick.shear.min(0.5 * yardstick.vertical);
+            [yardstick.vertical - 2.0 * shear, shear]
+        })
+    }
+
     /// Mean shear modulus of the first tangent, Pa; 0 before it.
     pub(crate) fn first_shear_modulus(&self) -> f64 {
         self.yardstick.map_or(0.0, |yardstick| yardstick.shear)

@@ -9,6 +9,7 @@ mod links;
 mod patch;
 mod path;
 mod plane_benchmarks;
+pub(crate) mod stabilisation;
 mod stages;
 mod stepping;
 mod strategies;

@@ -85,6 +85,24 @@ pub struct StepControl {
     pub rule: StepRule,
     /// What a step prescribes.
     pub path: PathControl,
+    /// What happens where no step finds balance; `None`: the run ends.
+    pub stabilisation: Option<Stabilisation>,
+}
+
+/// Creep in a viscous drag, with supports and loads at rest, from a state next to which there is no balance to the next
+/// balanced one. Only in implicit stages that prescribe the load factor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stabilisation {
+    /// After so many failed attempts at a step; in any case after one with the smallest step.
+    pub after: Option<usize>,
+    /// A body that has not come to balance within so many increments does not count as stabilised.
+    pub most_increments: usize,
+}
+
+impl Default for Stabilisation {
+    fn default() -> Self {
+        Self { after: None, most_increments: 100 }
+    }
 }
 
 /// How the size of the next step follows from the last one.
@@ -124,6 +142,7 @@ impl Default for StepControl {
             max_iterations: 15,
             rule: StepRule::Easy,
             path: PathControl::Load,
+            stabilisation: Some(Stabilisation::default()),
         }
     }
 }

@@ -275,6 +275,11 @@ fn stage_numbers(stage: &Stage) -> Vec<Check> {
             checks.push(("probe growth", *growth, "other than 0", *growth != 0.0));
         }
     }
+    if let Some(stabilisation) = control.stabilisation {
+        let (after, most) = (stabilisation.after.unwrap_or(1), stabilisation.most_increments);
+        checks.push(("stabilise_after", after as f64, "at least 1", after >= 1));
+        checks.push(("stabilise_increments", most as f64, "at least 1", most >= 1));
+    }
     if let Some(grid) = strategy.target_grid {
         checks.push(("target_grid", grid, "above 0 and at most 1e-3", grid > 0.0 && grid <= 1e-3));
     }

@@ -120,7 +120,7 @@ pub(super) fn drive<P: MacroPort>(
             Exit::NotConverged,
             format!(
                 "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
-             loading.smallest_increment, or look at the last fields",
+             loading.smallest_increment, or look at the last fields; where a force cannot be carried, move a platen instead",
                 run.load
             ),
         )),

@@ -14,6 +14,8 @@ pub(super) struct EnergyLedger {
     elastic: f64,
     dissipation: f64,
     hourglass: f64,
+    /// Taken by the drag where steps were stabilised.
+    stabilisation: f64,
     /// Figures of dynamic stages, by name.
     dynamics: BTreeMap<String, f64>,
 }
@@ -39,6 +41,7 @@ impl EnergyLedger {
             ("elastic".to_owned(), self.elastic),
             ("frictional_dissipation".to_owned(), self.dissipation),
             ("hourglass".to_owned(), self.hourglass),
+            ("stabilisation".to_owned(), self.stabilisation),
         ])
     }
 }
@@ -46,7 +49,7 @@ impl EnergyLedger {
 const SECTION: &str = "energy";
 
 /// Counts changes of [`EnergyLedger`].
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 impl Observer for EnergyLedger {
     fn save(&self, archive: &mut Archive) {
@@ -65,6 +68,7 @@ impl Observer for EnergyLedger {
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
         self.hourglass = view.hourglass_energy;
+        self.stabilisation = view.statistics.creep_work;
         if let Some(motion) = &view.dynamics {
             let largest = |name: &str, now: f64| now.max(self.dynamics.get(name).copied().unwrap_or(0.0));
             let residual = largest("energy_residual", motion.energy.largest_relative_residual());

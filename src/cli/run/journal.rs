@@ -1,6 +1,8 @@
 //! `run.jsonl`: one JSON object per event, written by `tracing`.
 
-use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
+use macro_solver::observer::{
+    CutBack, FieldsView, IterationReport, Observer, Run, Stabilised, StepReport, StopRequest,
+};
 use macro_solver::output::OutputError;
 use macro_solver::problem::{Problem, Stage};
 use std::fs::OpenOptions;
@@ -82,6 +84,7 @@ impl Observer for Journal {
             evaluations = report.evaluations,
             skipped = report.skipped,
             cut_backs = report.cut_backs,
+            creep = report.creep,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
             not_equilibrated = report.flags.not_equilibrated,
@@ -106,6 +109,19 @@ impl Observer for Journal {
             load = event.load,
             from = event.from,
             to = event.to,
+            reason = event.reason,
+        );
+    }
+
+    fn stabilised(&mut self, event: &Stabilised) {
+        tracing::warn!(
+            event = "stabilised",
+            step = event.step,
+            load = event.load,
+            increments = event.increments,
+            evaluations = event.evaluations,
+            largest_imbalance = event.largest_imbalance,
+            work = event.work,
             reason = event.reason,
         );
     }

@@ -1,7 +1,9 @@
 //! Several observers in a row.
 
 use macro_solver::checkpoint::{Archive, CheckpointError};
-use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Run, StepReport, StopRequest};
+use macro_solver::observer::{
+    CutBack, FieldsView, IterationReport, Observer, Run, Stabilised, StepReport, StopRequest,
+};
 use macro_solver::problem::{Problem, Stage};
 
 /// Tells each observer everything, in order. The first that asks to stop ends the round: what follows has not seen the
@@ -27,6 +29,10 @@ impl Observer for Chain<'_> {
 
     fn cut_back(&mut self, event: &CutBack) {
         self.0.iter_mut().for_each(|observer| observer.cut_back(event));
+    }
+
+    fn stabilised(&mut self, event: &Stabilised) {
+        self.0.iter_mut().for_each(|observer| observer.stabilised(event));
     }
 
     fn finished(&mut self, run: &Run) {

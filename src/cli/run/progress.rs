@@ -1,7 +1,7 @@
 //! What a person sees while a run goes: a bar with the time left on a terminal, a line per step elsewhere.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, StepReport, StopRequest};
+use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Stabilised, StepReport, StopRequest};
 use macro_solver::problem::Problem;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -98,6 +98,13 @@ impl Observer for Progress {
         self.say(&format!(
             "step {:>3}  cut back from {:.2e} to {:.2e} of the path: {}",
             event.step, event.from, event.to, event.reason
+        ));
+    }
+
+    fn stabilised(&mut self, event: &Stabilised) {
+        self.say(&format!(
+            "step {:>3}  crept to balance in {} increments (up to {:.1e} out of balance on the way): {}",
+            event.step, event.increments, event.largest_imbalance, event.reason
         ));
     }
 

@@ -1,7 +1,9 @@
 //! The biaxial test of [Argilaga2018], section 3, with every operator and strategy (T-10): iterations and evaluations per
 //! step before and after the peak, with one packing behind all points and with five that are dealt out at random.
 
-use super::case::{Finding, Step, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains};
+use super::case::{
+    Finding, STABILISATION, Step, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains,
+};
 use super::ways::{Way, chosen, operators, own};
 use crate::cli::bench::Effort;
 use crate::cli::bench::chart::{Chart, Scale};
@@ -112,6 +114,7 @@ fn problem(elements: [usize; 2], steps: usize, strategy: &Strategy) -> Problem {
     problem.stages[0].control.increments = steps;
     problem.stages[0].control.min = 1.0 / (64 * steps) as f64;
     problem.stages[0].control.max_iterations = 25;
+    problem.stages[0].control.stabilisation = STABILISATION;
     problem.stages[0].strategy = strategy.clone();
     problem.stages[0].tolerances =
         Tolerances { force: 1e-2, criteria: Criteria::FORCE_OVER_REACTIONS, ..Tolerances::default() };
@@ -121,7 +124,7 @@ fn problem(elements: [usize; 2], steps: usize, strategy: &Strategy) -> Problem {
 
 fn each(all: &[(&Way, &Finding)], points: f64) -> Table {
     let mut table =
-        Table::new(["way", "step", "load", "iterations", "asked", "failed", "force_ratio", "stress_ratio"]);
+        Table::new(["way", "step", "load", "iterations", "asked", "failed", "creep", "force_ratio", "stress_ratio"]);
     for (way, finding) in all {
         for Step { report, ratio } in &finding.steps {
             table.row([
@@ -131,6 +134,7 @@ fn each(all: &[(&Way, &Finding)], points: f64) -> Table {
                 report.iterations.into(),
                 (report.evaluations as f64 / points).into(),
                 report.cut_backs.into(),
+                report.creep.into(),
                 report.force_ratio.into(),
                 (*ratio).into(),
             ]);
@@ -150,6 +154,7 @@ fn summary(all: &[(&Way, &Finding)], points: f64) -> Table {
         "computed",
         "tangents",
         "failed",
+        "stabilised",
         "reached_%",
         "peak_ratio",
         "wall_s",
@@ -176,6 +181,7 @@ fn summary(all: &[(&Way, &Finding)], points: f64) -> Table {
             (finding.computed as f64 / points).into(),
             (statistics.tangents as f64 / points).into(),
             statistics.cut_backs.into(),
+            statistics.stabilised_steps.into(),
             (100.0 * finding.run.load).into(),
             finding.steps.iter().map(|step| step.ratio).fold(f64::NAN, f64::max).into(),
             finding.wall.into(),

@@ -5,7 +5,7 @@ use anyhow::Context;
 use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
-use macro_solver::problem::Problem;
+use macro_solver::problem::{Problem, Stabilisation};
 use protocol::Definition;
 use protocol::transport::in_process::channel;
 use rve_server::definition::{Accuracy, GrainDefinition, RveOptions};
@@ -93,6 +93,9 @@ impl Observer for Recorder {
         Ok(())
     }
 }
+
+/// A step that has failed three times is stabilised: what a way costs at snaps is then bounded, and all ways get through.
+pub(super) const STABILISATION: Option<Stabilisation> = Some(Stabilisation { after: Some(3), most_increments: 100 });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;

@@ -1,7 +1,9 @@
 //! One Q8 element between smooth platens: evaluations per Gauss point up to 1, 2, 3 and 5.7 % axial strain, over several
 //! packings.
 
-use super::case::{Finding, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains};
+use super::case::{
+    Finding, STABILISATION, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains,
+};
 use super::ways::{Way, chosen, operators, own, rounded};
 use crate::cli::bench::Effort;
 use crate::cli::bench::chart::{Chart, Scale};
@@ -108,6 +110,7 @@ fn problem(steps: usize, strategy: &Strategy, tolerances: Tolerances, accuracy: 
     problem.stages[0].control.increments = steps;
     problem.stages[0].control.min = 1e-3 / steps as f64;
     problem.stages[0].control.max_iterations = 25;
+    problem.stages[0].control.stabilisation = STABILISATION;
     problem.stages[0].strategy = strategy.clone();
     problem.stages[0].tolerances = tolerances;
     problem.strain_per_step = RveOptions { accuracy, ..RveOptions::default() }.strain_per_step();
@@ -127,6 +130,7 @@ fn each(all: &[Of<'_>], steps: usize) -> Table {
         "asked",
         "iterations",
         "failed",
+        "creep",
         "force_ratio",
         "stress_ratio",
     ]);
@@ -142,6 +146,7 @@ fn each(all: &[Of<'_>], steps: usize) -> Table {
                 (report.evaluations as f64 / POINTS).into(),
                 report.iterations.into(),
                 report.cut_backs.into(),
+                report.creep.into(),
                 report.force_ratio.into(),
                 step.ratio.into(),
             ]);
@@ -167,6 +172,7 @@ fn by_packing(all: &[Of<'_>], steps: usize) -> Table {
         "computed",
         "tangents",
         "failed",
+        "stabilised",
     ];
     let mut table = Table::new(heads);
     for one in all {
@@ -183,6 +189,7 @@ fn by_packing(all: &[Of<'_>], steps: usize) -> Table {
             (one.finding.computed as f64 / POINTS).into(),
             (statistics.tangents as f64 / POINTS).into(),
             statistics.cut_backs.into(),
+            statistics.stabilised_steps.into(),
         ]);
     }
     table
@@ -205,12 +212,13 @@ fn means(all: &[Of<'_>], steps: usize) -> Table {
         "computed",
         "tangents",
         "failed",
+        "stabilised",
         "unfinished",
         "Mforce_evaluations",
         "wall_s",
     ]);
-    let row = |name: &str, criterion: &str, at: [f64; 4], rest: [Cell; 7]| {
-        let [worst, computed, tangents, failed, unfinished, force, wall] = rest;
+    let row = |name: &str, criterion: &str, at: [f64; 4], rest: [Cell; 8]| {
+        let [worst, computed, tangents, failed, stabilised, unfinished, force, wall] = rest;
         let [first, second, third, last] = at.map(Cell::from);
         [
             name.into(),
@@ -223,6 +231,7 @@ fn means(all: &[Of<'_>], steps: usize) -> Table {
             computed,
             tangents,
             failed,
+            stabilised,
             unfinished,
             force,
             wall,
@@ -246,6 +255,7 @@ fn means(all: &[Of<'_>], steps: usize) -> Table {
                 mean(&|one| one.finding.computed as f64 / POINTS).into(),
                 mean(&|one| one.finding.run.statistics.tangents as f64 / POINTS).into(),
                 sum(&|one| one.finding.run.statistics.cut_backs).into(),
+                sum(&|one| one.finding.run.statistics.stabilised_steps).into(),
                 sum(&|one| u64::from(!one.finding.is_complete())).into(),
                 mean(&|one| one.finding.run.statistics.cost.force_evaluations as f64 * 1e-6).into(),
                 mean(&|one| one.finding.wall).into(),

@@ -1,0 +1,311 @@
+//! Through a snap: where no balanced state lies next to the committed one, the body creeps to one further on.
+//!
+//! When grains rearrange at once, the stress of a point jumps, and the body has no balance that Newton's method could
+//! find from where it stands. An experiment goes on by itself there until it finds a new one. So does the body here, in
+//! a viscous drag: with supports and loads at rest it obeys `C du/dt = -R(u)`, where `C` is its first stiffness, taken as
+//! isotropic. Increments are linearly implicit (`(K + drag C) du = -R`), each evaluated once and **committed** though it is
+//! not in balance, because grains remember the way: from the old state a snap would be met again and again. The drag
+//! falls with the out-of-balance force and rises when that turns around, so that the last increments are Newton's. The state
+//! that is accepted in the end fulfils the criteria of every other step, without the drag.
+
+use super::linear_solver::{Block, LinearSolverError, norm};
+use super::newton::{Converged, largest_component};
+use super::{Failure, Session, Solver};
+use crate::body::{Body, degrees_of_freedom};
+use crate::elastic::isotropic_moduli;
+use crate::element::integrals::add_stiffness;
+use crate::formulation::{Configuration, Formulation};
+use crate::observer::{IterationReport, Stabilised};
+use crate::problem::{Moment, Procedure, Stabilisation};
+use nalgebra::Matrix3;
+
+/// Drag of the first increment, in terms of the first stiffness.
+const FIRST_DRAG: f64 = 0.1;
+
+/// Drag after an increment that went too far is at least this.
+const LEAST_DRAG: f64 = 0.01;
+
+/// Share of the out-of-balance force that an increment may leave without the next being stretched.
+const SLOW: f64 = 0.5;
+
+/// Largest factor on an increment.
+const LARGEST_STRETCH: f64 = 32.0;
+
+/// Growth of the out-of-balance force at which an increment is taken back and made smaller.
+const LARGEST_GROWTH: f64 = 2.0;
+
+/// Times that an increment is taken back: a jump of the material does not get smaller with the increment.
+const MOST_RETREATS: usize = 3;
+
+/// Factor on the drag for each.
+const RETREAT: f64 = 4.0;
+
+/// A balanced state and how the body came there.
+pub(super) struct Crossed {
+    /// The state; all but its report has been done.
+    pub(super) converged: Converged,
+    /// Displacement gradients of the whole way.
+    pub(super) gradients: Vec<Matrix3<f64>>,
+    /// The way.
+    pub(super) event: Stabilised,
+}
+
+/// The body under way.
+struct Way {
+    drag: f64,
+    /// Factor on increments.
+    stretch: f64,
+    drag_blocks: Vec<Block>,
+    retreats: usize,
+    increment: Vec<f64>,
+    gradients: Vec<Matrix3<f64>>,
+    event: Stabilised,
+}
+
+impl Solver<'_> {
+    /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now.
+    pub(super) fn stabilises(&self, failed: usize, from: f64) -> Option<Stabilisation> {
+        let control = &self.stage().control;
+        let is_smallest = from * control.cut < control.min;
+        control
+            .stabilisation
+            .filter(|settings| is_smallest || settings.after.is_some_and(|after| failed >= after))
+            .filter(|_| self.constraint.is_none() && matches!(self.stage().procedure, Procedure::Implicit))
+    }
+
+    /// Lets the body creep from the committed state to a balanced one at the share `passed` of the stage's path. The way is
+    /// committed as it goes, also where it leads nowhere.
+    pub(super) fn creep(
+        &mut self,
+        settings: Stabilisation,
+        passed: f64,
+        reason: String,
+        session: &mut Session<'_>,
+    ) -> Result<Crossed, Failure> {
+        // Forces of the drag would teach it wrong pairs.
+        let mut memory = self.memory.take();
+        let crossed = self.creep_plainly(settings, passed, reason, session);
+        if let Some(memory) = &mut memory {
+            memory.begin_attempt(true);
+        }
+        self.memory = memory;
+        crossed
+    }
+
+    fn creep_plainly(
+        &mut self,
+        settings: Stabilisation,
+        passed: f64,
+        reason: String,
+        session: &mut Session<'_>,
+    ) -> Result<Crossed, Failure> {
+        let event = Stabilised {
+            step: self.step,
+            load: passed,
+            increments: 0,
+            evaluations: 0,
+            largest_imbalance: 0.0,
+            work: 0.0,
+            reason,
+        };
+        let mut way = Way {
+            drag: FIRST_DRAG,
+            stretch: 1.0,
+            drag_blocks: self.body.first_stiffness(|point| self.points.all()[point].first_moduli()),
+            retreats: 0,
+            increment: self.body.zero(),
+            gradients: vec![Matrix3::zeros(); self.points.all().len()],
+            event,
+        };
+        let mut last = String::new();
+        for iteration in 1..=settings.most_increments {
+            self.statistics.iterations += 1;
+            let force_ratio = self.creep_on(&mut way, passed, iteration, session)?;
+            last = format!("out-of-balance {force_ratio:.2e}");
+            let tolerances = &self.stage().tolerances;
+            if way.retreats > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
+                continue;
+            }
+            // Without the drag: what would Newton's method still correct?
+            let correction = match self.undragged_correction() {
+                Ok(correction) => correction,
+                Err(error) => {
+                    last = error.to_string();
+                    continue;
+                }
+            };
+            let measured = self.measured(force_ratio, &way.increment, &correction, self.full_step(passed));
+            if self.stage().tolerances.excess(&measured).iter().all(|excess| *excess <= 1.0) {
+                let converged = Converged {
+                    increment: way.increment,
+                    load: passed,
+                    iterations: iteration,
+                    force_ratio: measured.force,
+                    displacement_ratio: measured.displacement,
+                };
+                return Ok(Crossed { converged, gradients: way.gradients, event: way.event });
+            }
+            last = format!("{last}, correction {:.2e}", measured.displacement);
+            way.drag = 0.0;
+        }
+        Err(Failure::Attempt(format!("no balance after {} increments of creep: {last}", settings.most_increments)))
+    }
+
+    /// One increment; the out-of-balance ratio that it leaves. It has not been committed if there are retreats.
+    fn creep_on(
+        &mut self,
+        way: &mut Way,
+        passed: f64,
+        iteration: usize,
+        session: &mut Session<'_>,
+    ) -> Result<f64, Failure> {
+        let moment = self.moment(passed);
+        let (increment, before) = self.dragged_increment(way, moment).map_err(failed)?;
+        self.renewer.begin_attempt(true);
+        let predicted = self.body.gradients(&increment);
+        self.points.begin_attempt(&predicted);
+        let evaluated = match self.evaluate(&increment, passed, session) {
+            Err(Failure::Attempt(reason)) if way.retreats >= MOST_RETREATS => return Err(Failure::Attempt(reason)),
+            Err(Failure::Attempt(_)) => {
+                self.take_back(way, session);
+                return Ok(f64::INFINITY);
+            }
+            other => other?,
+        };
+        way.event.evaluations += evaluated.asked;
+        let after = self.constraints.restrict(&self.balance.residual());
+        let (tolerances, worse) = (&self.stage().tolerances, norm(&after) / norm(&before));
+        let force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
+        let is_taken_back = worse > LARGEST_GROWTH && force_ratio > tolerances.force && way.retreats < MOST_RETREATS;
+        session.observer.iterated(&IterationReport {
+            step: self.step,
+            load: passed,
+            iteration,
+            evaluations: evaluated.asked,
+            force_ratio,
+            displacement_ratio: None,
+            turned_down: is_taken_back,
+        });
+        if is_taken_back {
+            self.statistics.turned_down += 1;
+            self.statistics.turned_down_evaluations += evaluated.asked;
+            self.take_back(way, session);
+            return Ok(force_ratio);
+        }
+        session.material.commit().map_err(super::points::failure)?;
+        let gradients = self.settle(&increment);
+        way.retreats = 0;
+        way.adapt(worse, dot(&before, &after) < 0.0);
+        way.follow(&increment, &gradients, self.body.formulation());
+        let along = self.constraints.select(&increment);
+        // Supports and loads move with the first increment, from a state in balance.
+        let at_its_begin = if way.event.increments == 0 { 0.0 } else { dot(&before, &along) };
+        way.event.work -= 0.5 * (at_its_begin + dot(&after, &along));
+        way.event.largest_imbalance = way.event.largest_imbalance.max(force_ratio);
+        way.event.increments += 1;
+        Ok(force_ratio)
+    }
+
+    fn take_back(&mut self, way: &mut Way, session: &mut Session<'_>) {
+        session.material.rollback();
+        self.points.forget_trials();
+        self.points.forget_corrections();
+        way.retreats += 1;
+        way.drag = (RETREAT * way.drag).max(FIRST_DRAG);
+        way.stretch = 1.0;
+    }
+
+    /// The next increment, in which prescribed components are exact, and the out-of-balance force along the unknowns before
+    /// it, with what the supports' motion adds.
+    fn dragged_increment(&mut self, way: &Way, moment: Moment) -> Result<(Vec<f64>, Vec<f64>), LinearSolverError> {
+        let mut increment = self.given(moment);
+        let mut balance = self.committed_balance.clone();
+        balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
+        // Blocks of elements come first.
+        for (block, drag) in balance.blocks.iter_mut().zip(&way.drag_blocks) {
+            for (entry, drag) in block.matrix.iter_mut().zip(&drag.matrix) {
+                *entry += way.drag * drag;
+            }
+        }
+        let mut pulled = balance.residual();
+        for (force, of_supports) in pulled.iter_mut().zip(balance.stiffness_times(&increment)) {
+            *force += of_supports;
+        }
+        let before = self.constraints.restrict(&pulled);
+        self.balance = balance;
+        self.factorize()?;
+        let right: Vec<f64> = before.iter().map(|force| -force).collect();
+        let free = self.solve_linear(&right)?;
+        let capped = self.stage().strategy.capped_change;
+        let share = (capped / largest_component(&self.body.gradients(&free))).min(way.stretch);
+        for &dof in self.constraints.free() {
+            increment[dof] = share * free[dof];
+        }
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        Ok((increment, before))
+    }
+
+    /// Newton's correction of the committed state.
+    fn undragged_correction(&mut self) -> Result<Vec<f64>, LinearSolverError> {
+        self.factorize()?;
+        let residual = self.constraints.restrict(&self.balance.residual());
+        self.solve_linear(&residual.iter().map(|value| -value).collect::<Vec<f64>>())
+    }
+}
+
+impl Way {
+    /// Chooses drag and stretch after an increment that left the share `left` of the out-of-balance force, or turned it
+    /// around.
+    ///
+    /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
+    /// short: neither wants more drag.
+    fn adapt(&mut self, left: f64, turned: bool) {
+        if turned {
+            self.drag = (2.0 * self.drag).max(LEAST_DRAG);
+        } else if left < 1.0 {
+            self.drag *= (0.5 * left).max(0.2);
+        }
+        let is_slow = !turned && left > SLOW;
+        self.stretch = if is_slow { (2.0 * self.stretch).min(LARGEST_STRETCH) } else { 1.0 };
+    }
+
+    /// Adds an increment to the whole.
+    fn follow(&mut self, increment: &[f64], gradients: &[Matrix3<f64>], formulation: Formulation) {
+        for (value, change) in self.increment.iter_mut().zip(increment) {
+            *value += change;
+        }
+        for (total, gradient) in self.gradients.iter_mut().zip(gradients) {
+            // Each refers to the configuration before it, unless all refer to the initial one.
+            let carried = match formulation.reference() {
+                Configuration::Initial => *gradient,
+                _ => gradient + gradient * *total,
+            };
+            *total += carried;
+        }
+    }
+}
+
+fn dot(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
+}
+
+fn failed(error: LinearSolverError) -> Failure {
+    Failure::Attempt(error.to_string())
+}
+
+impl Body {
+    /// Stiffness of every element with the moduli of its points, on the committed geometry.
+    fn first_stiffness(&self, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block> {
+        let (dimension, geometry) = (self.mesh().dimension.count(), self.settled_geometry());
+        let of_element = |(element, nodes): (usize, &Vec<usize>)| {
+            let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+            for point in self.points_of(element) {
+                let [lambda, shear] = moduli(point);
+                let moduli = isotropic_moduli(lambda, shear);
+                add_stiffness(dimension, &geometry[point], nodes.len(), &moduli, &mut block.matrix);
+            }
+            block
+        };
+        self.mesh().elements.iter().enumerate().map(of_element).collect()
+    }
+}
