@@ -62,7 +62,7 @@ pub(super) fn table(measured: &[Measured]) -> Table {
 /// The file cannot be read, or has other columns.
 pub(super) fn read(file: &Path) -> anyhow::Result<Vec<Measured>> {
     let mut reader = csv::Reader::from_path(file)?;
-    anyhow::ensure!(reader.headers()? == &HEADS[..], "these are not the columns of a table of `bench rve`");
+    anyhow::ensure!(reader.headers()? == HEADS[..], "these are not the columns of a table of `bench rve`");
     reader.records().map(|record| row(&record?)).collect()
 }
 
