@@ -20,6 +20,7 @@ pub(crate) mod stable_step;
 mod stiffness;
 #[cfg(test)]
 mod tests;
+mod ties;
 pub(crate) mod viscosity;
 
 pub use energy::EnergyBalance;

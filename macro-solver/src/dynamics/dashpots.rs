@@ -57,6 +57,11 @@ impl Dashpots {
         Self::new(specimen.body, &sides, specimen.settings.density, first)
     }
 
+    /// Whether a damper of a node couples the component `axis` with others.
+    pub(super) fn is_oblique(&self, node: usize, axis: usize) -> bool {
+        self.nodes[node].is_some_and(|damper| (0..3).any(|other| other != axis && damper[(axis, other)] != 0.0))
+    }
+
     /// Damper of a node with mass `mass` (kg) and mass-proportional damping of rate `rate` (1/s).
     pub(super) fn of_node(&self, node: usize, mass: f64, rate: f64) -> Matrix3<f64> {
         self.nodes[node].unwrap_or_else(Matrix3::zeros) + Matrix3::identity() * (rate * mass)

@@ -11,6 +11,7 @@ use super::masses::{element_masses, nodal_masses, scale_factors};
 use super::settings::{DynamicSettings, Reporting, StepRule};
 use super::stable_step::{ElementLimits, limits};
 use super::stiffness::Isotropic;
+use super::ties::{Ties, given_velocities};
 use super::viscosity::Viscosity;
 use crate::body::Body;
 use crate::element::PointGeometry;
@@ -21,7 +22,7 @@ use crate::implicit::points::{Points, failure};
 use crate::implicit::{Failure, timed};
 use crate::material::PointMaterial;
 use crate::observer::{Outcome, Statistics};
-use crate::problem::{Moment, Problem, Stage};
+use crate::problem::{Moment, Problem, ProblemError, Stage};
 use nalgebra::{Matrix3, Vector3};
 use protocol::TangentKind;
 
@@ -52,6 +53,7 @@ pub(crate) struct Integrator {
     /// Added by mass scaling, kg.
     pub(super) added_mass: f64,
     pub(super) dashpots: Dashpots,
+    pub(super) ties: Ties,
     /// Time step, s, the instant from which it holds, s, and the number of that instant.
     pub(super) step: f64,
     pub(super) origin: (f64, u64),
@@ -93,12 +95,14 @@ impl Integrator {
             specimen.points.all().iter().map(|point| Isotropic::of(dimension, &point.response.moduli)).collect();
         let viscosity = Viscosity::new(settings.damping, settings.viscosity, settings.density);
         let dashpots = Dashpots::of_stage(specimen, &stiffness);
+        let ties = specimen.ties(&dashpots).map_err(Outcome::Refused)?;
         let mut integrator = Self {
             viscosity,
             scale_factors: Vec::new(),
             masses: Vec::new(),
             added_mass: 0.0,
             dashpots,
+            ties,
             stiffness,
             step: 0.0,
             origin: (0.0, 0),
@@ -160,6 +164,9 @@ impl Integrator {
                 self.velocity[dof] = velocity;
             }
         }
+        let mut velocity = std::mem::take(&mut self.velocity);
+        self.keep_ties(specimen, &mut velocity, |_| 0.0, 1.0);
+        self.velocity = velocity;
         self.ahead.clone_from(&self.velocity);
         self.collect_forces(specimen);
         let rate = specimen.settings.damping.mass;
@@ -171,12 +178,18 @@ impl Integrator {
             for axis in 0..axes {
                 let dof = axes * node + axis;
                 self.forces.dashpots[dof] = dashpot[axis];
-                if specimen.constraints.unknown(dof).is_some() {
+                if !specimen.constraints.is_prescribed(dof) {
                     self.acceleration[dof] = (self.driving_force(dof) - dashpot[axis]) / self.masses[node];
                     self.ahead[dof] = self.velocity[dof] + 0.5 * self.step * self.acceleration[dof];
                 }
             }
         }
+        let mut ahead = std::mem::take(&mut self.ahead);
+        self.keep_ties(specimen, &mut ahead, |_| 0.0, 1.0);
+        for dof in self.ties.tied() {
+            self.acceleration[dof] = (ahead[dof] - self.velocity[dof]) / (0.5 * self.step);
+        }
+        self.ahead = ahead;
         self.find_reactions(specimen, axes);
         let per_freedom = self.acceleration.iter().enumerate();
         let left: f64 =
@@ -253,6 +266,7 @@ impl Integrator {
         let mean_step = 0.5 * (last_step + self.step);
         let axes = specimen.problem.mesh.dimension.count();
         let rate = specimen.settings.damping.mass;
+        let mut next = specimen.body.zero();
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let behind = triple(&self.ahead, axes, node);
@@ -264,12 +278,24 @@ impl Integrator {
                 true => self.prescribed_velocity(specimen, axes * node + axis),
                 false => None,
             });
-            let next = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
-            let (velocity, acceleration) = (0.5 * (next + behind), (next - behind) / mean_step);
+            let velocity = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
+            (0..axes).for_each(|axis| next[axes * node + axis] = velocity[axis]);
+        }
+        let dashpots: Vec<f64> = match self.ties.is_empty() {
+            true => Vec::new(),
+            false => (0..next.len())
+                .map(|dof| self.dashpots.of_node(dof / axes, self.masses[dof / axes], rate)[(dof % axes, dof % axes)])
+                .collect(),
+        };
+        self.keep_ties(specimen, &mut next, |dof| dashpots[dof], mean_step);
+        for node in 0..self.masses.len() {
+            let damper = self.dashpots.of_node(node, self.masses[node], rate);
+            let (behind, ahead) = (triple(&self.ahead, axes, node), triple(&next, axes, node));
+            let (velocity, acceleration) = (0.5 * (ahead + behind), (ahead - behind) / mean_step);
             let dashpot = damper * velocity;
             for axis in 0..axes {
                 let dof = axes * node + axis;
-                self.ahead[dof] = next[axis];
+                self.ahead[dof] = ahead[axis];
                 self.velocity[dof] = velocity[axis];
                 self.acceleration[dof] = acceleration[axis];
                 self.forces.dashpots[dof] = dashpot[axis];
@@ -319,9 +345,27 @@ impl Integrator {
         forces.loads[dof] - forces.internal[dof] - forces.hourglass[dof] - forces.viscous[dof]
     }
 
+    /// Moves velocities of the coming step onto the ties, with the dampers `damper` (N s/m) of degrees of freedom over a step of
+    /// `mean_step` (s).
+    fn keep_ties(
+        &mut self,
+        specimen: &Specimen<'_>,
+        velocity: &mut [f64],
+        damper: impl Fn(usize) -> f64,
+        mean_step: f64,
+    ) {
+        if self.ties.is_empty() {
+            return;
+        }
+        let next = self.moment(specimen, self.time() + self.step);
+        let given = given_velocities(specimen.constraints, &specimen.body.displacements, next, self.step);
+        let (axes, masses) = (specimen.problem.mesh.dimension.count(), &self.masses);
+        self.ties.keep(velocity, |dof| masses[dof / axes] / mean_step + 0.5 * damper(dof), &given);
+    }
+
     fn find_reactions(&mut self, specimen: &Specimen<'_>, axes: usize) {
         for dof in 0..self.acceleration.len() {
-            if specimen.constraints.unknown(dof).is_none() {
+            if !specimen.constraints.is_unloaded(dof) {
                 self.forces.reactions[dof] = self.masses[dof / axes] * self.acceleration[dof]
                     + self.forces.dashpots[dof]
                     - self.driving_force(dof);
@@ -439,6 +483,12 @@ impl Integrator {
 }
 
 impl Specimen<'_> {
+    /// The ties of the stage between nodes with these dampers.
+    pub(super) fn ties(&self, dashpots: &Dashpots) -> Result<Ties, ProblemError> {
+        let axes = self.problem.mesh.dimension.count();
+        Ties::of_stage(self.constraints, |dof| dashpots.is_oblique(dof / axes, dof % axes))
+    }
+
     /// Asks the points for their answers to the gradients of a step.
     fn ask(
         &mut self,

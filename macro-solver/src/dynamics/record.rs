@@ -69,9 +69,12 @@ impl Integrator {
             return Err(CheckpointError::unfit(section, "the dynamic stage is that of another mesh"));
         }
         let settings = specimen.settings;
+        let dashpots = Dashpots::of_stage(specimen, &record.stiffness);
+        let ties = specimen.ties(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
         Ok(Self {
             viscosity: Viscosity::new(settings.damping, settings.viscosity, settings.density),
-            dashpots: Dashpots::of_stage(specimen, &record.stiffness),
+            dashpots,
+            ties,
             stiffness: record.stiffness,
             scale_factors: record.scale_factors,
             masses: record.masses,

@@ -50,7 +50,8 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
         Formulation::SmallStrain => body.mesh().nodes.clone(),
         _ => body.positions(&body.zero()),
     };
-    let is_prescribed = |dof: usize| constraints.unknown(dof).is_none();
+    // What follows others moves as well; ties only lower frequencies.
+    let is_prescribed = |dof: usize| constraints.is_prescribed(dof);
     let of_element = |element: usize| {
         let viscous = |number: usize| {
             let length = body.settled_geometry()[number].volume.powf(1.0 / body.mesh().dimension.count() as f64);

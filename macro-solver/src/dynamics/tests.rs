@@ -5,6 +5,7 @@ mod relaxation;
 mod resuming;
 mod softening;
 mod stability;
+mod ties;
 mod waves;
 
 use super::{DynamicSettings, EnergyBalance, Reporting};

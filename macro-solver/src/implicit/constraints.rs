@@ -102,6 +102,16 @@ impl Constraints {
         self.unknowns[dof].is_some() && !self.is_master[dof]
     }
 
+    /// Whether a degree of freedom is prescribed.
+    pub(crate) fn is_prescribed(&self, dof: usize) -> bool {
+        self.paths[dof].is_some()
+    }
+
+    /// Degrees of freedom that follow others, with the free ones that they follow and coefficients.
+    pub(crate) fn followers(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
+        self.followers.iter().map(|follower| (follower.dof, follower.masters.as_slice()))
+    }
+
     /// Prescribed total displacement at a moment of the stage, m.
     pub(crate) fn prescribed(&self, dof: usize, moment: Moment) -> Option<f64> {
         self.paths[dof].map(|path| self.start[dof] + self.change(path, moment))

@@ -101,9 +101,9 @@ impl Problem {
         self.check_third_axis(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
-        if stage.procedure != Procedure::Implicit && stage.conditions.iter().any(Applied::is_link) {
+        if matches!(stage.procedure, Procedure::Relaxation(_)) && stage.conditions.iter().any(Applied::is_link) {
             return Err(ProblemError::Linked {
-                reason: "linked displacements need an implicit stage",
+                reason: "linked displacements need an implicit or a dynamic stage",
                 remedy: "remove them before this stage, or solve it implicitly",
             });
         }

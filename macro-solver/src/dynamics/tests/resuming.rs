@@ -5,6 +5,7 @@ use crate::checkpoint::{Archive, Keeper, Mark};
 use crate::dynamics::RayleighDamping;
 use crate::implicit::solve_kept;
 use crate::nonlocal::{Kernel, NonlocalSettings, Update};
+use crate::problem::Link;
 
 /// Keeps every archive, and hands one back.
 #[derive(Default)]
@@ -25,7 +26,7 @@ impl Keeper for Shelf {
     }
 }
 
-/// Two dynamic stages with dampers, absorbing sides, softening and a staggered average: all that is remembered.
+/// Two dynamic stages with dampers, absorbing sides, ties, softening and a staggered average: all that is remembered.
 fn two_stages() -> Problem {
     let mut settings = settings(2.0);
     settings.damping = RayleighDamping { mass: 0.01, stiffness: 0.02 };
@@ -33,8 +34,9 @@ fn two_stages() -> Problem {
     settings.reporting = Reporting::Interval(1.7);
     settings.tangent_every = 7;
     let push = moved("left", Axis::X, -0.01, Amplitude::RAMP);
-    let mut problem =
-        problem(strip(ElementKind::Q4Single, 6, 1.0), vec![push, held("bottom", Axis::Y)], 12.0, settings);
+    let level = Link::Periodic { from: "bottom".into(), to: "top".into(), jump: [None, None, None] };
+    let conditions = vec![push, held("bottom", Axis::Y), Condition::Linked(level).into()];
+    let mut problem = problem(strip(ElementKind::Q4Single, 6, 1.0), conditions, 12.0, settings);
     problem.formulation = Formulation::Corotational;
     problem.nonlocal = Some(NonlocalSettings {
         radius: 2.2,
