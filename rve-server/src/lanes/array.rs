@@ -20,12 +20,12 @@ macro_rules! each {
 
 /// `L` independent numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub struct Lanes<const L: usize>(pub [f64; L]);
 
 /// Decisions of `L` lanes: all bits of a lane are set, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub struct LaneMask<const L: usize>([u64; L]);
 
 impl<const L: usize> Default for Lanes<L> {

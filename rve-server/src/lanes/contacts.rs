@@ -12,9 +12,8 @@ use super::real::{Mask, Real};
 use super::tuple::Tuple;
 use crate::law::ContactLaw;
 
-/// Pairs whose geometry is worked out before any of their forces. Two passes instead of one: each has a short chain of
-/// dependent operations, so the processor overlaps many pairs; the chain through square root, quotient and law would
-/// let it overlap one.
+/// Pairs that are sifted before any of their forces. Two passes instead of one: each has a short chain of dependent
+/// operations, so the processor overlaps many pairs; the chain through square root, quotient and law would let it overlap few.
 const BLOCK: usize = 32;
 
 /// Geometry of a pair that may touch in some lane, or has a history in one.
@@ -24,8 +23,8 @@ struct Near<K: Kinematics, R: Real> {
     /// Whether it may touch now.
     is_near: bool,
     branch: K::Coordinates<R>,
-    length: R,
-    reciprocal: R,
+    /// Square of its length, m2.
+    square: R,
 }
 
 /// A listed pair in all lanes.
@@ -45,16 +44,21 @@ pub(super) fn load_pairs<K: Kinematics, C: ContactLaw<K>, R: Real>(
     if R::LANES == 1 {
         return load_groups(data, sums);
     }
-    let nowhere =
-        Near { index: 0, is_near: false, branch: Tuple::zero(), length: R::default(), reciprocal: R::default() };
+    let nowhere = Near { index: 0, is_near: false, branch: Tuple::zero(), square: R::default() };
     let mut near = [nowhere; BLOCK];
     let mut local = StepSums::default();
     let mut start = 0;
     while start < data.pairs.len() {
         let stop = (start + BLOCK).min(data.pairs.len());
         let count = find_near(data, start, stop, &mut near);
-        for near in &near[..count] {
-            let Near { index, is_near, branch, length, reciprocal } = *near;
+        // The root of the next pair is under way while the present one is worked on. The quotient is not put off into memory:
+        // the compiler would take it apart into single numbers there.
+        let mut next_length = near[0].square.sqrt();
+        for place in 0..count {
+            let Near { index, is_near, branch, .. } = near[place];
+            let length = next_length;
+            let reciprocal = R::splat(1.0) / length;
+            next_length = near[(place + 1) % BLOCK].square.sqrt();
             let (law, wanted, pair) = (data.law, data.wanted, data.pairs[index]);
             data.live[index] = is_near;
             let mut site = InLanes { data, index, pair, sums: &mut local };
@@ -93,8 +97,7 @@ fn find_near<K: Kinematics, C: ContactLaw<K>, R: Real>(
         let index = start + offset;
         let is_near = square.less(R::splat(constants.near_square)).any();
         if is_near || data.live[index] {
-            let length = square.sqrt();
-            near[count] = Near { index, is_near, branch, length, reciprocal: R::splat(1.0) / length };
+            near[count] = Near { index, is_near, branch, square };
             count += 1;
         }
     }

@@ -5,10 +5,24 @@
 //! +90 degrees; in space it has three components and is perpendicular to `n`. The moment of `f_t` about either centre
 //! is `arm tau`, in both.
 
-use super::real::Real;
+use super::real::{Mask, Real};
 use super::tuple::Tuple;
 use crate::law::{Slip, slip_of_spheres};
 use crate::space::{Discs, Space, Spheres};
+
+/// Squared share of a limit under which no rounding can bring a length near it.
+const CLEARLY_BELOW: f64 = 0.99;
+
+/// An axial vector cut to a limit.
+#[derive(Clone, Copy, Debug)]
+pub struct Shortened<W, R: Real> {
+    /// What is left.
+    pub kept: W,
+    /// `kept . (w - kept)`.
+    pub lost: R,
+    /// Where the length came near the limit, or above it.
+    pub at_limit: R::Mask,
+}
 
 /// Discs in the plane, or spheres in space.
 pub trait Kinematics: Space {
@@ -48,8 +62,9 @@ pub trait Kinematics: Space {
     /// Length of an axial vector.
     fn length<R: Real>(w: Self::Axial<R>) -> R;
 
-    /// `w` shortened to the length `limit` if it is longer; `limit` is not negative.
-    fn shortened<R: Real>(w: Self::Axial<R>, limit: R) -> Self::Axial<R>;
+    /// `w` shortened to the length `limit` if it is longer; `limit` is not negative. `near_limit`, a share of the limit between
+    /// 0.995 and 1, says from which length on `w` counts as being at it.
+    fn shortened<R: Real>(w: Self::Axial<R>, limit: R, near_limit: f64) -> Shortened<Self::Axial<R>, R>;
 }
 
 impl Kinematics for Discs {
@@ -103,8 +118,10 @@ impl Kinematics for Discs {
     }
 
     #[inline(always)]
-    fn shortened<R: Real>([w]: [R; 1], limit: R) -> [R; 1] {
-        [w.held_within(limit)]
+    fn shortened<R: Real>([w]: [R; 1], limit: R, near_limit: f64) -> Shortened<[R; 1], R> {
+        let kept = w.held_within(limit);
+        let at_limit = (limit * R::splat(near_limit)).at_most(w.abs());
+        Shortened { kept: [kept], lost: kept * (w - kept), at_limit }
     }
 }
 
@@ -152,9 +169,16 @@ impl Kinematics for Spheres {
     }
 
     #[inline(always)]
-    fn shortened<R: Real>(w: [R; 3], limit: R) -> [R; 3] {
-        let length = Self::length(w);
+    fn shortened<R: Real>(w: [R; 3], limit: R, near_limit: f64) -> Shortened<[R; 3], R> {
+        let square = w.dot(w);
+        // Most contacts are well below their limit: root and quotient, which keep the divider busy, are for the others.
+        if !(limit * limit * R::splat(CLEARLY_BELOW)).at_most(square).any() {
+            return Shortened { kept: w, lost: R::default(), at_limit: R::Mask::splat(false) };
+        }
+        let length = square.sqrt();
         let longer = limit.less(length);
-        w.scaled(limit / length).where_or(longer, w)
+        let kept = w.scaled(limit / length).where_or(longer, w);
+        let at_limit = (limit * R::splat(near_limit)).at_most(length);
+        Shortened { kept, lost: kept.dot(w.minus(kept)), at_limit }
     }
 }

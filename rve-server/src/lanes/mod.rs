@@ -24,6 +24,6 @@ pub use array::{LaneMask, Lanes};
 pub use kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, Steering, StepData, StepSums, Wanted,
 };
-pub use kinematics::Kinematics;
+pub use kinematics::{Kinematics, Shortened};
 pub use real::{Mask, Real};
 pub use tuple::Tuple;

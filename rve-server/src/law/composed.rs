@@ -7,7 +7,7 @@ use super::linear::LinearSprings;
 use super::rolling::{RollingSpring, rolled};
 use super::springs::Springs;
 use super::tangential::{Unloading, unloading_factor};
-use crate::lanes::{Kinematics, Real, Tuple};
+use crate::lanes::{Kinematics, Real, Shortened, Tuple};
 
 /// Linear springs and Coulomb friction.
 pub type PlainLinear = ComposedLaw<LinearSprings, 0>;
@@ -18,9 +18,9 @@ pub type PlainHertzMindlin = ComposedLaw<HertzSprings, 1>;
 /// Hertz-Mindlin springs, Coulomb friction, rolling resistance, viscosity.
 pub type ExtendedHertzMindlin = ComposedLaw<HertzSprings, 4>;
 
-/// A contact law that remembers `MEMORY` numbers per contact: none, the overlap of the last evaluation, or that and a
-/// rolling moment of up to three components. Rolling resistance and viscosity need all four; with fewer, neither is
-/// compiled in.
+/// A contact law that remembers `MEMORY` numbers per contact: none, the [size](Springs::contact_size) at the last evaluation, or
+/// the overlap then and a rolling moment of up to three components. Rolling resistance and viscosity need all four; with fewer,
+/// neither is compiled in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
     /// Normal and tangential springs.
@@ -63,10 +63,20 @@ impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
         }
     }
 
-    /// Overlap of the last evaluation.
+    /// What goes first into a memory.
     #[inline(always)]
-    fn old_overlap<R: Real>(memory: &[R; MEMORY]) -> R {
-        if MEMORY == 0 { R::default() } else { memory[0] }
+    fn remembered<R: Real>(overlap: R) -> R {
+        if Self::IS_EXTENDED { overlap } else { N::contact_size(overlap) }
+    }
+
+    /// Tangential stiffness at the last evaluation, N/m.
+    #[inline(always)]
+    fn old_stiffness<R: Real>(constants: &[R; 7], memory: &[R; MEMORY]) -> R {
+        if !N::TANGENT_VARIES {
+            return constants[TANGENTIAL];
+        }
+        let size = if Self::IS_EXTENDED { N::contact_size(memory[0]) } else { memory[0] };
+        N::stiffness_of_size(constants[TANGENTIAL], size)
     }
 
     /// The rolling moment in a memory.
@@ -114,7 +124,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
     fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> [f64; MEMORY] {
         let mut memory = [0.0; MEMORY];
         if MEMORY > 0 {
-            memory[0] = overlap;
+            memory[0] = Self::remembered(overlap);
         }
         Self::keep_moment::<K, f64>(&mut memory, rolling_moment);
         memory
@@ -144,25 +154,23 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
         let elastic = N::force(constants[NORMAL], overlap);
         let limit = N::force(constants[LIMIT], overlap);
         let tangential = N::tangential_stiffness(constants[TANGENTIAL], overlap);
-        let (mut carried, mut dissipation) = (motion.carried, zero);
-        if N::TANGENT_VARIES {
-            let before = Self::old_overlap(memory);
-            let old = N::tangential_stiffness(constants[TANGENTIAL], before);
-            let stored = Self::spring_energy(carried.dot(carried), old);
-            let factor = unloading_factor(self.unloading, old, tangential, overlap.less(before));
-            carried = carried.scaled(factor);
-            let lost = stored - Self::spring_energy(carried.dot(carried), tangential);
-            dissipation = R::select(motion.touched, lost, zero);
-        }
-        let attempt = carried.plus(motion.slip.scaled(tangential)).where_or(motion.touched, K::Axial::zero());
-        let kept = K::shortened(attempt, limit);
-        let at_limit = (limit * R::splat(AT_LIMIT)).at_most(K::length(attempt));
         let compliance = if N::TANGENT_VARIES {
             R::select(zero.less(tangential), R::splat(1.0) / tangential, zero)
         } else {
             constants[COMPLIANCE]
         };
-        dissipation += kept.dot(attempt.minus(kept)) * compliance;
+        let (mut carried, mut dissipation) = (motion.carried, zero);
+        if N::TANGENT_VARIES {
+            let ratio = tangential / Self::old_stiffness(constants, memory);
+            let factor = unloading_factor(self.unloading, ratio);
+            // f^2 / 2 k of the old stiffness less that of the new one, with k_old = k / ratio and f times the factor.
+            let lost = R::splat(0.5) * compliance * carried.dot(carried) * (ratio - factor * factor);
+            dissipation = R::select(motion.touched, lost, zero);
+            carried = carried.scaled(factor);
+        }
+        let attempt = carried.plus(motion.slip.scaled(tangential)).where_or(motion.touched, K::Axial::zero());
+        let Shortened { kept, lost, at_limit } = K::shortened(attempt, limit, AT_LIMIT);
+        dissipation += lost * compliance;
         let mut response = ContactResponse {
             normal_force: constants[ATTRACTION] - elastic,
             tangential_force: kept,
@@ -172,7 +180,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
             dissipation,
         };
         if Self::IS_EXTENDED {
-            let before = Self::old_overlap(memory);
+            let before = memory[0];
             let viscosity = R::select(motion.touched, R::splat(self.viscosity), zero);
             let normal_stiffness = N::normal_stiffness(constants[NORMAL], overlap);
             response.viscous = Some(Viscous {
@@ -191,7 +199,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
             Self::keep_moment::<K, R>(memory, moment);
         }
         if MEMORY > 0 {
-            memory[0] = overlap;
+            memory[0] = Self::remembered(overlap);
         }
         response
     }
@@ -232,7 +240,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
 
     #[inline(always)]
     fn opening_loss<R: Real>(&self, constants: &[R; 7], tangential_force: K::Axial<R>, memory: &[R; MEMORY]) -> R {
-        let tangential = N::tangential_stiffness(constants[TANGENTIAL], Self::old_overlap(memory));
+        let tangential = Self::old_stiffness(constants, memory);
         let lost = Self::spring_energy(tangential_force.dot(tangential_force), tangential);
         if !Self::IS_EXTENDED {
             return lost;

@@ -105,7 +105,7 @@ pub trait ContactLaw<K: Kinematics>: Copy + Debug + PartialEq + Send + Sync + 's
     ) -> R;
 
     /// Tangential and rolling energy that is lost when a contact opens before friction has let go of it, J. The
-    /// tangential force belongs to the overlap of the last evaluation, which is in `memory` where it matters.
+    /// tangential force belongs to the overlap of the last evaluation, of which `memory` holds what matters.
     fn opening_loss<R: Real>(
         &self,
         constants: &Self::Constants<R>,

@@ -44,7 +44,12 @@ impl Springs for HertzSprings {
     }
 
     #[inline(always)]
-    fn tangential_stiffness<R: Real>(coefficient: R, overlap: R) -> R {
-        coefficient * overlap.sqrt()
+    fn contact_size<R: Real>(overlap: R) -> R {
+        overlap.sqrt()
+    }
+
+    #[inline(always)]
+    fn stiffness_of_size<R: Real>(coefficient: R, size: R) -> R {
+        coefficient * size
     }
 }

@@ -37,7 +37,12 @@ impl Springs for LinearSprings {
     }
 
     #[inline(always)]
-    fn tangential_stiffness<R: Real>(coefficient: R, _: R) -> R {
+    fn contact_size<R: Real>(overlap: R) -> R {
+        overlap
+    }
+
+    #[inline(always)]
+    fn stiffness_of_size<R: Real>(coefficient: R, _: R) -> R {
         coefficient
     }
 }

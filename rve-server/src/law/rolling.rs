@@ -1,6 +1,6 @@
 //! Rolling resistance: an elastic, perfectly plastic spring between the rotations of two grains.
 
-use crate::lanes::{Kinematics, Real, Tuple};
+use crate::lanes::{Kinematics, Real, Shortened, Tuple};
 
 /// Coefficients of the rolling spring. `k_r = stiffness k_t R1 R2`, and the moment is cut to `friction min(R1, R2)` times
 /// the elastic normal force, as in Yade's law of cohesive frictional grains (there `alphaKr`, `etaRoll`). The spring
@@ -34,8 +34,7 @@ pub(super) fn rolled<K: Kinematics, R: Real>(
     limit: R,
 ) -> (K::Axial<R>, R) {
     let attempt = moment.minus(rolling.scaled(stiffness));
-    let kept = K::shortened(attempt, limit);
+    let Shortened { kept, lost, .. } = K::shortened(attempt, limit, 1.0);
     let works = R::default().less(stiffness);
-    let lost = kept.dot(attempt.minus(kept)) / stiffness;
-    (kept, R::select(works, lost, R::default()))
+    (kept, R::select(works, lost / stiffness, R::default()))
 }

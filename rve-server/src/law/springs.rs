@@ -22,5 +22,15 @@ pub trait Springs: Copy + Debug + PartialEq + Send + Sync + 'static {
     fn normal_energy<R: Real>(coefficient: R, overlap: R) -> R;
 
     /// Tangential stiffness, N/m.
-    fn tangential_stiffness<R: Real>(coefficient: R, overlap: R) -> R;
+    #[inline(always)]
+    fn tangential_stiffness<R: Real>(coefficient: R, overlap: R) -> R {
+        Self::stiffness_of_size(coefficient, Self::contact_size(overlap))
+    }
+
+    /// What the tangential stiffness is proportional to where it varies; a contact remembers it in place of its overlap, since
+    /// finding it again would take another root.
+    fn contact_size<R: Real>(overlap: R) -> R;
+
+    /// Tangential stiffness, N/m, of a contact of this size.
+    fn stiffness_of_size<R: Real>(coefficient: R, size: R) -> R;
 }

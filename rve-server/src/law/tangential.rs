@@ -13,11 +13,11 @@ pub enum Unloading {
     Incremental,
 }
 
-/// Factor of the tangential force on the way from one overlap to another; 1 while the contact is loaded.
+/// Factor of the tangential force when its stiffness becomes `ratio` times what it was; 1 while the contact is loaded.
 #[inline(always)]
-pub(super) fn unloading_factor<R: Real>(unloading: Unloading, before: R, now: R, overlap_sinks: R::Mask) -> R {
+pub(super) fn unloading_factor<R: Real>(unloading: Unloading, ratio: R) -> R {
     match unloading {
-        Unloading::Rescaled => R::select(overlap_sinks, now / before, R::splat(1.0)),
+        Unloading::Rescaled => R::select(ratio.less(R::splat(1.0)), ratio, R::splat(1.0)),
         Unloading::Incremental => R::splat(1.0),
     }
 }
