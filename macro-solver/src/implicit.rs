@@ -32,7 +32,7 @@ use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
 use crate::dynamics::Integrator;
 use crate::material::PointMaterial;
 use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
-use crate::problem::{PathControl, Problem, ProblemError, Procedure, Stabilisation};
+use crate::problem::{PathControl, Problem, ProblemError, Procedure};
 use balance::Balance;
 use constraints::Constraints;
 use linear_solver::LinearSolver;
@@ -50,7 +50,9 @@ use std::time::Instant;
 /// Solves a problem: all its stages, each from load 0 to load 1, counting steps through.
 ///
 /// Step 0 is the equilibrium at load 0 of the first stage with whatever stress the material starts with; it is iterated only if that
-/// stress is out of balance. The material is left with the last accepted state committed, however the run ends.
+/// stress is out of balance. The material is left with the last accepted state committed, however the run ends, with one exception:
+/// creep through a snap commits as it goes. Where it is broken off or comes to no balance, the material is left with the state
+/// after its last increment, which is not in balance, while everything that was reported or kept is that of the last accepted step.
 pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
     solve_kept(problem, material, observer, &mut NoKeeper)
 }
@@ -311,32 +313,6 @@ impl<'a> Solver<'a> {
         let (size, stage) = (passed - self.passed, self.of_stage());
         let smallest = if size * self.stage().control.cut < self.stage().control.min { "the smallest" } else { "a" };
         format!("at load {passed:.6}{stage} with {smallest} step {size:.2e}: {reason}")
-    }
-
-    /// Takes a step to the share `passed` of the path by creep.
-    fn stabilise(
-        &mut self,
-        settings: Stabilisation,
-        passed: f64,
-        reason: String,
-        before: &Counters,
-        session: &mut Session<'_>,
-    ) -> Result<(), Outcome> {
-        self.statistics.cut_backs += 1;
-        let crossed = self.creep(settings, passed, reason.clone(), session).map_err(|failure| match failure {
-            Failure::Run(outcome) => outcome,
-            Failure::Attempt(lost) => {
-                Outcome::DidNotConverge { reason: format!("{}; stabilised: {lost}", self.explained(passed, &reason)) }
-            }
-        })?;
-        let event = &crossed.event;
-        self.statistics.stabilised_steps += 1;
-        self.statistics.creep_increments += event.increments as u64;
-        self.statistics.creep_evaluations += event.evaluations;
-        self.statistics.creep_work += event.work;
-        session.observer.stabilised(event);
-        let before = Counters { creep: event.increments, ..*before };
-        self.accept(&crossed.converged, passed, &crossed.gradients, &before, session)
     }
 
     /// Moves the reference to the configuration after `increment`, which the material has committed; the displacement

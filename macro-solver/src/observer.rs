@@ -87,7 +87,8 @@ pub struct IterationReport {
     /// Next correction over the displacements of a full step, see [`crate::problem::DisplacementMeasure`]; `None` when
     /// the iterate was turned down before a correction was computed.
     pub displacement_ratio: Option<f64>,
-    /// Whether this iterate was turned down by the safeguard and the next one goes back towards the best one.
+    /// Whether this iterate was turned down by the safeguard, so that the next one goes back towards the best one, or is an
+    /// increment of creep that was taken back.
     pub turned_down: bool,
 }
 
@@ -148,7 +149,7 @@ pub struct Stabilised {
     pub load: f64,
     /// Increments committed on the way.
     pub increments: usize,
-    /// Point evaluations.
+    /// Point evaluations, those of increments taken back included.
     pub evaluations: u64,
     /// Largest out-of-balance force of a state on the way over reactions and loads.
     pub largest_imbalance: f64,
@@ -278,7 +279,7 @@ pub struct Statistics {
     pub initial_deviation: f64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,
-    /// Iterates turned down by the safeguard.
+    /// Iterates turned down by the safeguard, and increments of creep taken back.
     pub turned_down: u64,
     /// Point evaluations of these iterates.
     pub turned_down_evaluations: u64,
@@ -294,9 +295,10 @@ pub struct Statistics {
     pub cut_backs: u64,
     /// Steps that found balance by creep, see [`Stabilised`].
     pub stabilised_steps: u64,
-    /// Increments of creep, none of them in balance but the last of each step.
+    /// Committed increments of creep, none of them in balance but the last of each stabilised step. Like the next two they
+    /// count creep that came to no balance too.
     pub creep_increments: u64,
-    /// Point evaluations of these steps' creep.
+    /// Point evaluations of creep, those of increments taken back included.
     pub creep_evaluations: u64,
     /// Work that the drag took, J, in the plane per metre.
     pub creep_work: f64,

@@ -165,7 +165,7 @@ impl Integrator {
             }
         }
         let mut velocity = std::mem::take(&mut self.velocity);
-        self.keep_ties(specimen, &mut velocity, |_| 0.0, 1.0);
+        self.keep_ties(specimen, &mut velocity, None);
         self.velocity = velocity;
         self.ahead.clone_from(&self.velocity);
         self.collect_forces(specimen);
@@ -185,7 +185,7 @@ impl Integrator {
             }
         }
         let mut ahead = std::mem::take(&mut self.ahead);
-        self.keep_ties(specimen, &mut ahead, |_| 0.0, 1.0);
+        self.keep_ties(specimen, &mut ahead, None);
         for dof in self.ties.tied() {
             self.acceleration[dof] = (ahead[dof] - self.velocity[dof]) / (0.5 * self.step);
         }
@@ -281,13 +281,7 @@ impl Integrator {
             let velocity = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
             (0..axes).for_each(|axis| next[axes * node + axis] = velocity[axis]);
         }
-        let dashpots: Vec<f64> = match self.ties.is_empty() {
-            true => Vec::new(),
-            false => (0..next.len())
-                .map(|dof| self.dashpots.of_node(dof / axes, self.masses[dof / axes], rate)[(dof % axes, dof % axes)])
-                .collect(),
-        };
-        self.keep_ties(specimen, &mut next, |dof| dashpots[dof], mean_step);
+        self.keep_ties(specimen, &mut next, Some(mean_step));
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let (behind, ahead) = (triple(&self.ahead, axes, node), triple(&next, axes, node));
@@ -345,22 +339,24 @@ impl Integrator {
         forces.loads[dof] - forces.internal[dof] - forces.hourglass[dof] - forces.viscous[dof]
     }
 
-    /// Moves velocities of the coming step onto the ties, with the dampers `damper` (N s/m) of degrees of freedom over a step of
-    /// `mean_step` (s).
-    fn keep_ties(
-        &mut self,
-        specimen: &Specimen<'_>,
-        velocity: &mut [f64],
-        damper: impl Fn(usize) -> f64,
-        mean_step: f64,
-    ) {
+    /// Moves velocities of the coming step onto the ties. After a change over `mean_step` (s) nodes resist by their masses and dampers;
+    /// at the start, `None`, by their masses alone.
+    fn keep_ties(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
         if self.ties.is_empty() {
             return;
         }
         let next = self.moment(specimen, self.time() + self.step);
         let given = given_velocities(specimen.constraints, &specimen.body.displacements, next, self.step);
-        let (axes, masses) = (specimen.problem.mesh.dimension.count(), &self.masses);
-        self.ties.keep(velocity, |dof| masses[dof / axes] / mean_step + 0.5 * damper(dof), &given);
+        let (axes, rate) = (specimen.problem.mesh.dimension.count(), specimen.settings.damping.mass);
+        let (masses, dashpots) = (&self.masses, &self.dashpots);
+        let weight = |dof: usize| {
+            let (node, axis) = (dof / axes, dof % axes);
+            match mean_step {
+                None => masses[node],
+                Some(step) => masses[node] / step + 0.5 * dashpots.of_node(node, masses[node], rate)[(axis, axis)],
+            }
+        };
+        self.ties.keep(velocity, weight, &given);
     }
 
     fn find_reactions(&mut self, specimen: &Specimen<'_>, axes: usize) {

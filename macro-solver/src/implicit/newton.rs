@@ -84,10 +84,7 @@ impl Solver<'_> {
             // The load factor is a part of the iterate: a retreat takes it back as well.
             let joined: Vec<f64> = iterate.iter().copied().chain([load]).collect();
             if let Err(reason) = self.try_iterate(&iterate, &joined, &mut safeguard, &mut report, session)? {
-                report.turned_down = true;
-                self.statistics.turned_down += 1;
-                self.statistics.turned_down_evaluations += report.evaluations;
-                session.observer.iterated(&report);
+                self.turn_down(report, session);
                 iterate = safeguard.retreat(&joined).ok_or(Failure::Attempt(reason))?;
                 load = iterate.pop().expect("the load factor was joined");
                 continue;
@@ -151,7 +148,8 @@ impl Solver<'_> {
         self.points.rounded(self.body.gradients(increment))
     }
 
-    fn blank_report(&self, load: f64, iteration: usize) -> IterationReport {
+    /// The report of an iterate of which nothing is known yet.
+    pub(super) fn blank_report(&self, load: f64, iteration: usize) -> IterationReport {
         IterationReport {
             step: self.step,
             load,
@@ -161,6 +159,13 @@ impl Solver<'_> {
             displacement_ratio: None,
             turned_down: false,
         }
+    }
+
+    /// Counts an iterate that is turned down, and tells the observer.
+    pub(super) fn turn_down(&mut self, report: IterationReport, session: &mut Session<'_>) {
+        self.statistics.turned_down += 1;
+        self.statistics.turned_down_evaluations += report.evaluations;
+        session.observer.iterated(&IterationReport { turned_down: true, ..report });
     }
 
     /// Evaluates an iterate, known to the safeguard together with its load factor, and fills its report; the inner result says why the iterate is turned down.

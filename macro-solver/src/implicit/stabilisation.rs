@@ -10,12 +10,13 @@
 
 use super::linear_solver::{Block, LinearSolverError, norm};
 use super::newton::{Converged, largest_component};
-use super::{Failure, Session, Solver};
+use super::points::failure;
+use super::{Counters, Failure, Session, Solver};
 use crate::body::{Body, degrees_of_freedom};
 use crate::elastic::isotropic_moduli;
 use crate::element::integrals::add_stiffness;
 use crate::formulation::{Configuration, Formulation};
-use crate::observer::{IterationReport, Stabilised};
+use crate::observer::{Outcome, Stabilised};
 use crate::problem::{Moment, Procedure, Stabilisation};
 use nalgebra::Matrix3;
 
@@ -40,25 +41,19 @@ const MOST_RETREATS: usize = 3;
 /// Factor on the drag for each.
 const RETREAT: f64 = 4.0;
 
-/// A balanced state and how the body came there.
-pub(super) struct Crossed {
-    /// The state; all but its report has been done.
-    pub(super) converged: Converged,
-    /// Displacement gradients of the whole way.
-    pub(super) gradients: Vec<Matrix3<f64>>,
-    /// The way.
-    pub(super) event: Stabilised,
-}
-
 /// The body under way.
 struct Way {
     drag: f64,
     /// Factor on increments.
     stretch: f64,
     drag_blocks: Vec<Block>,
+    /// Increments taken back in a row.
     retreats: usize,
+    /// Change of the displacements so far, m, by degree of freedom.
     increment: Vec<f64>,
+    /// Displacement gradients of the points over the way so far.
     gradients: Vec<Matrix3<f64>>,
+    /// What is told of the way.
     event: Stabilised,
 }
 
@@ -73,54 +68,72 @@ impl Solver<'_> {
             .filter(|_| self.constraint.is_none() && matches!(self.stage().procedure, Procedure::Implicit))
     }
 
-    /// Lets the body creep from the committed state to a balanced one at the share `passed` of the stage's path. The way is
-    /// committed as it goes, also where it leads nowhere.
-    pub(super) fn creep(
+    /// Takes a step to the share `passed` of the path by creep, after attempts of which the last failed for `reason`; `before` are
+    /// the counters of the step with these attempts.
+    pub(super) fn stabilise(
         &mut self,
         settings: Stabilisation,
         passed: f64,
         reason: String,
+        before: &Counters,
         session: &mut Session<'_>,
-    ) -> Result<Crossed, Failure> {
+    ) -> Result<(), Outcome> {
+        self.statistics.cut_backs += 1;
+        let mut way = self.way(passed, reason);
         // Forces of the drag would teach it wrong pairs.
         let mut memory = self.memory.take();
-        let crossed = self.creep_plainly(settings, passed, reason, session);
+        let crept = self.creep(&mut way, settings, passed, session);
         if let Some(memory) = &mut memory {
             memory.begin_attempt(true);
         }
         self.memory = memory;
-        crossed
+        let converged = crept.map_err(|failure| match failure {
+            Failure::Run(outcome) => outcome,
+            Failure::Attempt(lost) => {
+                let first = self.explained(passed, &way.event.reason);
+                Outcome::DidNotConverge { reason: format!("{first}; stabilised: {lost}") }
+            }
+        })?;
+        self.statistics.stabilised_steps += 1;
+        session.observer.stabilised(&way.event);
+        let before = Counters { creep: way.event.increments, ..*before };
+        self.accept(&converged, passed, &way.gradients, &before, session)
     }
 
-    fn creep_plainly(
-        &mut self,
-        settings: Stabilisation,
-        passed: f64,
-        reason: String,
-        session: &mut Session<'_>,
-    ) -> Result<Crossed, Failure> {
-        let event = Stabilised {
-            step: self.step,
-            load: passed,
-            increments: 0,
-            evaluations: 0,
-            largest_imbalance: 0.0,
-            work: 0.0,
-            reason,
-        };
-        let mut way = Way {
+    /// A way that begins at the committed state.
+    fn way(&self, passed: f64, reason: String) -> Way {
+        Way {
             drag: FIRST_DRAG,
             stretch: 1.0,
             drag_blocks: self.body.first_stiffness(|point| self.points.all()[point].first_moduli()),
             retreats: 0,
             increment: self.body.zero(),
             gradients: vec![Matrix3::zeros(); self.points.all().len()],
-            event,
-        };
+            event: Stabilised {
+                step: self.step,
+                load: passed,
+                increments: 0,
+                evaluations: 0,
+                largest_imbalance: 0.0,
+                work: 0.0,
+                reason,
+            },
+        }
+    }
+
+    /// Lets the body creep to a balanced state at the share `passed` of the stage's path, which is settled then. The way is
+    /// committed and counted as it goes, also where it leads nowhere.
+    fn creep(
+        &mut self,
+        way: &mut Way,
+        settings: Stabilisation,
+        passed: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
         let mut last = String::new();
         for iteration in 1..=settings.most_increments {
             self.statistics.iterations += 1;
-            let force_ratio = self.creep_on(&mut way, passed, iteration, session)?;
+            let force_ratio = self.creep_on(way, passed, iteration, session)?;
             last = format!("out-of-balance {force_ratio:.2e}");
             let tolerances = &self.stage().tolerances;
             if way.retreats > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
@@ -136,14 +149,13 @@ impl Solver<'_> {
             };
             let measured = self.measured(force_ratio, &way.increment, &correction, self.full_step(passed));
             if self.stage().tolerances.excess(&measured).iter().all(|excess| *excess <= 1.0) {
-                let converged = Converged {
-                    increment: way.increment,
+                return Ok(Converged {
+                    increment: std::mem::take(&mut way.increment),
                     load: passed,
                     iterations: iteration,
                     force_ratio: measured.force,
                     displacement_ratio: measured.displacement,
-                };
-                return Ok(Crossed { converged, gradients: way.gradients, event: way.event });
+                });
             }
             last = format!("{last}, correction {:.2e}", measured.displacement);
             way.drag = 0.0;
@@ -164,35 +176,31 @@ impl Solver<'_> {
         self.renewer.begin_attempt(true);
         let predicted = self.body.gradients(&increment);
         self.points.begin_attempt(&predicted);
+        let mut report = self.blank_report(passed, iteration);
         let evaluated = match self.evaluate(&increment, passed, session) {
-            Err(Failure::Attempt(reason)) if way.retreats >= MOST_RETREATS => return Err(Failure::Attempt(reason)),
-            Err(Failure::Attempt(_)) => {
+            Err(Failure::Attempt(reason)) => {
+                self.turn_down(report, session);
+                if way.retreats >= MOST_RETREATS {
+                    return Err(Failure::Attempt(reason));
+                }
                 self.take_back(way, session);
                 return Ok(f64::INFINITY);
             }
             other => other?,
         };
+        self.statistics.creep_evaluations += evaluated.asked;
         way.event.evaluations += evaluated.asked;
         let after = self.constraints.restrict(&self.balance.residual());
         let (tolerances, worse) = (&self.stage().tolerances, norm(&after) / norm(&before));
         let force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
-        let is_taken_back = worse > LARGEST_GROWTH && force_ratio > tolerances.force && way.retreats < MOST_RETREATS;
-        session.observer.iterated(&IterationReport {
-            step: self.step,
-            load: passed,
-            iteration,
-            evaluations: evaluated.asked,
-            force_ratio,
-            displacement_ratio: None,
-            turned_down: is_taken_back,
-        });
-        if is_taken_back {
-            self.statistics.turned_down += 1;
-            self.statistics.turned_down_evaluations += evaluated.asked;
+        (report.evaluations, report.force_ratio) = (evaluated.asked, force_ratio);
+        if worse > LARGEST_GROWTH && force_ratio > tolerances.force && way.retreats < MOST_RETREATS {
+            self.turn_down(report, session);
             self.take_back(way, session);
             return Ok(force_ratio);
         }
-        session.material.commit().map_err(super::points::failure)?;
+        session.observer.iterated(&report);
+        session.material.commit().map_err(failure)?;
         let gradients = self.settle(&increment);
         way.retreats = 0;
         way.adapt(worse, dot(&before, &after) < 0.0);
@@ -200,12 +208,16 @@ impl Solver<'_> {
         let along = self.constraints.select(&increment);
         // Supports and loads move with the first increment, from a state in balance.
         let at_its_begin = if way.event.increments == 0 { 0.0 } else { dot(&before, &along) };
-        way.event.work -= 0.5 * (at_its_begin + dot(&after, &along));
+        let work = -0.5 * (at_its_begin + dot(&after, &along));
+        way.event.work += work;
+        self.statistics.creep_work += work;
         way.event.largest_imbalance = way.event.largest_imbalance.max(force_ratio);
         way.event.increments += 1;
+        self.statistics.creep_increments += 1;
         Ok(force_ratio)
     }
 
+    /// Forgets an increment that went too far, and makes the next one smaller.
     fn take_back(&mut self, way: &mut Way, session: &mut Session<'_>) {
         session.material.rollback();
         self.points.forget_trials();

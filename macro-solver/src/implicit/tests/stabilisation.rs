@@ -5,6 +5,7 @@ use crate::damage::{DamageLaw, DamageMaterial};
 use crate::formulation::Formulation;
 use crate::observer::{Outcome, Stabilised};
 use crate::problem::Stabilisation;
+use protocol::RveError;
 
 const CELLS: usize = 6;
 
@@ -60,6 +61,10 @@ fn strain_beyond(pulled: f64) -> f64 {
 struct Watch(Vec<Stabilised>, Recorder);
 
 impl Observer for Watch {
+    fn iterated(&mut self, report: &IterationReport) {
+        self.1.iterated(report);
+    }
+
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         self.1.accepted(report, fields)
     }
@@ -113,16 +118,77 @@ fn the_drag_takes_what_the_snap_sets_free() {
     assert!((watch.0[0].work / released - 1.0).abs() < 0.1, "{} {released}", watch.0[0].work);
 }
 
-/// Under a force that the column cannot carry there is no balance to come to.
+/// Under a force that the column cannot carry there is no balance to come to. What that took is counted all the same.
 #[test]
 fn a_collapse_is_told_from_a_snap() {
     let traction = Condition::Traction { sides: "top".into(), value: [0.0, 1.1 * 3.0e7 * THRESHOLD, 0.0] };
     let problem = softening_column(traction);
-    let run = solve(&problem, &mut weak_at_the_bottom(), &mut Recorder::default());
+    let (run, recorder) = run(&problem, &mut weak_at_the_bottom());
     let Outcome::DidNotConverge { reason } = &run.outcome else { panic!("{:?}", run.outcome) };
     assert!(reason.contains("stabilised: no balance after 100 increments"), "{reason}");
     assert!(run.load < 1.0 && run.load > 0.85, "{}", run.load);
-    assert_eq!(run.statistics.stabilised_steps, 0);
+    let statistics = &run.statistics;
+    assert_eq!(statistics.stabilised_steps, 0);
+    let creep = &recorder.iterations[recorder.iterations.len() - 100..];
+    let taken_back = creep.iter().filter(|report| report.turned_down).count() as u64;
+    assert_eq!(statistics.creep_increments + taken_back, 100);
+    assert_eq!(statistics.creep_evaluations, creep.iter().map(|report| report.evaluations).sum::<u64>());
+    assert!(statistics.creep_work > 0.0, "{}", statistics.creep_work);
+}
+
+/// Refuses targets beyond a limit, and counts how often.
+struct Timid {
+    inner: DamageMaterial,
+    limit: f64,
+    refused: usize,
+}
+
+impl PointMaterial for Timid {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        match trials.iter().find(|trial| size(trial) > self.limit) {
+            None => self.inner.evaluate(trials),
+            Some(trial) => {
+                self.refused += 1;
+                let reason = RveError::TargetTooLarge { norm: size(trial), limit: self.limit };
+                Err(MaterialError::Point { point: trial.point, reason })
+            }
+        }
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.inner.commit()
+    }
+
+    fn rollback(&mut self) {
+        self.inner.rollback();
+    }
+}
+
+/// An increment that a point refuses is taken back and made smaller, counted and told like any iterate that is turned down.
+#[test]
+fn increments_that_points_refuse_are_taken_back_and_counted() {
+    let mut problem = pulled(1e-2);
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+    let mut material = Timid { inner: weak_at_the_bottom(), limit: 4e-4, refused: 0 };
+    let mut watch = Watch::default();
+    let run = solve(&problem, &mut material, &mut watch);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let Watch(events, Recorder { iterations, .. }) = watch;
+    let refused = |reports: &[IterationReport]| {
+        reports.iter().filter(|report| report.turned_down && report.evaluations == 0).count()
+    };
+    assert_eq!(refused(&iterations), material.refused);
+    assert_eq!(run.statistics.turned_down, iterations.iter().filter(|report| report.turned_down).count() as u64);
+    // Creep begins to count iterations anew after the attempt that failed.
+    let snap = &events[0];
+    let of_step: Vec<IterationReport> = iterations.into_iter().filter(|report| report.step == snap.step).collect();
+    let creep = &of_step[of_step.iter().rposition(|report| report.iteration == 1).unwrap()..];
+    assert!(refused(creep) > 3, "{}", refused(creep));
+    assert_eq!(creep.iter().filter(|report| !report.turned_down).count(), snap.increments);
+    assert_eq!(creep.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
+    let increments: u64 = events.iter().map(|event| event.increments as u64).sum();
+    assert_eq!((run.statistics.stabilised_steps, run.statistics.creep_increments), (events.len() as u64, increments));
 }
 
 /// Without it a snap ends the run, as an honest failure; sooner, it saves the attempts with smaller steps.
