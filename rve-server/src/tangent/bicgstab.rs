@@ -32,7 +32,7 @@ impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
         let Self(problem) = self;
         let Problem { matrix, loads, .. } = problem;
         let zero = vec![[[0.0; P]; B]; loads.len()];
-        let mut inverse = Inverse::of(&problem);
+        let mut inverse = Inverse::of(problem);
         let wanted = dot(loads, loads).map(|square| TOLERANCE * TOLERANCE * square);
         let mut answers = zero.clone();
         let mut residual = loads.to_vec();
@@ -91,7 +91,7 @@ struct Inverse<'a, const B: usize, const P: usize> {
 
 impl<'a, const B: usize, const P: usize> Inverse<'a, B, P> {
     #[inline(always)]
-    fn of(problem: &Problem<'a, B, P>) -> Self {
+    fn of(problem: Problem<'a, B, P>) -> Self {
         let zero = vec![[[0.0; P]; B]; problem.loads.len()];
         let norms = dot(problem.loads, problem.loads).map(f64::sqrt);
         Self {

@@ -36,7 +36,7 @@ impl<const B: usize, const P: usize> Vectorised for Corrections<'_, B, P> {
     fn run(self) -> Self::Output {
         let Self(problem) = self;
         let Problem { matrix, loads, typical, .. } = problem;
-        let inverse = TwoLevel::of(&problem);
+        let inverse = TwoLevel::of(problem);
         let mut iterations = Iterations::new(loads.len());
         let goal = squares(loads).map(|square| TOLERANCE * TOLERANCE * square);
         let mut answers = vec![[[0.0; P]; B]; loads.len()];

@@ -130,10 +130,10 @@ fn iterated<const D: usize, const B: usize, const P: usize>(
         .map(|contact| Bond { grains: [contact.origin, contact.end], branch: network.links[contact.index].branch })
         .collect();
     let groups = Groups::of(&system.matrix, &bonds, &backbone.radii, &backbone.pinned);
-    let problem = || Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
-    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem()) } else { None };
+    let problem = Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
+    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem) } else { None };
     match symmetric {
         Some([columns, residual]) => Some(Answers { columns, residual: Some(residual) }),
-        None => bicgstab::solve(problem()).map(Answers::exact),
+        None => bicgstab::solve(problem).map(Answers::exact),
     }
 }

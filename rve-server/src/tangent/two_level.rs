@@ -40,6 +40,7 @@ impl<const B: usize> Groups<B> {
 }
 
 /// Balance equations to be iterated on.
+#[derive(Clone, Copy)]
 pub(super) struct Problem<'a, const B: usize, const P: usize> {
     /// Forces and moments of grains over their motions.
     pub matrix: &'a BlockMatrix<B>,
@@ -86,8 +87,8 @@ pub(super) struct TwoLevel<'a, const B: usize, const P: usize> {
 impl<'a, const B: usize, const P: usize> TwoLevel<'a, B, P> {
     /// Prepares the inverse of the matrix of `problem`.
     #[inline(always)]
-    pub(super) fn of(problem: &Problem<'a, B, P>) -> Self {
-        let &Problem { matrix, groups, typical, .. } = problem;
+    pub(super) fn of(problem: Problem<'a, B, P>) -> Self {
+        let Problem { matrix, groups, typical, .. } = problem;
         let aggregates = &groups.aggregates;
         let mut order: Vec<usize> = (0..matrix.grains()).collect();
         order.sort_by_key(|&grain| aggregates.group_of[grain]);
