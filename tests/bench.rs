@@ -39,6 +39,22 @@ fn csv_rows(path: &std::path::Path) -> usize {
 }
 
 #[test]
+fn pictures_are_drawn_anew_and_counted_and_nothing_to_draw_is_refused() {
+    let site = Site::new();
+    let measured = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/bench/2026-11-21-epyc-2-cores/rve/spheres-1000.csv");
+    let folder = site.path("rve");
+    let redraw = ["bench", "rve", "--redraw", "--out", folder.to_str().unwrap()];
+    fs::create_dir(&folder).unwrap();
+    let ended = site.start("nothing", &redraw).end();
+    assert_eq!(ended.status.code(), Some(2));
+    assert!(ended.stderr.contains("no table to draw from") && ended.stderr.contains("hint:"), "{}", ended.stderr);
+    fs::copy(measured, folder.join("spheres-1000.csv")).unwrap();
+    let told = site.program(&redraw).stdout(Stdio::piped()).output().unwrap();
+    assert!(told.status.success());
+    assert!(String::from_utf8(told.stdout).unwrap().starts_with("6 pictures drawn anew in "));
+}
+
+#[test]
 fn an_unknown_study_is_refused_with_the_way_to_the_list() {
     let site = Site::new();
     let ended = site.start("none", &["bench", "nonsense"]).end();

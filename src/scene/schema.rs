@@ -428,7 +428,7 @@ pub(crate) struct LoadingTable {
     pub(crate) max_iterations: Option<Spanned<usize>>,
     pub(crate) control: Option<ControlTable>,
     pub(crate) adapt: Option<AdaptKeyword>,
-    pub(crate) stabilise: Option<bool>,
+    pub(crate) stabilise: Option<Spanned<bool>>,
     pub(crate) stabilise_after: Option<Spanned<usize>>,
     pub(crate) stabilise_increments: Option<Spanned<usize>>,
 }

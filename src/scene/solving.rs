@@ -65,7 +65,14 @@ fn formulation(keyword: FormulationKeyword) -> Formulation {
 }
 
 /// Changes what the keys of a table say.
-pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
+///
+/// # Errors
+/// Keys about creep through snaps where nothing creeps.
+pub(super) fn step_control(
+    document: &Document,
+    control: &mut StepControl,
+    table: &LoadingTable,
+) -> Result<(), InputError> {
     replace(&mut control.increments, &table.increments);
     replace(&mut control.min, &table.smallest_increment);
     replace(&mut control.growth, &table.growth);
@@ -80,14 +87,35 @@ pub(super) fn step_control(control: &mut StepControl, table: &LoadingTable) {
     if let Some(path) = &table.control {
         control.path = path_control(path);
     }
-    match table.stabilise {
+    stabilisation(document, control, table)
+}
+
+/// Whether and how stages creep through snaps; `control` knows already what a step prescribes.
+fn stabilisation(document: &Document, control: &mut StepControl, table: &LoadingTable) -> Result<(), InputError> {
+    let switch = table.stabilise.as_ref().map(Spanned::span);
+    let settings = [&table.stabilise_after, &table.stabilise_increments];
+    let setting = settings.into_iter().flatten().map(Spanned::span).next();
+    if let Some(span) = switch.or(setting.clone()).filter(|_| control.path != PathControl::Load) {
+        return Err(document
+            .error_at(span, "where the load factor is an unknown, steps are never stabilised")
+            .hint("leave this key out, or let the steps prescribe the load: control = \"load\""));
+    }
+    match table.stabilise.as_ref().map(|given| *given.get_ref()) {
         Some(false) => control.stabilisation = None,
         Some(true) => control.stabilisation = control.stabilisation.or(Some(Stabilisation::default())),
         None => {}
     }
-    if let Some(stabilisation) = &mut control.stabilisation {
-        stabilisation.after = table.stabilise_after.as_ref().map(|after| *after.get_ref()).or(stabilisation.after);
-        replace(&mut stabilisation.most_increments, &table.stabilise_increments);
+    match (&mut control.stabilisation, setting) {
+        (None, Some(span)) => Err(document
+            .error_at(span, "this says how steps are stabilised, and stabilise = false says that they are not")
+            .hint("leave this key out, or write stabilise = true beside it")),
+        (None, None) => Ok(()),
+        (Some(stabilisation), _) => {
+            let after = table.stabilise_after.as_ref().map(|after| *after.get_ref());
+            stabilisation.after = after.or(stabilisation.after);
+            replace(&mut stabilisation.most_increments, &table.stabilise_increments);
+            Ok(())
+        }
     }
 }
 

@@ -65,7 +65,7 @@ pub(super) fn stages(
 /// What the tables at the top say about every stage.
 fn base(document: &Document, file: &SceneFile) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
-    step_control(&mut stage.control, &file.loading);
+    step_control(document, &mut stage.control, &file.loading)?;
     tolerances(&mut stage.tolerances, &file.solver);
     strategy(document, &mut stage.strategy, &file.solver)?;
     duration(document, &mut stage.duration, &file.loading)?;
@@ -74,7 +74,7 @@ fn base(document: &Document, file: &SceneFile) -> Result<Stage, InputError> {
 
 fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<(), InputError> {
     refuse_equations(document, &table.solver)?;
-    step_control(&mut stage.control, &table.loading);
+    step_control(document, &mut stage.control, &table.loading)?;
     tolerances(&mut stage.tolerances, &table.solver);
     strategy(document, &mut stage.strategy, &table.solver)?;
     duration(document, &mut stage.duration, &table.loading)
@@ -106,7 +106,7 @@ fn duration(document: &Document, duration: &mut f64, table: &LoadingTable) -> Re
 #[cfg(test)]
 mod tests {
     use crate::scene::Scene;
-    use macro_solver::problem::{Amplitude, Condition, Origin, Stage};
+    use macro_solver::problem::{Amplitude, Condition, Origin, Stabilisation, Stage};
     use std::path::Path;
 
     fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
@@ -174,5 +174,52 @@ mod tests {
         assert!(error.contains("stage.1.loading.cut") && error.contains("stage 'shear'"), "{error}");
         let error = stages(&["loading.cut=2.0"]).unwrap_err();
         assert!(error.contains("--set loading.cut"), "{error}");
+    }
+
+    #[test]
+    fn stages_say_how_they_are_stabilised_and_contradictions_are_refused() {
+        let told = |more: &[&str]| {
+            let stages = stages(more).unwrap();
+            stages.iter().map(|stage| stage.control.stabilisation).collect::<Vec<_>>()
+        };
+        let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
+        let early = Stabilisation { after: Some(3), ..by_default };
+        assert_eq!(told(&[]), [Some(by_default); 2]);
+        assert_eq!(told(&["loading.stabilise=false"]), [None; 2]);
+        // A stage adds to what the top says, and may switch it off or on for itself.
+        let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
+        assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
+        assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
+        let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
+        assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early)]);
+        let one_arc = format!("stage.1.{arc}");
+        assert_eq!(told(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
+        let back = "stage.1.loading.control=load";
+        assert_eq!(told(&[arc, back, on[1]]), [Some(by_default), Some(early)]);
+
+        let refused = |more: &[&str], place: &str, said: [&str; 2]| {
+            let error = stages(more).err().unwrap_or_else(|| panic!("{more:?} were accepted"));
+            let names_all =
+                error.starts_with(&format!("--set {place}=")) && said.iter().all(|part| error.contains(part));
+            assert!(names_all, "{more:?}: {error}");
+        };
+        let in_vain = ["stabilise = false", "write stabilise = true"];
+        for key in ["stabilise_after", "stabilise_increments"] {
+            let written = format!("loading.{key}=5");
+            refused(&["loading.stabilise=false", &written], &format!("loading.{key}"), in_vain);
+            let (place, of_stage) = (format!("stage.1.loading.{key}"), format!("stage.1.{written}"));
+            refused(&["loading.stabilise=false", &of_stage], &place, in_vain);
+        }
+        let unknown = ["the load factor is an unknown", "control = \"load\""];
+        let indirect = "loading.control={ indirect = { set = 'top', component = 'y', growth = -1e-4 } }";
+        for control in [arc, indirect] {
+            for key in ["stabilise=true", "stabilise=false", "stabilise_after=3", "stabilise_increments=50"] {
+                let (top, stage) = (format!("loading.{key}"), format!("stage.1.loading.{key}"));
+                let place = |written: &str| written.split('=').next().unwrap().to_owned();
+                refused(&[control, &top], &place(&top), unknown);
+                refused(&[control, &stage], &place(&stage), unknown);
+                refused(&[&format!("stage.1.{control}"), &stage], &place(&stage), unknown);
+            }
+        }
     }
 }

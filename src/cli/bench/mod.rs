@@ -31,8 +31,8 @@ struct Study {
     about: &'static str,
     /// Measures; must not depend on the order of studies or leave processes behind.
     run: fn(&Effort, &mut Report) -> anyhow::Result<()>,
-    /// Draws the pictures of the tables in a folder anew, for studies that can.
-    redraw: Option<fn(&Path) -> anyhow::Result<()>>,
+    /// Draws the pictures of the tables in a folder anew and counts them, for studies that can.
+    redraw: Option<fn(&Path) -> anyhow::Result<usize>>,
 }
 
 /// All studies, in the order of `--list`.
@@ -108,6 +108,7 @@ impl Effort {
 #[command(after_help = "Examples:
   grainspan bench --list
   grainspan bench self-test --out out/bench/self-test
+  grainspan bench rve --redraw --out out/bench/rve
 
 Measure with a release build on a quiet machine; the report says what it was.")]
 pub(crate) struct Arguments {
@@ -162,7 +163,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     if arguments.redraw {
         let redraw = study.redraw.ok_or_else(|| anyhow::anyhow!("this study cannot draw without measuring"));
-        redraw.and_then(|redraw| redraw(&folder)).map_err(failed)?;
+        let drawn = redraw.and_then(|redraw| redraw(&folder)).map_err(failed)?;
+        print(format!("{drawn} pictures drawn anew in {}\n", folder.display()).as_bytes())?;
         return Ok(Exit::Done);
     }
     let mut report = Report::open(&folder, study.name, &Machine::here(), &effort)?;

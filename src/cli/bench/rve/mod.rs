@@ -46,11 +46,12 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Draws the pictures of the tables in a folder anew.
+/// Draws the pictures of the tables in a folder anew, and counts them.
 ///
 /// # Errors
-/// A table is none of this study, or a picture cannot be written.
-pub(super) fn redraw(folder: &Path) -> anyhow::Result<()> {
+/// There is no table of this study, one has other columns, or a picture cannot be written.
+pub(super) fn redraw(folder: &Path) -> anyhow::Result<usize> {
+    let mut drawn = 0;
     for case in CASES {
         let file = folder.join(format!("{}.csv", case.name));
         if !file.exists() {
@@ -59,9 +60,16 @@ pub(super) fn redraw(folder: &Path) -> anyhow::Result<()> {
         let measured = read(&file).with_context(|| file.display().to_string())?;
         for (name, chart) in charts(case, &measured) {
             write_atomically(&folder.join(format!("{name}.svg")), chart.to_svg()?.as_bytes())?;
+            drawn += 1;
         }
     }
-    Ok(())
+    anyhow::ensure!(
+        drawn > 0,
+        "there is no table to draw from in {}\nhint: name the folder of an earlier measurement with --out, or measure first, \
+         without --redraw",
+        folder.display()
+    );
+    Ok(drawn)
 }
 
 fn study(case: &Case, effort: &Effort, scratch: &Path, report: &mut Report) -> anyhow::Result<()> {

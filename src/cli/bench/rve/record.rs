@@ -118,10 +118,11 @@ pub(super) fn charts(case: &Case, measured: &[Measured]) -> Vec<(String, Chart)>
 #[cfg(test)]
 mod tests {
     use super::super::case::CASES;
+    use super::super::redraw;
     use super::*;
 
     #[test]
-    fn a_table_is_read_back_as_it_was_written_and_others_are_refused() {
+    fn a_table_is_read_back_and_drawn_as_it_was_written_and_others_are_refused() {
         let measured = |name: &str, errors: [f64; 3]| Measured {
             curve: "strain per step, fast".into(),
             name: name.into(),
@@ -132,13 +133,20 @@ mod tests {
         };
         let rows = [measured("1e-5", [1e-3, 2e-3, 3e-2]), measured("1e-6", [1e-4, 2e-4, f64::NAN])];
         let folder = tempfile::tempdir().unwrap();
+        let refused = redraw(folder.path()).unwrap_err().to_string();
+        assert!(refused.contains("no table") && refused.contains("--out"), "{refused}");
         let file = folder.path().join("discs-400.csv");
         std::fs::write(&file, table(&rows).to_csv()).unwrap();
         let again = read(&file).unwrap();
         assert_eq!(format!("{again:?}"), format!("{rows:?}"));
         assert_eq!(charts(&CASES[0], &again).len(), 6);
-        assert!(charts(&CASES[0], &again).iter().all(|(_, chart)| chart.to_svg().is_ok()));
+        assert_eq!(redraw(folder.path()).unwrap(), 6);
+        for (name, chart) in charts(&CASES[0], &again) {
+            let picture = std::fs::read_to_string(folder.path().join(format!("{name}.svg"))).unwrap();
+            assert_eq!(picture, chart.to_svg().unwrap());
+        }
         std::fs::write(&file, "a,b\n1,2\n").unwrap();
         assert!(read(&file).unwrap_err().to_string().contains("not the columns"));
+        assert!(redraw(folder.path()).is_err());
     }
 }
