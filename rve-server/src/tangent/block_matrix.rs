@@ -184,30 +184,34 @@ pub(super) fn add_product<T: Copy + MulAdd<Output = T>, const B: usize, const R:
     }
 }
 
-/// `target -= block * values`.
+/// `target -= block * values`, fused.
 #[inline(always)]
 pub(super) fn subtract_applied<const B: usize, const R: usize>(
     target: &mut Columns<B, R>,
     block: &Block<B>,
     values: &Columns<B, R>,
 ) {
-    for (target_row, block_row) in target.iter_mut().zip(block) {
-        for (coefficient, value_row) in block_row.iter().zip(values) {
-            for column in 0..R {
-                target_row[column] -= coefficient * value_row[column];
+    for row in 0..B {
+        let mut sum = target[row];
+        for column in 0..B {
+            for lane in 0..R {
+                sum[lane] = (-block[row][column]).mul_add(values[column][lane], sum[lane]);
             }
         }
+        target[row] = sum;
     }
 }
 
 /// Largest absolute value in each column; NaN if anything is NaN.
+#[inline(always)]
 pub(super) fn largest<const B: usize, const R: usize>(values: &[Columns<B, R>]) -> [f64; R] {
     let mut norms = [0.0_f64; R];
     for row in values.iter().flatten() {
-        for (norm, value) in norms.iter_mut().zip(row) {
-            // Neither a NaN in the values nor one in the norm is ever dropped.
-            let keeps = norm.is_nan() || value.abs() <= *norm;
-            *norm = if keeps { *norm } else { value.abs() };
+        for lane in 0..R {
+            // Neither a NaN in the values nor one in the norm is ever dropped. No branch: lanes decide for themselves.
+            let value = row[lane].abs();
+            let keeps = norms[lane].is_nan() | (value <= norms[lane]);
+            norms[lane] = if keeps { norms[lane] } else { value };
         }
     }
     norms

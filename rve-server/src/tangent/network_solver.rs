@@ -40,7 +40,7 @@ pub(super) fn solve<const B: usize, const P: usize>(
     direct.or_else(|| factorized(false)).or_else(|| {
         let answers = solve_with_pivoting(matrix, &columns)?;
         let residual = matrix.residual(&columns, &answers);
-        is_trustworthy(&columns, &answers, &residual, typical).then_some(answers)
+        is_trustworthy(&largest(&columns), &answers, &residual, typical).then_some(answers)
     })
 }
 
@@ -75,10 +75,11 @@ impl<const B: usize, const P: usize> Direct<'_, B, P> {
         factors: &Factors<'_, B, P, SYMMETRIC>,
         corrections: u32,
     ) -> Option<Vec<Columns<B, P>>> {
+        let load = largest(self.columns);
         let mut answers = factors.solve(self.columns);
         for correction in 0..=corrections {
             let residual = self.matrix.residual(self.columns, &answers);
-            if is_trustworthy(self.columns, &answers, &residual, self.typical) {
+            if is_trustworthy(&load, &answers, &residual, self.typical) {
                 return Some(answers);
             }
             if correction < corrections {
@@ -104,15 +105,17 @@ fn with_probe<const B: usize, const P: usize>(loads: &[Columns<B, P>], typical: 
     columns
 }
 
-/// Whether the answers solve the equations and no mode is next to free. Written so that a NaN fails.
+/// Whether the answers solve the equations and no mode is next to free; `load` is the [`largest`] load of each column. Written so
+/// that a NaN fails.
+#[inline(always)]
 fn is_trustworthy<const B: usize, const P: usize>(
-    loads: &[Columns<B, P>],
+    load: &[f64; P],
     answers: &[Columns<B, P>],
     residual: &[Columns<B, P>],
     typical: f64,
 ) -> bool {
     let softness = answers.iter().flatten().map(|row| row[B] * row[B]).sum::<f64>().sqrt();
-    let (load, answer, residual) = (largest(loads), largest(answers), largest(residual));
+    let (answer, residual) = (largest(answers), largest(residual));
     softness * SOFTEST_CREDIBLE_MODE < 1.0
         && (0..=B).all(|column| residual[column] <= LARGEST_RESIDUAL * (load[column] + typical * answer[column]))
 }
