@@ -4,7 +4,7 @@ use super::backend::Backend;
 use super::*;
 use crate::definition::NormalStiffness;
 use crate::law::{LinearSprings, PlainLinear};
-use crate::space::Discs;
+use crate::space::{Discs, Spheres};
 use proptest::prelude::*;
 
 proptest! {
@@ -31,6 +31,34 @@ proptest! {
             }
         }
         prop_assert_eq!(mask.any(), a.iter().zip(&b).any(|(p, q)| p < q));
+    }
+
+    /// Whether some lane, all or none are near the limit: each gets what the definition gives, to the bit.
+    #[test]
+    fn cuts_to_a_limit_are_those_of_the_definition_whoever_is_beside(
+        shares in proptest::array::uniform8(prop_oneof![
+            Just(0.0), Just(1.0), 0.0..0.99f64, 0.994..0.996f64, 0.9989..0.9991f64, 1.0 - 1e-15..1.0 + 1e-15f64, 1.0..3.0f64,
+        ]),
+        way in proptest::array::uniform3(-1.0..1.0f64), limit in prop_oneof![Just(0.0), 1e-9..1e3f64],
+    ) {
+        const NEAR: f64 = 0.999;
+        let norm = Spheres::length(way).max(1e-3);
+        let of_lane = |lane: usize| way.map(|component| component / norm * (shares[lane] * limit));
+        let mut all = [Lanes::<8>::default(); 3];
+        for lane in 0..8 {
+            for (all, own) in all.iter_mut().zip(of_lane(lane)) {
+                all.set_lane(lane, own);
+            }
+        }
+        let cut = Spheres::shortened(all, Lanes::splat(limit), NEAR);
+        for lane in 0..8 {
+            let given = of_lane(lane);
+            let length = Spheres::length(given);
+            let kept = if limit < length { given.map(|component| component * (limit / length)) } else { given };
+            prop_assert_eq!(cut.kept.map(|component| component[lane]), kept);
+            prop_assert_eq!(cut.at_limit.lane(lane), limit * NEAR <= length, "{} of {}", length, limit);
+            prop_assert_eq!(cut.lost[lane], Tuple::<f64>::dot(kept, given.minus(kept)));
+        }
     }
 }
 

@@ -280,6 +280,11 @@ impl<S: Space, C: ContactLaw<S::Kinematics>, R: Real> Batch<S, C, R> {
         let old_constants = std::mem::take(&mut self.pair_constants);
         let mut old = self.keys.iter().enumerate().peekable();
         self.pairs.clear();
+        self.pairs.reserve_exact(keys.len());
+        self.contacts.reserve_exact(keys.len());
+        self.limit_counts.reserve_exact(keys.len());
+        self.live.reserve_exact(keys.len());
+        self.pair_constants.reserve_exact(keys.len());
         for key in &keys {
             while old.next_if(|(_, old_key)| *old_key < key).is_some() {}
             let known = old.next_if(|(_, old_key)| *old_key == key).map(|(place, _)| place);

@@ -42,7 +42,8 @@ const FEWEST_RAMP_STEPS: u32 = 5;
 /// Cells side by side in a batch.
 const LANES: usize = 8;
 
-/// Fewer cells than this are faster one by one: a step of all lanes costs 3.6 (discs) to 5.3 (spheres) of a single cell.
+/// Fewer cells than this are faster one by one: a step of all lanes costs 3.0 (discs) to 3.9 (spheres) of a single cell with
+/// AVX-512, 3.6 to 5.3 with AVX2.
 const FEWEST_LANES: usize = 4;
 
 /// Number of ramp increments for a strain, if the asker leaves the choice to the engine.

@@ -184,7 +184,7 @@ pub(super) fn add_product<T: Copy + MulAdd<Output = T>, const B: usize, const R:
     }
 }
 
-/// `target -= block * values`, fused.
+/// `target -= block * values`, every product rounded: preparations follow these bits, and packings are kept with them.
 #[inline(always)]
 pub(super) fn subtract_applied<const B: usize, const R: usize>(
     target: &mut Columns<B, R>,
@@ -195,7 +195,7 @@ pub(super) fn subtract_applied<const B: usize, const R: usize>(
         let mut sum = target[row];
         for column in 0..B {
             for lane in 0..R {
-                sum[lane] = (-block[row][column]).mul_add(values[column][lane], sum[lane]);
+                sum[lane] -= block[row][column] * values[column][lane];
             }
         }
         target[row] = sum;

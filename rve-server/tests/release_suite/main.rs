@@ -6,8 +6,9 @@
 
 #![expect(clippy::print_stderr, reason = "the figures are for people")]
 
-#[path = "support/gas.rs"]
+#[path = "../support/gas.rs"]
 mod gas;
+mod jamming;
 
 use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
 use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};

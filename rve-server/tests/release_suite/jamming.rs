@@ -1,0 +1,118 @@
+//! What grains do next to jamming: scaling with the distance from it (G-3), how loosely rough spheres come to rest (G-4), and how
+//! little smooth ones resist shear (G-5).
+
+use super::{made, recipe};
+use protocol::TangentKind;
+use rve_server::element::{ElementRow, ElementTest, run_element};
+use rve_server::packing::PackingRecipe;
+use rve_server::space::{Discs, Spheres};
+use std::path::Path;
+
+/// Rows of an element test on a packing of grains without friction and with a stiffness of 1.
+fn smooth_rows(packing: &Path, options: &str, path: &str, tangent: TangentKind) -> Vec<ElementRow> {
+    let text = format!(
+        "packing = \"{}\"\nstress_tolerance = 1e-2\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1.0\n\
+         stiffness_ratio = 0.5\nfriction = 0.0\n[rve]\n{options}\n{path}",
+        packing.display()
+    );
+    let mut rows = Vec::new();
+    run_element(&ElementTest::from_toml(&text).unwrap(), Path::new(""), tangent, &mut |row| rows.push(row.clone()))
+        .unwrap();
+    rows
+}
+
+/// Slope of the straight line through the logarithms of points.
+fn exponent(points: &[[f64; 2]]) -> f64 {
+    let logarithms: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
+    let count = logarithms.len() as f64;
+    let mean = [0, 1].map(|axis| logarithms.iter().map(|point| point[axis]).sum::<f64>() / count);
+    let moment = |other: usize| logarithms.iter().map(|p| (p[0] - mean[0]) * (p[other] - mean[other])).sum::<f64>();
+    moment(1) / moment(0)
+}
+
+/// G-3: with the distance of the solid fraction from jamming the pressure grows in proportion and the coordination number above
+/// its least value with the square root; the ratio of the moduli grows in proportion to that number.
+#[test]
+fn smooth_discs_scale_with_their_distance_from_jamming() {
+    eprintln!("G-3");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("discs.json");
+    made::<Discs>(&recipe(2, 1000, 1, 1e-5, 0.0, 1.4)).0.write(&path).unwrap();
+    let pressures = [2e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
+    let segments: String = pressures
+        .iter()
+        .map(|p| {
+            format!("[[path]]\nincrements = 1\nstrain = {{ xy = 0.0 }}\nstress = {{ xx = -{p:e}, yy = -{p:e} }}\n")
+        })
+        .collect();
+    let rows = smooth_rows(&path, "tolerance = 1e-4", &segments, TangentKind::TrussLike);
+    let states: Vec<[f64; 4]> = rows[1..]
+        .iter()
+        .map(|row| {
+            let pressure = -0.5 * (row.stress[0][0] + row.stress[1][1]);
+            let c = row.tangent.unwrap().operator;
+            let bulk = 0.25 * (c.get(0, 0, 0, 0) + c.get(0, 0, 1, 1) + c.get(1, 1, 0, 0) + c.get(1, 1, 1, 1));
+            let pure = 0.25 * (c.get(0, 0, 0, 0) - c.get(0, 0, 1, 1) - c.get(1, 1, 0, 0) + c.get(1, 1, 1, 1));
+            let simple = 0.25 * (c.get(0, 1, 0, 1) + c.get(0, 1, 1, 0) + c.get(1, 0, 0, 1) + c.get(1, 0, 1, 0));
+            let solid = 1.0 / (1.0 + row.void_ratio);
+            [pressure, solid, row.coordination_number_no_rattlers, 0.5 * (pure + simple) / bulk]
+        })
+        .collect();
+    // Where the line through the two loosest states meets zero pressure.
+    let [first, second] = [states[0], states[1]];
+    let jamming = first[1] - first[0] * (second[1] - first[1]) / (second[0] - first[0]);
+    eprintln!("  jamming at {jamming:.5}; pressure, solid fraction, z*, G/K: {states:.5?}");
+    let of = |x: fn(&[f64; 4], f64) -> f64, y: fn(&[f64; 4]) -> f64| {
+        exponent(&states[1..].iter().map(|state| [x(state, jamming), y(state)]).collect::<Vec<_>>())
+    };
+    let distance = |state: &[f64; 4], jamming: f64| state[1] - jamming;
+    let found = [
+        of(distance, |state| state[0]),
+        of(distance, |state| state[2] - 4.0),
+        of(|state, _| state[2] - 4.0, |state| state[3]),
+    ];
+    let prefactor = (states[4][2] - 4.0) / (states[4][1] - jamming).sqrt();
+    eprintln!("  exponents {found:.3?}, (z* - 4) / sqrt(distance) {prefactor:.2}");
+    for (found, expected) in found.iter().zip([1.0, 0.5, 1.0]) {
+        assert!((found - expected).abs() < 0.1, "{found} for {expected}");
+    }
+    assert!((prefactor - 3.6).abs() < 0.5);
+}
+
+/// G-4: glass beads with a friction of 0.3 that are brought together at 10 kPa stay loose.
+#[test]
+fn rough_beads_come_to_rest_loosely() {
+    eprintln!("G-4");
+    let text = "dimension = 3\nnumber = 1000\nseed = 1\npressure = 1.0e4\ntolerance = 1e-4\nstress_tolerance = 1e-2\n\
+                [grading]\ndistribution = \"list\"\nradii = [1.0e-3]\n[contact]\nlaw = \"hertz_mindlin\"\n\
+                shear_modulus = 26.9e9\npoisson_ratio = 0.3\nfriction = 0.3\ndensity = 2500.0\n";
+    let (_, report) = made::<Spheres>(&PackingRecipe::from_toml(text).unwrap());
+    assert!((1.0 - report.porosity - 0.593).abs() < 1e-2);
+    assert!((report.coordination_number_no_rattlers - 4.5).abs() < 0.1);
+}
+
+/// G-5: spheres without friction have a friction angle of 5.76 degrees and do not dilate.
+#[test]
+fn smooth_spheres_resist_shear_a_little_and_do_not_dilate() {
+    eprintln!("G-5");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("spheres.json");
+    let pressure = 1e-4;
+    made::<Spheres>(&recipe(3, 4000, 1, pressure, 0.0, 1.0)).0.write(&path).unwrap();
+    let shear = format!(
+        "[[path]]\nincrements = 60\nstrain = {{ xy = 0.3 }}\nstress = {{ xx = -{pressure:e}, yy = -{pressure:e}, zz = -{pressure:e} }}\n"
+    );
+    let rows = smooth_rows(&path, "accuracy = \"draft\"", &shear, TangentKind::None);
+    let steady = &rows[rows.len() / 3..];
+    let mean = |of: &dyn Fn(&ElementRow) -> f64| steady.iter().map(of).sum::<f64>() / steady.len() as f64;
+    let ratio = mean(&|row| (row.stress[0][1] / row.stress[1][1]).abs());
+    let solid = |row: &ElementRow| 1.0 / (1.0 + row.void_ratio);
+    let change = mean(&solid) - solid(&rows[0]);
+    let steps: u64 = rows.iter().map(|row| row.dem_steps).sum();
+    eprintln!(
+        "  friction angle {:.2} degrees, solid fraction {change:+.4}, {steps} steps",
+        ratio.atan().to_degrees()
+    );
+    assert!((ratio.atan().to_degrees() - 5.76).abs() < 1.0);
+    assert!(change.abs() < 5e-3);
+}
