@@ -6,6 +6,7 @@ mod equilibrium;
 mod formulations;
 mod initial;
 mod links;
+mod noise;
 mod patch;
 mod path;
 mod plane_benchmarks;
