@@ -7,6 +7,7 @@ use protocol::transport::WorkerId;
 use protocol::wire::TrialJob;
 use protocol::{RveError, StateId, TrialAnswer};
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 /// How a job ended.
 #[derive(Clone, Debug)]
@@ -61,6 +62,8 @@ pub(super) struct Batch {
     /// For each trial asked, the job that answers it.
     pub(super) job_of_trial: Vec<usize>,
     pub(super) queue: Queues,
+    /// Jobs that rest, and until when: `None` until somebody has looked at the clock.
+    resting: Vec<(usize, Option<Instant>)>,
     open: usize,
     lowest_failure: Option<PointId>,
 }
@@ -135,17 +138,41 @@ impl Batch {
         number < self.first
     }
 
-    /// Puts a job that was sent back into the queue.
-    pub(super) fn requeue(&mut self, index: usize) {
-        if self.jobs[index].outcome.is_none() {
-            self.jobs[index].wire.attempt += 1;
+    /// Puts a job that was sent back into the queue, after a rest if the next end of a worker would be the last of `limit`.
+    pub(super) fn requeue(&mut self, index: usize, limit: u32) {
+        let job = &mut self.jobs[index];
+        if job.outcome.is_some() {
+            return;
+        }
+        job.wire.attempt += 1;
+        if !job.ends.is_empty() && job.blames().saturating_add(1) >= limit {
+            self.resting.push((index, None));
+        } else {
             self.queue.add(None, self.ticket(index));
         }
+    }
+
+    /// Queues the jobs that have rested for `rest`.
+    pub(super) fn wake(&mut self, now: Instant, rest: Duration) {
+        for place in std::mem::take(&mut self.resting) {
+            let (index, until) = (place.0, place.1.unwrap_or(now + rest));
+            if until <= now {
+                self.queue.add(None, self.ticket(index));
+            } else {
+                self.resting.push((index, Some(until)));
+            }
+        }
+    }
+
+    /// When the next job that rests has to be looked at.
+    pub(super) fn next_awake(&self) -> Option<Instant> {
+        self.resting.iter().filter_map(|(_, until)| *until).min()
     }
 
     /// Records how a job ended. Returns how many waiting jobs became pointless by it.
     pub(super) fn settle(&mut self, index: usize, outcome: Outcome) -> usize {
         debug_assert!(self.jobs[index].outcome.is_none(), "a job is settled once");
+        self.resting.retain(|(resting, _)| *resting != index);
         self.open -= 1;
         let failed = matches!(outcome, Outcome::Failed(_));
         self.jobs[index].outcome = Some(outcome);
@@ -157,7 +184,9 @@ impl Batch {
         let limit = self.lowest_failure.map_or(point, |lowest| lowest.min(point));
         self.lowest_failure = Some(limit);
         let jobs = &self.jobs;
-        let abandoned = self.queue.retain(|index| jobs[index].trial.point <= limit);
+        let resting = self.resting.len();
+        self.resting.retain(|(index, _)| jobs[*index].trial.point <= limit);
+        let abandoned = self.queue.retain(|index| jobs[index].trial.point <= limit) + resting - self.resting.len();
         self.open -= abandoned;
         abandoned
     }

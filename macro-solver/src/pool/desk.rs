@@ -200,7 +200,7 @@ impl Desk {
                 let state = self.batch.jobs[index].wire.state;
                 self.forget(worker, state);
                 self.batch.jobs[index].must_carry = true;
-                self.batch.requeue(index);
+                self.batch.requeue(index, self.settings.blames_until_quarantine);
             }
             Verdict::NeedDefinition => {
                 let job = &mut self.batch.jobs[index];
@@ -211,7 +211,7 @@ impl Desk {
                 self.statistics.definition_misses += 1;
                 let definition = job.definition;
                 self.roster.edit(worker, |known| known.definitions.remove(&definition));
-                self.batch.requeue(index);
+                self.batch.requeue(index, self.settings.blames_until_quarantine);
             }
         }
     }
@@ -300,7 +300,7 @@ impl Desk {
         for number in held.into_iter().flatten().flat_map(|slice| slice.jobs) {
             if let Some(index) = self.batch.index_of(number) {
                 self.statistics.reissued += 1;
-                self.batch.requeue(index);
+                self.batch.requeue(index, self.settings.blames_until_quarantine);
             }
         }
     }
@@ -311,7 +311,7 @@ impl Desk {
         self.statistics.workers_faulty += 1;
         self.statistics.reissued += 1;
         self.blame(index, fault);
-        self.batch.requeue(index);
+        self.batch.requeue(index, self.settings.blames_until_quarantine);
         self.condemn(worker);
     }
 

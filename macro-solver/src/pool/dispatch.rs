@@ -19,6 +19,7 @@ pub(super) struct Shipment {
 impl Desk {
     /// The next slice to send and to whom, already booked as sent; `None` when nothing waits or nobody is free.
     pub(super) fn next_shipment(&mut self, now: Instant) -> Option<Shipment> {
+        self.batch.wake(now, self.settings.last_rest);
         self.batch.queue.groups().into_iter().find_map(|group| self.next_of_group(group, now))
     }
 

@@ -306,6 +306,9 @@ impl<P: MacroPort> Pool<P> {
         if let Some(deadline) = self.desk.roster.next_deadline() {
             wait = wait.min(deadline.saturating_duration_since(now));
         }
+        if let Some(awake) = self.desk.batch.next_awake() {
+            wait = wait.min(awake.saturating_duration_since(now));
+        }
         if self.desk.is_served() {
             self.deserted_since = None;
         } else {

@@ -71,6 +71,9 @@ pub struct PoolSettings {
     pub patience: Duration,
     /// Number of workers that one job may end before it is held to be the cause and the run stops.
     pub blames_until_quarantine: u32,
+    /// How long a job rests before the worker whose end would quarantine it gets it. Who ends several workers from outside does so at
+    /// once; without a rest a job that is handed on from victim to victim would be taken for the culprit.
+    pub last_rest: Duration,
 }
 
 impl PoolSettings {
@@ -98,6 +101,7 @@ impl PoolSettings {
             recycling: Recycling::default(),
             patience: Duration::from_secs(60),
             blames_until_quarantine: 3,
+            last_rest: Duration::from_millis(500),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::scripted::{Fault, Stage, questions};
 use crate::material::{MaterialError, PointMaterial};
 use crate::pool::PoolStatistics;
 use protocol::RveError;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const POINTS: usize = 10;
 
@@ -111,8 +111,14 @@ fn a_deadly_point_is_named_after_three_workers() {
     let mut stage = Stage::new(5).replacing(20, Some(6));
     stage.world.borrow_mut().hire(8, &[], Some(6));
     stage.world.borrow_mut().hire(8, &[], Some(6));
+    let rest = stage.settings.last_rest;
     let mut pool = stage.open(POINTS);
+    let begun = Instant::now();
     let error = pool.evaluate(&questions(POINTS, 0)).unwrap_err();
+    assert!(
+        begun.elapsed() >= rest,
+        "the last victim got it after a rest: whoever ends workers from outside is done by then"
+    );
     assert!(matches!(error, MaterialError::WorkersLost(_)) && !error.is_curable_by_smaller_step());
     assert!(error.to_string().contains("Gauss point 6 has ended 3 workers"), "{error}");
     let case = pool.quarantined().unwrap();

@@ -402,7 +402,9 @@ impl Stage {
         let world = Rc::new(RefCell::new(World { random: seed, ..World::default() }));
         let short = Duration::from_millis(20);
         let hang = HangPolicy { floor: short, factor: 1.0, unknown: short, ..HangPolicy::default() };
-        let settings = PoolSettings { patience: Duration::from_millis(50), hang, ..PoolSettings::new("test") };
+        let last_rest = Duration::from_millis(20);
+        let settings =
+            PoolSettings { patience: Duration::from_millis(50), hang, last_rest, ..PoolSettings::new("test") };
         Self { world, interrupt: Interrupt::new(), settings, supply: None }
     }
 

@@ -13,6 +13,7 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 
@@ -296,6 +297,10 @@ impl RunDirectory {
     /// # Errors
     /// [`RunError::Name`].
     pub fn remove(name: &str) -> Result<bool, RunError> {
+        // Two threads of a worker may see its macro die and end the process when they are done: neither may do so while the other
+        // is half way, or a folder without its record would stay, which everybody takes for a run that is about to begin.
+        static SWEEPING: Mutex<()> = Mutex::new(());
+        let _alone = SWEEPING.lock().unwrap_or_else(PoisonError::into_inner);
         check_name(name)?;
         let base = base_directory()?;
         let listing = look_at(&base, name);
