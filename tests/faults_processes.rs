@@ -188,25 +188,35 @@ fn a_stopped_worker_does_not_outlive_a_killed_run() {
     eventually("tidy memory", || traces.left().is_empty().then_some(()));
 }
 
-/// A point whose question takes seconds, and a worker that is killed over it three times.
+/// A point whose question takes seconds, and a worker that is killed over it three times. Before the third the question rests, and
+/// the worker deals with the other point first.
 #[test]
 fn a_deadly_question_is_set_aside_and_can_be_asked_again() {
     let site = Site::new();
     let out = site.path("a");
     let words = ["run", "scenes/biaxial-small.toml", "--workers", "1", "--out", out.to_str().unwrap()];
-    let sets = ["--set", "mesh.elements=[1, 1]", "--set", "rve.strain_per_step=1e-9"];
+    let sets = ["mesh.elements=[1, 1]", "mesh.element=t3", "rve.strain_per_step=1e-9"];
+    let sets = sets.map(|set| ["--set", set]).concat();
     let mut run = site.start("a", &[&words[..], &sets].concat());
     run.await_rows(&out.join("history.csv"), 1);
-    let mut killed = Vec::new();
+    let (mut killed, mut deadly) = (Vec::new(), None);
     while killed.len() < 3 {
-        let fresh = eventually("a worker at work", || {
+        let (fresh, point) = eventually("a worker at work", || {
             let text = site.status();
-            let at_work = |pid: &u32| text.contains(&format!("worker    {pid}")) && text.contains("Gauss point");
-            run.workers().into_iter().find(|pid| !killed.contains(pid) && at_work(pid))
+            let point_of = |pid: u32| {
+                let line = text.lines().find(|line| line.contains(&format!("worker    {pid}")))?;
+                let (_, rest) = line.split_once("Gauss point ")?;
+                Some(rest.split(' ').next()?.to_owned())
+            };
+            let workers = run.workers().into_iter().filter(|pid| !killed.contains(pid));
+            workers
+                .filter_map(|pid| Some((pid, point_of(pid)?)))
+                .find(|(_, point)| deadly.as_ref().is_none_or(|deadly| deadly == point))
         });
         std::thread::sleep(Duration::from_millis(600));
         signal(fresh, Signal::KILL);
         killed.push(fresh);
+        deadly = Some(point);
     }
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(3), "{}", ended.stderr);
