@@ -30,25 +30,19 @@ fn exponent(points: &[[f64; 2]]) -> f64 {
     moment(1) / moment(0)
 }
 
-/// G-3: with the distance of the solid fraction from jamming the pressure grows in proportion and the coordination number above
-/// its least value with the square root; the ratio of the moduli grows in proportion to that number.
-#[test]
-fn smooth_discs_scale_with_their_distance_from_jamming() {
-    eprintln!("G-3");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("discs.json");
-    made::<Discs>(&recipe(2, 1000, 1, 1e-5, 0.0, 1.4)).0.write(&path).unwrap();
+/// States of one packing at growing nearness to jamming: solid fraction beyond jamming, pressure, z* - 4, G / K.
+fn on_the_way_to_jamming(folder: &Path, seed: u64) -> Vec<[f64; 4]> {
+    let path = folder.join(format!("{seed}.json"));
+    made::<Discs>(&recipe(2, 1000, seed, 1e-5, 0.0, 1.4)).0.write(&path).unwrap();
     // Pressed well beyond jamming first, then let go in steps: on the way up avalanches move the point of jamming itself.
-    let pressed = 1.2e-2;
-    let mut present = 0.0;
-    let mut segments = String::new();
-    for strain in [pressed, 8e-3, 5e-3, 3.3e-3, 2.2e-3, 1.6e-3] {
+    let (mut present, mut segments) = (0.0, String::new());
+    for strain in [1.2e-2, 8e-3, 5e-3, 3.3e-3, 2.4e-3] {
         let step = (present - strain) / (1.0 - present);
         segments += &format!("[[path]]\nincrements = 4\nstrain = {{ xx = {step:e}, yy = {step:e} }}\n");
         present = strain;
     }
     let rows = smooth_rows(&path, "tolerance = 1e-4", &segments, TangentKind::TrussLikeReleasedAtRest);
-    let states: Vec<[f64; 4]> = rows[4..]
+    let mut states: Vec<[f64; 4]> = rows[4..]
         .iter()
         .step_by(4)
         .map(|row| {
@@ -58,23 +52,27 @@ fn smooth_discs_scale_with_their_distance_from_jamming() {
             let pure = 0.25 * (c.get(0, 0, 0, 0) - c.get(0, 0, 1, 1) - c.get(1, 1, 0, 0) + c.get(1, 1, 1, 1));
             let simple = 0.25 * (c.get(0, 1, 0, 1) + c.get(0, 1, 1, 0) + c.get(1, 0, 0, 1) + c.get(1, 0, 1, 0));
             let solid = 1.0 / (1.0 + row.void_ratio);
-            [pressure, solid, row.coordination_number_no_rattlers, 0.5 * (pure + simple) / bulk]
+            [solid, pressure, row.coordination_number_no_rattlers - 4.0, 0.5 * (pure + simple) / bulk]
         })
         .collect();
     // Where the line through the two loosest states meets zero pressure.
-    let [second, first] = [states[4], states[5]];
-    let jamming = first[1] - first[0] * (second[1] - first[1]) / (second[0] - first[0]);
-    eprintln!("  jamming at {jamming:.5}; pressure, solid fraction, z*, G/K: {states:.5?}");
-    let of = |x: fn(&[f64; 4], f64) -> f64, y: fn(&[f64; 4]) -> f64| {
-        exponent(&states.iter().map(|state| [x(state, jamming), y(state)]).collect::<Vec<_>>())
-    };
-    let distance = |state: &[f64; 4], jamming: f64| state[1] - jamming;
-    let found = [
-        of(distance, |state| state[0]),
-        of(distance, |state| state[2] - 4.0),
-        of(|state, _| state[2] - 4.0, |state| state[3]),
-    ];
-    let prefactor = (states[2][2] - 4.0) / (states[2][1] - jamming).sqrt();
+    let (second, first) = (states[3], states[4]);
+    let jamming = first[0] - first[1] * (second[0] - first[0]) / (second[1] - first[1]);
+    states.iter_mut().for_each(|state| state[0] -= jamming);
+    eprintln!("  jamming at {jamming:.5}; distance, pressure, z* - 4, G/K: {states:.5?}");
+    states
+}
+
+/// G-3: with the distance of the solid fraction from jamming the pressure grows in proportion and the coordination number above
+/// its least value with the square root; the ratio of the moduli grows in proportion to that number. Three packings.
+#[test]
+fn smooth_discs_scale_with_their_distance_from_jamming() {
+    eprintln!("G-3");
+    let folder = tempfile::tempdir().unwrap();
+    let states: Vec<[f64; 4]> = (1..=3).flat_map(|seed| on_the_way_to_jamming(folder.path(), seed)).collect();
+    let of = |x: usize, y: usize| exponent(&states.iter().map(|state| [state[x], state[y]]).collect::<Vec<_>>());
+    let found = [of(0, 1), of(0, 2), of(2, 3)];
+    let prefactor = states.iter().map(|state| state[2] / state[0].sqrt()).sum::<f64>() / states.len() as f64;
     eprintln!("  exponents {found:.3?}, (z* - 4) / sqrt(distance) {prefactor:.2}");
     for (found, expected) in found.iter().zip([1.0, 0.5, 1.0]) {
         assert!((found - expected).abs() < 0.1, "{found} for {expected}");
