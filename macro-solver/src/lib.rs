@@ -16,3 +16,4 @@ pub mod observer;
 pub mod output;
 pub mod pool;
 pub mod problem;
+pub mod trial_costs;

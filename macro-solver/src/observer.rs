@@ -7,6 +7,7 @@ use crate::checkpoint::{Archive, CheckpointError};
 use crate::dynamics::EnergyBalance;
 use crate::mesh::Mesh;
 use crate::problem::{Problem, ProblemError, Stage};
+use crate::trial_costs::TrialCosts;
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -170,10 +171,12 @@ pub struct FlagCounts {
     pub tangent_regularised: u64,
     /// Overlap above 10 % of a grain.
     pub large_overlap: u64,
-    /// No contact carried force.
+    /// No load-bearing contacts.
     pub fluid: u64,
     /// The target was exactly zero.
     pub null_targets: u64,
+    /// The relaxation made no headway and went on in another way.
+    pub damping_changed: u64,
 }
 
 impl FlagCounts {
@@ -186,6 +189,7 @@ impl FlagCounts {
             (TrialFlags::LARGE_OVERLAP, &mut self.large_overlap),
             (TrialFlags::FLUID, &mut self.fluid),
             (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_targets),
+            (TrialFlags::DAMPING_CHANGED, &mut self.damping_changed),
         ];
         for (flag, counter) in counters {
             *counter += u64::from(flags.contains(flag));
@@ -315,6 +319,8 @@ pub struct Statistics {
     pub unfinished_trials: u64,
     /// Cost of all evaluations, as the engine counted it.
     pub cost: Cost,
+    /// How the force evaluations are spread over the trials.
+    pub trial_costs: TrialCosts,
     /// Symbolic factorizations of the global matrix.
     pub symbolic_factorizations: u64,
     /// Numeric factorizations of the global matrix.

@@ -233,10 +233,14 @@ impl TrialFlags {
     pub const TANGENT_REGULARISED: Self = Self(4);
     /// An overlap exceeded 10 % of a grain diameter: units or stiffness are probably wrong.
     pub const LARGE_OVERLAP: Self = Self(8);
-    /// No contact carries force: stress and stiffness are zero.
+    /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
+    /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
     pub const FLUID: Self = Self(16);
     /// The answer equals the committed state because the target was exactly zero; nothing was solved.
     pub const SKIPPED_NULL_TARGET: Self = Self(32);
+    /// The relaxation made no headway and went on with another damping and smaller steps. The answer is as good as any
+    /// other unless [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
+    pub const DAMPING_CHANGED: Self = Self(64);
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {

@@ -63,6 +63,7 @@ pub fn wire_layout() -> Value {
             "large_overlap": TrialFlags::LARGE_OVERLAP.0,
             "fluid": TrialFlags::FLUID.0,
             "skipped_null_target": TrialFlags::SKIPPED_NULL_TARGET.0,
+            "damping_changed": TrialFlags::DAMPING_CHANGED.0,
         },
         "observables": {
             "first_piola": Observables::FIRST_PIOLA.0,

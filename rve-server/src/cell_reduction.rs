@@ -106,6 +106,8 @@ mod tests {
             dissipation: 0.0,
             initial_measure: 3.0,
             unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: true,
             operators: Default::default(),
         };
         let mut branches: Vec<_> = state
@@ -143,6 +145,8 @@ mod tests {
             dissipation: 0.0,
             initial_measure: 1.0,
             unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: true,
             operators: Default::default(),
         };
         assert_eq!(reduced(state.clone()), state);

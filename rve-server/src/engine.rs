@@ -10,10 +10,10 @@ use crate::probing::{self, Probed};
 use crate::relaxation::{self, End, Job, QuasiStatic};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::state::{ContactRecord, GrainState};
-use crate::tangent::{self, Orderings};
+use crate::tangent::{self, Orderings, TangentOutcome};
 use protocol::{
     Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Question, RveEngine, RveError, RveSolver,
-    SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, answer_alone, snapshot,
+    SnapshotKind, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags, answer_alone, snapshot,
 };
 use std::time::Instant;
 
@@ -82,6 +82,8 @@ pub struct ListedForces {
     pub dropped: usize,
     /// Forces above the Coulomb limit: cut to it.
     pub cut: usize,
+    /// Forces of a packing whose contact law has no tangential springs: dropped.
+    pub springless: usize,
 }
 
 impl ListedForces {
@@ -109,6 +111,12 @@ impl ListedForces {
         }
         if self.cut > 0 {
             parts.push(format!("{} above the Coulomb limit of this contact law were cut to it", self.cut));
+        }
+        if self.springless > 0 {
+            parts.push(format!(
+                "{} were dropped because stiffness_ratio = 0 leaves no tangential springs",
+                self.springless
+            ));
         }
         (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")))
     }
@@ -192,7 +200,11 @@ impl<S: Space> GrainRve<S> {
             return Err(RveError::Definition("the packing gives contact forces that are not finite".into()));
         }
         let committed = GrainState { dissipation: 0.0, ..relaxation.end_state(&given, unbalanced) };
-        let listed_forces = ListedForces::compare(&given, &committed);
+        let mut listed_forces = ListedForces::compare(&given, &committed);
+        if !model.has_tangential_springs {
+            let forces = definition.packing.contacts.iter().filter(|listed| listed.tangential_force.norm() > 0.0);
+            listed_forces.springless = forces.count();
+        }
         let contact = definition.contact.clone();
         Ok(Self {
             id,
@@ -293,6 +305,9 @@ impl<S: Space> GrainRve<S> {
         if !solved.equilibrated {
             flags.insert(TrialFlags::NOT_EQUILIBRATED);
         }
+        if solved.changed_damping {
+            flags.insert(TrialFlags::DAMPING_CHANGED);
+        }
         let cost = Cost {
             force_evaluations: solved.force_evaluations,
             ramp_steps: u64::from(solved.ramp_steps),
@@ -366,7 +381,7 @@ impl<S: Space> GrainRve<S> {
         mut flags: TrialFlags,
     ) -> TrialAnswer {
         let scalars = scalars(network, state);
-        note_condition(network, scalars.max_overlap_ratio, &mut flags);
+        note_condition(state, scalars.max_overlap_ratio, &mut flags);
         TrialAnswer {
             stress: in_space(stress),
             tangent: None,
@@ -406,6 +421,10 @@ impl<S: Space> GrainRve<S> {
     /// operator learns goes into the trial state.
     pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
         let trial = self.trial.as_mut()?;
+        if !trial.state.bears_load {
+            let outcome = TangentOutcome::exact(Tensor4::ZERO);
+            return Some(Probed { outcome, force_evaluations: 0 });
+        }
         if !probing::is_probed(kind) {
             return Some(Probed {
                 outcome: tangent::evaluate_with(&mut self.orderings, &trial.network, kind),

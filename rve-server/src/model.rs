@@ -23,6 +23,8 @@ pub struct GrainModel {
     pub is_viscous: bool,
     /// Whether grains may rotate.
     pub rotations: Rotations,
+    /// Whether contacts have tangential springs.
+    pub has_tangential_springs: bool,
     /// Solver options.
     pub options: RveOptions,
 }
@@ -41,19 +43,22 @@ impl GrainModel {
             stiffness_grows_with_size: contact.law == ContactLaw::Linear && contact.modulus.is_some(),
             is_viscous: contact.damping > 0.0,
             rotations: contact.rotations,
+            has_tangential_springs: contact.has_tangential_springs(),
             options: definition.options.clone(),
         })
     }
 
     /// The state that the packing describes: nothing has moved, listed contacts carry their tangential force. A listed
     /// force on a pair that does not touch is dropped and one above the Coulomb limit is cut to it at the first
-    /// evaluation.
+    /// evaluation. Contacts without tangential springs carry no tangential force: nothing could ever change it, and a force that
+    /// follows its grains without a spring drives them round for ever.
     pub fn initial_state<S: Space>(&self, definition: &GrainDefinition<S>) -> GrainState<S> {
         let packing = &definition.packing;
         let cell = Cell { rows: packing.periodicity };
         let mut contacts: Vec<ContactRecord<S>> = packing
             .contacts
             .iter()
+            .filter(|_| self.has_tangential_springs)
             .map(|listed| {
                 let key = PairKey::<S>::canonical(listed.origin, listed.end, listed.shift);
                 let PairKey { origin, end, shift } = key;
@@ -73,6 +78,8 @@ impl GrainModel {
             dissipation: 0.0,
             initial_measure: cell.measure(),
             unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: true,
         }
     }
 

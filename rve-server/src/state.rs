@@ -75,6 +75,10 @@ pub struct GrainState<S: Space = Discs> {
     pub initial_measure: f64,
     /// Value of the equilibrium criterion when the state was reached.
     pub unbalanced: f64,
+    /// Largest sum of the normal contact forces that the cell has carried at rest, N: what little load is measured by.
+    pub largest_load: f64,
+    /// Whether the contacts carry load. Grains that merely graze each other, without being in equilibrium, do not.
+    pub bears_load: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -84,6 +88,8 @@ struct Payload<'a, T> {
     dissipation: f64,
     initial_measure: f64,
     unbalanced: f64,
+    largest_load: f64,
+    bears_load: bool,
     operators: OperatorMemory,
     #[serde(with = "serde_bytes")]
     positions: &'a [u8],
@@ -108,6 +114,8 @@ impl<S: Space> GrainState<S> {
             dissipation: self.dissipation,
             initial_measure: self.initial_measure,
             unbalanced: self.unbalanced,
+            largest_load: self.largest_load,
+            bears_load: self.bears_load,
             operators: self.operators.clone(),
             positions: bytemuck::cast_slice(&self.positions),
             rotations: bytemuck::cast_slice(&self.rotations),
@@ -138,6 +146,8 @@ impl<S: Space> GrainState<S> {
             dissipation: payload.dissipation,
             initial_measure: payload.initial_measure,
             unbalanced: payload.unbalanced,
+            largest_load: payload.largest_load,
+            bears_load: payload.bears_load,
         };
         if state.positions.len() != grain_count || state.rotations.len() != grain_count {
             return Err(format!("state of {} grains, but this RVE has {grain_count}", state.positions.len()));
@@ -219,6 +229,8 @@ mod tests {
             dissipation: 1e-30,
             initial_measure: 2.03,
             unbalanced: 1e-4,
+            largest_load: 3.5,
+            bears_load: true,
         }
     }
 
@@ -262,6 +274,8 @@ mod tests {
             dissipation: 0.0,
             initial_measure: 3.0,
             unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: false,
         };
         let id = ContentId::of(b"definition");
         let restored = GrainState::<Spheres>::from_bytes(&state.to_bytes(id), id, 1).unwrap();

@@ -133,6 +133,9 @@ fn closing(summary: &ElementSummary) -> String {
     let shortfalls: Vec<String> = [
         ("not equilibrated", summary.not_equilibrated),
         ("controlled stress missed where the cell snaps across it", summary.stress_jumps),
+        ("no load-bearing contacts", summary.no_load),
+        ("relaxed in another way for want of headway", summary.damping_changed),
+        ("increments cut for the stress control", summary.cut_increments),
         ("overlap above 10 %", summary.large_overlap),
         ("operator replaced by the uniform-strain one", summary.tangent_fallbacks),
         ("operator with held mechanisms", summary.tangent_regularised),

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Version of the file's layout; sections have versions of their own.
-pub const CHECKPOINT_FORMAT: u32 = 1;
+pub const CHECKPOINT_FORMAT: u32 = 2;
 
 /// The carriage return and line feed show a file that went through a text-mode transfer.
 const MARK: [u8; 8] = *b"GSCKPT\r\n";

@@ -307,6 +307,7 @@ impl Points {
         }
         statistics.evaluations += 1;
         statistics.evaluations_per_point[number] += 1;
+        statistics.trial_costs.add(answer.cost.force_evaluations);
         statistics.flags.add(answer.flags);
         statistics.tangents += u64::from(answer.tangent.is_some());
     }

@@ -1,6 +1,7 @@
 //! `summary.json`: what a run did, what it cost, and everything that fell short.
 
 use super::{OutputError, write_atomically};
+use crate::trial_costs::SlowestTrials;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -88,6 +89,9 @@ pub struct Summary {
     /// Largest deviation of that stress from what `[initial_stress]` expects, over the largest component expected.
     #[serde(default)]
     pub initial_deviation: f64,
+    /// The slowest 1 % of the trials and what they cost.
+    #[serde(default)]
+    pub slowest_trials: SlowestTrials,
     /// Evaluations that had to take a worse way, by name.
     pub fallbacks: BTreeMap<String, u64>,
     /// Evaluations that were not needed, by name.
@@ -140,6 +144,7 @@ mod tests {
             cutbacks: 1,
             initial_imbalance: 0.25,
             initial_deviation: 0.0,
+            slowest_trials: SlowestTrials::default(),
             fallbacks: BTreeMap::new(),
             skipped: BTreeMap::new(),
             time: TimeShares::default(),

@@ -138,24 +138,26 @@ impl Batch {
         number < self.first
     }
 
-    /// Puts a job that was sent back into the queue, after a rest if the next end of a worker would be the last of `limit`.
-    pub(super) fn requeue(&mut self, index: usize, limit: u32) {
-        let job = &mut self.jobs[index];
-        if job.outcome.is_some() {
-            return;
-        }
-        job.wire.attempt += 1;
-        if !job.ends.is_empty() && job.blames().saturating_add(1) >= limit {
-            self.resting.push((index, None));
-        } else {
+    /// Puts a job that was sent back into the queue.
+    pub(super) fn requeue(&mut self, index: usize) {
+        if self.jobs[index].outcome.is_none() {
+            self.jobs[index].wire.attempt += 1;
             self.queue.add(None, self.ticket(index));
+        }
+    }
+
+    /// As [`requeue`](Self::requeue), after a rest.
+    pub(super) fn requeue_rested(&mut self, index: usize) {
+        if self.jobs[index].outcome.is_none() {
+            self.jobs[index].wire.attempt += 1;
+            self.resting.push((index, None));
         }
     }
 
     /// Queues the jobs that have rested for `rest`.
     pub(super) fn wake(&mut self, now: Instant, rest: Duration) {
-        for place in std::mem::take(&mut self.resting) {
-            let (index, until) = (place.0, place.1.unwrap_or(now + rest));
+        for (index, until) in std::mem::take(&mut self.resting) {
+            let until = until.unwrap_or(now + rest);
             if until <= now {
                 self.queue.add(None, self.ticket(index));
             } else {
@@ -184,9 +186,10 @@ impl Batch {
         let limit = self.lowest_failure.map_or(point, |lowest| lowest.min(point));
         self.lowest_failure = Some(limit);
         let jobs = &self.jobs;
+        let is_needed = |index: usize| jobs[index].trial.point <= limit;
         let resting = self.resting.len();
-        self.resting.retain(|(index, _)| jobs[*index].trial.point <= limit);
-        let abandoned = self.queue.retain(|index| jobs[index].trial.point <= limit) + resting - self.resting.len();
+        self.resting.retain(|(index, _)| is_needed(*index));
+        let abandoned = self.queue.retain(is_needed) + resting - self.resting.len();
         self.open -= abandoned;
         abandoned
     }

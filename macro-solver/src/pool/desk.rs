@@ -200,7 +200,7 @@ impl Desk {
                 let state = self.batch.jobs[index].wire.state;
                 self.forget(worker, state);
                 self.batch.jobs[index].must_carry = true;
-                self.batch.requeue(index, self.settings.blames_until_quarantine);
+                self.batch.requeue(index);
             }
             Verdict::NeedDefinition => {
                 let job = &mut self.batch.jobs[index];
@@ -211,7 +211,7 @@ impl Desk {
                 self.statistics.definition_misses += 1;
                 let definition = job.definition;
                 self.roster.edit(worker, |known| known.definitions.remove(&definition));
-                self.batch.requeue(index, self.settings.blames_until_quarantine);
+                self.batch.requeue(index);
             }
         }
     }
@@ -299,9 +299,26 @@ impl Desk {
         let held = self.roster.edit(worker, |known| std::mem::take(&mut known.slices));
         for number in held.into_iter().flatten().flat_map(|slice| slice.jobs) {
             if let Some(index) = self.batch.index_of(number) {
-                self.statistics.reissued += 1;
-                self.batch.requeue(index, self.settings.blames_until_quarantine);
+                self.hand_on(index);
             }
+        }
+    }
+
+    /// Gives a job of a lost or faulty worker to another, after a rest if the next loss would be the last.
+    fn hand_on(&mut self, index: usize) {
+        self.statistics.reissued += 1;
+        let (job, limit) = (&self.batch.jobs[index], self.settings.blames_until_quarantine);
+        if !job.ends.is_empty() && job.blames().saturating_add(1) == limit {
+            let (point, blames, rest) = (job.trial.point, job.blames(), self.settings.last_rest);
+            tracing::warn!(
+                point,
+                blames,
+                ?rest,
+                "this question has ended workers; it rests before the next one gets it"
+            );
+            self.batch.requeue_rested(index);
+        } else {
+            self.batch.requeue(index);
         }
     }
 
@@ -309,9 +326,8 @@ impl Desk {
     fn condemn_for(&mut self, worker: WorkerId, index: usize, fault: &str) {
         tracing::error!(worker = worker.0, point = self.batch.jobs[index].trial.point, fault, "unsound reply");
         self.statistics.workers_faulty += 1;
-        self.statistics.reissued += 1;
         self.blame(index, fault);
-        self.batch.requeue(index, self.settings.blames_until_quarantine);
+        self.hand_on(index);
         self.condemn(worker);
     }
 

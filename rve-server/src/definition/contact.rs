@@ -146,6 +146,11 @@ impl ContactTable {
         }
     }
 
+    /// Whether contacts resist sliding before they slide. Hertz-Mindlin contacts always do.
+    pub fn has_tangential_springs(&self) -> bool {
+        self.law != ContactLaw::Linear || self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0)
+    }
+
     /// Checks every key.
     ///
     /// # Errors

@@ -102,7 +102,8 @@ pub struct RveOptions {
     /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
     /// near 1.6.
     pub viscous_damping: Option<f64>,
-    /// Most relaxation steps after the ramp; default 50 000.
+    /// Most relaxation steps after the ramp; default 20 000. A trial that gets no nearer to rest in any way of relaxing ends
+    /// sooner, after some thousand steps.
     pub max_steps: Option<u32>,
     /// What becomes of a trial that needs more.
     pub at_step_cap: AtStepCap,
@@ -188,7 +189,7 @@ impl RveOptions {
 
     /// Step cap in force.
     pub fn max_steps(&self) -> u32 {
-        self.max_steps.unwrap_or(50_000)
+        self.max_steps.unwrap_or(20_000)
     }
 
     /// Limit of |H| in force.

@@ -21,6 +21,9 @@ const MOST_TRIALS: u32 = 30;
 /// target, relative to the mean pressure.
 const LARGEST_JUMP: f64 = 0.05;
 
+/// Most times that an increment is halved for the sake of the controlled stresses.
+const MOST_HALVINGS: u32 = 5;
+
 /// What a whole element test cost and where it fell short.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ElementSummary {
@@ -34,8 +37,14 @@ pub struct ElementSummary {
     pub operator_steps: u64,
     /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
     pub stress_jumps: u64,
-    /// Rows whose relaxation ended at the step cap.
+    /// Rows whose increment was cut because no strain was found for the controlled stresses.
+    pub cut_increments: u64,
+    /// Rows whose relaxation ended before the grains were at rest.
     pub not_equilibrated: u64,
+    /// Rows of a cell without load-bearing contacts.
+    pub no_load: u64,
+    /// Rows whose relaxation made no headway and went on with another damping and smaller steps.
+    pub damping_changed: u64,
     /// Rows with an overlap above 10 % of a grain diameter.
     pub large_overlap: u64,
     /// Rows whose operator columns hold the uniform-strain operator because the one asked for failed.
@@ -91,6 +100,7 @@ fn run_in_space<S: Space>(
         stress: Matrix::ZERO,
         network: None,
         last_change: None,
+        spent: Spent::default(),
     };
     run.begin(on_row);
     for segment in &test.path {
@@ -115,6 +125,15 @@ struct Run<S: Space> {
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
+    /// What the present increment has taken so far.
+    spent: Spent,
+}
+
+/// Trials and their DEM steps, those of searches that failed included.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
+    trials: u32,
+    dem_steps: u64,
 }
 
 /// An accepted trial and what it took.
@@ -145,27 +164,67 @@ impl<S: Space> Run<S> {
         let start_stress = flat(&self.stress);
         let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
-            let share = f64::from(increment) / f64::from(segment.increments);
-            let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
-            let mut gradient = flat(&committed_gradient);
-            let mut targets = segment.stress.values();
-            for place in 0..COMPONENTS {
-                match &mut targets[place] {
-                    Some(target) => *target = start_stress[place] + share * (*target - start_stress[place]),
-                    None => gradient[place] = share * segment.strain.values()[place].unwrap_or(0.0),
+            let share = |number: u32| f64::from(number) / f64::from(segment.increments);
+            let (mut reached, end) = (share(increment - 1), share(increment));
+            let mut stride = end - reached;
+            let smallest = stride / f64::from(1 << MOST_HALVINGS);
+            let (mut trials, mut dem_steps) = (0, 0);
+            let accepted = loop {
+                // The end itself, to the bit, unless the increment had to be cut.
+                let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
+                let aim = if is_last { end } else { reached + stride };
+                let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
+                let mut gradient = flat(&committed_gradient);
+                let mut targets = segment.stress.values();
+                for place in 0..COMPONENTS {
+                    match &mut targets[place] {
+                        Some(target) => *target = start_stress[place] + aim * (*target - start_stress[place]),
+                        None => gradient[place] = aim * segment.strain.values()[place].unwrap_or(0.0),
+                    }
                 }
-            }
-            let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
-            let accepted =
-                if targets.iter().all(Option::is_none) { self.prescribed(&step)? } else { self.controlled(&step)? };
+                let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
+                let is_smallest = stride <= smallest;
+                let attempt = if targets.iter().all(Option::is_none) {
+                    self.prescribed(&step)
+                } else {
+                    self.controlled(&step, is_smallest)
+                };
+                trials += std::mem::take(&mut self.spent.trials);
+                dem_steps += std::mem::take(&mut self.spent.dem_steps);
+                let accepted = match attempt {
+                    Err(ElementError::StressNotReached { .. }) if !is_smallest => {
+                        self.cell.rollback();
+                        self.last_change = None;
+                        stride *= 0.5;
+                        continue;
+                    }
+                    attempt => attempt?,
+                };
+                if is_last {
+                    break accepted;
+                }
+                self.take_up(&step.kinematics, &accepted, &mut committed_gradient);
+                reached = aim;
+            };
             let operator = self.operator();
-            self.cell.commit().expect("the accepted trial is the latest");
-            self.last_change = Some(add_scaled(&accepted.gradient, -1.0, &committed_gradient));
-            committed_gradient = accepted.gradient;
-            self.deformation = kinematics.deformation(&accepted.gradient);
-            self.accept(&accepted, operator, on_row);
+            let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
+            self.take_up(&kinematics, &accepted, &mut committed_gradient);
+            if stride < 0.75 * (end - share(increment - 1)) {
+                self.summary.cut_increments += 1;
+                self.last_change = None;
+            }
+            self.accept(&Accepted { trials, dem_steps, ..accepted }, operator, on_row);
         }
         Ok(())
+    }
+
+    /// Makes the accepted trial the committed state.
+    fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
+        self.cell.commit().expect("the accepted trial is the latest");
+        self.last_change = Some(add_scaled(&accepted.gradient, -1.0, committed_gradient));
+        *committed_gradient = accepted.gradient;
+        self.deformation = kinematics.deformation(&accepted.gradient);
+        self.stress = tensor_of(&accepted.answer.stress.0);
     }
 
     fn accept(
@@ -188,6 +247,8 @@ impl<S: Space> Run<S> {
         summary.trials += u64::from(row.trials);
         summary.dem_steps += row.dem_steps;
         summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        summary.no_load += u64::from(row.flags.contains(TrialFlags::FLUID));
+        summary.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
         summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
         if let Some(outcome) = &row.tangent {
             summary.tangent_fallbacks += u64::from(outcome.fallback);
@@ -214,6 +275,8 @@ impl<S: Space> Run<S> {
             .cell
             .trial(&target, &ask)
             .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
+        self.spent.trials += 1;
+        self.spent.dem_steps += answer.cost.force_evaluations;
         Ok(answer)
     }
 
@@ -228,7 +291,9 @@ impl<S: Space> Run<S> {
         Ok(Accepted { gradient: step.gradient, answer, trials: 1, dem_steps })
     }
 
-    fn controlled(&mut self, step: &Step) -> Result<Accepted, ElementError> {
+    /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
+    /// may leave it.
+    fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
         let by_operator = |kind| -> Operator {
             let network = self.network.as_ref().expect("row 0 sets the network");
             by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
@@ -241,7 +306,7 @@ impl<S: Space> Run<S> {
             None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
         };
         let (mut ramp_steps, mut dem_steps, mut trials) = (0, 0, 0);
-        let mut closest: Option<(Miss, f64)> = None;
+        let mut closest: Option<(Miss, f64, Matrix)> = None;
         while trials < MOST_TRIALS {
             trials += 1;
             let answer = match self.attempt(step, &gradient, ramp_steps) {
@@ -263,8 +328,8 @@ impl<S: Space> Run<S> {
                 self.keep_network();
                 return Ok(Accepted { gradient, answer, trials, dem_steps });
             }
-            if closest.is_none_or(|(best, _)| miss.distance() < best.distance()) {
-                closest = Some((miss, tolerance));
+            if closest.is_none_or(|(best, ..)| miss.distance() < best.distance()) {
+                closest = Some((miss, tolerance, gradient));
             }
             if is_at_jump {
                 break;
@@ -274,7 +339,14 @@ impl<S: Space> Run<S> {
                 gradient = servo.best(&gradient);
             }
         }
-        let (miss, tolerance) = closest.expect("the first trial was answered");
+        let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
+        if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
+            let answer = self.attempt(step, &gradient, ramp_steps)?;
+            dem_steps += answer.cost.force_evaluations;
+            self.summary.stress_jumps += 1;
+            self.keep_network();
+            return Ok(Accepted { gradient, answer, trials: trials + 1, dem_steps });
+        }
         Err(ElementError::StressNotReached {
             increment: self.summary.rows,
             component: COMPONENT_KEYS[miss.component],

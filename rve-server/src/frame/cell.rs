@@ -131,6 +131,8 @@ impl FrameRve {
             dissipation: 0.0,
             initial_measure: reference.measure(),
             unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: true,
         };
         let mut frame = Self {
             id: definition.to_protocol().id(),

@@ -57,8 +57,8 @@ pub(crate) fn observe<S: Space>(
 }
 
 /// Flags that follow from the state alone.
-pub(crate) fn note_condition<S: Space>(network: &ContactNetwork<S>, max_overlap_ratio: f64, flags: &mut TrialFlags) {
-    if network.contacts.is_empty() {
+pub(crate) fn note_condition<S: Space>(state: &GrainState<S>, max_overlap_ratio: f64, flags: &mut TrialFlags) {
+    if !state.bears_load {
         flags.insert(TrialFlags::FLUID);
     }
     if max_overlap_ratio > LARGE_OVERLAP {

@@ -37,7 +37,8 @@ proptest! {
     #[test]
     fn cuts_to_a_limit_are_those_of_the_definition_whoever_is_beside(
         shares in proptest::array::uniform8(prop_oneof![
-            Just(0.0), Just(1.0), 0.0..0.99f64, 0.994..0.996f64, 0.9989..0.9991f64, (-4..5i32).prop_map(|steps| 1.0 + f64::from(steps) * f64::EPSILON), 1.0..3.0f64,
+            Just(0.0), Just(1.0), 0.0..0.99f64, 0.994..0.996f64, 0.9989..0.9991f64, 1.0..3.0f64,
+            (-4..5i32).prop_map(|steps| 1.0 + f64::from(steps) * f64::EPSILON),
         ]),
         way in proptest::array::uniform3(-1.0..1.0f64), limit in prop_oneof![Just(0.0), 1e-9..1e3f64],
     ) {

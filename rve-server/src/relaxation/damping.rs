@@ -24,6 +24,9 @@ const LARGEST_DESCENT: f64 = 1.96;
 /// Most damping that the adaptive rule applies, in pseudo-time: critical for the stiffest mode.
 const MOST_ADAPTIVE: f64 = 1.5;
 
+/// Viscous coefficient of the last way of relaxing.
+const PERSISTENT: f64 = 0.2;
+
 /// Memory of a damping rule. Starts afresh in every trial.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper {
@@ -33,9 +36,10 @@ pub(crate) struct Damper {
     positive_steps: u32,
     /// Steps in a row that stopped all motion.
     stops: u32,
-    /// Whether the grains have at least four contacts on average. Below that no motion of a whole network meets the bound,
-    /// and couples of grains that push each other away may do so at the full step.
-    pub(crate) is_dense: bool,
+    /// How often the way of relaxing has been changed in this trial.
+    changes: u32,
+    /// Whether the next kick begins from standstill.
+    begins: bool,
 }
 
 /// Factors of one step: `v <- keep v + push F / m` with relative masses `m`.
@@ -55,7 +59,14 @@ pub(crate) fn descent_share(safety: f64) -> f64 {
 impl Damper {
     /// The memory of a run whose `omega_max` is below `2 safety`.
     pub(crate) fn new(safety: f64) -> Self {
-        Self { descent: descent_share(safety), mixing: MIXING, positive_steps: 0, stops: 0, is_dense: false }
+        Self {
+            descent: descent_share(safety),
+            mixing: MIXING,
+            positive_steps: 0,
+            stops: 0,
+            changes: 0,
+            begins: false,
+        }
     }
 
     /// Factors for the next step from the sums of the last evaluation; `old_power` is the work of the forces before the
@@ -66,7 +77,14 @@ impl Damper {
             return Kick { keep: 0.0, push: 0.0 };
         }
         let push = 1.0 / mass;
-        match options.damping {
+        if std::mem::take(&mut self.begins) {
+            return Kick { keep: 0.0, push: self.descent * push };
+        }
+        if self.changes > 1 {
+            // A quarter of the largest stable pseudo-time step squared.
+            return damped(PERSISTENT, 0.25 * push);
+        }
+        match if self.changes > 0 { Damping::Adaptive } else { options.damping } {
             Damping::Fire => self.fire(mass, sums),
             Damping::Local => Kick { keep: 1.0, push },
             Damping::Viscous => damped(options.viscous_coefficient(), push),
@@ -78,6 +96,18 @@ impl Damper {
                 damped((2.0 * omega).min(MOST_ADAPTIVE), push)
             }
         }
+    }
+
+    /// Goes on in another way, because the present one makes no headway: first with adaptive damping, then with viscous damping
+    /// and half of the step.
+    pub(crate) fn change(&mut self) {
+        self.changes += 1;
+        self.begins = true;
+    }
+
+    /// How often [`change`](Self::change) was called.
+    pub(crate) fn changes(&self) -> u32 {
+        self.changes
     }
 
     /// FIRE: velocities are mixed with the force direction while they run downhill, and reset when they do not.
@@ -113,7 +143,7 @@ impl Damper {
     fn stop(&mut self, push: f64, power: f64) -> Kick {
         // Grains that nothing drives have no power and are no descent.
         self.stops = if power < 0.0 { self.stops + 1 } else { 0 };
-        let share = if self.stops > FREE_STOPS && self.is_dense { self.descent } else { 1.0 };
+        let share = if self.stops > FREE_STOPS { self.descent } else { 1.0 };
         Kick { keep: 0.0, push: share * push }
     }
 }

@@ -8,6 +8,7 @@
 pub(crate) mod batch;
 pub(crate) mod criterion;
 pub(crate) mod damping;
+mod headway;
 #[cfg(test)]
 mod kernel_tests;
 mod listing;
@@ -235,9 +236,8 @@ impl<S: Space, C: ContactLaw<S::Kinematics>> Relaxation<S, C> {
         order.sort_by_key(|job| std::cmp::Reverse(jobs[*job].ramp_steps));
         let mut queue: VecDeque<(Ride<S>, LaneContents<S, C>)> = VecDeque::new();
         for job in order {
-            let Job { state, strain, ramp_steps } = jobs[job];
-            let run = Run::new(state.cell, strain, ramp_steps);
-            queue.push_back((Ride { job, run }, contents(&setting, state)));
+            let run = Run::new(&jobs[job]);
+            queue.push_back((Ride { job, run }, contents(&setting, jobs[job].state)));
         }
         let mut finish = |ride: Ride<S>, outcome: Result<Solved, RveError>, lane: LaneContents<S, C>| {
             let end = outcome.map(|solved| end_of(setting.law, jobs[ride.job].state, &ride.run, solved, lane));
@@ -314,6 +314,7 @@ fn step<S: Space, C: ContactLaw<S::Kinematics>, R: Real>(
     for (lane, ride) in rides.iter_mut().enumerate() {
         let Some(ride) = ride else { continue };
         let next = ride.run.next_move(setting, batch, lane);
+        wanted.old_power |= ride.run.needs_old_power();
         steering.keep.set_lane(lane, next.kick.keep);
         steering.push.set_lane(lane, next.kick.push);
         for (axis, row) in steering.affine.iter_mut().enumerate().take(S::DIMENSION) {
@@ -404,6 +405,8 @@ fn end_of<S: Space, C: ContactLaw<S::Kinematics>>(
         dissipation: start.dissipation + run.dissipation,
         initial_measure: start.initial_measure,
         unbalanced: solved.unbalanced,
+        largest_load: run.largest_load(),
+        bears_load: solved.bears_load,
     };
     End { solved, state, slid }
 }

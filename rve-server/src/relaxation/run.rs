@@ -3,9 +3,11 @@
 //! Everything here is decided from the cell's own numbers, so the way a cell takes does not depend on who else is in the
 //! batch.
 
+use super::Job;
 use super::batch::Batch;
-use super::criterion::{ENERGY_HITS, unbalanced};
+use super::criterion::{ENERGY_HITS, Imbalance};
 use super::damping::{Damper, Kick, mass_factor};
+use super::headway::{Headway, Verdict};
 use super::setting::Setting;
 use super::stiffness::{Block, largest_own_stiffness};
 use crate::cell::Cell;
@@ -42,6 +44,10 @@ pub struct Solved {
     pub(crate) ramp_steps: u32,
     pub(crate) unbalanced: f64,
     pub(crate) equilibrated: bool,
+    /// Whether the contacts carry load, see [`GrainState::bears_load`](crate::state::GrainState::bears_load).
+    pub(crate) bears_load: bool,
+    /// Whether the way of relaxing was changed because it made no headway.
+    pub(crate) changed_damping: bool,
 }
 
 /// Where a cell is on its way.
@@ -77,6 +83,9 @@ pub(crate) struct Run<S: Space> {
     old_power: f64,
     /// Work lost to friction since the start of the run, J.
     pub(crate) dissipation: f64,
+    /// Largest sum of normal forces that the cell has carried at rest, N.
+    largest_load: f64,
+    headway: Headway,
     blocks: Vec<Block>,
 }
 
@@ -96,9 +105,11 @@ pub(crate) struct Move<S: Space> {
 
 impl<S: Space> Run<S> {
     /// At the start of a run. Without any ramp step the cell is only evaluated: nothing moves.
-    pub(crate) fn new(start: Cell<S>, strain: S::Tensor, ramp_steps: u32) -> Self {
+    pub(crate) fn new(job: &Job<'_, S>) -> Self {
+        let Job { state, strain, ramp_steps } = *job;
+        let grains = state.positions.len();
         Self {
-            start,
+            start: state.cell,
             strain,
             ramp_steps,
             phase: Phase::Fresh,
@@ -113,6 +124,8 @@ impl<S: Space> Run<S> {
             sums: StepSums::default(),
             old_power: 0.0,
             dissipation: 0.0,
+            largest_load: state.largest_load,
+            headway: Headway::new(grains, S::DIMENSION),
             blocks: Vec::new(),
         }
     }
@@ -139,11 +152,10 @@ impl<S: Space> Run<S> {
         if matches!(self.phase, Phase::Fresh | Phase::Rest) {
             return still;
         }
-        self.damper.is_dense = self.sums.contacts >= 2.0 * setting.radii.len() as f64;
         // In a gas of grains whose contacts stiffen as they are pressed, a step that is too long throws them away for good.
         let is_due = self.mass == 0.0
             || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)
-            || !self.damper.is_dense && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0;
+            || self.is_gas(setting.radii.len()) && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0;
         if self.is_stiffer && is_due {
             self.raise_mass(setting, batch, lane);
         }
@@ -161,6 +173,11 @@ impl<S: Space> Run<S> {
         let half = self.ramp_steps / 2;
         let cell = self.start.deformed(&stretch);
         Move { affine, cell, kick, samples: step > half, clears_counts: step == half + 1 }
+    }
+
+    /// Whether hardly any grain has contacts enough to be held by them.
+    fn is_gas(&self, grains: usize) -> bool {
+        self.sums.contacts < 2.0 * grains as f64
     }
 
     /// Takes note of an evaluation. Returns how the run ended once it has.
@@ -189,19 +206,21 @@ impl<S: Space> Run<S> {
             }
             Phase::Ramp if self.step + 1 < self.ramp_steps => {
                 self.step += 1;
-                let unbalanced = self.unbalanced(setting);
+                let unbalanced = self.imbalance(setting).ratio;
                 return self.is_spent(setting).then(|| Err(self.gave_up(setting, unbalanced)));
             }
             Phase::Fresh => {
                 self.phase = Phase::Hold;
-                return Some(Ok(self.solved(self.unbalanced(setting), true)));
+                let imbalance = self.imbalance(setting);
+                return Some(Ok(self.at_rest(setting, &imbalance)));
             }
             Phase::Ramp => (self.phase, self.step) = (Phase::Hold, 0),
             Phase::Hold => self.step += 1,
             Phase::Rest => {}
         }
         let needed = if setting.options.criterion == Criterion::Energy { ENERGY_HITS } else { 1 };
-        let unbalanced = self.unbalanced(setting);
+        let imbalance = self.imbalance(setting);
+        let unbalanced = imbalance.ratio;
         if !unbalanced.is_finite() {
             return Some(Err(RveError::NotFinite { force_evaluations: self.evaluations }));
         }
@@ -213,13 +232,17 @@ impl<S: Space> Run<S> {
             self.phase = Phase::Hold;
         }
         if is_done {
-            return Some(Ok(self.solved(unbalanced, true)));
+            return Some(Ok(self.at_rest(setting, &imbalance)));
         }
-        let is_capped = self.step >= setting.options.max_steps();
+        let verdict = self.headway.note(self.step, &imbalance, self.sums.normal_force);
+        if verdict == Verdict::Change {
+            self.damper.change();
+        }
+        let is_capped = self.step >= setting.options.max_steps() || verdict == Verdict::End;
         if self.is_spent(setting) || is_capped && setting.options.at_step_cap == AtStepCap::Refuse {
             return Some(Err(self.gave_up(setting, unbalanced)));
         }
-        is_capped.then(|| Ok(self.solved(unbalanced, false)))
+        is_capped.then(|| Ok(self.ended(unbalanced, false, self.sums.contacts > 0.0)))
     }
 
     /// Whether all force evaluations that a trial may have are used up.
@@ -243,12 +266,37 @@ impl<S: Space> Run<S> {
         }
     }
 
-    fn solved(&self, unbalanced: f64, equilibrated: bool) -> Solved {
-        Solved { force_evaluations: self.evaluations, ramp_steps: self.ramp_steps, unbalanced, equilibrated }
+    /// The end of a run whose grains are at rest.
+    fn at_rest<C>(&mut self, setting: &Setting<'_, C>, imbalance: &Imbalance) -> Solved {
+        let load = self.sums.normal_force;
+        let bears_load = imbalance.bears(load, self.largest_load, setting.options.tolerance());
+        self.largest_load = self.largest_load.max(load);
+        self.ended(imbalance.ratio, true, bears_load)
     }
 
-    fn unbalanced<C>(&self, setting: &Setting<'_, C>) -> f64 {
-        unbalanced(setting.options.criterion, setting.radii.len(), self.mass, &self.sums)
+    fn ended(&self, unbalanced: f64, equilibrated: bool, bears_load: bool) -> Solved {
+        Solved {
+            force_evaluations: self.evaluations,
+            ramp_steps: self.ramp_steps,
+            unbalanced,
+            equilibrated,
+            bears_load,
+            changed_damping: self.damper.changes() > 0,
+        }
+    }
+
+    /// Largest sum of normal forces that the cell has carried at rest, N.
+    pub(crate) fn largest_load(&self) -> f64 {
+        self.largest_load
+    }
+
+    /// Whether the next kick depends on the work of the forces before the last step, although the damping chosen does not.
+    pub(crate) fn needs_old_power(&self) -> bool {
+        self.damper.changes() > 0
+    }
+
+    fn imbalance<C>(&self, setting: &Setting<'_, C>) -> Imbalance {
+        Imbalance::by(setting.options.criterion, setting.radii.len(), self.mass, &self.sums, self.largest_load)
     }
 
     /// Raises the mass if the contacts have become stiffer; never lowers it within a run.

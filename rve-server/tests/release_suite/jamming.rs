@@ -11,16 +11,13 @@ use std::path::Path;
 /// Rows of an element test on a packing of grains without friction and with a stiffness of 1.
 fn smooth_rows(packing: &Path, options: &str, path: &str, tangent: TangentKind) -> Vec<ElementRow> {
     let text = format!(
-        "packing = \"{}\"\nstress_tolerance = 3e-2\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1.0\n\
+        "packing = \"{}\"\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1.0\n\
          stiffness_ratio = 0.5\nfriction = 0.0\n[rve]\n{options}\n{path}",
         packing.display()
     );
     let mut rows = Vec::new();
     let test = ElementTest::from_toml(&text).unwrap();
-    let ended = run_element(&test, Path::new(""), tangent, &mut |row| rows.push(row.clone()));
-    if let Err(error) = ended {
-        eprintln!("  ended after {} increments: {error}", rows.len() - 1);
-    }
+    run_element(&test, Path::new(""), tangent, &mut |row| rows.push(row.clone())).unwrap();
     rows
 }
 
@@ -138,7 +135,6 @@ fn smooth_spheres_resist_shear_a_little_and_do_not_dilate() {
         pressure(&rows[0]),
         -change
     );
-    assert_eq!(rows.len(), 101);
     assert!((angle - 5.76).abs() < 1.0);
     assert!(change.abs() < 5e-3);
 }

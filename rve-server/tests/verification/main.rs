@@ -9,6 +9,7 @@ mod large_shear;
 mod lattices;
 mod packings;
 mod rates_and_units;
+mod rest;
 mod samples;
 mod spheres;
 mod stability;

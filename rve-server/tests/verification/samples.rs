@@ -5,7 +5,7 @@ use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions
 use rve_server::engine::GrainRve;
 use rve_server::packing::PackingFile;
 use rve_server::plane::{self, Plane};
-use rve_server::space::Discs;
+use rve_server::space::{Discs, Space};
 use std::path::Path;
 
 /// Options for checks against closed forms.
@@ -18,8 +18,13 @@ pub(crate) fn sand() -> ContactTable {
     ContactTable { normal_stiffness: None, modulus: Some(1.0e8), ..ContactTable::linear(1.0, 0.5, 0.5) }
 }
 
-/// A committed packing.
+/// A committed packing of discs.
 pub(crate) fn packing(name: &str) -> PackingFile {
+    packing_of(name)
+}
+
+/// A committed packing of discs or spheres.
+pub(crate) fn packing_of<S: Space>(name: &str) -> PackingFile<S> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings").join(name);
     PackingFile::read(&path).unwrap()
 }

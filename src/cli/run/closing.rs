@@ -51,6 +51,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         cutbacks: statistics.cut_backs,
         initial_imbalance: statistics.initial_imbalance,
         initial_deviation: statistics.initial_deviation,
+        slowest_trials: statistics.trial_costs.slowest(0.01),
         fallbacks: fallbacks(statistics, pool, &about),
         skipped: named([
             ("unchanged_targets", statistics.skipped),
@@ -107,6 +108,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
         ("tangent_regularised", flags.tangent_regularised),
         ("large_overlap", flags.large_overlap),
         ("no_contacts", flags.fluid),
+        ("damping_changed", flags.damping_changed),
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
         ("steps_stabilised", statistics.stabilised_steps),
@@ -152,6 +154,17 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         format!(
             "{force_evaluations} force evaluations, {:.0} per evaluation",
             force_evaluations as f64 / summary.rve_evaluations.max(1) as f64
+        ),
+    );
+    let slowest = &summary.slowest_trials;
+    line(
+        "slowest 1 %",
+        format!(
+            "{} trials of {} to {} force evaluations, {:.1} % of all",
+            slowest.trials,
+            slowest.from_force_evaluations,
+            slowest.largest_force_evaluations,
+            100.0 * slowest.share_of_force_evaluations
         ),
     );
     line("worker time", worker_time(summary));

@@ -1,0 +1,137 @@
+//! Every cell comes to rest: away from the cells that the solver was tuned on, and where nothing is left to carry load.
+
+use crate::samples::packing_of;
+use protocol::{Ask, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use rve_server::definition::{AtStepCap, ContactTable, Damping, GrainDefinition, RveOptions};
+use rve_server::engine::GrainRve;
+use rve_server::space::{Discs, Space, Spheres};
+
+fn options(damping: Damping) -> RveOptions {
+    RveOptions { strain_per_step: Some(1e-5), tolerance: Some(1e-3), damping, ..RveOptions::default() }
+}
+
+fn cell<S: Space>(name: &str, contact: &ContactTable, options: RveOptions) -> GrainRve<S> {
+    let definition = GrainDefinition { packing: packing_of::<S>(name), contact: contact.clone(), options };
+    GrainRve::new(&definition).unwrap()
+}
+
+fn linear(modulus: f64, ratio: f64, friction: f64) -> ContactTable {
+    ContactTable { normal_stiffness: None, modulus: Some(modulus), ..ContactTable::linear(1.0, ratio, friction) }
+}
+
+fn target(components: [f64; 4]) -> Tensor2 {
+    let [xx, yy, zz, xy] = components;
+    Tensor2([xx, xy, 0.0, 0.0, yy, 0.0, 0.0, 0.0, zz])
+}
+
+fn pressure(answer: &TrialAnswer, dimension: usize) -> f64 {
+    -(0..dimension).map(|i| answer.stress.get(i, i)).sum::<f64>() / dimension as f64
+}
+
+/// Strains a cell in equal increments and returns how many of them did not end at rest, and the costliest.
+fn strained<S: Space>(cell: &mut GrainRve<S>, step: [f64; 4], increments: u32) -> (u32, u64) {
+    let (mut restless, mut largest) = (0, 0);
+    for _ in 0..increments {
+        let answer = cell.trial(&target(step), &Ask::default()).unwrap();
+        restless += u32::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        largest = largest.max(answer.cost.force_evaluations);
+        cell.commit().unwrap();
+    }
+    (restless, largest)
+}
+
+/// Tangential springs as stiff as the normal ones, and stiffer: sheared cells have just below four contacts a grain, and their
+/// rotation modes meet the stability bound exactly.
+#[test]
+fn sheared_cells_of_any_tangential_stiffness_come_to_rest() {
+    for ratio in [0.2, 0.67, 0.8, 1.0, 1.3] {
+        for friction in [0.1, 0.5, 1.0] {
+            for modulus in [6e6, 1e8] {
+                for damping in [Damping::Fire, Damping::Kinetic] {
+                    let name = format!("k_t/k_n {ratio}, friction {friction}, modulus {modulus:e}, {damping:?}");
+                    let contact = linear(modulus, ratio, friction);
+                    let mut discs = cell::<Discs>("discs-100.json", &contact, options(damping));
+                    let (restless, largest) = strained(&mut discs, [1e-3, -1e-3, 0.0, 0.0], 12);
+                    assert_eq!(restless, 0, "{name}");
+                    assert!(largest < 4_000, "{name}: {largest} force evaluations");
+                    let mut spheres = cell::<Spheres>("spheres-100.json", &contact, options(damping));
+                    let (restless, largest) = strained(&mut spheres, [5e-4, 5e-4, -1e-3, 0.0], 4);
+                    assert_eq!(restless, 0, "spheres, {name}");
+                    assert!(largest < 4_000, "spheres, {name}: {largest} force evaluations");
+                }
+            }
+        }
+    }
+}
+
+/// S-5: a cell that its contact law can no longer hold up (without friction, or without tangential springs, from a packing that
+/// needs them) comes apart in the time of an ordinary trial, says so, and costs next to nothing from then on.
+#[test]
+fn a_cell_that_loses_its_load_says_so_at_once() {
+    let hertz = ContactTable::hertz_mindlin(1e9, 0.2, 0.0);
+    lost::<Discs>("discs-100.json", "frictionless discs", &linear(1e8, 0.5, 0.0));
+    lost::<Discs>("discs-100.json", "discs without tangential springs", &linear(1e8, 0.0, 0.5));
+    lost::<Spheres>("spheres-100.json", "spheres without tangential springs", &linear(1e8, 0.0, 0.5));
+    lost::<Spheres>("spheres-100.json", "frictionless Hertzian spheres", &hertz);
+}
+
+fn lost<S: Space>(packing: &str, name: &str, contact: &ContactTable) {
+    let mut cell = cell::<S>(packing, contact, options(Damping::Fire));
+    let before = pressure(&cell.look(protocol::Observables::NONE), S::DIMENSION);
+    // A little room, then sheared at constant volume.
+    let mut out = [0.0; 4];
+    out[..S::DIMENSION].fill(4e-3);
+    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let mut evaluations = Vec::new();
+    for step in [out, [0.0, 0.0, 0.0, 1e-3], [0.0, 0.0, 0.0, 1e-3]] {
+        let answer = cell.trial(&target(step), &ask).unwrap();
+        assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{name}: {:?}", answer.scalars);
+        assert!(answer.flags.contains(TrialFlags::FLUID), "{name}: {:?}", answer.scalars);
+        assert!(answer.stress.0.iter().all(|value| value.abs() < 1e-3 * before), "{name}: {:?}", answer.stress);
+        assert!(answer.tangent.unwrap().0.iter().all(|value| *value == 0.0), "{name}");
+        evaluations.push(answer.cost.force_evaluations);
+        cell.commit().unwrap();
+    }
+    assert!(evaluations[0] < 6_000 && evaluations[1..].iter().all(|count| *count < 2_000), "{name}: {evaluations:?}");
+    // Pressed together again it carries load, comes to rest and says nothing.
+    let mut back = [0.0; 4];
+    back[..S::DIMENSION].fill(-1e-3);
+    let mut last = None;
+    for _ in 0..12 {
+        last = Some(cell.trial(&target(back), &ask).unwrap());
+        cell.commit().unwrap();
+    }
+    let last = last.unwrap();
+    let flags = last.flags;
+    assert!(!flags.contains(TrialFlags::FLUID) && !flags.contains(TrialFlags::NOT_EQUILIBRATED), "{name}");
+    assert!(pressure(&last, S::DIMENSION) > before, "{name}: {} of {before}", pressure(&last, S::DIMENSION));
+}
+
+/// A tolerance below what rounding leaves: the trial is changed twice, ends long before its step cap, says both, and is the same
+/// in a batch. Refused, it names how far it got.
+#[test]
+fn a_trial_without_headway_ends_soon_and_says_so() {
+    let contact = linear(1e8, 0.5, 0.5);
+    let endless = RveOptions { tolerance: Some(1e-18), max_steps: Some(1_000_000), ..options(Damping::Fire) };
+    let mut discs = cell::<Discs>("discs-100.json", &contact, endless.clone());
+    let step = target([1e-4, -1e-4, 0.0, 0.0]);
+    let answer = discs.trial(&step, &Ask::default()).unwrap();
+    assert!(
+        answer.flags.contains(TrialFlags::NOT_EQUILIBRATED) && answer.flags.contains(TrialFlags::DAMPING_CHANGED)
+    );
+    assert!(answer.cost.force_evaluations < 20_000, "{:?}", answer.cost);
+    assert!(answer.scalars.unbalanced_force_ratio < 1e-10, "{:?}", answer.scalars);
+
+    let refusing = RveOptions { at_step_cap: AtStepCap::Refuse, ..endless };
+    let refusal = cell::<Discs>("discs-100.json", &contact, refusing).trial(&step, &Ask::default()).unwrap_err();
+    assert!(refusal.to_string().contains("did not come to rest"), "{refusal}");
+}
+
+/// Listed tangential forces of a law without tangential springs are dropped and counted.
+#[test]
+fn contacts_without_tangential_springs_carry_no_tangential_force() {
+    let discs = cell::<Discs>("discs-100.json", &linear(1e8, 0.0, 0.5), RveOptions::default());
+    assert!(discs.committed().contacts.iter().all(|contact| contact.tangential_force == 0.0));
+    assert!(discs.listed_forces().springless > 50);
+    assert!(discs.listed_forces().warning().unwrap().contains("stiffness_ratio"));
+}
