@@ -43,6 +43,9 @@ const MADE: [(Sort, usize); 8] = [
     (Sort { dimension: 3, number: 1000, is_everyday: false }, 2),
 ];
 
+/// k_t / k_n while a packing is made, that of the shipped recipes: what is tried are the cases, not the preparation.
+const PREPARED_RATIO: f64 = 0.5;
+
 /// What packings made on the fly have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sort {
@@ -137,7 +140,7 @@ fn drawn_recipe(sort: Sort, draw: &mut Draw) -> PackingRecipe {
         ContactTable {
             normal_stiffness: None,
             modulus: Some(level * pressure),
-            ..ContactTable::linear(1.0, draw.between(0.2, 1.0), friction)
+            ..ContactTable::linear(1.0, PREPARED_RATIO, friction)
         }
     } else {
         // Overlaps of Hertz contacts go with (pressure / modulus)^(2/3).
