@@ -57,6 +57,11 @@ impl Campaign {
         Ok(Self { seed, cases, slots, packings, overrides: options.overrides.clone() })
     }
 
+    /// The packing of a case, or why there is none.
+    pub(super) fn packing(&self, case: &Case) -> Result<&Packing, &String> {
+        self.packings[case.slot].as_ref().expect("packings of all cases have been made").as_ref()
+    }
+
     /// The test of a case with the overrides of the command line and `more` of them, and its text.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 mod campaign;
 mod case;
+mod check;
 mod dampings;
 mod draw;
 mod options;
@@ -9,15 +10,20 @@ mod outcome;
 mod path;
 mod shelf;
 mod single;
+mod summary;
 mod tables;
+mod worst;
 
 use super::Effort;
 use super::report::Report;
 use campaign::Campaign;
+use case::Case;
+use check::{Checked, Subject};
 use indicatif::{ProgressBar, ProgressStyle};
 pub(crate) use options::Options;
 use outcome::{Class, Outcome};
 use rayon::prelude::*;
+use rve_server::element::ElementTest;
 
 /// Runs the campaign that the command line asks for.
 ///
@@ -38,10 +44,36 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     if !options.dampings.is_empty() {
         return dampings::run(&campaign, &options.dampings, report);
     }
-    let outcomes = outcomes(&campaign, &[])?;
-    tables::cases(&campaign, &outcomes, report)?;
-    tables::classes(&campaign, &outcomes, report)?;
-    Ok(())
+    let (outcomes, checks) = checked_outcomes(&campaign, options.unchecked)?;
+    tables::cases(&campaign, &outcomes, &checks, report)?;
+    let classes = tables::classes(&campaign, &outcomes, &checks);
+    report.table("classes", "how cases ended, and the share of increments at rest", &classes)?;
+    let overrides: String = options.overrides.iter().map(|given| format!(" --set '{given}'")).collect();
+    let long = if options.long_cycles { " --long-cycles" } else { "" };
+    let worst = worst::table(&campaign, &outcomes, &checks, &format!("{long}{overrides}"));
+    report.table("worst", "the worst cases", &worst)?;
+    summary::write(&campaign, &outcomes, &checks, [&classes, &worst], report)
+}
+
+/// Runs all cases and checks those that are to be checked.
+///
+/// # Errors
+/// An override that a case does not take.
+fn checked_outcomes(campaign: &Campaign, unchecked: bool) -> anyhow::Result<(Vec<Outcome>, Vec<Checked>)> {
+    let all: Vec<(Outcome, Checked)> = over_cases(campaign, |case| {
+        let (test, _) = campaign.test(case, &[])?;
+        let slot = &campaign.slots[case.slot];
+        let outcome = answered(campaign, case, &test);
+        let checked = match campaign.packing(case) {
+            Ok(packing) => {
+                let subject = Subject { test: &test, slot, packing, outcome: &outcome };
+                subject.checked(!unchecked && subject.is_chosen(campaign.seed, case.number))
+            }
+            Err(_) => Checked::without_runs(&outcome),
+        };
+        Ok((outcome, checked))
+    })?;
+    Ok(all.into_iter().unzip())
 }
 
 /// Runs all cases with some more overrides, in the order of the cases.
@@ -49,28 +81,39 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
 /// # Errors
 /// An override that a case does not take.
 fn outcomes(campaign: &Campaign, more: &[String]) -> anyhow::Result<Vec<Outcome>> {
+    over_cases(campaign, |case| Ok(answered(campaign, case, &campaign.test(case, more)?.0)))
+}
+
+fn answered(campaign: &Campaign, case: &Case, test: &ElementTest) -> Outcome {
+    match campaign.packing(case) {
+        Ok(packing) => outcome::run(test, &campaign.slots[case.slot], packing, 1.0),
+        Err(reason) => Outcome {
+            class: Class::Refused,
+            reason: format!("no packing: {reason}"),
+            increments: Vec::new(),
+            seconds: 0.0,
+        },
+    }
+}
+
+/// Does something with every case, several at a time, and returns what it gave in the order of the cases.
+fn over_cases<T: Send>(
+    campaign: &Campaign,
+    work: impl Fn(&Case) -> anyhow::Result<T> + Sync,
+) -> anyhow::Result<Vec<T>> {
     let bar = progress(campaign.cases.len());
-    let outcomes = campaign
+    let results = campaign
         .cases
         .par_iter()
         .with_max_len(1)
         .map(|case| {
-            let (test, _) = campaign.test(case, more)?;
-            let outcome = match campaign.packings[case.slot].as_ref().expect("packings of all cases have been made") {
-                Ok(packing) => outcome::run(&test, &campaign.slots[case.slot], packing, 1.0),
-                Err(reason) => Outcome {
-                    class: Class::Refused,
-                    reason: format!("no packing: {reason}"),
-                    increments: Vec::new(),
-                    seconds: 0.0,
-                },
-            };
+            let result = work(case);
             bar.inc(1);
-            Ok(outcome)
+            result
         })
         .collect();
     bar.finish_and_clear();
-    outcomes
+    results
 }
 
 fn progress(count: usize) -> ProgressBar {

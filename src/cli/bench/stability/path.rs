@@ -110,7 +110,7 @@ pub(super) fn segments(kind: Kind, course: &Course, draw: &mut Draw) -> Vec<Segm
                 repeated(there(dimension, axis, increment), count - half),
             ]
         }
-        Kind::Cyclic => cycles(course, axis, count.div_ceil(5), 5, draw),
+        Kind::Cyclic => cycles(course, axis, count.div_ceil(8), 2, draw),
         Kind::Recompression => {
             // Well past the last contact, and back to where the cell was.
             let part = (draw.between(1.2, 3.0) * course.slack).min(0.1) / f64::from(half);

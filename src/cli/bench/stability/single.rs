@@ -1,10 +1,11 @@
 //! One case again: its increments, or the files that others can run.
 
 use super::campaign::Campaign;
+use super::check::Subject;
 use super::options::Options;
-use super::outcome;
+use super::outcome::{self, Class};
 use crate::cli::bench::report::Report;
-use crate::cli::bench::table::Table;
+use crate::cli::bench::table::{Table, short};
 use anyhow::{Context, anyhow};
 use macro_solver::output::write_atomically;
 use protocol::TrialFlags;
@@ -19,8 +20,7 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
     let case = &campaign.cases[0];
     let slot = &campaign.slots[case.slot];
     let (test, text) = campaign.test(case, &[])?;
-    let packing = campaign.packings[case.slot].as_ref().context("the packing of the case has been made")?;
-    let packing = packing.as_ref().map_err(|reason| anyhow!("no packing: {reason}"))?;
+    let packing = campaign.packing(case).map_err(|reason| anyhow!("no packing: {reason}"))?;
     report.note(&format!(
         "case {} of seed {}: {}, {}, {}",
         case.number,
@@ -60,7 +60,17 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
         ]);
     }
     report.table("increments", "increments", &table)?;
-    report.note(&format!("{} {}", outcome.class.name(), outcome.reason))?;
+    let subject = Subject { test: &test, slot, packing, outcome: &outcome };
+    let is_plain = matches!(outcome.class, Class::Unchecked | Class::NoContacts);
+    let checked = subject.checked(is_plain && !options.unchecked);
+    report.note(&format!("\n{} {}", checked.class.name(), checked.reason))?;
+    report.note(&format!(
+        "error {} of the mean pressure, bound {}, gap {}; free energy {}",
+        short(checked.error),
+        checked.bound,
+        short(checked.gap),
+        short(checked.energy)
+    ))?;
     Ok(())
 }
 

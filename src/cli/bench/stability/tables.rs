@@ -2,6 +2,7 @@
 
 use super::campaign::Campaign;
 use super::case::Range;
+use super::check::Checked;
 use super::outcome::{Class, Outcome};
 use super::path::Kind;
 use crate::cli::bench::report::Report;
@@ -12,7 +13,12 @@ use rve_server::definition::{Accuracy, ContactLaw, ContactTable, Rotations};
 ///
 /// # Errors
 /// The file cannot be written.
-pub(super) fn cases(campaign: &Campaign, outcomes: &[Outcome], report: &mut Report) -> anyhow::Result<()> {
+pub(super) fn cases(
+    campaign: &Campaign,
+    outcomes: &[Outcome],
+    checks: &[Checked],
+    report: &mut Report,
+) -> anyhow::Result<()> {
     let mut table = Table::new([
         "case",
         "range",
@@ -35,11 +41,17 @@ pub(super) fn cases(campaign: &Campaign, outcomes: &[Outcome], report: &mut Repo
         "reason",
         "force_evaluations",
         "slowest_increment",
+        "error_over_pressure",
+        "bound",
+        "gap",
+        "free_energy",
+        "pressure_end_Pa",
         "seconds",
     ]);
-    for (case, outcome) in campaign.cases.iter().zip(outcomes) {
+    for ((case, outcome), checked) in campaign.cases.iter().zip(outcomes).zip(checks) {
         let (slot, contact) = (&campaign.slots[case.slot], &case.test.contact);
-        let planned: u64 = case.test.path.iter().map(|segment| u64::from(segment.increments * segment.repeat)).sum();
+        let planned: u64 =
+            case.test.path.iter().map(|segment| u64::from(segment.increments) * u64::from(segment.repeat)).sum();
         table.row([
             case.number.into(),
             case.range.name().into(),
@@ -58,10 +70,15 @@ pub(super) fn cases(campaign: &Campaign, outcomes: &[Outcome], report: &mut Repo
             planned.into(),
             outcome.answered().into(),
             outcome.not_at_rest().into(),
-            outcome.class.name().into(),
-            outcome.reason.as_str().into(),
+            checked.class.name().into(),
+            checked.reason.as_str().into(),
             outcome.evaluations().into(),
             outcome.slowest().into(),
+            checked.error.into(),
+            checked.bound.into(),
+            checked.gap.into(),
+            checked.energy.into(),
+            outcome.increments.last().map_or(f64::NAN, |last| last.pressure(slot.dimension)).into(),
             outcome.seconds.into(),
         ]);
     }
@@ -89,11 +106,8 @@ fn accuracy(accuracy: Accuracy) -> &'static str {
     }
 }
 
-/// Shows how cases of each kind ended.
-///
-/// # Errors
-/// The report cannot be written.
-pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], report: &mut Report) -> anyhow::Result<()> {
+/// How cases of each kind ended.
+pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], checks: &[Checked]) -> Table {
     let mut table = Table::new([
         "range",
         "kind",
@@ -112,19 +126,18 @@ pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], report: &mut Re
     ]);
     for range in Range::ALL {
         for kind in Kind::ALL.into_iter().map(Some).chain([None]) {
-            let chosen: Vec<&Outcome> = campaign
-                .cases
-                .iter()
-                .zip(outcomes)
-                .filter(|(case, _)| case.range == range && kind.is_none_or(|kind| kind == case.kind))
-                .map(|(_, outcome)| outcome)
+            let chosen: Vec<usize> = (0..outcomes.len())
+                .filter(|place| {
+                    let case = &campaign.cases[*place];
+                    case.range == range && kind.is_none_or(|kind| kind == case.kind)
+                })
                 .collect();
             if chosen.is_empty() {
                 continue;
             }
-            let count = |class: Class| chosen.iter().filter(|outcome| outcome.class == class).count();
-            let increments: usize = chosen.iter().map(|outcome| outcome.answered()).sum();
-            let not_at_rest: usize = chosen.iter().map(|outcome| outcome.not_at_rest()).sum();
+            let count = |class: Class| chosen.iter().filter(|place| checks[**place].class == class).count();
+            let increments: usize = chosen.iter().map(|place| outcomes[*place].answered()).sum();
+            let not_at_rest: usize = chosen.iter().map(|place| outcomes[*place].not_at_rest()).sum();
             let [right, unchecked, no_contacts, over_budget, refused, restless, wrong, not_finite, panicked] =
                 Class::ALL.map(count);
             table.row([
@@ -145,7 +158,7 @@ pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], report: &mut Re
             ]);
         }
     }
-    Ok(report.table("classes", "how cases ended, and the share of increments at rest", &table)?)
+    table
 }
 
 /// A share in per cent; nothing of nothing is not measured.
