@@ -92,7 +92,7 @@ fn drawn_slot(range: Range, dimension: u32, kind: Kind, slots: &[Slot], draw: &m
 
 /// The law that the packing was made with, so that its forces are those of the file, with other tangential springs, friction
 /// and extensions.
-fn drawn_contact(range: Range, slot: &Slot, draw: &mut Draw) -> ContactTable {
+pub(super) fn drawn_contact(range: Range, slot: &Slot, draw: &mut Draw) -> ContactTable {
     let mut contact = slot.contact.clone();
     let is_everyday = range == Range::Everyday;
     contact.friction = match range {

@@ -67,12 +67,13 @@ impl Checked {
     }
 }
 
-/// Largest accepted difference at the end of a test, over the mean pressure of its path.
+/// Largest accepted difference at the end of a test, over the mean pressure of its path: by default what 400 discs on a biaxial
+/// path are apart from slow runs up to 2.4 % of strain (docs/verification.md), more in drafts and less in tight ones.
 fn bound(accuracy: Accuracy) -> f64 {
     match accuracy {
-        Accuracy::Draft => 0.02,
-        Accuracy::Default => 0.01,
-        Accuracy::Tight => 0.005,
+        Accuracy::Draft => 0.05,
+        Accuracy::Default => 0.03,
+        Accuracy::Tight => 0.01,
     }
 }
 
@@ -163,6 +164,19 @@ impl Subject<'_> {
         } else if checked.class == Class::Unchecked {
             checked.class = Class::Right;
         }
+    }
+
+    /// The finest run: that of the outcome with half the strain per step and a tenth of the tolerance, if it comes to rest
+    /// everywhere.
+    pub(super) fn finer(&self) -> Option<Outcome> {
+        let outcome = run(&self.varied(0.5, 0.1), self.slot, self.packing, ALLOWANCE);
+        matches!(outcome.class, Class::Unchecked | Class::NoContacts).then_some(outcome)
+    }
+
+    /// Largest difference at the end from another run of the same path, over the mean pressure of this one.
+    pub(super) fn difference(&self, other: &Outcome) -> f64 {
+        let scale = self.scale();
+        gap(&[self.end(self.outcome, scale)], &[self.end(other, scale)])
     }
 
     /// The test with other steps and another tolerance.

@@ -8,6 +8,7 @@ mod draw;
 mod options;
 mod outcome;
 mod path;
+mod scenes;
 mod shelf;
 mod single;
 mod summary;
@@ -24,6 +25,9 @@ pub(crate) use options::Options;
 use outcome::{Class, Outcome};
 use rayon::prelude::*;
 use rve_server::element::ElementTest;
+
+/// Small scenes, thorough and quick.
+const SCENES: [u64; 2] = [12, 2];
 
 /// Runs the campaign that the command line asks for.
 ///
@@ -42,7 +46,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         campaign.packings.iter().flatten().count()
     ))?;
     if !options.dampings.is_empty() {
-        return dampings::run(&campaign, &options.dampings, report);
+        return dampings::run(&campaign, &options.dampings, options.unchecked, report);
     }
     let (outcomes, checks) = checked_outcomes(&campaign, options.unchecked)?;
     tables::cases(&campaign, &outcomes, &checks, report)?;
@@ -52,6 +56,12 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let long = if options.long_cycles { " --long-cycles" } else { "" };
     let worst = worst::table(&campaign, &outcomes, &checks, &format!("{long}{overrides}"));
     report.table("worst", "the worst cases", &worst)?;
+    scenes::run(
+        campaign.seed,
+        options.small.unwrap_or(effort.choose(SCENES[0], SCENES[1])),
+        &campaign.slots,
+        report,
+    )?;
     summary::write(&campaign, &outcomes, &checks, [&classes, &worst], report)
 }
 
