@@ -18,7 +18,7 @@ use std::path::Path;
 const SEED: u64 = 1;
 
 /// Cases of a campaign, thorough and quick.
-const CASES: [u64; 2] = [2500, 40];
+const CASES: [u64; 2] = [2500, 24];
 
 /// Most grains of a packing in a quick campaign.
 const QUICK_GRAINS: usize = 100;

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Options of stability")]
 pub(crate) struct Options {
-    /// Cases of one cell; every fifth is one of spheres [default: 2500, with --quick 40]
+    /// Cases of one cell; every fifth is one of spheres [default: 2500, with --quick 24]
     #[arg(long, value_name = "N")]
     pub(crate) cases: Option<u64>,
-    /// Small scenes of finite elements [default: 12, with --quick 2]
+    /// Small scenes of finite elements [default: 12, with --quick 2, with filters or --set 0]
     #[arg(long, value_name = "N")]
     pub(crate) small: Option<u64>,
     /// Seed of the campaign: cases and packings depend on it and their number alone [default: 1]
@@ -22,7 +22,7 @@ pub(crate) struct Options {
     /// Only packings of at most so many grains
     #[arg(long, value_name = "GRAINS")]
     pub(crate) largest: Option<usize>,
-    /// Override a key of every case, as in `grainspan element`
+    /// Override a key of every case of one cell, as in `grainspan element`
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub(crate) overrides: Vec<String>,
     /// Run every case with each of these dampings and compare: fire,viscous,adaptive,local,kinetic
