@@ -46,7 +46,11 @@ impl Document {
         Self::from_text(path, text, overrides)
     }
 
-    fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
+    /// A document whose text is at hand; `path` is what errors call it and what paths in it are relative to.
+    ///
+    /// # Errors
+    /// As [`Document::read`], but for the reading.
+    pub(crate) fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
         let mut document = Self { path: path.to_owned(), text, overrides: Vec::new() };
         for given in overrides {
             let parsed = document.parse_override(given)?;

@@ -18,5 +18,5 @@ mod tests;
 pub use csv_table::ElementCsv;
 pub use error::ElementError;
 pub use row::ElementRow;
-pub use run::{ElementSummary, run_element};
+pub use run::{ElementSummary, run_element, run_element_on};
 pub use test_file::{Components, ElementTest, Segment};

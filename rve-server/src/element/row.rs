@@ -29,6 +29,10 @@ pub struct ElementRow {
     pub unbalanced_force_ratio: f64,
     /// Largest overlap over the smaller grain diameter of its contact.
     pub max_overlap_ratio: f64,
+    /// Energy stored in the contacts over the volume of the cell, J/m3.
+    pub elastic_energy: f64,
+    /// Energy lost to friction since the packing as given, over the volume of the cell, J/m3.
+    pub frictional_dissipation: f64,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,
     /// Tangent operator in this row's own state, if one was asked for.
@@ -59,6 +63,8 @@ impl ElementRow {
             sliding_fraction: answer.observed.sliding_fraction,
             unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
             max_overlap_ratio: answer.scalars.max_overlap_ratio,
+            elastic_energy: answer.observed.elastic_energy,
+            frictional_dissipation: answer.observed.frictional_dissipation,
             dem_steps: 0,
             tangent,
             trials: 0,

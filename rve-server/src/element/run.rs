@@ -12,6 +12,7 @@ use crate::packing::{Packing, PackingFile};
 use crate::space::{Space, Tensor, add_scaled};
 use crate::tangent;
 use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Most trials of one increment under stress control.
@@ -69,9 +70,29 @@ pub fn run_element(
     tangent: TangentKind,
     on_row: &mut dyn FnMut(&ElementRow),
 ) -> Result<ElementSummary, ElementError> {
-    match Packing::read(&base_dir.join(&test.packing))? {
+    let packing = Packing::read(&base_dir.join(&test.packing))?;
+    run_element_on(test, packing, tangent, &mut |row| {
+        on_row(row);
+        ControlFlow::Continue(())
+    })
+}
+
+/// Runs `test` on a packing in memory, which has been checked; `test.packing` is not read. `on_row` may end the test after
+/// any row of a cell; frames go on to their end.
+///
+/// # Errors
+/// As [`run_element`].
+pub fn run_element_on(
+    test: &ElementTest,
+    packing: Packing,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+) -> Result<ElementSummary, ElementError> {
+    match packing {
         Packing::Discs(packing) => match &test.frame {
-            Some(options) => run_frame_element(test, options, packing, on_row),
+            Some(options) => run_frame_element(test, options, packing, &mut |row| {
+                let _ = on_row(row);
+            }),
             None => run_in_space(test, packing, tangent, on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {
@@ -85,7 +106,7 @@ fn run_in_space<S: Space>(
     test: &ElementTest,
     packing: PackingFile<S>,
     tangent: TangentKind,
-    on_row: &mut dyn FnMut(&ElementRow),
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
     test.check_dimension(S::DIMENSION)?;
     let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
@@ -102,11 +123,15 @@ fn run_in_space<S: Space>(
         last_change: None,
         spent: Spent::default(),
     };
-    run.begin(on_row);
+    if run.begin(on_row).is_break() {
+        return Ok(run.summary);
+    }
     for segment in &test.path {
         run.last_change = None;
         for _ in 0..segment.repeat {
-            run.follow(segment, on_row)?;
+            if run.follow(segment, on_row)?.is_break() {
+                return Ok(run.summary);
+            }
         }
     }
     Ok(run.summary)
@@ -145,7 +170,7 @@ struct Accepted {
 }
 
 impl<S: Space> Run<S> {
-    fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow)) {
+    fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>) -> ControlFlow<()> {
         let answer = self.cell.look(Observables::ALL);
         self.network = Some(self.cell.committed_network());
         let operator = (self.tangent != TangentKind::None).then(|| {
@@ -156,10 +181,14 @@ impl<S: Space> Run<S> {
             operator.expect("one was asked for")
         });
         let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
-        self.deliver(&row, on_row);
+        self.deliver(&row, on_row)
     }
 
-    fn follow(&mut self, segment: &Segment, on_row: &mut dyn FnMut(&ElementRow)) -> Result<(), ElementError> {
+    fn follow(
+        &mut self,
+        segment: &Segment,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, ElementError> {
         let kinematics_at_start = self.deformation;
         let start_stress = flat(&self.stress);
         let mut committed_gradient = Matrix::ZERO;
@@ -213,9 +242,11 @@ impl<S: Space> Run<S> {
                 self.summary.cut_increments += 1;
                 self.last_change = None;
             }
-            self.accept(&Accepted { trials, dem_steps, ..accepted }, operator, on_row);
+            if self.accept(&Accepted { trials, dem_steps, ..accepted }, operator, on_row).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Makes the accepted trial the committed state.
@@ -231,16 +262,20 @@ impl<S: Space> Run<S> {
         &mut self,
         accepted: &Accepted,
         operator: Option<tangent::TangentOutcome>,
-        on_row: &mut dyn FnMut(&ElementRow),
-    ) {
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let mut row =
             ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
         row.trials = accepted.trials;
         row.dem_steps = accepted.dem_steps;
-        self.deliver(&row, on_row);
+        self.deliver(&row, on_row)
     }
 
-    fn deliver(&mut self, row: &ElementRow, on_row: &mut dyn FnMut(&ElementRow)) {
+    fn deliver(
+        &mut self,
+        row: &ElementRow,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         self.stress = row.stress;
         let summary = &mut self.summary;
         summary.rows += 1;
@@ -254,7 +289,7 @@ impl<S: Space> Run<S> {
             summary.tangent_fallbacks += u64::from(outcome.fallback);
             summary.tangent_regularised += u64::from(outcome.regularised);
         }
-        on_row(row);
+        on_row(row)
     }
 
     /// The operator asked for, of the present trial.

@@ -14,6 +14,7 @@ mod rve;
 mod scaling;
 mod schedule;
 mod self_test;
+mod stability;
 pub(crate) mod table;
 mod workers;
 
@@ -73,6 +74,12 @@ const STUDIES: &[Study] = &[
         run: newton::run,
         redraw: None,
     },
+    Study {
+        name: "stability",
+        about: "random cases away from everyday use: how they end, increments not at rest, work, work by damping",
+        run: stability::run,
+        redraw: None,
+    },
 ];
 
 /// How long a study may measure.
@@ -84,6 +91,8 @@ pub(crate) struct Effort {
     pub(crate) full: bool,
     /// Parts and variants that are wanted, by name; empty: all of them.
     pub(crate) only: Vec<String>,
+    /// What only the study of stability reads.
+    pub(crate) stability: stability::Options,
 }
 
 impl Effort {
@@ -109,6 +118,8 @@ impl Effort {
   grainspan bench --list
   grainspan bench self-test --out out/bench/self-test
   grainspan bench rve --redraw --out out/bench/rve
+  grainspan bench stability --cases 500 --seed 7 --out out/bench/stability
+  grainspan bench stability --seed 7 --case 42 --write case-42.toml
 
 Measure with a release build on a quiet machine; the report says what it was.")]
 pub(crate) struct Arguments {
@@ -136,6 +147,8 @@ pub(crate) struct Arguments {
     /// Be the other side of a study: a role and an address
     #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
     helper: Option<Vec<String>>,
+    #[command(flatten)]
+    stability: stability::Options,
 }
 
 /// Runs one study, or lists them all.
@@ -156,7 +169,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
     })?;
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/bench").join(study.name));
-    let effort = Effort { quick: arguments.quick, full: arguments.full, only: arguments.only.clone() };
+    if study.name != "stability" && !arguments.stability.is_plain() {
+        let text =
+            format!("bench {}: one of the options given is for `bench stability`; see `bench --help`", study.name);
+        return Err(Failure::new(Exit::BadInput, text));
+    }
+    let effort = Effort {
+        quick: arguments.quick,
+        full: arguments.full,
+        only: arguments.only.clone(),
+        stability: arguments.stability.clone(),
+    };
     let failed = |error: anyhow::Error| match error.downcast::<Failure>() {
         Ok(failure) => failure,
         Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),

@@ -59,6 +59,14 @@ impl Report {
         Ok(write_atomically(&self.folder.join(format!("{name}.csv")), &table.to_csv())?)
     }
 
+    /// Writes a file of another kind.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(crate) fn file(&self, name: &str, content: &[u8]) -> Result<(), Failure> {
+        Ok(write_atomically(&self.folder.join(name), content)?)
+    }
+
     /// Writes a picture to `NAME.svg`.
     ///
     /// # Errors

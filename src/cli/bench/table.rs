@@ -93,6 +93,16 @@ impl Table {
         writer.into_inner().expect("memory takes everything")
     }
 
+    /// Four digits, for documents.
+    pub(crate) fn to_markdown(&self) -> String {
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let mut text = line(self.heads.clone()) + &line(vec!["---".to_owned(); self.heads.len()]);
+        for row in &self.rows {
+            text += &line(row.iter().map(|cell| cell.short().replace('|', "\\|").replace('\n', " ")).collect());
+        }
+        text
+    }
+
     /// Aligned columns of four digits, for people.
     pub(crate) fn to_text(&self) -> String {
         let rows: Vec<Vec<String>> = self.rows.iter().map(|row| row.iter().map(Cell::short).collect()).collect();
@@ -132,6 +142,7 @@ mod tests {
         table.row(["a, b".into(), (1.0 / 3.0).into()]);
         table.row(["c".into(), f64::NAN.into()]);
         assert_eq!(table.to_csv(), b"what,time_us\n\"a, b\",0.3333333333333333\nc,\n");
+        assert_eq!(table.to_markdown(), "| what | time_us |\n| --- | --- |\n| a, b | 0.3333 |\n| c | - |\n");
         assert_eq!(table.to_text(), "  what  time_us\n  a, b   0.3333\n     c        -\n");
     }
 

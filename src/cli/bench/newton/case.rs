@@ -20,36 +20,36 @@ use std::time::{Duration, Instant};
 
 /// What one run has shown.
 #[derive(Debug)]
-pub(super) struct Finding {
+pub(in crate::cli::bench) struct Finding {
     /// Accepted steps, the initial state first.
-    pub(super) steps: Vec<Step>,
+    pub(in crate::cli::bench) steps: Vec<Step>,
     /// Evaluations that workers computed.
-    pub(super) computed: u64,
+    pub(in crate::cli::bench) computed: u64,
     /// Equal steps that the path was to be followed in.
-    pub(super) increments: usize,
+    pub(in crate::cli::bench) increments: usize,
     /// Wall time, s.
-    pub(super) wall: f64,
+    pub(in crate::cli::bench) wall: f64,
     /// How it ended, with the solver's counts.
-    pub(super) run: Run,
+    pub(in crate::cli::bench) run: Run,
 }
 
 /// One accepted step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(in crate::cli::bench) struct Step {
     /// As reported.
-    pub(super) report: StepReport,
+    pub(in crate::cli::bench) report: StepReport,
     /// Mean vertical over mean horizontal stress.
-    pub(super) ratio: f64,
+    pub(in crate::cli::bench) ratio: f64,
 }
 
 impl Finding {
     /// Whether the whole path was followed.
-    pub(super) fn is_complete(&self) -> bool {
+    pub(in crate::cli::bench) fn is_complete(&self) -> bool {
         matches!(self.run.outcome, Outcome::Completed)
     }
 
     /// Evaluations asked up to a load factor, initial state included; NaN if the run did not come that far.
-    pub(super) fn asked_until(&self, load: f64) -> f64 {
+    pub(in crate::cli::bench) fn asked_until(&self, load: f64) -> f64 {
         let reached = |step: &&Step| step.report.load < load + 1e-9;
         let (count, sum) = self
             .steps
@@ -62,7 +62,7 @@ impl Finding {
     }
 
     /// How the run ended, in a word or two.
-    pub(super) fn end(&self) -> &'static str {
+    pub(in crate::cli::bench) fn end(&self) -> &'static str {
         match self.run.outcome {
             Outcome::Completed => "completed",
             Outcome::DidNotConverge { .. } => "did not converge",
@@ -72,7 +72,7 @@ impl Finding {
     }
 
     /// Number of the step with the largest stress ratio.
-    pub(super) fn peak(&self) -> usize {
+    pub(in crate::cli::bench) fn peak(&self) -> usize {
         let largest = self.steps.iter().max_by(|one, other| one.ratio.total_cmp(&other.ratio));
         largest.map_or(0, |step| step.report.step)
     }
@@ -95,7 +95,8 @@ impl Observer for Recorder {
 }
 
 /// A step that has failed three times is stabilised: what a way costs at snaps is then bounded, and all ways get through.
-pub(super) const STABILISATION: Option<Stabilisation> = Some(Stabilisation { after: Some(3), most_increments: 100 });
+pub(in crate::cli::bench) const STABILISATION: Option<Stabilisation> =
+    Some(Stabilisation { after: Some(3), most_increments: 100 });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;
@@ -108,7 +109,10 @@ const LONGEST: Duration = Duration::from_secs(1500);
 ///
 /// # Errors
 /// A worker ends early.
-pub(super) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> anyhow::Result<Finding> {
+pub(in crate::cli::bench) fn solve_on_grains(
+    problem: &Problem,
+    definitions: &[Definition],
+) -> anyhow::Result<Finding> {
     let (port, door) = channel();
     std::thread::scope(|scope| {
         let mut worker = door.join();
@@ -133,7 +137,7 @@ pub(super) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> 
 }
 
 /// Does `count` pieces of work, as many at a time as there are cores, and returns what they gave in their order.
-pub(super) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(in crate::cli::bench) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
@@ -160,7 +164,7 @@ pub(super) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
 ///
 /// # Errors
 /// The recipe finds no packing from this seed.
-pub(super) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
+pub(in crate::cli::bench) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
     let mut recipe: PackingRecipe = toml::from_str(include_str!("../../../../packings/discs-400.toml"))?;
     recipe.seed = seed;
     match generate_any(&recipe, &mut |_| {}).with_context(|| format!("packing of seed {seed}"))?.0 {
@@ -173,7 +177,7 @@ pub(super) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
 ///
 /// # Errors
 /// None in a sound build.
-pub(super) fn small_packing() -> anyhow::Result<PackingFile> {
+pub(in crate::cli::bench) fn small_packing() -> anyhow::Result<PackingFile> {
     Ok(serde_json::from_str(include_str!("../../../../packings/discs-100.json"))?)
 }
 
@@ -181,7 +185,10 @@ pub(super) fn small_packing() -> anyhow::Result<PackingFile> {
 ///
 /// # Errors
 /// None in a sound build.
-pub(super) fn definition(packing: PackingFile<Discs>, accuracy: Accuracy) -> anyhow::Result<Definition> {
+pub(in crate::cli::bench) fn definition(
+    packing: PackingFile<Discs>,
+    accuracy: Accuracy,
+) -> anyhow::Result<Definition> {
     let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5")?;
     let options = RveOptions { accuracy, ..RveOptions::default() };
     Ok(GrainDefinition { packing, contact, options }.validate()?.to_protocol())

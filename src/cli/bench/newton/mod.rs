@@ -5,7 +5,7 @@
 //! points are asked the same question in every bit.
 
 mod biaxial;
-mod case;
+pub(super) mod case;
 mod element;
 mod ways;
 

@@ -77,6 +77,7 @@ mod tests {
         let effort = |only: &[&str], quick| Effort {
             quick,
             full: false,
+            stability: crate::cli::bench::stability::Options::default(),
             only: only.iter().map(|&name| name.to_owned()).collect(),
         };
         assert_eq!(chosen(all(), &effort(&[], false), "x").len(), names.len());
