@@ -26,7 +26,8 @@ impl Equations {
     /// A condition that does not fit the mesh.
     pub(super) fn new(problem: &Problem, stage: &Stage, body: &Body, start: &[f64]) -> Result<Self, ProblemError> {
         let prescribed = problem.prescribed_displacements(stage)?;
-        let equations = problem.equations(stage, &body.positions(&body.zero()))?;
+        // About where the stage begins, also when a run goes on within it.
+        let equations = problem.equations(stage, &body.positions_at(start))?;
         let constraints = Constraints::new(&prescribed, &dependents(&equations, &prescribed)?, start);
         let loads = Loads::new(problem, stage)?;
         let block_dofs: Vec<Vec<usize>> =

@@ -1,6 +1,7 @@
 //! Checks of the implicit solver on closed-form materials.
 
 mod bending;
+mod continued;
 mod convergence;
 mod equilibrium;
 mod formulations;
