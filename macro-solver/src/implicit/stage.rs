@@ -80,8 +80,9 @@ impl<'a> Solver<'a> {
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
         self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
-        let strategy = &self.stage().strategy;
-        self.points.choose(strategy);
+        let stage = &self.problem.stages[self.stage];
+        self.points.choose(self.problem, stage);
+        let strategy = &stage.strategy;
         self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);

@@ -11,7 +11,7 @@ use crate::problem::{Link, Platen, PressureKind, Procedure};
 
 /// Continues a run after each of its steps.
 fn assert_continues(problem: &Problem, what: &str) {
-    let law = DamageLaw { lambda: 2.0e7, shear: 1.0e7, threshold: 4e-3, softening: 5e-2 };
+    let law = DamageLaw { lambda: 2.0e7, shear: 1.0e7, threshold: 1e-2, softening: 5e-2 };
     let material = || DamageMaterial::new(vec![law; problem.point_count()]);
     let (mut whole, mut shelf) = (Recorder::default(), Shelf::default());
     let undisturbed = solve_kept(problem, &mut material(), &mut whole, &mut shelf);

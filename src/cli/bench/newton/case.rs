@@ -95,7 +95,8 @@ impl Observer for Recorder {
 }
 
 /// A step that has failed three times is stabilised: what a way costs at snaps is then bounded, and all ways get through.
-pub(super) const STABILISATION: Option<Stabilisation> = Some(Stabilisation { after: Some(3), most_increments: 100 });
+pub(super) const STABILISATION: Option<Stabilisation> =
+    Some(Stabilisation { after: Some(3), most_increments: 100, drag: 0.1 });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;
