@@ -71,7 +71,9 @@ fn check_history(out: &Path) {
     let mut lines = history.lines();
     assert_eq!(
         lines.next(),
-        Some("step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force")
+        Some(
+            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised"
+        )
     );
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();

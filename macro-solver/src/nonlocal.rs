@@ -155,17 +155,11 @@ impl NonlocalOperator {
                 (weight > 0.0).then_some((place % count, offset, weight))
             })
             .collect();
-        // Cubes hand them out in an order of their own; sums shall have one that the points alone decide.
+        // Cubes hand them out in an order of their own; sums shall have one that the places of the points alone decide,
+        // whatever their numbers are.
         found.sort_by(|first, second| {
-            first.0.cmp(&second.0).then_with(|| {
-                first
-                    .1
-                    .iter()
-                    .zip(&second.1)
-                    .map(|(a, b)| a.total_cmp(b))
-                    .find(|order| order.is_ne())
-                    .unwrap_or(std::cmp::Ordering::Equal)
-            })
+            let by_place = first.1.iter().zip(&second.1).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+            by_place.unwrap_or_else(|| first.0.cmp(&second.0))
         });
         let total: f64 = found.iter().map(|(_, _, weight)| weight).sum();
         let share = self.settings.local_share;
@@ -198,7 +192,7 @@ impl NonlocalOperator {
         self.neighbours.len() == self.len()
     }
 
-    /// Neighbours of a point (itself included) with their weights, in the order of their numbers.
+    /// Neighbours of a point (itself included) with their weights, in the order of their places along x, then y, then z.
     pub fn row(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.starts[point]..self.starts[point + 1];
         self.neighbours[range.clone()].iter().copied().zip(self.weights[range].iter().copied())

@@ -52,7 +52,11 @@ impl Materials {
 
     /// Mass densities of the body, voids included.
     pub(crate) fn densities(&self, mesh: &Mesh) -> Densities {
-        let of_kind: Vec<f64> = self.definitions.iter().map(AnyDefinition::bulk_density).collect();
+        let packing = self.definitions[0].bulk_density();
+        // A turned packing weighs the same but for rounding.
+        let rounded = |density: f64| if (density / packing - 1.0).abs() < 1e-9 { packing } else { density };
+        let of_kind: Vec<f64> =
+            self.definitions.iter().map(|definition| rounded(definition.bulk_density())).collect();
         let starts = mesh.first_points();
         let of_element = |element: usize| {
             let kinds = &self.made_of[starts[element]..starts[element + 1]];
@@ -63,8 +67,8 @@ impl Materials {
             }
         };
         let by_element: Vec<f64> = (0..mesh.elements.len()).map(of_element).collect();
-        let differ = by_element.iter().any(|density| *density != of_kind[0]);
-        Densities { packing: of_kind[0], by_element: if differ { by_element } else { Vec::new() } }
+        let differ = by_element.iter().any(|density| *density != packing);
+        Densities { packing, by_element: if differ { by_element } else { Vec::new() } }
     }
 
     /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
