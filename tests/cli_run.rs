@@ -71,7 +71,9 @@ fn check_history(out: &Path) {
     let mut lines = history.lines();
     assert_eq!(
         lines.next(),
-        Some("step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force")
+        Some(
+            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised"
+        )
     );
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
@@ -171,6 +173,38 @@ fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     assert!(summary["fallbacks"]["steps_stabilised"].as_u64() > Some(0), "{summary}");
     let taken = summary["energy"]["stabilisation"].as_f64().unwrap();
     assert!(taken.abs() > 0.0 && taken.abs() < 0.2 * summary["energy"]["external_work"].as_f64().unwrap(), "{taken}");
+    // How each step was reached stands beside it, and in the picture.
+    let crept: Vec<f64> = numbers(&out, "stabilised").into_iter().filter(|count| *count > 0.0).collect();
+    assert_eq!(crept.len() as u64, summary["fallbacks"]["steps_stabilised"].as_u64().unwrap());
+    assert_eq!(crept.iter().sum::<f64>() as u64, summary["fallbacks"]["creep_increments"].as_u64().unwrap());
+    assert_eq!(numbers(&out, "cut_backs").iter().sum::<f64>() as u64, summary["cutbacks"].as_u64().unwrap());
+    assert!(fs::read_to_string(out.join("history.svg")).unwrap().contains("stabilised"));
+}
+
+/// A column of eight elements that nothing snaps in, stabilised against all need: it ends where Newton's method brings it.
+#[test]
+fn creep_without_a_snap_ends_where_newton_does() {
+    let place = tempfile::tempdir().unwrap();
+    let column_of = |name: &str, more: &[&str]| {
+        let out = place.path().join(name);
+        let size = ["mesh.elements=[1, 8]", "boundary.2.displacement.y=-1e-4", "loading.increments=1"];
+        let set: Vec<&str> = size.iter().chain(more).flat_map(|&set| ["--set", set]).collect();
+        let output = run(&out, "2", &set);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        out
+    };
+    let newton = column_of("newton", &[]);
+    let crept = column_of("crept", &["loading.max_iterations=1", "loading.stabilise_after=1"]);
+    let [wanted, found] = [&newton, &crept].map(|out| *numbers(out, "stress_ratio").last().unwrap());
+    assert!((found / wanted - 1.0).abs() < 1e-3, "{found} instead of {wanted}");
+    let lost = |out: &Path| {
+        let summary: serde_json::Value =
+            serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+        assert!(summary["energy"]["relative_residual"].as_f64().unwrap() < 0.1, "{summary}");
+        summary["energy"]["frictional_dissipation"].as_f64().unwrap()
+    };
+    assert!((lost(&crept) / lost(&newton) - 1.0).abs() < 0.1, "{} {}", lost(&crept), lost(&newton));
+    assert!(numbers(&crept, "stabilised")[1] > 0.0 && numbers(&newton, "stabilised")[1] == 0.0);
 }
 
 /// Values of a column of a history, by row.

@@ -2,7 +2,8 @@
 
 mod harness;
 
-use harness::{Ended, Site, signal};
+use harness::short_scenes::{SHORT_SCENES, ShortScene};
+use harness::{Ended, Site, eventually, signal};
 use rustix::process::Signal;
 use std::fs;
 use std::path::Path;
@@ -57,6 +58,55 @@ fn an_interrupted_run_continues_to_the_same_bytes_and_says_what_it_cost() {
     assert!(!site.path("parts/checkpoint.bin").exists(), "a complete run needs none");
     let again = run(&site, "parts", &["--resume"]);
     assert!(again.status.success() && again.stderr.contains("is complete"), "{}", again.stderr);
+}
+
+/// Every procedure, every link, several stages: a run that is killed once it has kept its first step, and again later, ends in the
+/// same bytes.
+#[test]
+fn every_kind_of_scene_goes_on_to_the_same_bytes() {
+    // A run this short mostly waits for its worker to start.
+    std::thread::scope(|scope| {
+        for scenes in SHORT_SCENES.chunks(SHORT_SCENES.len().div_ceil(4)) {
+            scope.spawn(move || scenes.iter().for_each(|&scene| assert_goes_on(scene)));
+        }
+    });
+}
+
+fn assert_goes_on(scene: ShortScene) {
+    let site = Site::new();
+    let file = format!("scenes/{}.toml", scene.file);
+    let start = |out: &str, more: &[&str]| {
+        let folder = site.path(out);
+        let words = ["run", &file, "--workers", "1", "--out", folder.to_str().unwrap()];
+        let set: Vec<&str> = scene.set.iter().flat_map(|&set| ["--set", set]).collect();
+        site.start(out, &[&words[..], &set, more].concat())
+    };
+    let whole = start("whole", &[]).end();
+    assert!(whole.status.success(), "{}: {}", scene.name, whole.stderr);
+    let rows = site.history("whole").lines().count();
+    let mut parts = start("parts", &["--set", "checkpoint.steps=1"]);
+    eventually("first checkpoint", || site.path("parts/checkpoint.bin").exists().then_some(()));
+    signal(parts.pid(), Signal::KILL);
+    let killed = parts.end();
+    assert!(!killed.status.success(), "{}: the run is too short to be killed", scene.name);
+    for wanted in [rows / 2, rows - 2] {
+        parts = start("parts", &["--resume", "--set", "checkpoint.steps=1"]);
+        let history = site.path("parts/history.csv");
+        eventually("rows", || {
+            let there = fs::read_to_string(&history).map_or(0, |text| text.lines().count());
+            (there > wanted || !parts.runs()).then_some(())
+        });
+        signal(parts.pid(), Signal::KILL);
+        let ended = parts.end();
+        assert!(
+            ended.stderr.contains("continuing after step") || ended.stderr.contains("is complete"),
+            "{}",
+            ended.stderr
+        );
+    }
+    let ended = start("parts", &["--resume"]).end();
+    assert!(ended.status.success(), "{}: {}", scene.name, ended.stderr);
+    assert!(site.history("parts") == site.history("whole"), "{}: the histories differ", scene.name);
 }
 
 #[test]

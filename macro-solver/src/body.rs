@@ -25,7 +25,7 @@ pub(crate) struct Body {
     hourglass: Vec<Option<HourglassModes>>,
     hourglass_coefficient: f64,
     initial: Vec<PointGeometry>,
-    /// Of the configuration that step gradients refer to; the initial one when empty.
+    /// Of the committed configuration; empty if the formulation does not refer to it.
     committed: Vec<PointGeometry>,
 }
 
@@ -63,6 +63,8 @@ impl Body {
             committed: Vec::new(),
         };
         body.initial = body.geometry_at(&body.mesh.nodes);
+        // As after every step: what a checkpoint of the start gives is not to differ from it in rounding.
+        body.settle();
         body
     }
 
@@ -121,12 +123,20 @@ impl Body {
 
     /// Node positions after `increment` from the committed configuration, m.
     pub(crate) fn positions(&self, increment: &[f64]) -> Vec<[f64; 3]> {
+        self.moved_nodes(|dof| self.displacements[dof] + increment[dof])
+    }
+
+    /// Node positions with these displacements since the start, m.
+    pub(crate) fn positions_at(&self, displacements: &[f64]) -> Vec<[f64; 3]> {
+        self.moved_nodes(|dof| displacements[dof])
+    }
+
+    fn moved_nodes(&self, displacement: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
         let dimension = self.mesh.dimension.count();
         let mut positions = self.mesh.nodes.clone();
         for (node, position) in positions.iter_mut().enumerate() {
             for (axis, coordinate) in position.iter_mut().enumerate().take(dimension) {
-                let dof = dimension * node + axis;
-                *coordinate += self.displacements[dof] + increment[dof];
+                *coordinate += displacement(dimension * node + axis);
             }
         }
         positions

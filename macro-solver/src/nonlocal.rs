@@ -102,7 +102,7 @@ pub struct NonlocalOperator {
 
 impl NonlocalOperator {
     /// Builds the table for points at `positions` (m). `periods` are translations (m) under which the body repeats, each
-    /// used forwards and backwards and in all combinations; empty for an ordinary body.
+    /// used forwards and backwards, as often as the radius reaches, and in all combinations; empty for an ordinary body.
     ///
     /// # Errors
     /// [`NonlocalError`]; in particular every combination of kernel, radius and points that would be unstable.
@@ -126,7 +126,7 @@ impl NonlocalOperator {
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
         settings.validate()?;
-        let places: Vec<[f64; 3]> = images(periods)
+        let places: Vec<[f64; 3]> = images(periods, settings.radius)
             .iter()
             .flat_map(|shift| positions.iter().map(move |position| moved(position, 1.0, shift)))
             .collect();
@@ -155,17 +155,11 @@ impl NonlocalOperator {
                 (weight > 0.0).then_some((place % count, offset, weight))
             })
             .collect();
-        // Cubes hand them out in an order of their own; sums shall have one that the points alone decide.
+        // Cubes hand them out in an order of their own; sums shall have one that the places of the points alone decide,
+        // whatever their numbers are.
         found.sort_by(|first, second| {
-            first.0.cmp(&second.0).then_with(|| {
-                first
-                    .1
-                    .iter()
-                    .zip(&second.1)
-                    .map(|(a, b)| a.total_cmp(b))
-                    .find(|order| order.is_ne())
-                    .unwrap_or(std::cmp::Ordering::Equal)
-            })
+            let by_place = first.1.iter().zip(&second.1).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+            by_place.unwrap_or_else(|| first.0.cmp(&second.0))
         });
         let total: f64 = found.iter().map(|(_, _, weight)| weight).sum();
         let share = self.settings.local_share;
@@ -198,7 +192,7 @@ impl NonlocalOperator {
         self.neighbours.len() == self.len()
     }
 
-    /// Neighbours of a point (itself included) with their weights, in the order of their numbers.
+    /// Neighbours of a point (itself included) with their weights, in the order of their places along x, then y, then z.
     pub fn row(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.starts[point]..self.starts[point + 1];
         self.neighbours[range.clone()].iter().copied().zip(self.weights[range].iter().copied())
@@ -270,13 +264,15 @@ impl NonlocalSettings {
     }
 }
 
-/// Zero and all combinations of plus and minus the periods.
-fn images(periods: &[[f64; 3]]) -> Vec<[f64; 3]> {
+/// Zero and all combinations of the periods and their multiples that may lie within `radius` (m) of a body as long as they.
+fn images(periods: &[[f64; 3]], radius: f64) -> Vec<[f64; 3]> {
     let mut images = vec![[0.0; 3]];
     for period in periods {
-        let further: Vec<[f64; 3]> = [-1.0, 1.0]
-            .into_iter()
-            .flat_map(|sign| images.iter().map(move |image| moved(image, sign, period)))
+        let length = period.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let most = (radius / length).floor() as i64 + 1;
+        let further: Vec<[f64; 3]> = (1..=most)
+            .flat_map(|times| [-times, times])
+            .flat_map(|times| images.iter().map(move |image| moved(image, times as f64, period)))
             .collect();
         images.extend(further);
     }

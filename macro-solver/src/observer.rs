@@ -317,6 +317,10 @@ pub struct Statistics {
     pub flags: FlagCounts,
     /// Evaluations of all points that ended without an answer because grains did not come to rest within their step cap.
     pub unfinished_trials: u64,
+    /// Answers whose Cauchy stress was not symmetric: the engine lets couples act on the grains that nothing carries.
+    pub asymmetric_stresses: u64,
+    /// Sub-steps into which refused trials of single points were divided in dynamic stages.
+    pub sub_steps: u64,
     /// Cost of all evaluations, as the engine counted it.
     pub cost: Cost,
     /// How the force evaluations are spread over the trials.

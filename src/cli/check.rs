@@ -116,7 +116,14 @@ fn prescribed_count(problem: &Problem, stage: &Stage) -> usize {
 fn stage_line(stage: &Stage) -> String {
     match &stage.procedure {
         Procedure::Dynamic(settings) => {
-            format!("{} (dynamic, {} s, {:.1} kg/m3)", stage.name, stage.duration, settings.density)
+            let densities = &settings.element_densities;
+            let least = densities.iter().copied().fold(f64::INFINITY, f64::min);
+            let density = match densities.iter().copied().fold(f64::NEG_INFINITY, f64::max) {
+                most if most > least => format!("{least:.1} to {most:.1}"),
+                most if most == least => format!("{most:.1}"),
+                _ => format!("{:.1}", settings.density),
+            };
+            format!("{} (dynamic, {} s, {density} kg/m3)", stage.name, stage.duration)
         }
         procedure => {
             let (steps, duration) = (stage.control.increments, stage.duration);

@@ -70,8 +70,8 @@ impl Scene {
         let observables = observables(&document, &file.output, &probes)?;
         let plot = plot(&document, &file.output, &probes)?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
-        let (stages, outputs) = stages(&document, &sets, &file, definition.bulk_density())?;
         let materials = materials(&document, &file, &sets, definition)?;
+        let (stages, outputs) = stages(&document, &sets, &file, &materials.densities(&mesh))?;
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
         problem.nonlocal = file.nonlocal.clone();
@@ -124,6 +124,7 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "max_iterations" => &["loading", "max_iterations"],
         "stabilise_after" => &["loading", "stabilise_after"],
         "stabilise_increments" => &["loading", "stabilise_increments"],
+        "stabilise_drag" => &["loading", "stabilise_drag"],
         "force tolerance" => &["solver", "force_tolerance"],
         "displacement tolerance" => &["solver", "displacement_tolerance"],
         "capped_change" => &["solver", "capped_change"],

@@ -50,10 +50,40 @@ impl Materials {
         }
     }
 
+    /// Mass densities of the body, voids included.
+    pub(crate) fn densities(&self, mesh: &Mesh) -> Densities {
+        let packing = self.definitions[0].bulk_density();
+        // A turned packing weighs the same but for rounding.
+        let rounded = |density: f64| if (density / packing - 1.0).abs() < 1e-9 { packing } else { density };
+        let of_kind: Vec<f64> =
+            self.definitions.iter().map(|definition| rounded(definition.bulk_density())).collect();
+        let starts = mesh.first_points();
+        let of_element = |element: usize| {
+            let kinds = &self.made_of[starts[element]..starts[element + 1]];
+            match kinds {
+                // The same bits for elements of one kind.
+                [first, rest @ ..] if rest.iter().all(|kind| kind == first) => of_kind[*first],
+                kinds => kinds.iter().map(|&kind| of_kind[kind]).sum::<f64>() / kinds.len() as f64,
+            }
+        };
+        let by_element: Vec<f64> = (0..mesh.elements.len()).map(of_element).collect();
+        let differ = by_element.iter().any(|density| *density != packing);
+        Densities { packing, by_element: if differ { by_element } else { Vec::new() } }
+    }
+
     /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
     pub(crate) fn renamed(&self) -> Vec<(&str, &str)> {
         self.files.iter().map(|file| (file.key.as_str(), file.name.as_str())).collect()
     }
+}
+
+/// Mass per volume of the body, voids included, kg/m3.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Densities {
+    /// Of the packing of the scene itself.
+    pub(crate) packing: f64,
+    /// Of every element, the mean over its Gauss points; empty where all have that of the packing.
+    pub(crate) by_element: Vec<f64>,
 }
 
 /// Reads all packings and gives every point its own.
@@ -227,6 +257,7 @@ pub(crate) fn drawn(seed: u64, number: u64, count: usize) -> usize {
 mod tests {
     use super::*;
     use crate::scene::{Scene, weak_element as scene};
+    use macro_solver::problem::Procedure;
 
     #[test]
     fn lots_are_drawn_evenly_and_by_seed() {
@@ -255,6 +286,24 @@ mod tests {
 
     fn scene_with_seed(seed: u64) -> Scene {
         scene(&[&format!("region.0.seed={seed}")]).unwrap()
+    }
+
+    /// A region of lighter cells weighs less in motion; a density that the scene gives holds for all.
+    #[test]
+    fn elements_in_motion_weigh_what_their_cells_do() {
+        let stages =
+            "stage=[{ name = 'still' }, { name = 'swing', procedure = 'dynamic', loading = { duration = 1e-3 } }]";
+        let densities = |more: &[&str]| {
+            let scene = scene(&[&[stages], more].concat()).unwrap();
+            let Procedure::Dynamic(settings) = &scene.problem.stages[1].procedure else { panic!("it is dynamic") };
+            (settings.density, settings.element_densities.clone())
+        };
+        let (whole, by_element) = densities(&[]);
+        assert_eq!(by_element.len(), 8);
+        let weak: Vec<usize> = (0..8).filter(|&element| by_element[element] < 0.99 * whole).collect();
+        assert_eq!(weak, [2], "five of a hundred grains are missing there: {by_element:?}");
+        assert!(by_element[2] > 0.9 * whole && by_element[0] == whole);
+        assert_eq!(densities(&["dynamics.density=1800.0"]), (1800.0, Vec::new()));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
+use super::materials::Densities;
 use super::schema::{Components, ProcedureKeyword};
 use super::sets::Sets;
 use macro_solver::dynamics::{
@@ -79,7 +80,7 @@ pub(super) struct MotionTables<'a> {
     pub(super) relaxation: &'a RelaxationTable,
 }
 
-/// How a stage is solved, from the tables at the top and its own; `density` is that of the packing, kg/m3.
+/// How a stage is solved, from the tables at the top and its own; `densities` are those of the packings.
 ///
 /// # Errors
 /// Keys that exclude each other, or a set that does not exist.
@@ -88,7 +89,7 @@ pub(super) fn procedure(
     sets: &Sets<'_>,
     keyword: ProcedureKeyword,
     tables: &[MotionTables<'_>],
-    density: f64,
+    densities: &Densities,
 ) -> Result<Procedure, InputError> {
     Ok(match keyword {
         ProcedureKeyword::Implicit => Procedure::Implicit,
@@ -98,7 +99,8 @@ pub(super) fn procedure(
             Procedure::Relaxation(settings)
         }
         ProcedureKeyword::Dynamic => {
-            let mut settings = DynamicSettings::new(density);
+            let mut settings = DynamicSettings::new(densities.packing);
+            settings.element_densities.clone_from(&densities.by_element);
             for tables in tables {
                 change_dynamics(document, sets, &mut settings, tables.dynamics)?;
             }
@@ -140,7 +142,11 @@ fn change_dynamics(
     exclude(table.safety.is_some(), &table.time_step, "`safety` and `time_step`")?;
     exclude(table.mass_factor.is_some(), &table.mass_scaled_step, "`mass_factor` and `mass_scaled_step`")?;
     exclude(table.output_steps.is_some(), &table.output_interval, "`output_steps` and `output_interval`")?;
-    replace(&mut settings.density, table.density);
+    if let Some(density) = table.density {
+        // One for the whole body, whatever its packings weigh.
+        settings.density = density;
+        settings.element_densities.clear();
+    }
     replace(
         &mut settings.lumping,
         table.lumping.map(|keyword| match keyword {

@@ -10,7 +10,7 @@ use macro_solver::problem::Axis;
 use toml::Spanned;
 
 /// Columns that every history has, and the one of a run with several stages.
-const TAKEN: [&str; 6] = ["step", "time", "load", "iterations", "evaluations", "stage"];
+const TAKEN: [&str; 8] = ["step", "time", "load", "iterations", "evaluations", "stage", "cut_backs", "stabilised"];
 
 /// Checks all probes and translates them.
 ///

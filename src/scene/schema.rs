@@ -431,6 +431,7 @@ pub(crate) struct LoadingTable {
     pub(crate) stabilise: Option<Spanned<bool>>,
     pub(crate) stabilise_after: Option<Spanned<usize>>,
     pub(crate) stabilise_increments: Option<Spanned<usize>>,
+    pub(crate) stabilise_drag: Option<Spanned<f64>>,
 }
 
 /// How the step size follows the iterations.

@@ -94,7 +94,8 @@ pub(super) fn step_control(
 fn stabilisation(document: &Document, control: &mut StepControl, table: &LoadingTable) -> Result<(), InputError> {
     let switch = table.stabilise.as_ref().map(Spanned::span);
     let settings = [&table.stabilise_after, &table.stabilise_increments];
-    let setting = settings.into_iter().flatten().map(Spanned::span).next();
+    let drag = table.stabilise_drag.as_ref().map(Spanned::span);
+    let setting = settings.into_iter().flatten().map(Spanned::span).chain(drag).next();
     if let Some(span) = switch.or(setting.clone()).filter(|_| control.path != PathControl::Load) {
         return Err(document
             .error_at(span, "where the load factor is an unknown, steps are never stabilised")
@@ -114,6 +115,7 @@ fn stabilisation(document: &Document, control: &mut StepControl, table: &Loading
             let after = table.stabilise_after.as_ref().map(|after| *after.get_ref());
             stabilisation.after = after.or(stabilisation.after);
             replace(&mut stabilisation.most_increments, &table.stabilise_increments);
+            replace(&mut stabilisation.drag, &table.stabilise_drag);
             Ok(())
         }
     }

@@ -4,12 +4,13 @@
 use super::conditions::{ConditionTables, Conditions};
 use super::document::Document;
 use super::input_error::InputError;
+use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
 use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
 use super::sets::Sets;
 use super::solving::{refuse_equations, step_control, strategy, tolerances};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::Stage;
+use macro_solver::problem::{Procedure, Stage};
 use toml::Spanned;
 
 /// Name of the only stage of a scene without `[[stage]]`.
@@ -23,11 +24,11 @@ pub(super) fn stages(
     document: &Document,
     sets: &Sets<'_>,
     file: &SceneFile,
-    density: f64,
+    densities: &Densities,
 ) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
     let top = MotionTables { dynamics: &file.dynamics, relaxation: &file.relaxation };
     let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
-        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, density)
+        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, densities)
     };
     let mut conditions = Conditions::default();
     conditions.add(document, sets, &ConditionTables::from(file))?;
@@ -46,6 +47,7 @@ pub(super) fn stages(
         change(document, &mut stage, table)?;
         let own = MotionTables { dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
+        refuse_idle(document, &["stage", &stages.len().to_string()], &[&stage.procedure])?;
         stages.push(stage);
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
         outputs.push(StageOutput { name, fields_every });
@@ -54,12 +56,67 @@ pub(super) fn stages(
         stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
+    refuse_idle(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
     if stages.iter().all(|stage| stage.conditions.is_empty()) {
         return Err(document
             .error("the scene holds and loads nothing")
             .hint("add at least one [[boundary]] with set and displacement"));
     }
     Ok((stages, outputs))
+}
+
+/// Keys that only Newton's method looks at.
+const OF_NEWTON: [[&str; 2]; 21] = [
+    ["loading", "control"],
+    ["loading", "stabilise"],
+    ["loading", "stabilise_after"],
+    ["loading", "stabilise_increments"],
+    ["loading", "stabilise_drag"],
+    ["loading", "easy_iterations"],
+    ["loading", "max_iterations"],
+    ["loading", "adapt"],
+    ["solver", "strategy"],
+    ["solver", "renewal"],
+    ["solver", "renewal_contraction"],
+    ["solver", "renewal_uses"],
+    ["solver", "quasi_newton_pairs"],
+    ["solver", "target_grid"],
+    ["solver", "criteria"],
+    ["solver", "energy_tolerance"],
+    ["solver", "displacement_tolerance"],
+    ["solver", "tangent"],
+    ["solver", "secant"],
+    ["solver", "capped_change"],
+    ["solver", "equations"],
+];
+
+/// Keys that every step in balance needs, and no motion.
+const OF_BALANCE: [[&str; 2]; 6] = [
+    ["loading", "increments"],
+    ["loading", "smallest_increment"],
+    ["loading", "growth"],
+    ["loading", "cut"],
+    ["solver", "force_tolerance"],
+    ["solver", "predictor"],
+];
+
+/// Refuses keys of the tables at `place` that nothing would look at, because none of the stages for which they hold is solved in
+/// a way that does.
+fn refuse_idle(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
+    let solved = |kinds: &[&str]| procedures.iter().any(|procedure| kinds.contains(&procedure.keyword()));
+    let (newton, balance) = (solved(&["implicit"]), solved(&["implicit", "relaxation"]));
+    let idle = OF_NEWTON.iter().filter(|_| !newton).chain(OF_BALANCE.iter().filter(|_| !balance));
+    for key in idle {
+        let path: Vec<&str> = place.iter().chain(key).copied().collect();
+        if document.is_written(&path) {
+            let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
+            let problem = format!("nothing looks at this key in a stage with procedure = \"{}\"", keywords[0]);
+            return Err(document.error_at_key(&path, problem).hint(
+                "leave it out; docs/scene.md says which keys belong to implicit, relaxation and dynamic stages",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// What the tables at the top say about every stage.
@@ -110,7 +167,11 @@ mod tests {
     use std::path::Path;
 
     fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/compression-shear.toml");
+        stages_of("compression-shear", more)
+    }
+
+    fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{scene}.toml"));
         let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
         Scene::load(&path, &overrides).map(|scene| scene.problem.stages).map_err(|error| error.to_string())
     }
@@ -177,6 +238,46 @@ mod tests {
     }
 
     #[test]
+    fn keys_that_nothing_would_look_at_are_refused_with_their_place() {
+        let refused = |scene: &str, more: &[&str], place: &str, procedure: &str| {
+            let error = stages_of(scene, more).err().unwrap_or_else(|| panic!("{scene} with {more:?} was accepted"));
+            let place = format!("--set {place}=");
+            assert!(error.starts_with(&place) && error.contains("nothing looks at this key"), "{more:?}: {error}");
+            assert!(error.contains(&format!("procedure = \"{procedure}\"")), "{more:?}: {error}");
+        };
+        let of_newton = [
+            "loading.control={ arc_length = { first_load = 0.1 } }",
+            "loading.stabilise_after=3",
+            "loading.max_iterations=9",
+            "solver.criteria=[\"force_over_reactions\"]",
+            "solver.strategy=newton",
+            "solver.displacement_tolerance=1e-3",
+        ];
+        for key in of_newton {
+            let place = key.split('=').next().unwrap();
+            refused("biaxial-relaxation", &[key], place, "relaxation");
+            refused("shear-column", &[key], place, "dynamic");
+            // Where one stage is implicit, the top speaks to that one; the others are not to say it again.
+            let mixed = "stage.1.procedure=dynamic";
+            assert!(stages(&[mixed, "stage.1.solver={}", "stage.1.loading={}", key]).is_ok(), "{key}");
+            let (own, place) = (format!("stage.1.{key}"), format!("stage.1.{place}"));
+            refused(
+                "compression-shear",
+                &[mixed, "stage.1.solver={}", "stage.1.loading={}", &own],
+                &place,
+                "dynamic",
+            );
+        }
+        refused("shear-column", &["loading.increments=5"], "loading.increments", "dynamic");
+        refused("shear-column", &["solver.force_tolerance=1e-3"], "solver.force_tolerance", "dynamic");
+        for key in
+            ["loading.increments=5", "loading.cut=0.3", "solver.force_tolerance=1e-3", "solver.predictor=tangent"]
+        {
+            assert!(stages_of("biaxial-relaxation", &[key]).is_ok(), "{key}");
+        }
+    }
+
+    #[test]
     fn stages_say_how_they_are_stabilised_and_contradictions_are_refused() {
         let told = |more: &[&str]| {
             let stages = stages(more).unwrap();
@@ -190,6 +291,10 @@ mod tests {
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
         assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
         assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
+        let slow = Stabilisation { drag: 0.3, ..by_default };
+        assert_eq!(told(&["loading.stabilise_drag=0.3"]), [Some(slow); 2]);
+        let error = stages(&["loading.stabilise_drag=0"]).unwrap_err();
+        assert!(error.contains("loading.stabilise_drag") && error.contains("above 0"), "{error}");
         let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
         assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early)]);
         let one_arc = format!("stage.1.{arc}");
@@ -204,7 +309,7 @@ mod tests {
             assert!(names_all, "{more:?}: {error}");
         };
         let in_vain = ["stabilise = false", "write stabilise = true"];
-        for key in ["stabilise_after", "stabilise_increments"] {
+        for key in ["stabilise_after", "stabilise_increments", "stabilise_drag"] {
             let written = format!("loading.{key}=5");
             refused(&["loading.stabilise=false", &written], &format!("loading.{key}"), in_vain);
             let (place, of_stage) = (format!("stage.1.loading.{key}"), format!("stage.1.{written}"));

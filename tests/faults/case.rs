@@ -4,6 +4,7 @@ use super::compare::same;
 use super::draw::Draw;
 use super::fault::{Fault, State};
 use super::macros::{Macro, children_of, strike};
+use super::short_scenes::{SHORT_SCENES, ShortScene};
 use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -12,9 +13,6 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// Sizes of the runs: elements across and up, increments.
-const SIZES: [(u32, u32, u32); 3] = [(1, 1, 6), (1, 2, 5), (2, 2, 4)];
 
 /// Faulty workers of one case; those that come later are sound, so that the run reaches its end.
 const FAULTY: usize = 10;
@@ -95,21 +93,18 @@ impl Site {
         self.folder.path().join(name)
     }
 
-    fn arguments(&self, out: &str, size: (u32, u32, u32), more: &[&str]) -> Vec<String> {
-        let (across, up, increments) = size;
-        let mut words: Vec<String> = ["run", "scenes/biaxial-small.toml", "--out"].map(str::to_owned).to_vec();
+    fn arguments(&self, out: &str, scene: ShortScene, more: &[&str]) -> Vec<String> {
+        let mut words = vec!["run".to_owned(), format!("scenes/{}.toml", scene.file), "--out".to_owned()];
         words.push(self.path(out).display().to_string());
         // A hang has to be noticed soon, and a storm of faults must not look like one deadly job.
-        for set in [
-            &format!("mesh.elements=[{across}, {up}]"),
-            &format!("loading.increments={increments}"),
+        for &set in scene.set.iter().chain(&[
             "pool.hang_floor=1.5",
             "pool.hang_unknown=1.5",
             "pool.hang_factor=4.0",
             "pool.stopped_limit=0.3",
             "pool.quarantine_after=1000",
             "pool.restarts=1000",
-        ] {
+        ]) {
             words.extend(["--set".to_owned(), set.to_owned()]);
         }
         words.extend(more.iter().map(|&word| word.to_owned()));
@@ -118,19 +113,19 @@ impl Site {
 
     /// Makes the undisturbed runs, so that nobody waits for them and they tell how long a run takes.
     pub fn prepare(&self) -> Result<(), String> {
-        SIZES.iter().try_for_each(|&size| self.reference(size).map(drop))
+        SHORT_SCENES.iter().try_for_each(|&scene| self.reference(scene).map(drop))
     }
 
-    /// The undisturbed run of this size, made once; returns its folder and how long it took.
-    fn reference(&self, size: (u32, u32, u32)) -> Result<(PathBuf, Duration), String> {
-        let name = format!("reference-{}-{}", size.0, size.1);
+    /// The undisturbed run of this scene, made once; returns its folder and how long it took.
+    fn reference(&self, scene: ShortScene) -> Result<(PathBuf, Duration), String> {
+        let name = format!("reference-{}", scene.name);
         let (folder, clock) = (self.path(&name), self.path(&format!("{name}.clock")));
         if let Ok(text) = fs::read_to_string(&clock) {
             return Ok((folder, Duration::from_secs_f64(text.parse().unwrap_or(1.0))));
         }
         let begun = Instant::now();
         let mut run =
-            Macro::start(&self.arguments(&name, size, &["--workers", "2"]), &self.path(&format!("{name}.stderr")));
+            Macro::start(&self.arguments(&name, scene, &["--workers", "2"]), &self.path(&format!("{name}.stderr")));
         wait(&mut run, |_| {})?;
         let took = begun.elapsed();
         fs::write(&clock, took.as_secs_f64().to_string()).map_err(|error| error.to_string())?;
@@ -139,18 +134,19 @@ impl Site {
 
     /// Runs one case.
     pub fn run(&self, number: u64, draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
-        let size = draw.pick(&SIZES);
-        let (reference, took) = self.reference(size)?;
+        let scene = draw.pick(&SHORT_SCENES);
+        let (reference, took) = self.reference(scene)?;
         let name = format!("case-{number}");
         let begun = Instant::now();
         let (manner, ended) = match number % 3 {
-            0 => ("faulty", self.faulty(&name, size, draw, tally)),
-            1 => ("struck", self.struck(&name, size, took, draw, tally)),
-            _ => ("continued", self.resumed(&name, size, took, draw, tally)),
+            0 => ("faulty", self.faulty(&name, scene, draw, tally)),
+            1 => ("struck", self.struck(&name, scene, took, draw, tally)),
+            _ => ("continued", self.resumed(&name, scene, took, draw, tally)),
         };
         *tally.seconds.entry(manner).or_default() += begun.elapsed().as_secs_f64();
-        ended?;
-        same(&self.path(&name), &reference)?;
+        let of_scene = |reason: String| format!("{}: {reason}", scene.name);
+        ended.map_err(of_scene)?;
+        same(&self.path(&name), &reference).map_err(of_scene)?;
         let left = fs::read_dir(format!("/dev/shm/grainspan-{}", rustix::process::getuid().as_raw()));
         let left: Vec<_> = left.into_iter().flatten().flatten().map(|entry| entry.file_name()).collect();
         let ours = format!("c{}-{number}", std::process::id());
@@ -162,11 +158,11 @@ impl Site {
     }
 
     /// Workers that fail in given ways at given states.
-    fn faulty(&self, name: &str, size: (u32, u32, u32), draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
+    fn faulty(&self, name: &str, scene: ShortScene, draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
         let run = format!("c{}-{}", std::process::id(), name.trim_start_matches("case-"));
         let workers = 1 + draw.below(3) as usize;
         let count = workers.to_string();
-        let arguments = self.arguments(name, size, &["--attach", &run, "--workers", &count]);
+        let arguments = self.arguments(name, scene, &["--attach", &run, "--workers", &count]);
         let log = self.path(&format!("{name}.faults"));
         let mut crew = Crew { run, log: log.clone(), workers: Vec::new(), hired: 0 };
         let mut r#macro = Macro::start(&arguments, &self.path(&format!("{name}.stderr")));
@@ -183,13 +179,13 @@ impl Site {
     fn struck(
         &self,
         name: &str,
-        size: (u32, u32, u32),
+        scene: ShortScene,
         took: Duration,
         draw: &mut Draw,
         tally: &mut Tally,
     ) -> Result<(), String> {
         let count = (1 + draw.below(3)).to_string();
-        let arguments = self.arguments(name, size, &["--workers", &count]);
+        let arguments = self.arguments(name, scene, &["--workers", &count]);
         let mut left = 2 + draw.below(6);
         let pause = |draw: &mut Draw| took.mul_f64(draw.below(1000) as f64 / 2500.0);
         let mut next = Instant::now() + pause(draw);
@@ -210,13 +206,13 @@ impl Site {
     fn resumed(
         &self,
         name: &str,
-        size: (u32, u32, u32),
+        scene: ShortScene,
         took: Duration,
         draw: &mut Draw,
         tally: &mut Tally,
     ) -> Result<(), String> {
         let pause = ["checkpoint.seconds=0", "checkpoint.steps=1", "checkpoint.steps=2"][draw.below(3) as usize];
-        let arguments = self.arguments(name, size, &["--workers", "2", "--resume", "--set", pause]);
+        let arguments = self.arguments(name, scene, &["--workers", "2", "--resume", "--set", pause]);
         let stderr = self.path(&format!("{name}.stderr"));
         for _ in 0..2 + draw.below(4) {
             let mut run = Macro::start(&arguments, &stderr);

@@ -2,8 +2,8 @@
 //!
 //! Without arguments a fast selection runs, as part of the tests. `cargo test --release --test faults -- --cases 120
 //! --seed 7` is a campaign; `--case K` repeats one case of it, `--jobs N` runs N at
-//! a time: most of the time of a case is waiting for deadlines. Every case is a small run of the real program that is
-//! disturbed in one of three manners, and compared byte for byte with the same run undisturbed:
+//! a time: most of the time of a case is waiting for deadlines. Every case is a run of the real program on a shipped scene,
+//! shortened, that is drawn from all procedures, links, regions and stages. It is disturbed in one of three manners, and compared byte for byte with the same run undisturbed:
 //!
 //! - *faulty*: the workers are this program in the role of a worker. It is the real worker loop with the real engine, and
 //!   fails in a given way when it reaches a given state of the protocol;
@@ -20,6 +20,8 @@ mod compare;
 mod draw;
 mod fault;
 mod macros;
+#[path = "../harness/short_scenes.rs"]
+mod short_scenes;
 mod steady;
 mod worker;
 

@@ -1,6 +1,8 @@
 //! Runs the real program in a place of its own, under a watchdog. Not every test file uses all of it.
 #![allow(dead_code, unreachable_pub, missing_docs, reason = "each test file compiles its own copy")]
 
+pub mod short_scenes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};

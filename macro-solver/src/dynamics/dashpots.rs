@@ -18,11 +18,16 @@ pub(super) struct Dashpots {
 
 impl Dashpots {
     /// Absorbing `sides` of a body with the mass density `density` (kg/m3) and the stiffness `stiffness` of each element.
-    fn new(body: &Body, sides: &[Side], density: f64, stiffness: impl Fn(usize) -> Isotropic) -> Self {
+    fn new(
+        body: &Body,
+        sides: &[Side],
+        density: impl Fn(usize) -> f64,
+        stiffness: impl Fn(usize) -> Isotropic,
+    ) -> Self {
         let mesh = body.mesh();
         let mut dashpots = Self { nodes: vec![None; mesh.nodes.len()] };
         for &side in sides {
-            let moduli = stiffness(side.element);
+            let (moduli, density) = (stiffness(side.element), density(side.element));
             let longitudinal = (density * moduli.longitudinal()).sqrt();
             let shear = (density * moduli.shear).sqrt();
             let nodes = mesh.side_nodes(side);
@@ -54,7 +59,7 @@ impl Dashpots {
         let sides_of = |name: &String| specimen.problem.sides(name).expect("checked before the run");
         let sides: Vec<Side> = specimen.settings.absorbing.iter().flat_map(sides_of).copied().collect();
         let first = |element: usize| stiffness[specimen.body.points_of(element).start];
-        Self::new(specimen.body, &sides, specimen.settings.density, first)
+        Self::new(specimen.body, &sides, |element| specimen.settings.density_of(element), first)
     }
 
     /// Whether a damper of a node couples the component `axis` with others.

@@ -18,6 +18,8 @@ pub(crate) struct ElementLaws<'a> {
     /// Stiffness of every point, for viscous stresses.
     pub(crate) stiffness: &'a [Isotropic],
     pub(crate) viscosity: Viscosity,
+    /// Mass density of every element, kg/m3; empty: that of `viscosity`.
+    pub(crate) densities: &'a [f64],
     pub(crate) hourglass: HourglassControl,
 }
 
@@ -97,7 +99,7 @@ impl ElementLaws<'_> {
             if is_viscous {
                 let rate = self.rate(nodes, geometry, motion.velocity, &point.deformation);
                 let length = geometry.volume.powf(1.0 / dimension as f64);
-                let stress = self.viscosity.stress(self.stiffness[number], length, &rate);
+                let stress = self.viscosity_of(element).stress(self.stiffness[number], length, &rate);
                 add_force(dimension, geometry, nodes.len(), &point.nominal(formulation, &stress), &mut part.viscous);
             }
         }
@@ -123,6 +125,12 @@ impl ElementLaws<'_> {
         part.hourglass_energy = modes.energy(stiffness, &amplitudes);
     }
 
+    /// The viscous law in an element.
+    pub(crate) fn viscosity_of(&self, element: usize) -> Viscosity {
+        let density = self.densities.get(element).copied().unwrap_or(self.viscosity.density);
+        Viscosity { density, ..self.viscosity }
+    }
+
     /// Stiffness, N/m, and viscosity, N s/m, of the hourglass modes of an element: one of them is zero.
     pub(crate) fn hourglass_factors(&self, element: usize) -> (f64, f64) {
         let Some(modes) = self.body.hourglass(element) else { return (0.0, 0.0) };
@@ -130,7 +138,7 @@ impl ElementLaws<'_> {
         match self.hourglass {
             HourglassControl::Stiffness { coefficient } => (modes.stiffness(coefficient, shear), 0.0),
             HourglassControl::Viscous { coefficient } => {
-                (0.0, modes.viscosity(coefficient, shear, self.viscosity.density))
+                (0.0, modes.viscosity(coefficient, shear, self.viscosity_of(element).density))
             }
         }
     }

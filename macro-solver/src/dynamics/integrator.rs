@@ -329,6 +329,7 @@ impl Integrator {
             points: specimen.points,
             stiffness: &self.stiffness,
             viscosity: self.viscosity,
+            densities: &specimen.settings.element_densities,
             hourglass: specimen.problem.hourglass,
         }
     }
@@ -392,7 +393,7 @@ impl Integrator {
         Outcome::Unstable { step: self.done, time: self.time(), time_step: self.step, reason }
     }
 
-    /// What a failed evaluation means: there is no smaller step to try.
+    /// What a failed evaluation means: smaller steps have been tried by the points that refused.
     fn at_step(&self, outcome: Outcome) -> Outcome {
         match outcome {
             Outcome::DidNotConverge { reason } => self.unstable(reason),
@@ -493,7 +494,8 @@ impl Specimen<'_> {
         material: &mut dyn PointMaterial,
     ) -> Result<(), Outcome> {
         let mut waiting = 0;
-        let answered = timed(&mut waiting, || self.points.evaluate(gradients, tangent, material, self.statistics));
+        let answered =
+            timed(&mut waiting, || self.points.evaluate_in_parts(gradients, tangent, material, self.statistics));
         self.statistics.material_nanoseconds += waiting;
         match answered {
             Ok(_) => Ok(()),

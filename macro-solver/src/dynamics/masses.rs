@@ -15,7 +15,7 @@ pub(super) fn element_masses(body: &Body, settings: &DynamicSettings) -> Result<
     (0..mesh.elements.len())
         .map(|element| {
             let positions = mesh.element_positions(element);
-            Ok(lumped_masses(mesh.kinds[element], &positions, settings.density, settings.lumping)?)
+            Ok(lumped_masses(mesh.kinds[element], &positions, settings.density_of(element), settings.lumping)?)
         })
         .collect()
 }

@@ -86,6 +86,8 @@ pub enum Reporting {
 pub struct DynamicSettings {
     /// Mass per initial volume of the body, voids included, kg/m3.
     pub density: f64,
+    /// The same of every element where they differ, kg/m3; empty: `density` everywhere.
+    pub element_densities: Vec<f64>,
     /// How elements give their mass to their nodes.
     pub lumping: Lumping,
     /// Time step.
@@ -116,6 +118,7 @@ impl DynamicSettings {
     pub fn new(density: f64) -> Self {
         Self {
             density,
+            element_densities: Vec::new(),
             lumping: Lumping::default(),
             step: StepRule::default(),
             mass_scaling: MassScaling::default(),
@@ -130,12 +133,22 @@ impl DynamicSettings {
         }
     }
 
+    /// Mass density of an element, kg/m3.
+    pub fn density_of(&self, element: usize) -> f64 {
+        self.element_densities.get(element).copied().unwrap_or(self.density)
+    }
+
     /// Checks every number and every set named.
     ///
     /// # Errors
     /// The first defect found.
     pub fn validate(&self, problem: &Problem) -> Result<(), ProblemError> {
         self.check_numbers()?;
+        let (given, elements) = (self.element_densities.len(), problem.mesh.elements.len());
+        if given != 0 && given != elements {
+            let requirement = "as many as there are elements, or none";
+            return Err(ProblemError::Number { what: "element densities", requirement, value: given as f64 });
+        }
         for velocity in &self.initial_velocities {
             problem.nodes(&velocity.nodes)?;
         }
@@ -150,6 +163,7 @@ impl DynamicSettings {
         let positive = |what, value: f64| (what, value, "above 0", value > 0.0);
         let mut checks = vec![
             positive("density", self.density),
+            positive("density", self.element_densities.iter().copied().fold(self.density, f64::min)),
             at_least_zero("mass damping", self.damping.mass),
             at_least_zero("stiffness damping", self.damping.stiffness),
             at_least_zero("linear viscosity", self.viscosity.linear),

@@ -55,7 +55,7 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
     let of_element = |element: usize| {
         let viscous = |number: usize| {
             let length = body.settled_geometry()[number].volume.powf(1.0 / body.mesh().dimension.count() as f64);
-            laws.viscosity.moduli(laws.stiffness[number], length)
+            laws.viscosity_of(element).moduli(laws.stiffness[number], length)
         };
         let is_viscous = !laws.viscosity.is_none();
         let (springs, dampers) = laws.hourglass_factors(element);

@@ -5,6 +5,7 @@ mod relaxation;
 mod resuming;
 mod softening;
 mod stability;
+mod sub_steps;
 mod ties;
 mod waves;
 

@@ -3,6 +3,7 @@
 //! Every trial starts from the committed state. Within a step the number of ramp increments of a point is fixed, so
 //! that its stress is one function of its target.
 
+mod parts;
 mod record;
 
 pub(super) use record::{PointRecord, copy};
@@ -16,7 +17,7 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Dimension;
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::{FlagCounts, Outcome, Statistics};
-use crate::problem::{Problem, SecantGates, Strategy};
+use crate::problem::{Problem, SecantGates, Stage};
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
 
@@ -169,7 +170,8 @@ impl Points {
             secant: strategy.secant,
             keep_unchanged: strategy.keep_unchanged,
             neighbours: problem.nonlocal.as_ref().map(|settings| {
-                NonlocalLayer::new(&point_places(&problem.mesh), &[], settings).expect("checked before the run")
+                let periods = problem.periods(&problem.stages[0]).expect("checked before the run");
+                NonlocalLayer::new(&point_places(&problem.mesh), &periods, settings).expect("checked before the run")
             }),
             strains: Vec::new(),
             target_grid: strategy.target_grid,
@@ -178,7 +180,13 @@ impl Points {
     }
 
     /// Takes up the choices of a stage.
-    pub(crate) fn choose(&mut self, strategy: &Strategy) {
+    pub(crate) fn choose(&mut self, problem: &Problem, stage: &Stage) {
+        let strategy = &stage.strategy;
+        if let Some(neighbours) = &mut self.neighbours {
+            let periods = problem.periods(stage).expect("checked before the run");
+            let places = point_places(&problem.mesh);
+            *neighbours = neighbours.with_periods(&places, &periods).expect("checked before the run");
+        }
         self.tangent_floor = strategy.tangent_floor;
         self.secant = strategy.secant;
         self.keep_unchanged = strategy.keep_unchanged;
@@ -222,8 +230,15 @@ impl Points {
         if self.strain_per_step == 0.0 {
             return;
         }
-        for (point, gradient) in self.points.iter_mut().zip(predicted) {
-            let ramp_steps = (gradient.amax() / self.strain_per_step).round().clamp(1.0, f64::from(u32::MAX)) as u32;
+        // What neighbours do reaches a point that does not strain itself. A point that is turned inside out is told of
+        // when it is asked.
+        let seen = self.average_strains(predicted).ok().flatten();
+        for (number, (point, gradient)) in self.points.iter_mut().zip(predicted).enumerate() {
+            let averaged = seen
+                .as_ref()
+                .and_then(|seen| self.formulation.target_of_strain(&point.deformation, gradient, &seen[number]));
+            let largest = averaged.map_or(gradient.amax(), |target| target.amax());
+            let ramp_steps = (largest / self.strain_per_step).round().clamp(1.0, f64::from(u32::MAX)) as u32;
             if ramp_steps != point.ramp_steps {
                 // Another ramp is another function: earlier answers of this step do not belong to it.
                 point.ramp_steps = ramp_steps;
@@ -243,6 +258,33 @@ impl Points {
         tangent: TangentKind,
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
+    ) -> Result<Sweep, Failure> {
+        self.evaluate_by(gradients, tangent, statistics, |_, trials, _| material.evaluate(trials))
+    }
+
+    /// The same where the step cannot be made smaller: a point that refuses its trial goes there in parts, see
+    /// [`Points::answers_in_parts`].
+    ///
+    /// # Errors
+    /// [`Failure::Attempt`] if smaller parts do not help, otherwise the end of the run.
+    pub(crate) fn evaluate_in_parts(
+        &mut self,
+        gradients: &[Matrix3<f64>],
+        tangent: TangentKind,
+        material: &mut dyn PointMaterial,
+        statistics: &mut Statistics,
+    ) -> Result<Sweep, Failure> {
+        self.evaluate_by(gradients, tangent, statistics, |points, trials, statistics| {
+            points.answers_in_parts(trials, material, statistics)
+        })
+    }
+
+    fn evaluate_by(
+        &mut self,
+        gradients: &[Matrix3<f64>],
+        tangent: TangentKind,
+        statistics: &mut Statistics,
+        answers: impl FnOnce(&mut Self, &mut [PointTrial], &mut Statistics) -> Result<Vec<TrialAnswer>, MaterialError>,
     ) -> Result<Sweep, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
         let seen = self.average_strains(gradients)?;
@@ -267,7 +309,7 @@ impl Points {
         if trials.is_empty() {
             return Ok(sweep);
         }
-        let answers = material.evaluate(&trials).map_err(|error| {
+        let answers = answers(self, &mut trials, statistics).map_err(|error| {
             statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
             failure(error)
         })?;
@@ -326,6 +368,7 @@ impl Points {
                 trial.point
             )));
         }
+        statistics.asymmetric_stresses += u64::from(is_asymmetric(&matrix(&answer.stress)));
         let (dimension, formulation) = (self.dimension, self.formulation);
         let point = &mut self.points[trial.point];
         if trial.ask.tangent == TangentKind::None {
@@ -425,6 +468,14 @@ pub(crate) struct Sweep {
     pub(crate) skipped: u64,
 }
 
+/// Share of the largest component by which a Cauchy stress of grains in balance may lack symmetry.
+const LARGEST_ASYMMETRY: f64 = 1e-2;
+
+/// Whether a Cauchy stress is not symmetric, beyond what grains that are nearly at rest leave: couples that nothing carries.
+fn is_asymmetric(stress: &Matrix3<f64>) -> bool {
+    (stress - stress.transpose()).amax() > LARGEST_ASYMMETRY * stress.amax()
+}
+
 fn add_cost(total: &mut Cost, cost: &Cost) {
     total.force_evaluations += cost.force_evaluations;
     total.ramp_steps += cost.ramp_steps;
@@ -435,7 +486,9 @@ fn add_cost(total: &mut Cost, cost: &Cost) {
 /// What a material's error means for the run.
 pub(crate) fn failure(error: MaterialError) -> Failure {
     match error {
-        MaterialError::Point { .. } => Failure::Attempt(error.to_string()),
+        MaterialError::Point { .. } if error.is_curable_by_smaller_step() => Failure::Attempt(error.to_string()),
+        // Asking for less would only repeat it.
+        MaterialError::Point { .. } => Failure::Run(Outcome::DidNotConverge { reason: error.to_string() }),
         MaterialError::Interrupted => Failure::Run(Outcome::Interrupted),
         MaterialError::WorkersLost(reason) | MaterialError::Channel(reason) => {
             Failure::Run(Outcome::WorkersLost { reason })

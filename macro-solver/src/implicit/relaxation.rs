@@ -156,6 +156,7 @@ impl Solver<'_> {
             points: &self.points,
             stiffness: &[],
             viscosity: Viscosity::NONE,
+            densities: &[],
             hourglass: self.problem.hourglass,
         }
     }

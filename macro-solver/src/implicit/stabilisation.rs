@@ -2,11 +2,13 @@
 //!
 //! When grains rearrange at once, the stress of a point jumps, and the body has no balance that Newton's method could
 //! find from where it stands. An experiment goes on by itself there until it finds a new one. So does the body here, in
-//! a viscous drag: with supports and loads at rest it obeys `C du/dt = -R(u)`, where `C` is its first stiffness, taken as
-//! isotropic. Increments are linearly implicit (`(K + drag C) du = -R`), each evaluated once and **committed** though it is
-//! not in balance, because grains remember the way: from the old state a snap would be met again and again. The drag
-//! falls with the out-of-balance force and rises when that turns around, so that the last increments are Newton's. The state
-//! that is accepted in the end fulfils the criteria of every other step, without the drag.
+//! a viscous drag: it obeys `C du/dt = -R(u)`, where `C` is its first stiffness, taken as isotropic. Supports and loads go
+//! to the end of the step as fast as no point is strained by more than the cap in one increment, and wait there; they also
+//! wait while the body has more to catch up with than half the cap. Increments are linearly implicit (`(K + drag C) du = -R`),
+//! each evaluated once and **committed** though it is not in balance, because grains remember the way: from the old
+//! state a snap would be met again and again. The drag falls with the out-of-balance force and rises when that turns
+//! around, so that the last increments are Newton's. The state that is accepted in the end fulfils the criteria of every
+//! other step, without the drag.
 
 use super::linear_solver::{Block, LinearSolverError, norm};
 use super::newton::{Converged, largest_component};
@@ -17,14 +19,11 @@ use crate::elastic::isotropic_moduli;
 use crate::element::integrals::add_stiffness;
 use crate::formulation::{Configuration, Formulation};
 use crate::observer::{Outcome, Stabilised};
-use crate::problem::{Moment, Procedure, Stabilisation};
+use crate::problem::{Procedure, Stabilisation};
 use nalgebra::Matrix3;
 
-/// Drag of the first increment, in terms of the first stiffness.
-const FIRST_DRAG: f64 = 0.1;
-
-/// Drag after an increment that went too far is at least this.
-const LEAST_DRAG: f64 = 0.01;
+/// Drag after an increment that went too far is at least this share of the first.
+const LEAST_DRAG: f64 = 0.1;
 
 /// Share of the out-of-balance force that an increment may leave without the next being stretched.
 const SLOW: f64 = 0.5;
@@ -41,20 +40,45 @@ const MOST_RETREATS: usize = 3;
 /// Factor on the drag for each.
 const RETREAT: f64 = 4.0;
 
+/// Share of the cap that the body may have to catch up with while supports and loads go on.
+const CATCHING_UP: f64 = 0.5;
+
+/// Excess over the cap that is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Times that a motion of supports and loads is halved because it strains the body by more than it should.
+const MOST_HALVINGS: usize = 20;
+
+/// An increment in which supports and loads cover less than this share of the step counts as one in which they stand.
+const LEAST_ADVANCE: f64 = 1e-3;
+
 /// The body under way.
 struct Way {
+    /// Drag of the first increment.
+    first_drag: f64,
     drag: f64,
     /// Factor on increments.
     stretch: f64,
     drag_blocks: Vec<Block>,
     /// Increments taken back in a row.
     retreats: usize,
+    /// Share of the stage's path at which supports and loads stand.
+    reached: f64,
     /// Change of the displacements so far, m, by degree of freedom.
     increment: Vec<f64>,
     /// Displacement gradients of the points over the way so far.
     gradients: Vec<Matrix3<f64>>,
     /// What is told of the way.
     event: Stabilised,
+}
+
+/// An increment to be tried.
+struct Move {
+    increment: Vec<f64>,
+    /// Share of the stage's path at which supports and loads stand after it.
+    to: f64,
+    /// Out-of-balance force along the unknowns before it, with what the motion of supports and loads adds.
+    pull: Vec<f64>,
 }
 
 impl Solver<'_> {
@@ -79,7 +103,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
         self.statistics.cut_backs += 1;
-        let mut way = self.way(passed, reason);
+        let mut way = self.way(settings.drag, passed, reason);
         // Forces of the drag would teach it wrong pairs.
         let mut memory = self.memory.take();
         let crept = self.creep(&mut way, settings, passed, session);
@@ -101,12 +125,14 @@ impl Solver<'_> {
     }
 
     /// A way that begins at the committed state.
-    fn way(&self, passed: f64, reason: String) -> Way {
+    fn way(&self, first_drag: f64, passed: f64, reason: String) -> Way {
         Way {
-            drag: FIRST_DRAG,
+            first_drag,
+            drag: first_drag,
             stretch: 1.0,
             drag_blocks: self.body.first_stiffness(|point| self.points.all()[point].first_moduli()),
             retreats: 0,
+            reached: self.passed,
             increment: self.body.zero(),
             gradients: vec![Matrix3::zeros(); self.points.all().len()],
             event: Stabilised {
@@ -131,10 +157,20 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
         let mut last = String::new();
-        for iteration in 1..=settings.most_increments {
+        // Increments on the way to the end of the step are as many as the cap makes them.
+        let (mut waiting, least_advance) = (0, LEAST_ADVANCE * (passed - self.passed));
+        for iteration in 1.. {
+            if waiting == settings.most_increments {
+                break;
+            }
             self.statistics.iterations += 1;
+            let from = way.reached;
             let force_ratio = self.creep_on(way, passed, iteration, session)?;
+            waiting += usize::from(way.reached >= passed || way.reached - from < least_advance);
             last = format!("out-of-balance {force_ratio:.2e}");
+            if way.reached < passed {
+                continue;
+            }
             let tolerances = &self.stage().tolerances;
             if way.retreats > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
                 continue;
@@ -171,13 +207,12 @@ impl Solver<'_> {
         iteration: usize,
         session: &mut Session<'_>,
     ) -> Result<f64, Failure> {
-        let moment = self.moment(passed);
-        let (increment, before) = self.dragged_increment(way, moment).map_err(failed)?;
+        let Move { increment, to, pull: before } = self.dragged_increment(way, passed).map_err(failed)?;
         self.renewer.begin_attempt(true);
         let predicted = self.body.gradients(&increment);
         self.points.begin_attempt(&predicted);
         let mut report = self.blank_report(passed, iteration);
-        let evaluated = match self.evaluate(&increment, passed, session) {
+        let evaluated = match self.evaluate(&increment, to, session) {
             Err(Failure::Attempt(reason)) => {
                 self.turn_down(report, session);
                 if way.retreats >= MOST_RETREATS {
@@ -201,14 +236,16 @@ impl Solver<'_> {
         }
         session.observer.iterated(&report);
         session.material.commit().map_err(failure)?;
-        let gradients = self.settle(&increment);
-        way.retreats = 0;
-        way.adapt(worse, dot(&before, &after) < 0.0);
-        way.follow(&increment, &gradients, self.body.formulation());
         let along = self.constraints.select(&increment);
-        // Supports and loads move with the first increment, from a state in balance.
-        let at_its_begin = if way.event.increments == 0 { 0.0 } else { dot(&before, &along) };
+        // What supports and loads add does not belong to the drag.
+        let at_its_begin = dot(&self.constraints.restrict(&self.committed_balance.residual()), &along);
         let work = -0.5 * (at_its_begin + dot(&after, &along));
+        let gradients = self.settle(&increment);
+        let moved = to > way.reached;
+        way.reached = to;
+        way.retreats = 0;
+        way.adapt(worse, dot(&before, &after) < 0.0, moved);
+        way.follow(&increment, &gradients, self.body.formulation());
         way.event.work += work;
         self.statistics.creep_work += work;
         way.event.largest_imbalance = way.event.largest_imbalance.max(force_ratio);
@@ -223,38 +260,94 @@ impl Solver<'_> {
         self.points.forget_trials();
         self.points.forget_corrections();
         way.retreats += 1;
-        way.drag = (RETREAT * way.drag).max(FIRST_DRAG);
+        way.drag = (RETREAT * way.drag).max(way.first_drag);
         way.stretch = 1.0;
     }
 
-    /// The next increment, in which prescribed components are exact, and the out-of-balance force along the unknowns before
-    /// it, with what the supports' motion adds.
-    fn dragged_increment(&mut self, way: &Way, moment: Moment) -> Result<(Vec<f64>, Vec<f64>), LinearSolverError> {
-        let mut increment = self.given(moment);
-        let mut balance = self.committed_balance.clone();
-        balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
+    /// The next increment on the way to the share `passed` of the path. No component of a displacement gradient is
+    /// larger than `capped_change` in it, wherever that is: next to a support as anywhere else.
+    fn dragged_increment(&mut self, way: &Way, passed: f64) -> Result<Move, LinearSolverError> {
+        self.balance = self.committed_balance.clone();
         // Blocks of elements come first.
-        for (block, drag) in balance.blocks.iter_mut().zip(&way.drag_blocks) {
+        for (block, drag) in self.balance.blocks.iter_mut().zip(&way.drag_blocks) {
             for (entry, drag) in block.matrix.iter_mut().zip(&drag.matrix) {
                 *entry += way.drag * drag;
             }
         }
-        let mut pulled = balance.residual();
-        for (force, of_supports) in pulled.iter_mut().zip(balance.stiffness_times(&increment)) {
+        self.factorize()?;
+        let cap = self.stage().strategy.capped_change;
+        let at_rest = self.answer(way.reached)?;
+        let behind = self.largest_change(&at_rest);
+        if way.reached < passed {
+            // A motion that went too far is made smaller too.
+            let pace = cap / RETREAT.powi(i32::try_from(way.retreats).unwrap_or(i32::MAX));
+            if let Some(onwards) = self.onwards(way.reached, passed, &at_rest, behind, pace)? {
+                return Ok(onwards);
+            }
+        }
+        let Move { mut increment, to, pull } = at_rest;
+        let share = (cap / behind).min(way.stretch);
+        for &dof in self.constraints.free() {
+            increment[dof] *= share;
+        }
+        let moment = self.moment(to);
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        Ok(Move { increment, to, pull })
+    }
+
+    /// An increment in which supports and loads go on from the share `reached` of the path as far towards `passed` as no
+    /// point is strained by more than `pace`; `None` while the body has to catch up first. `at_rest` is the increment in
+    /// which they stand, and `behind` how much it strains the body.
+    fn onwards(
+        &mut self,
+        reached: f64,
+        passed: f64,
+        at_rest: &Move,
+        behind: f64,
+        pace: f64,
+    ) -> Result<Option<Move>, LinearSolverError> {
+        let whole = self.answer(passed)?;
+        if self.largest_change(&whole) <= pace {
+            return Ok(Some(whole));
+        }
+        if behind > CATCHING_UP * pace {
+            return Ok(None);
+        }
+        let by_motion: Vec<f64> =
+            whole.increment.iter().zip(&at_rest.increment).map(|(whole, rest)| whole - rest).collect();
+        let mut share = (pace - behind) / largest_component(&self.body.gradients(&by_motion));
+        for _ in 0..MOST_HALVINGS {
+            let part = self.answer(reached + share * (passed - reached))?;
+            if self.largest_change(&part) <= pace * (1.0 + ROUNDING) {
+                return Ok(Some(part));
+            }
+            // Histories need not be straight.
+            share *= 0.5;
+        }
+        Ok(None)
+    }
+
+    /// The linear answer of the body to supports and loads at the share `to` of the path, from the committed state and with
+    /// the factors in place. Prescribed components are exact.
+    fn answer(&mut self, to: f64) -> Result<Move, LinearSolverError> {
+        let moment = self.moment(to);
+        let mut increment = self.given(moment);
+        self.balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
+        let mut pulled = self.balance.residual();
+        for (force, of_supports) in pulled.iter_mut().zip(self.balance.stiffness_times(&increment)) {
             *force += of_supports;
         }
-        let before = self.constraints.restrict(&pulled);
-        self.balance = balance;
-        self.factorize()?;
-        let right: Vec<f64> = before.iter().map(|force| -force).collect();
-        let free = self.solve_linear(&right)?;
-        let capped = self.stage().strategy.capped_change;
-        let share = (capped / largest_component(&self.body.gradients(&free))).min(way.stretch);
+        let pull = self.constraints.restrict(&pulled);
+        let free = self.solve_linear(&pull.iter().map(|force| -force).collect::<Vec<f64>>())?;
         for &dof in self.constraints.free() {
-            increment[dof] = share * free[dof];
+            increment[dof] = free[dof];
         }
         self.constraints.complete(&mut increment, &self.body.displacements, moment);
-        Ok((increment, before))
+        Ok(Move { increment, to, pull })
+    }
+
+    fn largest_change(&self, of: &Move) -> f64 {
+        largest_component(&self.body.gradients(&of.increment))
     }
 
     /// Newton's correction of the committed state.
@@ -267,17 +360,17 @@ impl Solver<'_> {
 
 impl Way {
     /// Chooses drag and stretch after an increment that left the share `left` of the out-of-balance force, or turned it
-    /// around.
+    /// around; `moved` if supports and loads went on in it.
     ///
     /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
     /// short: neither wants more drag.
-    fn adapt(&mut self, left: f64, turned: bool) {
+    fn adapt(&mut self, left: f64, turned: bool, moved: bool) {
         if turned {
-            self.drag = (2.0 * self.drag).max(LEAST_DRAG);
+            self.drag = (2.0 * self.drag).max(LEAST_DRAG * self.first_drag);
         } else if left < 1.0 {
             self.drag *= (0.5 * left).max(0.2);
         }
-        let is_slow = !turned && left > SLOW;
+        let is_slow = !turned && !moved && left > SLOW;
         self.stretch = if is_slow { (2.0 * self.stretch).min(LARGEST_STRETCH) } else { 1.0 };
     }
 

@@ -26,7 +26,8 @@ impl Equations {
     /// A condition that does not fit the mesh.
     pub(super) fn new(problem: &Problem, stage: &Stage, body: &Body, start: &[f64]) -> Result<Self, ProblemError> {
         let prescribed = problem.prescribed_displacements(stage)?;
-        let equations = problem.equations(stage, &body.positions(&body.zero()))?;
+        // About where the stage begins, also when a run goes on within it.
+        let equations = problem.equations(stage, &body.positions_at(start))?;
         let constraints = Constraints::new(&prescribed, &dependents(&equations, &prescribed)?, start);
         let loads = Loads::new(problem, stage)?;
         let block_dofs: Vec<Vec<usize>> =
@@ -79,8 +80,9 @@ impl<'a> Solver<'a> {
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
         self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
-        let strategy = &self.stage().strategy;
-        self.points.choose(strategy);
+        let stage = &self.problem.stages[self.stage];
+        self.points.choose(self.problem, stage);
+        let strategy = &stage.strategy;
         self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);

@@ -1,16 +1,20 @@
 //! Checks of the implicit solver on closed-form materials.
 
+mod answers;
 mod bending;
+mod continued;
 mod convergence;
 mod equilibrium;
 mod formulations;
 mod initial;
 mod links;
+mod neighbours;
 mod noise;
 mod patch;
 mod path;
 mod plane_benchmarks;
 pub(crate) mod stabilisation;
+mod stabilised_columns;
 mod stages;
 mod stepping;
 mod strategies;

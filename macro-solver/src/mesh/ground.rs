@@ -6,6 +6,7 @@
 use super::block::graded;
 use super::lattice::{Lattice, LatticeMesh};
 use super::{Dimension, ElementKind, Mesh, MeshError};
+use std::collections::BTreeSet;
 
 /// A named part of the boundary and the places that belong to it.
 type Part<'a> = (&'a str, &'a dyn Fn([usize; 3]) -> bool);
@@ -65,7 +66,8 @@ pub struct HalfFooting {
 }
 
 /// Ground behind a wall that ends above the bottom. Side sets: `left` and its two parts, `wall` and `below`, `right`,
-/// `bottom`, `top`.
+/// `bottom`, `top`. Of the nodes, those at the foot of the wall belong to `wall` alone, so that it can move past what is
+/// held below.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RetainingWall {
     /// Along x from the wall.
@@ -150,7 +152,11 @@ impl RetainingWall {
             ("wall", &|p| p[0] == 0 && p[1] >= foot),
             ("below", &|p| p[0] == 0 && p[1] <= foot),
         ];
-        Ok(named(found, &parts, self.kind, self.thickness))
+        let mut mesh = named(found, &parts, self.kind, self.thickness);
+        // The foot of the wall moves with it; the ground below is held without it. Sides meet there all the same.
+        let of_wall: BTreeSet<usize> = mesh.node_sets["wall"].iter().copied().collect();
+        mesh.node_sets.entry("below".to_owned()).and_modify(|below| below.retain(|node| !of_wall.contains(node)));
+        Ok(mesh)
     }
 }
 
@@ -264,6 +270,13 @@ mod tests {
         assert_eq!(
             (mesh.side_sets["wall"].len(), mesh.side_sets["below"].len(), mesh.side_sets["left"].len()),
             (4, 2, 6)
+        );
+        let [above, below, left] = ["wall", "below", "left"].map(|set| &mesh.node_sets[set]);
+        assert!(below.iter().all(|node| !above.contains(node)), "the foot moves with the wall");
+        assert_eq!(above.len() + below.len(), left.len());
+        assert!(
+            above.iter().any(|&node| mesh.nodes[node][1] == 2.0)
+                && below.iter().any(|&node| mesh.nodes[node][1] == 0.0)
         );
         assert!(RetainingWall { wall: Section::even(4.0, 0), ..wall }.mesh().is_err());
     }

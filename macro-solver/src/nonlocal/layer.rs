@@ -39,6 +39,15 @@ impl NonlocalLayer {
         self.operator.settings().adjoint
     }
 
+    /// The same for a body that repeats otherwise from now on.
+    ///
+    /// # Errors
+    /// See [`NonlocalOperator::new`].
+    pub fn with_periods(&self, positions: &[[f64; 3]], periods: &[[f64; 3]]) -> Result<Self, NonlocalError> {
+        let operator = NonlocalOperator::new(positions, periods, self.operator.settings())?;
+        Ok(Self { operator, previous: self.previous.clone() })
+    }
+
     /// The increments of a step have been committed.
     pub fn commit(&mut self, strains: Vec<Matrix3<f64>>) {
         self.previous = strains;

@@ -1,4 +1,5 @@
-//! `history.csv`: one row per accepted step, with one column per probe behind the fixed ones, and the stage last.
+//! `history.csv`: one row per accepted step, with one column per probe behind the fixed ones, the stage where there are
+//! several, and last how the step was reached.
 //!
 //! Invariants: no timings (equal runs give equal bytes); after every [`HistoryWriter::append`] the file on disk ends
 //! with a complete row, also when the disk is full.
@@ -12,6 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// Columns that every history has, in order; probes follow.
 const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
+
+/// Columns that every history ends with.
+const LAST_COLUMNS: [&str; 2] = ["cut_backs", "stabilised"];
 
 /// One accepted step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +34,10 @@ pub struct HistoryRow {
     pub stage: usize,
     /// Values of the probes, in the order of the header; each in its own SI unit.
     pub probes: Vec<f64>,
+    /// Failed attempts before the step.
+    pub cut_backs: u64,
+    /// Increments of creep with which the step was stabilised; 0 if it was not.
+    pub stabilised: u64,
 }
 
 /// What a history holds beside the columns that every history has.
@@ -37,7 +45,7 @@ pub struct HistoryRow {
 pub struct HistoryLayout {
     /// A column for each probe.
     pub probes: Vec<String>,
-    /// Names of the stages; a last column `stage` tells them apart where there are several.
+    /// Names of the stages; a column `stage` behind the probes tells them apart where there are several.
     pub stages: Vec<String>,
 }
 
@@ -101,7 +109,8 @@ impl HistoryWriter {
 impl HistoryLayout {
     fn header(&self, path: &Path) -> Result<Vec<u8>, OutputError> {
         let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
-        encode(path, names.chain(self.tells_stages().then_some("stage")).map(str::to_owned))
+        let names = names.chain(self.tells_stages().then_some("stage")).chain(LAST_COLUMNS);
+        encode(path, names.map(str::to_owned))
     }
 
     fn line(&self, path: &Path, row: &HistoryRow) -> Result<Vec<u8>, OutputError> {
@@ -118,7 +127,8 @@ impl HistoryLayout {
             row.evaluations.to_string(),
         ];
         let stage = self.tells_stages().then(|| self.stages.get(row.stage).cloned().unwrap_or_default());
-        encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)).chain(stage))
+        let last = [row.cut_backs.to_string(), row.stabilised.to_string()];
+        encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)).chain(stage).chain(last))
     }
 
     fn tells_stages(&self) -> bool {
@@ -160,6 +170,8 @@ mod tests {
                 evaluations: 384,
                 stage: 1,
                 probes: values.clone(),
+                cut_backs: 2,
+                stabilised: 17,
             })
             .unwrap();
         let mut reader = csv::Reader::from_path(&path).unwrap();
@@ -168,7 +180,9 @@ mod tests {
         let read: Vec<f64> = (5..7).map(|column| row[column].parse().unwrap()).collect();
         assert_eq!(read, values);
         assert_eq!((&row[4], &row[7]), ("384", "shear"));
-        assert_eq!(reader.headers().unwrap().get(7), Some("stage"));
+        let headers = reader.headers().unwrap();
+        assert_eq!([7, 8, 9].map(|column| &headers[column]), ["stage", "cut_backs", "stabilised"]);
+        assert_eq!((&row[8], &row[9]), ("2", "17"));
     }
 
     #[test]
@@ -177,8 +191,17 @@ mod tests {
         let path = folder.path().join("history.csv");
         let mut history = HistoryWriter::create(&path, HistoryLayout::default()).unwrap();
         let before = std::fs::read(&path).unwrap();
-        let row =
-            HistoryRow { step: 1, time: 0.0, load: 0.0, iterations: 1, evaluations: 1, stage: 0, probes: vec![1.0] };
+        let row = HistoryRow {
+            step: 1,
+            time: 0.0,
+            load: 0.0,
+            iterations: 1,
+            evaluations: 1,
+            stage: 0,
+            probes: vec![1.0],
+            cut_backs: 0,
+            stabilised: 0,
+        };
         assert!(history.append(&row).is_err());
         assert_eq!(std::fs::read(&path).unwrap(), before);
     }
@@ -194,6 +217,8 @@ mod tests {
             evaluations: 8,
             stage: 0,
             probes: vec![-0.0, 1.0 / 3.0][..1 + usize::from(step > 99)].to_vec(),
+            cut_backs: step % 2,
+            stabilised: 0,
         };
         let layout = HistoryLayout { probes: vec!["one".to_owned()], stages: Vec::new() };
         let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));

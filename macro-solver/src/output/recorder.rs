@@ -97,6 +97,8 @@ impl Recorder {
             evaluations: report.evaluations,
             stage: report.stage,
             probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
+            cut_backs: report.cut_backs as u64,
+            stabilised: report.creep as u64,
         };
         if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);
@@ -117,7 +119,7 @@ impl Recorder {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;

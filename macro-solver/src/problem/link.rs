@@ -266,6 +266,38 @@ impl<'a> Writer<'a, '_> {
     }
 }
 
+impl Problem {
+    /// Translations under which the body repeats in a stage, m: those from one periodic face to the other, in the initial
+    /// configuration, each once.
+    ///
+    /// # Errors
+    /// A node set that does not exist.
+    pub(crate) fn periods(&self, stage: &Stage) -> Result<Vec<[f64; 3]>, ProblemError> {
+        let mut periods: Vec<[f64; 3]> = Vec::new();
+        for Applied { condition, .. } in &stage.conditions {
+            let Condition::Linked(Link::Periodic { from, to, .. }) = condition else { continue };
+            let offset = self.offset(self.nodes(from)?, self.nodes(to)?);
+            let size = offset.iter().map(|part| part * part).sum::<f64>().sqrt();
+            let is_known = |known: &[f64; 3]| {
+                let apart = |sign: f64| (0..3).all(|i| (known[i] - sign * offset[i]).abs() <= LARGEST_MISFIT * size);
+                apart(1.0) || apart(-1.0)
+            };
+            if !periods.iter().any(is_known) {
+                periods.push(offset);
+            }
+        }
+        Ok(periods)
+    }
+
+    /// From the middle of one set of nodes to that of another, m.
+    fn offset(&self, first: &[usize], second: &[usize]) -> [f64; 3] {
+        let mean = |nodes: &[usize], axis: usize| {
+            nodes.iter().map(|&node| self.mesh.nodes[node][axis]).sum::<f64>() / nodes.len() as f64
+        };
+        std::array::from_fn(|axis| mean(second, axis) - mean(first, axis))
+    }
+}
+
 /// Largest distance between a node and the image of its partner, over the extent of the sets.
 const LARGEST_MISFIT: f64 = 1e-6;
 
@@ -278,10 +310,7 @@ impl Problem {
         if first.len() != second.len() {
             return Err(misfit(any));
         }
-        let mean = |nodes: &[usize], axis: usize| {
-            nodes.iter().map(|&node| self.mesh.nodes[node][axis]).sum::<f64>() / nodes.len() as f64
-        };
-        let offset: [f64; 3] = std::array::from_fn(|axis| mean(second, axis) - mean(first, axis));
+        let offset = self.offset(first, second);
         let distance =
             |one: [f64; 3], other: [f64; 3]| (0..3).map(|i| (one[i] - other[i]).powi(2)).sum::<f64>().sqrt();
         let size = distance(offset, [0.0; 3]);

@@ -89,19 +89,22 @@ pub struct StepControl {
     pub stabilisation: Option<Stabilisation>,
 }
 
-/// Creep in a viscous drag, with supports and loads at rest, from a state next to which there is no balance to the next
-/// balanced one. Only in implicit stages that prescribe the load factor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Creep in a viscous drag from a state next to which there is no balance to the next balanced one. Only in implicit
+/// stages that prescribe the load factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stabilisation {
     /// After so many failed attempts at a step; in any case after one with the smallest step.
     pub after: Option<usize>,
-    /// A body that has not come to balance within so many increments does not count as stabilised.
+    /// A body that has not come to balance within so many increments with supports and loads at rest does not count as
+    /// stabilised.
     pub most_increments: usize,
+    /// Drag of the first increment in terms of the first stiffness, above 0.
+    pub drag: f64,
 }
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Self { after: None, most_increments: 100 }
+        Self { after: None, most_increments: 100, drag: 0.1 }
     }
 }
 

@@ -128,7 +128,10 @@ impl Problem {
         if self.stages.iter().any(|stage| stage.procedure == Procedure::Implicit) {
             return Err(ProblemError::NonlocalNewton);
         }
-        NonlocalOperator::new(&point_places(&self.mesh), &[], settings)?;
+        // Periodic faces change where a body ends, and with it what is stable.
+        for stage in &self.stages {
+            NonlocalOperator::new(&point_places(&self.mesh), &self.periods(stage)?, settings)?;
+        }
         Ok(())
     }
 
@@ -279,6 +282,7 @@ fn stage_numbers(stage: &Stage) -> Vec<Check> {
         let (after, most) = (stabilisation.after.unwrap_or(1), stabilisation.most_increments);
         checks.push(("stabilise_after", after as f64, "at least 1", after >= 1));
         checks.push(("stabilise_increments", most as f64, "at least 1", most >= 1));
+        checks.push(("stabilise_drag", stabilisation.drag, "above 0", stabilisation.drag > 0.0));
     }
     if let Some(grid) = strategy.target_grid {
         checks.push(("target_grid", grid, "above 0 and at most 1e-3", grid > 0.0 && grid <= 1e-3));

@@ -111,6 +111,8 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, about: &Circumstanc
         ("damping_changed", flags.damping_changed),
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
+        ("asymmetric_stresses", statistics.asymmetric_stresses),
+        ("sub_steps_of_points", statistics.sub_steps),
         ("steps_stabilised", statistics.stabilised_steps),
         ("creep_increments", statistics.creep_increments),
         ("evaluations_in_creep", statistics.creep_evaluations),

@@ -32,17 +32,28 @@ impl EnergyLedger {
         self.dynamics.clone()
     }
 
-    /// All entries by name. The difference of work and the rest is what the damping of the grain solver took, plus the
-    /// error of the trapezium rule.
+    /// All entries by name. What is left of the work, `residual`, is what the damping of the grain solver took and the error
+    /// of the trapezium rule over the steps; `relative_residual` is its size over the largest entry. In a run with dynamic
+    /// stages, whose balance stands with their figures, there are none.
     pub(super) fn entries(&self) -> BTreeMap<String, f64> {
-        BTreeMap::from([
+        let mut entries = BTreeMap::from([
             ("external_work".to_owned(), self.external_work),
             ("elastic_initial".to_owned(), self.initial_elastic),
             ("elastic".to_owned(), self.elastic),
             ("frictional_dissipation".to_owned(), self.dissipation),
             ("hourglass".to_owned(), self.hourglass),
             ("stabilisation".to_owned(), self.stabilisation),
-        ])
+        ]);
+        if self.dynamics.is_empty() {
+            let change = self.elastic - self.initial_elastic;
+            let taken = [change, self.dissipation, self.hourglass, self.stabilisation];
+            let residual = self.external_work - taken.iter().sum::<f64>();
+            let largest = taken.iter().fold(self.external_work.abs(), |most, value| most.max(value.abs()));
+            entries.insert("residual".to_owned(), residual);
+            let relative = if largest > 0.0 { residual.abs() / largest } else { 0.0 };
+            entries.insert("relative_residual".to_owned(), relative);
+        }
+        entries
     }
 }
 

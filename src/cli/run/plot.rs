@@ -27,15 +27,26 @@ pub(super) fn curve(
     let (xs, ys) = (column(x), column(y));
     let (Some(horizontal), Some(vertical)) = (range(&xs), range(&ys)) else { return Ok(None) };
     let mut text = String::new();
-    draw(&mut text, [x, y], [horizontal, vertical], xs.into_iter().zip(ys).collect())?;
+    let points: Vec<Point> = (xs.into_iter().zip(ys).zip(rows))
+        .map(|(place, row)| Point { place, cut_back: row.cut_backs > 0, stabilised: row.stabilised > 0 })
+        .collect();
+    draw(&mut text, [x, y], [horizontal, vertical], &points)?;
     Ok(Some(text))
+}
+
+/// A step in the picture.
+#[derive(Clone, Copy)]
+struct Point {
+    place: (f64, f64),
+    cut_back: bool,
+    stabilised: bool,
 }
 
 fn draw(
     text: &mut String,
     [x, y]: [&str; 2],
     [across, up]: [Range<f64>; 2],
-    points: Vec<(f64, f64)>,
+    points: &[Point],
 ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
@@ -55,8 +66,36 @@ fn draw(
         .light_line_style(WHITE)
         .draw()?;
     let colour = RGBColor(20, 80, 160);
-    chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))?;
-    chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, colour.filled())))?;
+    chart.draw_series(LineSeries::new(points.iter().map(|point| point.place), colour.stroke_width(2)))?;
+    chart.draw_series(points.iter().map(|point| Circle::new(point.place, 3, colour.filled())))?;
+    // Steps that were not reached at once, or not along balanced states.
+    let (again, crept) = (RGBColor(225, 140, 0), RGBColor(200, 20, 40));
+    let marks = |wanted: fn(&Point) -> bool| points.iter().filter(move |point| wanted(point));
+    let mut told = false;
+    if marks(|point| point.cut_back && !point.stabilised).next().is_some() {
+        let found = marks(|point| point.cut_back && !point.stabilised);
+        chart
+            .draw_series(found.map(|point| TriangleMarker::new(point.place, 6, again.stroke_width(2))))?
+            .label("after cut-backs")
+            .legend(move |(x, y)| TriangleMarker::new((x + 8, y), 6, again.stroke_width(2)));
+        told = true;
+    }
+    if marks(|point| point.stabilised).next().is_some() {
+        let found = marks(|point| point.stabilised);
+        chart
+            .draw_series(found.map(|point| Circle::new(point.place, 6, crept.stroke_width(2))))?
+            .label("stabilised")
+            .legend(move |(x, y)| Circle::new((x + 8, y), 6, crept.stroke_width(2)));
+        told = true;
+    }
+    if told {
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerRight)
+            .background_style(WHITE.mix(0.8))
+            .label_font(("sans-serif", 14))
+            .draw()?;
+    }
     area.present()
 }
 
@@ -91,7 +130,17 @@ mod tests {
 
     fn row(step: u64, value: f64) -> HistoryRow {
         let load = step as f64 / 10.0;
-        HistoryRow { step, time: load, load, iterations: 1, evaluations: 8, stage: 0, probes: vec![value] }
+        HistoryRow {
+            step,
+            time: load,
+            load,
+            iterations: 1,
+            evaluations: 8,
+            stage: 0,
+            probes: vec![value],
+            cut_backs: 0,
+            stabilised: 0,
+        }
     }
 
     #[test]
@@ -100,6 +149,24 @@ mod tests {
         let text = curve(&rows, &["ratio".to_owned()], "load", "ratio").unwrap().unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
         assert!(text.contains("ratio") && text.contains("load") && text.contains("<polyline"));
+    }
+
+    #[test]
+    fn steps_that_were_hard_to_reach_are_marked() {
+        let mut rows: Vec<HistoryRow> = (0..5).map(|step| row(step, 2.0 * step as f64)).collect();
+        let drawn = |rows: &[HistoryRow]| curve(rows, &["ratio".to_owned()], "load", "ratio").unwrap().unwrap();
+        let circles = |text: &str| text.matches("<circle").count();
+        let plain = drawn(&rows);
+        assert!(!plain.contains("stabilised") && !plain.contains("cut-backs"));
+        rows[2].cut_backs = 3;
+        let again = drawn(&rows);
+        assert!(
+            again.contains("after cut-backs")
+                && again.matches("<polygon").count() > plain.matches("<polygon").count()
+        );
+        rows[3].stabilised = 12;
+        let crept = drawn(&rows);
+        assert!(crept.contains("stabilised") && circles(&crept) == circles(&plain) + 2, "the step and the legend");
     }
 
     #[test]

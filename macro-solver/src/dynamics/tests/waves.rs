@@ -187,3 +187,37 @@ fn a_spinning_vibrating_bar_keeps_its_energy() {
     assert!((place(end, 1) - place(first, 1) - 4.0).abs() < 0.1);
     assert!(last.energy.largest_relative_residual() < 1e-2, "{:?}", last.energy);
 }
+
+/// A bar whose far half is four times as heavy: its mass is the sum, its step that of the light half, and a wave that meets the
+/// heavy half comes back by the ratio of the impedances, `(1 - 2) / (1 + 2)`.
+#[test]
+fn elements_have_densities_of_their_own() {
+    let (count, speed) = (80, 1e-3);
+    let light = settings(1.0);
+    let heavy = DynamicSettings {
+        element_densities: (0..count).map(|element| if element < count / 2 { 1.0 } else { 4.0 }).collect(),
+        ..settings(1.0)
+    };
+    let struck = |settings: DynamicSettings| {
+        let push = moved("left", Axis::X, speed * 50.0, Amplitude::RAMP);
+        let mesh = strip(ElementKind::Q4, count, 1.0);
+        let problem = problem(mesh, vec![push, held("all", Axis::Y)], 50.0, settings);
+        let mut material = elastic(&problem, 0.0, 0.5);
+        completed(&problem, &mut material)
+    };
+    let (plain, film) = (struck(light), struck(heavy));
+    assert!((film.last().mass / 200.0 - 1.0).abs() < 1e-12, "{}", film.last().mass);
+    assert_eq!(film.last().time_step, plain.last().time_step);
+    // The wave of speed 1 is back at 35 m after 45 s; the stress there doubles by 1 + (Z2 - Z1) / (Z2 + Z1) = 4/3.
+    let stress = |film: &Film, from: usize, to: usize| {
+        let points = &film.last().points;
+        let chosen: Vec<f64> = points
+            .iter()
+            .filter(|point| (from..to).contains(&point.element))
+            .map(|point| point.stress.get(0, 0))
+            .collect();
+        chosen.iter().sum::<f64>() / chosen.len() as f64
+    };
+    assert!((stress(&film, 33, 38) / -speed - 4.0 / 3.0).abs() < 0.03, "{}", stress(&film, 33, 38));
+    assert!((stress(&plain, 33, 38) / -speed - 1.0).abs() < 0.03, "{}", stress(&plain, 33, 38));
+}

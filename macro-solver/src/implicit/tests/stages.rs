@@ -70,9 +70,9 @@ fn compression_then_shear_is_one_run_with_steps_counted_through() {
 
 /// Takes steps until the keeper has seen `stop` of them, then stops; hands out what was kept.
 #[derive(Default)]
-struct Shelf {
-    earlier: Option<Archive>,
-    kept: Vec<(Mark, Archive)>,
+pub(super) struct Shelf {
+    pub(super) earlier: Option<Archive>,
+    pub(super) kept: Vec<(Mark, Archive)>,
 }
 
 impl Keeper for Shelf {

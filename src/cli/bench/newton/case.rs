@@ -96,7 +96,7 @@ impl Observer for Recorder {
 
 /// A step that has failed three times is stabilised: what a way costs at snaps is then bounded, and all ways get through.
 pub(in crate::cli::bench) const STABILISATION: Option<Stabilisation> =
-    Some(Stabilisation { after: Some(3), most_increments: 100 });
+    Some(Stabilisation { after: Some(3), most_increments: 100, drag: 0.1 });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;

@@ -1,0 +1,67 @@
+//! Shipped scenes, shortened so that a run takes about a second: together they know all procedures, formulations of stress and
+//! strain that scenes use, links, regions, averages over neighbours and several stages.
+
+/// A scene and what is changed in it.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortScene {
+    /// Names folders.
+    pub name: &'static str,
+    /// File in `scenes/`.
+    pub file: &'static str,
+    /// Overrides.
+    pub set: &'static [&'static str],
+}
+
+const fn scene(name: &'static str, file: &'static str, set: &'static [&'static str]) -> ShortScene {
+    ShortScene { name, file, set }
+}
+
+/// All of them.
+pub const SHORT_SCENES: [ShortScene; 14] = [
+    scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
+    scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
+    scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
+    scene("turned-and-weak", "weak-element", &["mesh.elements=[2, 3]", "loading.increments=6"]),
+    scene("periodic", "simple-shear", &["mesh.elements=[2, 2]", "loading.increments=6"]),
+    scene(
+        "turned-head",
+        "biaxial-small",
+        &[
+            "mesh.elements=[2, 2]",
+            "boundary=[{ set = 'bottom', displacement = { x = 0.0, y = 0.0 } }]",
+            "rigid_body=[{ set = 'top', displacement = { y = -2e-4 }, rotation = { z = 2e-3 } }]",
+            "loading.increments=8",
+        ],
+    ),
+    scene(
+        "wave",
+        "shear-column",
+        &[
+            "mesh.elements=[1, 12]",
+            "mesh.size=[0.0125, 0.15]",
+            "loading.duration=2e-3",
+            "dynamics.output_interval=1e-4",
+        ],
+    ),
+    scene("averaged", "biaxial-nonlocal", &["loading.duration=0.012", "dynamics.output_interval=1e-3"]),
+    scene(
+        "averaged-back",
+        "biaxial-nonlocal",
+        &["mesh.elements=[2, 5]", "nonlocal.adjoint=true", "loading.duration=0.01", "dynamics.output_interval=1e-3"],
+    ),
+    scene("relaxed", "biaxial-relaxation", &["loading.increments=8", "mesh.elements=[2, 2]"]),
+    scene("spheres", "brick-shear", &["rve.accuracy=draft", "loading.increments=8"]),
+    scene("two-stages", "compression-shear", &["stage.0.loading.increments=3", "stage.1.loading.increments=5"]),
+    scene("arc-length", "biaxial-arc-length", &["mesh.elements=[2, 2]", "loading.increments=8"]),
+    scene(
+        "stabilised",
+        "biaxial-small",
+        &[
+            "mesh.elements=[1, 2]",
+            "loading.increments=6",
+            "loading.max_iterations=1",
+            "loading.stabilise_after=1",
+            "solver.capped_change=1e-4",
+        ],
+    ),
+];
