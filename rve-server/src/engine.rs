@@ -82,6 +82,8 @@ pub struct ListedForces {
     pub dropped: usize,
     /// Forces above the Coulomb limit: cut to it.
     pub cut: usize,
+    /// Rolling moments that the contact law cannot bear, or not in full: dropped or cut to its limit.
+    pub moments_cut: usize,
 }
 
 impl ListedForces {
@@ -98,6 +100,11 @@ impl ListedForces {
                 }
             }
         }
+        for (listed, moment) in given.contacts.iter().zip(&given.rolling_moments).filter(|(_, m)| m.norm() > 0.0) {
+            let place = found.contacts.binary_search_by_key(&listed.key(), ContactRecord::key).ok();
+            let after = place.and_then(|place| found.rolling_moments.get(place)).map_or(0.0, |moment| moment.norm());
+            counts.moments_cut += usize::from(after < moment.norm() * (1.0 - CUT_MARGIN));
+        }
         counts
     }
 
@@ -110,7 +117,12 @@ impl ListedForces {
         if self.cut > 0 {
             parts.push(format!("{} above the Coulomb limit of this contact law were cut to it", self.cut));
         }
-        (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")))
+        let forces =
+            (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")));
+        let moments = (self.moments_cut > 0)
+            .then(|| format!("of its rolling moments, {} are more than this contact law bears", self.moments_cut));
+        let sentences: Vec<String> = forces.into_iter().chain(moments).collect();
+        (!sentences.is_empty()).then(|| sentences.join("; "))
     }
 }
 
