@@ -134,7 +134,10 @@ fn closing(summary: &ElementSummary) -> String {
         ("not equilibrated", summary.not_equilibrated),
         ("controlled stress missed where the cell snaps across it", summary.stress_jumps),
         ("overlap above 10 %", summary.large_overlap),
-        ("operator replaced by the uniform-strain one", summary.tangent_fallbacks),
+        (
+            "operator replaced by truss_like, or by the uniform-strain one where that is singular",
+            summary.tangent_fallbacks,
+        ),
         ("operator with held mechanisms", summary.tangent_regularised),
     ]
     .into_iter()

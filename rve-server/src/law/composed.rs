@@ -132,6 +132,13 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
         constants
     }
 
+    fn limits_scaled(&self, constants: &[f64; 7], factor: f64) -> [f64; 7] {
+        let mut scaled = *constants;
+        scaled[LIMIT] *= factor;
+        scaled[ROLLING_LIMIT_ARM] *= factor;
+        scaled
+    }
+
     fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> [f64; MEMORY] {
         let mut memory = [0.0; MEMORY];
         if MEMORY > 0 {

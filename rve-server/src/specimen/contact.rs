@@ -279,27 +279,38 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
             slip: approach.slip,
             rolling: approach.rolling,
         };
-        let response = law.respond(&self.constants, &motion, &mut self.memory);
-        let [stiffness, ..] = law.stiffness(&self.constants, approach.overlap);
+        let elastic = law.normal_force(&self.constants, approach.overlap);
+        let [stiffness, tangential_stiffness, _] = law.stiffness(&self.constants, approach.overlap);
         // Viscosity brakes the approach and the parting, but never pulls grains together.
         let viscous = -self.viscosity * stiffness.sqrt() * approach.closing;
-        let normal = if viscous > 0.0 && response.normal_force + viscous > response.normal_force.max(0.0) {
-            response.normal_force.max(0.0)
+        let normal =
+            if viscous > 0.0 && elastic + viscous > elastic.max(0.0) { elastic.max(0.0) } else { elastic + viscous };
+        // Friction goes with all that presses the surfaces together, the dashpot included.
+        let constants = if self.viscosity > 0.0 {
+            let repulsion = law.normal_force(&self.constants, 0.0) - elastic;
+            law.limits_scaled(&self.constants, ((repulsion + elastic - normal) / repulsion).max(0.0))
         } else {
-            response.normal_force + viscous
+            self.constants
         };
+        let response = law.respond(&constants, &motion, &mut self.memory);
         let tangential = response.tangential_force;
+        if self.viscosity > 0.0 && motion.touched && response.at_limit && tangential_stiffness > 0.0 {
+            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing.
+            let attempt = motion.carried.plus(motion.slip.scaled(tangential_stiffness));
+            let cut = attempt.minus(tangential).dot(motion.carried.minus(tangential));
+            sums.dissipation += self.weight * 0.5 * cut / tangential_stiffness;
+        }
         self.touches = true;
         self.direction = approach.direction;
         self.tangential_force = tangential;
         self.overlap = approach.overlap;
-        self.normal_force = response.normal_force;
+        self.normal_force = elastic;
 
         sums.contacts += 1;
-        sums.normal_force += self.weight * response.normal_force.abs();
+        sums.normal_force += self.weight * elastic.abs();
         sums.dissipation += self.weight * response.dissipation;
         // The velocity between two evaluations meets the mean of both forces: so the energy of leap-frog steps adds up.
-        let viscous = response.normal_force - normal;
+        let viscous = elastic - normal;
         sums.viscous_work += self.weight * 0.5 * (self.viscous_force + viscous) * approach.closing * approach.step;
         self.viscous_force = viscous;
         let stored = law.energy(&self.constants, approach.overlap, S::length(tangential), &self.memory);
