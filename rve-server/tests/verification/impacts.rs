@@ -108,21 +108,57 @@ fn oblique_impacts_with_a_restitution_stick_and_slide_as_published() {
     }
 }
 
+/// A spinning sphere that falls on a rigid plane, as a point contact: tangential speed and spin afterwards.
+fn point_contact(
+    (young, nu, friction): (f64, f64, f64),
+    (radius, density): (f64, f64),
+    damping: f64,
+    [speed, spin]: [f64; 2],
+) -> [f64; 2] {
+    let mass = mass(radius, density);
+    let modulus = young / (1.0 - nu * nu);
+    let shear = young / (2.0 * (1.0 + nu)) / (2.0 - nu);
+    let step = contact_time(mass, radius, modulus, speed) / 50_000.0;
+    let (mut depth, mut force, mut stiffness) = (0.0, 0.0, f64::INFINITY);
+    let (mut down, mut along, mut turning) = (speed, 0.0, spin);
+    loop {
+        depth += down * step;
+        if depth <= 0.0 {
+            return [along, turning];
+        }
+        let root = (radius * depth).sqrt();
+        let dashpot = 2.0 * damping * (mass * 2.0 * modulus * root).sqrt() * down;
+        let normal = (4.0 / 3.0 * modulus * root * depth + dashpot).max(0.0);
+        // The default law: the force shrinks with its stiffness.
+        let now = 8.0 * shear * root;
+        force *= (now / stiffness).min(1.0);
+        stiffness = now;
+        force = (force + now * (along + turning * radius) * step).clamp(-friction * normal, friction * normal);
+        down -= normal / mass * step;
+        along -= force / mass * step;
+        turning -= force / (0.4 * mass * radius) * step;
+    }
+}
+
 /// C-10: restitution 0.5. A spinning sphere that falls on a plane slides and takes `mu (1 + e) v_n` of tangential speed
-/// whatever its spin; of two spheres the ones with equal spins slide on each other, those with opposite spins do not.
+/// whatever its spin; of two spheres the ones with equal spins slide on each other, those with opposite spins do not. The
+/// dashpot presses before the tangential spring can follow, so that 0.4 % (fast spins) to 2 % of the closed form is lost: an
+/// independent integration of the same law says by how much.
 #[test]
 fn spinning_spheres_with_a_restitution_slide_as_published() {
     let (radius, density, friction, damping, v_n) = (0.1, 2700.0, 0.4, 0.23303, 0.2);
     let material = (70e9, 0.33, friction, Unloading::Rescaled);
-    for spin in [5.0, 12.0, -24.0] {
+    for spin in [5.0, 12.0, -24.0, 48.0] {
         let impact = on_plane(material, (radius, density), damping, [v_n, 0.0, spin]);
         let grain = impact.body.grains[0];
         let restitution = grain.velocity[1] / v_n;
         assert!((restitution - 0.5).abs() < 1e-3, "{restitution}");
         let impulse = friction * (1.0 + restitution) * v_n * f64::signum(spin);
-        assert!((grain.velocity[0] / -impulse - 1.0).abs() < 1e-3, "spin {spin}: {:?}", grain.velocity);
-        let left = spin - 2.5 * impulse / radius;
-        assert!((grain.spin[2] - left).abs() < 1e-3 * spin.abs(), "spin {spin}: {} instead of {left}", grain.spin[2]);
+        let [along, left] = point_contact((70e9, 0.33, friction), (radius, density), damping, [v_n, spin]);
+        assert!((grain.velocity[0] / along - 1.0).abs() < 1e-3, "spin {spin}: {:?}, not {along}", grain.velocity);
+        assert!((grain.spin[2] / left - 1.0).abs() < 1e-3, "spin {spin}: {} instead of {left}", grain.spin[2]);
+        let closed_form = if spin.abs() > 20.0 { 5e-3 } else { 2.5e-2 };
+        assert!((grain.velocity[0] / -impulse - 1.0).abs() < closed_form, "spin {spin}: {:?}", grain.velocity);
     }
     let (law, mass) = (law(70e9, 0.33, friction, Unloading::Rescaled), mass(radius, density));
     let step = contact_time(0.5 * mass, 0.5 * radius, 0.5 * 70e9 / (1.0 - 0.33 * 0.33), 2.0 * v_n) / STEPS;
@@ -140,6 +176,6 @@ fn spinning_spheres_with_a_restitution_slide_as_published() {
         assert!((restitution - 0.5).abs() < 1e-3, "{restitution}");
         assert!((one[1] + two[1]).abs() < 1e-12, "{one:?} {two:?}");
         let expected = if slides { friction * (1.0 + restitution) * v_n } else { 0.0 };
-        assert!((one[1].abs() - expected).abs() < 1e-3 * v_n, "{one:?} instead of {expected}");
+        assert!((one[1].abs() - expected).abs() < 1.5e-2 * expected + 1e-12, "{one:?} instead of {expected}");
     }
 }
