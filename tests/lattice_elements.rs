@@ -36,6 +36,7 @@ fn lattice(overlap: f64, contact: ContactTable, strain_per_step: f64) -> Definit
         periodicity: [[side, 0.0], [0.5 * side, 0.75f64.sqrt() * side]],
         grains: vec![[0.2, 0.1, 0.5]],
         contacts: Vec::new(),
+        rolling_moments: Vec::new(),
         provenance: serde_json::Value::Null,
     };
     let options =

@@ -105,13 +105,19 @@ impl WorkerSupply for NoReplacement {
     fn finish(&mut self) {}
 }
 
-/// The whole way from the kernel's notice to the caller: well below half a second.
+/// The whole way from the kernel's notice to the caller: below a tenth of a second. What a busy machine adds is no property of
+/// the program, so the quickest of three counts.
 #[test]
 fn a_killed_worker_is_noticed_at_once() {
+    let delays: Vec<Duration> = (0..3).map(|attempt| delay_of_a_death(&format!("kill{attempt}"))).collect();
+    assert!(delays.iter().min() < Some(&Duration::from_millis(100)), "{delays:?}");
+}
+
+fn delay_of_a_death(label: &str) -> Duration {
     let site = Site::new();
     // Minutes of work: the worker dies in the middle of it.
     let slow = "strain_per_step = 1e-10";
-    let (mut pool, workers) = open(&site, "kill", 1, slow, Box::new(NoReplacement::default()), HangPolicy::default());
+    let (mut pool, workers) = open(&site, label, 1, slow, Box::new(NoReplacement::default()), HangPolicy::default());
     let victim = workers[0].pid();
     let killer = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(200));
@@ -122,7 +128,7 @@ fn a_killed_worker_is_noticed_at_once() {
     let noticed = Instant::now();
     let delay = noticed.duration_since(killer.join().unwrap());
     assert!(matches!(error, MaterialError::WorkersLost(_)), "{error}");
-    assert!(delay < Duration::from_millis(500), "{delay:?}");
+    delay
 }
 
 /// A worker of another build is told why it may not take part; the others go on.

@@ -84,6 +84,8 @@ pub struct ListedForces {
     pub cut: usize,
     /// Forces of a packing whose contact law has no tangential springs: dropped.
     pub springless: usize,
+    /// Rolling moments that the contact law cannot bear, or not in full: dropped or cut to its limit.
+    pub moments_cut: usize,
 }
 
 impl ListedForces {
@@ -99,6 +101,11 @@ impl ListedForces {
                     counts.cut += usize::from(after < before * (1.0 - CUT_MARGIN));
                 }
             }
+        }
+        for (listed, moment) in given.contacts.iter().zip(&given.rolling_moments).filter(|(_, m)| m.norm() > 0.0) {
+            let place = found.contacts.binary_search_by_key(&listed.key(), ContactRecord::key).ok();
+            let after = place.and_then(|place| found.rolling_moments.get(place)).map_or(0.0, |moment| moment.norm());
+            counts.moments_cut += usize::from(after < moment.norm() * (1.0 - CUT_MARGIN));
         }
         counts
     }
@@ -118,7 +125,12 @@ impl ListedForces {
                 self.springless
             ));
         }
-        (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")))
+        let forces =
+            (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")));
+        let moments = (self.moments_cut > 0)
+            .then(|| format!("of its rolling moments, {} are more than this contact law bears", self.moments_cut));
+        let sentences: Vec<String> = forces.into_iter().chain(moments).collect();
+        (!sentences.is_empty()).then(|| sentences.join("; "))
     }
 }
 

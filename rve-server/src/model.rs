@@ -2,7 +2,6 @@
 
 use crate::cell::Cell;
 use crate::definition::{ContactLaw, GrainDefinition, Rotations, RveOptions};
-use crate::pairs::PairKey;
 use crate::probing::OperatorMemory;
 use crate::space::{Components, Space};
 use crate::state::{ContactRecord, GrainState};
@@ -48,32 +47,27 @@ impl GrainModel {
         })
     }
 
-    /// The state that the packing describes: nothing has moved, listed contacts carry their tangential force. A listed
-    /// force on a pair that does not touch is dropped and one above the Coulomb limit is cut to it at the first
-    /// evaluation. Contacts without tangential springs carry no tangential force: nothing could ever change it, and a force that
-    /// follows its grains without a spring drives them round for ever.
+    /// The state that the packing describes: nothing has moved, listed contacts carry their tangential force and
+    /// rolling moment; a law without rolling resistance drops the moments. A listed force on a pair that does not touch is
+    /// dropped and one above the Coulomb limit is cut to it at the first evaluation. Contacts without tangential springs carry no
+    /// tangential force: nothing could ever change it, and a force that follows its grains without a spring drives them
+    /// round for ever.
     pub fn initial_state<S: Space>(&self, definition: &GrainDefinition<S>) -> GrainState<S> {
         let packing = &definition.packing;
         let cell = Cell { rows: packing.periodicity };
-        let mut contacts: Vec<ContactRecord<S>> = packing
-            .contacts
-            .iter()
-            .filter(|_| self.has_tangential_springs)
-            .map(|listed| {
-                let key = PairKey::<S>::canonical(listed.origin, listed.end, listed.shift);
-                let PairKey { origin, end, shift } = key;
-                let is_swapped = (origin, shift) != (listed.origin, listed.shift);
-                let tangential_force = S::seen_from(listed.tangential_force, is_swapped);
-                ContactRecord { origin, end, shift, tangential_force }
-            })
-            .collect();
-        contacts.sort_unstable_by_key(ContactRecord::key);
+        let mut contacts: Vec<(ContactRecord<S>, Option<S::Spin>)> = packing.histories().collect();
+        contacts.sort_unstable_by_key(|(contact, _)| contact.key());
+        let rolling_moments = contacts.iter().filter_map(|(_, moment)| *moment).collect();
+        let mut contacts: Vec<ContactRecord<S>> = contacts.into_iter().map(|(contact, _)| contact).collect();
+        if !self.has_tangential_springs {
+            contacts.iter_mut().for_each(|contact| contact.tangential_force = S::Tangential::ZERO);
+        }
         GrainState {
             cell,
             positions: packing.grains.iter().map(S::centre).collect(),
             rotations: vec![S::Spin::ZERO; packing.grains.len()],
             contacts,
-            rolling_moments: Vec::new(),
+            rolling_moments,
             operators: OperatorMemory::default(),
             dissipation: 0.0,
             initial_measure: cell.measure(),

@@ -137,7 +137,10 @@ fn closing(summary: &ElementSummary) -> String {
         ("relaxed in another way for want of headway", summary.damping_changed),
         ("increments cut for the stress control", summary.cut_increments),
         ("overlap above 10 %", summary.large_overlap),
-        ("operator replaced by the uniform-strain one", summary.tangent_fallbacks),
+        (
+            "operator replaced by truss_like, or by the uniform-strain one where that is singular",
+            summary.tangent_fallbacks,
+        ),
         ("operator with held mechanisms", summary.tangent_regularised),
     ]
     .into_iter()

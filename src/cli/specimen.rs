@@ -7,7 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use rve_server::packing::Packing;
 use rve_server::specimen::{
-    SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen,
+    SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
+    run_specimen,
 };
 use std::path::{Path, PathBuf};
 
@@ -155,7 +156,7 @@ impl Pictures {
 }
 
 fn closing(summary: &SpecimenSummary) -> String {
-    let SpecimenSummary { grains, steps, renewals, shortenings, unbalanced_stages } = summary;
+    let SpecimenSummary { grains, steps, renewals, shortenings, unbalanced_stages, .. } = summary;
     let mut shortfalls = Vec::new();
     if *unbalanced_stages > 0 {
         shortfalls.push(format!("stages that did not come to balance: {unbalanced_stages}"));
@@ -163,6 +164,46 @@ fn closing(summary: &SpecimenSummary) -> String {
     if *shortenings > 0 {
         shortfalls.push(format!("step shortened: {shortenings} times"));
     }
+    if summary.servo_misses > 0 {
+        shortfalls.push(format!(
+            "wall stress off its target in {} rows, by {:.1} % at most",
+            summary.servo_misses,
+            100.0 * summary.largest_servo_error
+        ));
+    }
+    if summary.energy_misses > 0 {
+        shortfalls.push(format!(
+            "energy not accounted for in {} rows, {:.1} % at most",
+            summary.energy_misses,
+            100.0 * summary.largest_energy_error
+        ));
+    }
     let shortfalls = if shortfalls.is_empty() { "nothing".to_owned() } else { shortfalls.join(", ") };
-    format!("{grains} grains, {steps} steps, {renewals} pair lists; fell short: {shortfalls}")
+    format!(
+        "{}\n{grains} grains, {steps} steps, {renewals} pair lists; fell short: {shortfalls}",
+        beginning(&summary.start)
+    )
+}
+
+/// How far the specimen was from its packing before anything moved.
+fn beginning(start: &SpecimenStart) -> String {
+    let [xx, yy, zz, xy, ..] = start.stress;
+    let mut parts = vec![format!(
+        "stress at the start, from the contacts between grains: xx {xx:.4e}, yy {yy:.4e}, zz {zz:.4e}, xy {xy:.4e} Pa, out of \
+         balance by {:.1e} mean contact forces; {} contacts kept their history",
+        start.unbalanced_force_ratio, start.histories
+    )];
+    if start.cut_through > 0 {
+        parts.push(format!("{} were cut by the walls", start.cut_through));
+    }
+    if start.dropped > 0 {
+        parts.push(format!("{} of pairs that do not touch were dropped", start.dropped));
+    }
+    if start.slant > 1e-3 {
+        parts.push(format!(
+            "the copies lean by {:.1} % of their height against upright walls, which close the gaps first",
+            100.0 * start.slant
+        ));
+    }
+    parts.join(", ")
 }

@@ -82,6 +82,7 @@ fn crystal(rows: [[f64; 2]; 2]) -> Definition {
         periodicity: pressed.map(|row| row.map(|value| value * cells as f64)),
         grains: grains.into_iter().map(|grain| grain.try_into().unwrap()).collect(),
         contacts: Vec::new(),
+        rolling_moments: Vec::new(),
         provenance: serde_json::Value::Null,
     };
     let options = toml::from_str("accuracy = \"tight\"\nstrain_per_step = 1e-6").unwrap();

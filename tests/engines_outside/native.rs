@@ -36,6 +36,8 @@ pub(crate) fn is_there() -> bool {
     match example() {
         Ok(_) => true,
         Err(reason) => {
+            let required = std::env::var("GRAINSPAN_REQUIRE_ENGINES").unwrap_or_default();
+            assert!(!required.split(',').any(|name| name == "c"), "the C example is required: {reason}");
             eprintln!("SKIPPED: the C example: {reason}");
             false
         }

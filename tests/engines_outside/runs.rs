@@ -55,17 +55,17 @@ fn agrees_with_the_built_in_engine(engine: &str, tolerance: f64) {
 
 #[test]
 fn reference_engine_runs_the_small_scene() {
-    agrees_with_the_built_in_engine("reference", 0.02);
+    agrees_with_the_built_in_engine("reference", 5e-3);
 }
 
 #[test]
 fn yade_runs_the_small_scene() {
-    agrees_with_the_built_in_engine("yade", 0.02);
+    agrees_with_the_built_in_engine("yade", 5e-3);
 }
 
 #[test]
 fn lammps_runs_the_small_scene() {
-    agrees_with_the_built_in_engine("lammps", 0.03);
+    agrees_with_the_built_in_engine("lammps", 5e-3);
 }
 
 /// States by snapshot, states by replay, workers that are replaced every few jobs: the same bytes.
@@ -104,7 +104,7 @@ fn engines_share_the_points_of_a_run_as_the_scene_says() {
     assert_eq!(site.history("mixed"), site.history("again"));
     assert_ne!(site.history("mixed"), site.history("own"));
     let (own, mixed) = (last(&site, "own", "stress_ratio"), last(&site, "mixed", "stress_ratio"));
-    assert!((mixed / own - 1.0).abs() < 0.02, "{mixed} {own}");
+    assert!((mixed / own - 1.0).abs() < 5e-3, "{mixed} {own}");
 }
 
 #[test]

@@ -27,6 +27,7 @@ fn lattice_folder() -> tempfile::TempDir {
         periodicity: [[SPACING, 0.0], [0.5 * SPACING, 0.75_f64.sqrt() * SPACING]],
         grains: vec![[0.1, 0.2, 0.5 * (SPACING + OVERLAP)]],
         contacts: vec![],
+        rolling_moments: vec![],
         provenance: serde_json::Value::Null,
     };
     packing.write(&folder.path().join("lattice.json")).unwrap();

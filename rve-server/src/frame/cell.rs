@@ -189,7 +189,9 @@ impl FrameRve {
         if self.options.shared_sides {
             body.share_sides(self.geometry.sides.clone(), 0.5);
         }
-        body.adopt(state.contacts.iter().map(|contact| (contact.key(), [contact.tangential_force])));
+        body.adopt(
+            state.contacts.iter().map(|contact| (contact.key(), move |_| [[contact.tangential_force], [0.0]])),
+        );
         let (geometry, options) = (&self.geometry, &self.options);
         let constraint = options.constraint;
         FrameRelaxation::new(geometry, options, constraint, self.rotations_free, body, state.rotations.clone())
@@ -356,7 +358,7 @@ impl FrameRelaxation<'_, PlainLinear> {
     fn network(&self, state: &GrainState<Discs>, thickness: f64, friction: f64) -> ContactNetwork<Discs> {
         let contacts = self.body.touching().map(|index| {
             let (key, slot) = (self.body.key(index), &self.body.slots[index]);
-            let [normal_stiffness, tangential_stiffness] =
+            let [normal_stiffness, tangential_stiffness, _] =
                 slot.stiffness(self.body.law()).map(|stiffness| slot.weight * stiffness);
             let normal_force = slot.weight * slot.normal_force;
             let tangential_force = slot.weight * slot.tangential_force[0];

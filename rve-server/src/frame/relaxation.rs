@@ -179,7 +179,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         let mut sums = vec![[0.0; 2]; self.geometry.places.len()];
         for index in self.body.touching() {
             let slot = &self.body.slots[index];
-            let [normal, tangential] = slot.stiffness(self.body.law()).map(|stiffness| slot.weight * stiffness);
+            let [normal, tangential, _] = slot.stiffness(self.body.law()).map(|stiffness| slot.weight * stiffness);
             let pair = self.body.pairs[index];
             for grain in [pair.origin as usize, pair.end as usize] {
                 let radius = self.geometry.radii[grain];
@@ -282,7 +282,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
 
     fn raise_mass(&mut self) {
         let stiffness = self.body.own_stiffness(INERTIA);
-        let bound = stiffness.iter().fold(0.0, |largest: f64, stiffness| largest.max(2.0 * stiffness));
+        let bound = stiffness.iter().fold(0.0, |largest: f64, stiffness| largest.max(2.0 * stiffness.stiffness));
         let damping = match self.options.damping {
             FrameDamping::Fire => 1.0,
             FrameDamping::Local { coefficient } => 1.0 + coefficient,

@@ -38,6 +38,9 @@ pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
     pub viscosity: f64,
 }
 
+/// A plane is a grain of this many radii to the springs: rigid in shape, of the grains' material.
+const WALL_RADIUS: f64 = 1e9;
+
 /// Places in the constants of a pair.
 const NORMAL: usize = 0;
 const TANGENTIAL: usize = 1;
@@ -121,6 +124,21 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
         constants
     }
 
+    fn wall_constants(&self, radius: f64) -> [f64; 7] {
+        let mut constants = <Self as ContactLaw<K>>::constants(self, [radius, WALL_RADIUS * radius]);
+        let rolling = if self.friction > 0.0 { self.rolling } else { RollingSpring::default() };
+        constants[ROLLING_ARM_SQUARE] = rolling.arm_square([radius; 2]);
+        constants[ROLLING_LIMIT_ARM] = rolling.limit_arm([radius; 2]);
+        constants
+    }
+
+    fn limits_scaled(&self, constants: &[f64; 7], factor: f64) -> [f64; 7] {
+        let mut scaled = *constants;
+        scaled[LIMIT] *= factor;
+        scaled[ROLLING_LIMIT_ARM] *= factor;
+        scaled
+    }
+
     fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> [f64; MEMORY] {
         let mut memory = [0.0; MEMORY];
         if MEMORY > 0 {
@@ -160,13 +178,20 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
             constants[COMPLIANCE]
         };
         let (mut carried, mut dissipation) = (motion.carried, zero);
+        let mut rolled_before = Self::moment::<K, R>(memory);
         if N::TANGENT_VARIES {
             let ratio = tangential / Self::old_stiffness(constants, memory);
             let factor = unloading_factor(self.unloading, ratio);
             // f^2 / 2 k of the old stiffness less that of the new one, with k_old = k / ratio and f times the factor.
-            let lost = R::splat(0.5) * compliance * carried.dot(carried) * (ratio - factor * factor);
-            dissipation = R::select(motion.touched, lost, zero);
+            let mut lost = R::splat(0.5) * compliance * carried.dot(carried) * (ratio - factor * factor);
             carried = carried.scaled(factor);
+            if Self::IS_EXTENDED {
+                // The rolling stiffness is a multiple of the tangential one, and its spring answers alike.
+                let stiffness = constants[ROLLING_ARM_SQUARE] * tangential;
+                lost += Self::spring_energy(rolled_before.dot(rolled_before), stiffness) * (ratio - factor * factor);
+                rolled_before = rolled_before.scaled(factor);
+            }
+            dissipation = R::select(motion.touched, lost, zero);
         }
         let attempt = carried.plus(motion.slip.scaled(tangential)).where_or(motion.touched, K::Axial::zero());
         let Shortened { kept, lost, at_limit } = K::shortened(attempt, limit, AT_LIMIT);
@@ -189,7 +214,7 @@ impl<K: Kinematics, N: Springs, const MEMORY: usize> ContactLaw<K> for ComposedL
             });
             let rolling = motion.rolling.where_or(motion.touched, K::Axial::zero());
             let (moment, lost) = rolled::<K, R>(
-                Self::moment::<K, R>(memory),
+                rolled_before,
                 constants[ROLLING_ARM_SQUARE] * tangential,
                 rolling,
                 constants[ROLLING_LIMIT_ARM] * elastic,

@@ -66,6 +66,13 @@ pub trait ContactLaw<K: Kinematics>: Copy + Debug + PartialEq + Send + Sync + 's
     /// Constants of a pair of grains with these radii, m.
     fn constants(&self, radii: [f64; 2]) -> Self::Constants<f64>;
 
+    /// Constants of a grain of this radius, m, on a rigid plane of the grains' material. The arm of rolling is the grain's own
+    /// radius. A smooth plane (friction 0) bears no moment either.
+    fn wall_constants(&self, radius: f64) -> Self::Constants<f64>;
+
+    /// The same constants with friction and rolling limits `factor` times as large: a dashpot presses too.
+    fn limits_scaled(&self, constants: &Self::Constants<f64>, factor: f64) -> Self::Constants<f64>;
+
     /// Memory of a contact that is taken from a state: its overlap, m, and rolling moment on the origin grain, N m.
     fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> Self::Memory<f64>;
 

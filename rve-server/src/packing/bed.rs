@@ -290,13 +290,27 @@ impl<'a, S: Space> Bed<'a, S> {
         let radii = &self.cell.model().radii;
         let grains =
             state.positions.iter().zip(radii).map(|(position, radius)| S::grain(apply(&back, *position), *radius));
-        let contacts = state.contacts.iter().filter(|contact| contact.tangential_force.norm() > 0.0).map(|contact| {
+        let (mut contacts, mut rolling_moments) = (Vec::new(), Vec::new());
+        for (place, contact) in state.contacts.iter().enumerate() {
+            let moment = state.rolling_moments.get(place).copied();
+            if contact.tangential_force.norm() == 0.0 && moment.is_none_or(|moment| moment.norm() == 0.0) {
+                continue;
+            }
             let ContactRecord { origin, end, shift, tangential_force } = *contact;
-            ListedContact { origin, end, shift, tangential_force: S::turned_tangential(tangential_force, &back) }
-        });
+            let tangential_force = S::turned_tangential(tangential_force, &back);
+            contacts.push(ListedContact { origin, end, shift, tangential_force });
+            rolling_moments.extend(moment.map(|moment| S::turned_spin(moment, &back)));
+        }
+        if rolling_moments.iter().all(|moment| moment.norm() == 0.0) {
+            rolling_moments.clear();
+        }
+        let version =
+            if rolling_moments.is_empty() { PackingFile::VERSION } else { PackingFile::VERSION_WITH_MOMENTS };
         PackingFile {
+            version,
             thickness: self.cell.model().thickness,
-            contacts: contacts.collect(),
+            contacts,
+            rolling_moments,
             provenance,
             ..PackingFile::<S>::new(rows, grains.collect())
         }

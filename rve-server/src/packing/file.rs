@@ -8,6 +8,7 @@ use crate::cell::Cell;
 use crate::packing::ListedContact;
 use crate::pairs::PairKey;
 use crate::space::{Components, Discs, Space, Spheres, Tensor};
+use crate::state::ContactRecord;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use thiserror::Error;
@@ -42,7 +43,7 @@ pub enum PackingError {
 pub struct PackingFile<S: Space = Discs> {
     /// Always `grainspan-packing`.
     pub format: String,
-    /// Always 1.
+    /// 1, or 2 for files with rolling moments.
     pub version: u32,
     /// Space dimension, 2 or 3; that of the type.
     pub dimension: u32,
@@ -56,6 +57,10 @@ pub struct PackingFile<S: Space = Discs> {
     /// Contacts with history; others start with zero tangential force.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<ListedContact<S>>,
+    /// Moment of rolling resistance on grain i of each row of `contacts`, N m: about z in the plane, a vector in space. Empty
+    /// if there are none; files that hold them are of version 2.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rolling_moments: Vec<S::Spin>,
     /// Where the packing came from; free form, never read.
     #[serde(default, skip_serializing_if = "serde_json::Value::is_null")]
     pub provenance: serde_json::Value,
@@ -129,6 +134,8 @@ impl PackingFile {
     pub const FORMAT: &'static str = "grainspan-packing";
     /// Version of the format.
     pub const VERSION: u32 = 1;
+    /// Version of files that hold rolling moments: readers that do not know them refuse such a file.
+    pub const VERSION_WITH_MOMENTS: u32 = 2;
 }
 
 impl<S: Space> PackingFile<S> {
@@ -142,6 +149,7 @@ impl<S: Space> PackingFile<S> {
             periodicity,
             grains,
             contacts: Vec::new(),
+            rolling_moments: Vec::new(),
             provenance: serde_json::Value::Null,
         }
     }
@@ -198,6 +206,10 @@ impl<S: Space> PackingFile<S> {
             let rows = self.contacts.iter().map(json).collect();
             text += &format!(",\n  \"contacts\": {}", list(rows));
         }
+        if !self.rolling_moments.is_empty() {
+            let rows = self.rolling_moments.iter().map(json).collect();
+            text += &format!(",\n  \"rolling_moments\": {}", list(rows));
+        }
         if !self.provenance.is_null() {
             text += &format!(",\n  \"provenance\": {}", json(&self.provenance));
         }
@@ -213,11 +225,19 @@ impl<S: Space> PackingFile<S> {
         if self.format != PackingFile::FORMAT {
             return refuse(format!("format is `{}`, but `{}` was expected", self.format, PackingFile::FORMAT));
         }
-        if self.version != PackingFile::VERSION {
+        if ![PackingFile::VERSION, PackingFile::VERSION_WITH_MOMENTS].contains(&self.version) {
             return refuse(format!(
-                "version {} is not known; this program reads version {}",
+                "version {} is not known; this program reads versions {} and {}",
                 self.version,
-                PackingFile::VERSION
+                PackingFile::VERSION,
+                PackingFile::VERSION_WITH_MOMENTS
+            ));
+        }
+        if !self.rolling_moments.is_empty() && self.version != PackingFile::VERSION_WITH_MOMENTS {
+            return refuse(format!(
+                "rolling_moments belong to version {}; this file says version {}",
+                PackingFile::VERSION_WITH_MOMENTS,
+                self.version
             ));
         }
         if self.dimension as usize != S::DIMENSION {
@@ -251,6 +271,18 @@ impl<S: Space> PackingFile<S> {
         let wraps = self.wrap_centres(&cell);
         self.check_contacts(&wraps)?;
         Ok(self)
+    }
+
+    /// The listed contacts under their canonical names, in the order of the file, with their rolling moments if there are any.
+    pub(crate) fn histories(&self) -> impl Iterator<Item = (ContactRecord<S>, Option<S::Spin>)> + '_ {
+        self.contacts.iter().enumerate().map(|(place, listed)| {
+            let PairKey { origin, end, shift } = PairKey::<S>::canonical(listed.origin, listed.end, listed.shift);
+            let is_swapped = (origin, shift) != (listed.origin, listed.shift);
+            let tangential_force = S::seen_from(listed.tangential_force, is_swapped);
+            let moment =
+                self.rolling_moments.get(place).map(|moment| moment.times(if is_swapped { -1.0 } else { 1.0 }));
+            (ContactRecord { origin, end, shift, tangential_force }, moment)
+        })
     }
 
     fn check_grains(&self, cell: &Cell<S>) -> Result<(), PackingError> {
@@ -292,6 +324,16 @@ impl<S: Space> PackingFile<S> {
     fn check_contacts(&mut self, wraps: &[S::Shift]) -> Result<(), PackingError> {
         let refuse = |reason: String| Err(PackingError::Content(reason));
         let count = self.grains.len();
+        if ![0, self.contacts.len()].contains(&self.rolling_moments.len()) {
+            return refuse(format!(
+                "{} rolling_moments for {} contacts: one for each row of contacts is needed, or none at all",
+                self.rolling_moments.len(),
+                self.contacts.len()
+            ));
+        }
+        if let Some(index) = self.rolling_moments.iter().position(|moment| !moment.is_finite()) {
+            return refuse(format!("rolling moment {index}: {:?} is not finite", self.rolling_moments[index]));
+        }
         let mut keys = Vec::with_capacity(self.contacts.len());
         for (index, contact) in self.contacts.iter_mut().enumerate() {
             let (i, j) = (contact.origin as usize, contact.end as usize);

@@ -90,11 +90,14 @@ fn without<S: Space>(packing: &PackingFile<S>, removed: &[usize]) -> PackingFile
     }
     let kept = |grain: usize| numbers[grain].is_some();
     let grains = packing.grains.iter().enumerate().filter(|(grain, _)| kept(*grain)).map(|(_, grain)| *grain);
-    let contacts = packing.contacts.iter().filter_map(|contact| {
-        let (origin, end) = (numbers[contact.origin as usize]?, numbers[contact.end as usize]?);
-        Some(ListedContact { origin, end, ..*contact })
-    });
-    PackingFile { grains: grains.collect(), contacts: contacts.collect(), ..packing.clone() }
+    let (mut contacts, mut rolling_moments) = (Vec::new(), Vec::new());
+    for (place, contact) in packing.contacts.iter().enumerate() {
+        if let (Some(origin), Some(end)) = (numbers[contact.origin as usize], numbers[contact.end as usize]) {
+            contacts.push(ListedContact { origin, end, ..*contact });
+            rolling_moments.extend(packing.rolling_moments.get(place));
+        }
+    }
+    PackingFile { grains: grains.collect(), contacts, rolling_moments, ..packing.clone() }
 }
 
 #[cfg(test)]

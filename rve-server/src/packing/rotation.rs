@@ -41,6 +41,7 @@ fn rotated<S: Space>(packing: &PackingFile<S>, angle: f64) -> Result<PackingFile
         periodicity: cell.deformed(&turn).rows,
         grains: grains.collect(),
         contacts: contacts.collect(),
+        rolling_moments: packing.rolling_moments.iter().map(|moment| S::turned_spin(*moment, &turn)).collect(),
         ..packing.clone()
     }
     .checked()

@@ -150,11 +150,12 @@ impl<S: Space> Trial<'_, S> {
         end: &mut GrainState<S>,
         spent: &mut u64,
     ) -> Option<Tensor4> {
-        if end.operators.calibration().is_none() {
+        if end.operators.calibration().is_none_or(|known| known.factors(kind).is_none()) {
             let consistent = self.consistent(false, solver, spent)?;
             end.operators.calibrate(tangent::calibration(self.network, &consistent)?);
         }
-        end.operators.calibration().map(|calibration| tangent::calibrated(self.network, kind, calibration))
+        let factors = end.operators.calibration()?.factors(kind)?;
+        Some(tangent::calibrated(self.network, kind, factors))
     }
 }
 

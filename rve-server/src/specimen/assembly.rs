@@ -1,13 +1,31 @@
 //! From a periodic packing to the grains of a specimen.
+//!
+//! Nothing is moved against its neighbours: grains keep the places, contacts inside the specimen keep the tangential
+//! forces and rolling moments that they have in the packing. What walls cut through is left out and counted.
 
 use super::SpecimenSpace;
 use super::contact::Grain;
 use super::test_file::Cut;
+use crate::cell::Cell;
 use crate::frame::FrameGeometry;
 use crate::lanes::Tuple;
 use crate::packing::PackingFile;
-use crate::space::{Discs, Space};
+use crate::pairs::PairKey;
+use crate::space::{Axial, Components, Discs, Space, Tensor};
+use crate::state::ContactRecord;
 use std::collections::BTreeMap;
+
+/// Slant of a cell, or part of a cell vector along an axis where it has none, that is taken for rounding.
+const UPRIGHT: f64 = 1e-9;
+
+/// What a contact of the packing remembers, between two grains of the specimen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct History<S: Space> {
+    /// The pair in the specimen with the tangential force on its origin grain, N.
+    pub contact: ContactRecord<S>,
+    /// Rolling moment on the origin grain, N m.
+    pub moment: S::Spin,
+}
 
 /// Grains at rest and the box that they fill.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,44 +34,137 @@ pub struct Assembled<S: SpecimenSpace> {
     pub grains: Vec<Grain<S>>,
     /// Side lengths of the box, m.
     pub sides: [f64; 3],
+    /// Translations to the next image along the periodic axes, m.
+    pub periods: [Option<S::Vector>; 3],
+    /// Contacts of the packing that lie inside.
+    pub histories: Vec<History<S>>,
+    /// Listed contacts, of all copies, that the walls cut through.
+    pub cut_through: usize,
+    /// Largest slant of the copies against the walls, displacement over height; 0 where grains fill the box upright.
+    pub slant: f64,
 }
 
-/// Repeats a packing, whose cell must be rectangular, as whole tiles from the origin on.
+impl<S: SpecimenSpace> History<S> {
+    /// Tangential force and rolling moment as axial vectors for a contact along `branch`.
+    pub(super) fn axial(&self, branch: S::Coordinates<f64>) -> [S::Axial<f64>; 2] {
+        let direction = branch.scaled(1.0 / branch.dot(branch).sqrt());
+        let direction = S::Vector::from_fn(|axis| direction.as_ref()[axis]);
+        let force: Axial<S> = S::to_axial(self.contact.tangential_force, direction);
+        [force, S::axial(self.moment)]
+    }
+}
+
+/// Repeats a packing as whole tiles from the origin on. A skewed cell stays as it is: the copies tile the plane, or space,
+/// and the specimen is the upright box `tiles` cells wide, which holds every grain of every copy once because Y1 points
+/// along x and Y2 lies in the plane of x and y.
 ///
 /// # Errors
-/// A skewed cell.
-pub fn tiled<S: SpecimenSpace>(packing: &PackingFile<S>, tiles: &[usize]) -> Result<Assembled<S>, String> {
+/// A cell whose vectors do not lie so, or a periodic axis that leans against a wall.
+pub fn tiled<S: SpecimenSpace>(
+    packing: &PackingFile<S>,
+    tiles: &[usize],
+    periodic: [bool; 3],
+) -> Result<Assembled<S>, String> {
     let rows = &packing.periodicity;
-    let skew = (0..S::DIMENSION)
-        .flat_map(|i| (0..S::DIMENSION).map(move |j| (i, j)))
-        .filter(|(i, j)| i != j)
-        .fold(0.0, |largest: f64, (i, j)| largest.max((rows[i][j] / rows[i][i]).abs()));
-    // A packing brought to an isotropic stress is skewed a little; its tiles are set side by side unskewed.
-    if skew > 0.05 {
-        return Err(format!("the packing's cell is skewed by {skew:.3}; a specimen needs a rectangular one"));
+    let axes = || (0..S::DIMENSION).flat_map(|i| (0..S::DIMENSION).map(move |j| (i, j)));
+    let part = |(i, j): (usize, usize)| (rows[i][j] / rows[i][i]).abs();
+    if let Some((i, j)) = axes().find(|(i, j)| j > i && part((*i, *j)) > UPRIGHT) {
+        return Err(format!(
+            "the packing's vector Y{} has a part of {:.2e} of itself along {}; a specimen needs Y1 along x and Y2 in the plane of \
+             x and y, as `grainspan pack` writes them",
+            i + 1,
+            part((i, j)),
+            ["x", "y", "z"][j]
+        ));
     }
-    let sides: [f64; 3] = std::array::from_fn(|axis| if axis < S::DIMENSION { rows[axis][axis] } else { 1.0 });
-    let cell = crate::cell::Cell::<S> { rows: packing.periodicity };
+    if let Some((i, j)) = axes().find(|(i, j)| j < i && periodic[*i] && !periodic[*j] && part((*i, *j)) > UPRIGHT) {
+        return Err(format!(
+            "the packing's vector Y{} leans by {:.4} along {}, where this specimen has walls: make {} periodic as well, or \
+             neither, or use a packing whose cell is upright",
+            i + 1,
+            part((i, j)),
+            ["x", "y", "z"][j],
+            ["x", "y", "z"][j]
+        ));
+    }
     let counts: [usize; 3] = std::array::from_fn(|axis| tiles.get(axis).copied().unwrap_or(1));
+    let sides: [f64; 3] =
+        std::array::from_fn(|axis| if axis < S::DIMENSION { rows[axis][axis] * counts[axis] as f64 } else { 1.0 });
+    let cell = Cell::<S> { rows: packing.periodicity };
+    let whole = Cell::<S> { rows: S::Tensor::from_fn(|i, j| rows[i][j] * counts[i] as f64) };
+    let tile_of =
+        |number: usize| [number % counts[0], number / counts[0] % counts[1], number / (counts[0] * counts[1])];
     let mut grains = Vec::with_capacity(packing.grains.len() * counts.iter().product::<usize>());
+    // By how many whole boxes each grain was moved to lie in the upright one.
+    let mut moved: Vec<[i32; 3]> = Vec::with_capacity(grains.capacity());
     for number in 0..counts.iter().product() {
-        let tile = [number % counts[0], number / counts[0] % counts[1], number / (counts[0] * counts[1])];
+        let tile = tile_of(number);
+        let offset = cell.translation(S::shift(|axis| tile[axis] as i32));
         for grain in &packing.grains {
-            let place = cell.fractional(S::centre(grain));
-            let position = <S::Coordinates<f64>>::build(|axis| (place[axis] + tile[axis] as f64) * sides[axis]);
-            grains.push(still(position, S::radius(grain)));
+            let mut place = Components::plus(S::centre(grain), offset);
+            let mut boxes = [0; 3];
+            for axis in (0..S::DIMENSION).rev() {
+                boxes[axis] = -(place[axis] / sides[axis]).floor() as i32;
+                let by = S::shift(|other| if other == axis { boxes[axis] } else { 0 });
+                place = Components::plus(place, whole.translation(by));
+            }
+            grains.push(still(<S::Coordinates<f64>>::build(|axis| place[axis]), S::radius(grain)));
+            moved.push(boxes);
         }
     }
-    Ok(Assembled { grains, sides: std::array::from_fn(|axis| sides[axis] * counts[axis] as f64) })
+    let periods = std::array::from_fn(|axis| periodic[axis].then(|| S::Vector::from_fn(|j| whole.rows[axis][j])));
+    let mut assembled = Assembled { grains, sides, periods, histories: Vec::new(), cut_through: 0, slant: 0.0 };
+    let per_tile = packing.grains.len();
+    for number in 0..counts.iter().product() {
+        let tile = tile_of(number);
+        for (contact, moment) in packing.histories() {
+            let mut far = [0usize; 3];
+            let mut boxes = [0i32; 3];
+            for axis in 0..S::DIMENSION {
+                let place = tile[axis] as i32 + contact.shift[axis];
+                far[axis] = place.rem_euclid(counts[axis] as i32) as usize;
+                boxes[axis] = place.div_euclid(counts[axis] as i32);
+            }
+            let origin = number * per_tile + contact.origin as usize;
+            let end = (far[0] + counts[0] * (far[1] + counts[1] * far[2])) * per_tile + contact.end as usize;
+            let across = |axis: usize| boxes[axis] + moved[origin][axis] - moved[end][axis];
+            if (0..S::DIMENSION).any(|axis| !periodic[axis] && across(axis) != 0) {
+                assembled.cut_through += 1;
+                continue;
+            }
+            assembled.keep(origin, end, S::shift(across), &contact, moment);
+        }
+    }
+    Ok(assembled)
 }
 
-/// Repeats the frame of a plane packing; grains that tiles have in common come once.
+impl<S: SpecimenSpace> Assembled<S> {
+    /// A contact of the packing between these two grains of the specimen.
+    fn keep(
+        &mut self,
+        origin: usize,
+        end: usize,
+        shift: S::Shift,
+        listed: &ContactRecord<S>,
+        moment: Option<S::Spin>,
+    ) {
+        let key = PairKey::<S>::canonical(origin as u32, end as u32, shift);
+        let is_swapped = (key.origin as usize, key.shift) != (origin, shift);
+        let tangential_force = S::seen_from(listed.tangential_force, is_swapped);
+        let moment = moment.unwrap_or(S::Spin::ZERO).times(if is_swapped { -1.0 } else { 1.0 });
+        let contact = ContactRecord { origin: key.origin, end: key.end, shift: key.shift, tangential_force };
+        self.histories.push(History { contact, moment });
+    }
+}
+
+/// Repeats the frame of a plane packing; grains that tiles have in common come once. Copies of a skewed cell lean against
+/// the walls.
 ///
 /// # Errors
 /// A packing without a frame.
 pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<Assembled<Discs>, String> {
     let frame = FrameGeometry::of(packing).map_err(|error| error.to_string())?;
-    let cell = crate::cell::Cell::<Discs> { rows: packing.periodicity };
+    let cell = Cell::<Discs> { rows: packing.periodicity };
     let mut places: BTreeMap<(i32, i32, u32), [f64; 2]> = BTreeMap::new();
     for tile in 0..tiles[0] * tiles[1] {
         let by = [(tile % tiles[0]) as i32, (tile / tiles[0]) as i32];
@@ -67,7 +178,27 @@ pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<As
         .iter()
         .map(|((_, _, grain), position)| still::<Discs>(*position, Discs::radius(&packing.grains[*grain as usize])));
     let sides = [packing.periodicity[0][0] * tiles[0] as f64, packing.periodicity[1][1] * tiles[1] as f64, 1.0];
-    Ok(Assembled { grains: grains.collect(), sides })
+    let [first, second] = packing.periodicity;
+    let mut assembled = Assembled {
+        grains: grains.collect(),
+        sides,
+        periods: [None; 3],
+        histories: Vec::new(),
+        cut_through: 0,
+        slant: (first[1] / first[0]).abs().max((second[0] / second[1]).abs()),
+    };
+    let numbers: BTreeMap<(i32, i32, u32), usize> =
+        places.keys().enumerate().map(|(number, place)| (*place, number)).collect();
+    for (contact, moment) in packing.histories() {
+        for (&(up, right, _), &origin) in numbers.iter().filter(|(place, _)| place.2 == contact.origin) {
+            let far = (up + contact.shift[1], right + contact.shift[0], contact.end);
+            match numbers.get(&far) {
+                Some(&end) => assembled.keep(origin, end, [0, 0], &contact, moment),
+                None => assembled.cut_through += 1,
+            }
+        }
+    }
+    Ok(assembled)
 }
 
 /// The specimen that a test asks for.
@@ -78,9 +209,10 @@ pub fn assembled<S: SpecimenSpace + Joinable>(
     packing: &PackingFile<S>,
     tiles: &[usize],
     cut: Cut,
+    periodic: [bool; 3],
 ) -> Result<Assembled<S>, String> {
     match cut {
-        Cut::Tiles => tiled(packing, tiles),
+        Cut::Tiles => tiled(packing, tiles, periodic),
         Cut::Frames => S::joined(packing, tiles),
     }
 }

@@ -6,7 +6,7 @@
 
 use super::SpecimenSpace;
 use super::block::Block;
-use super::contact::{ContactSums, Grain, Load, PairLoad, Slot};
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
 use crate::cell::Cell;
 use crate::lanes::Tuple;
 use crate::law::ContactLaw;
@@ -48,8 +48,8 @@ struct Sides {
 #[derive(Clone, Debug)]
 pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
     law: C,
-    /// Lengths of the periodic axes, m; nothing where a body ends.
-    periods: [Option<f64>; 3],
+    /// Translations to the next image along the periodic axes, m; nothing where a body ends.
+    periods: [Option<S::Vector>; 3],
     /// The grains.
     pub grains: Vec<Grain<S>>,
     /// Loads of the last evaluation.
@@ -73,13 +73,14 @@ pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
 }
 
 impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
-    /// A body of grains with these masses, kg. `damping_ratio` is that of every contact's viscosity, 0 for none.
+    /// A body of grains with these masses, kg. `damping_ratio` is that of every contact's viscosity, 0 for none; `periods`
+    /// are the translations to the next image along the periodic axes, which have no part along the other axes.
     pub fn new(
         law: C,
         grains: Vec<Grain<S>>,
         masses: Vec<f64>,
         damping_ratio: f64,
-        periods: [Option<f64>; 3],
+        periods: [Option<S::Vector>; 3],
     ) -> Self {
         let mean = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len().max(1) as f64;
         let mut body = Self {
@@ -134,15 +135,39 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         self.masses[grain]
     }
 
-    /// Gives contacts the tangential forces that they have, as axial vectors on their origin grain. Pairs that are not
-    /// listed are passed over.
-    pub(crate) fn adopt(&mut self, forces: impl Iterator<Item = (PairKey<S>, S::Axial<f64>)>) {
-        for (key, force) in forces {
-            if let Ok(index) = self.keys.binary_search(&key) {
-                let branch = self.branch(index);
-                self.slots[index].adopt(branch, force);
-            }
+    /// Masses of the grains in the motion, kg: contact viscosity follows them.
+    pub(crate) fn change_masses(&mut self, masses: &[f64]) {
+        self.masses.copy_from_slice(masses);
+        if self.damping_ratio == 0.0 {
+            return;
         }
+        for (pair, slot) in self.pairs.iter().zip(&mut self.slots) {
+            let [first, second] = [masses[pair.origin as usize], masses[pair.end as usize]];
+            slot.change_mass(first * second / (first + second), self.damping_ratio);
+        }
+    }
+
+    /// Damping ratio of every contact's viscosity.
+    pub(crate) fn damping_ratio(&self) -> f64 {
+        self.damping_ratio
+    }
+
+    /// Gives contacts the tangential forces and rolling moments that they have, as axial vectors on their origin grain,
+    /// computed from the branch. Returns the number of those that do not touch: they are passed over.
+    pub(crate) fn adopt<F>(&mut self, histories: impl Iterator<Item = (PairKey<S>, F)>) -> usize
+    where
+        F: FnOnce(S::Coordinates<f64>) -> [S::Axial<f64>; 2],
+    {
+        let mut passed_over = 0;
+        for (key, history) in histories {
+            let adopted = self.keys.binary_search(&key).is_ok_and(|index| {
+                let branch = self.branch(index);
+                let [force, moment] = history(branch);
+                self.slots[index].adopt(&self.law, branch, force, moment)
+            });
+            passed_over += usize::from(!adopted);
+        }
+        passed_over
     }
 
     /// Key of a listed pair.
@@ -273,17 +298,14 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         }
     }
 
-    /// Per grain, `sum over contacts of max(k_n, k_t (1 + 1 / inertia_factor))`, N/m, where `inertia_factor` is the moment
-    /// of inertia over mass times radius squared. Twice this over the mass bounds every squared frequency, because a
-    /// contact's energy is at most that of both grains moving against each other. Erratum of [Liu2015] eq. 64: the
-    /// frequency of a single contact bounds nothing.
-    pub fn own_stiffness(&self, inertia_factor: f64) -> Vec<f64> {
-        let mut sums = vec![0.0; self.grains.len()];
+    /// Per grain, what its contacts add up to in the stability bound; `inertia_factor` is the moment of inertia over mass
+    /// times radius squared. Twice the stiffness over the mass bounds every squared frequency.
+    pub fn own_stiffness(&self, inertia_factor: f64) -> Vec<OwnStiffness> {
+        let mut sums = vec![OwnStiffness::default(); self.grains.len()];
         for index in self.touching() {
-            let [normal, tangential] = self.slots[index].stiffness(&self.law);
-            let stiffness = self.slots[index].weight * normal.max(tangential * (1.0 + 1.0 / inertia_factor));
-            sums[self.pairs[index].origin as usize] += stiffness;
-            sums[self.pairs[index].end as usize] += stiffness;
+            for grain in [self.pairs[index].origin as usize, self.pairs[index].end as usize] {
+                sums[grain].add(&self.slots[index].own(&self.law, self.grains[grain].radius, inertia_factor));
+            }
         }
         sums
     }
@@ -359,17 +381,17 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     /// A box around all grains; along axes that are not periodic it is so wide that no image is ever near.
     fn enclosing_cell(&self) -> Cell<S> {
         let reach = 2.0 * self.grains.iter().fold(0.0, |largest: f64, grain| largest.max(grain.radius)) + self.skin;
-        let sides = [0, 1, 2].map(|axis| {
-            if axis >= S::DIMENSION {
-                return 1.0;
-            }
-            if let Some(period) = self.periods[axis] {
-                return period;
-            }
-            let along = || self.grains.iter().map(|grain| grain.position.as_ref()[axis]).filter(|x| x.is_finite());
-            let (low, high) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
+        let along = |axis: usize| {
+            let places = || self.grains.iter().map(|grain| grain.position.as_ref()[axis]).filter(|x| x.is_finite());
+            let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
             (high - low).max(0.0) + 2.0 * reach
-        });
-        Cell { rows: S::Tensor::from_fn(|i, j| if i == j { sides[i] } else { 0.0 }) }
+        };
+        Cell {
+            rows: S::Tensor::from_fn(|i, j| match &self.periods[i] {
+                Some(period) => period[j],
+                None if i == j => along(i),
+                None => 0.0,
+            }),
+        }
     }
 }

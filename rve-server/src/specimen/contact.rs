@@ -92,6 +92,8 @@ pub(crate) struct Slot<S: SpecimenSpace, C: ContactLaw<S>> {
     pub(crate) weight: f64,
     /// Twice the damping ratio times the square root of the reduced mass; 0 without contact viscosity.
     pub(super) viscosity: f64,
+    /// Viscous part of the normal force at the last evaluation, N, positive while the grains approach.
+    pub(super) viscous_force: f64,
     pub(crate) touches: bool,
     pub(crate) direction: S::Coordinates<f64>,
     pub(crate) tangential_force: S::Axial<f64>,
@@ -118,12 +120,22 @@ struct Approach<S: SpecimenSpace> {
 impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
     /// A pair that does not touch yet. `masses` matter for contact viscosity alone.
     pub(crate) fn new(law: &C, radii: [f64; 2], masses: [f64; 2], damping_ratio: f64, weight: f64) -> Self {
-        let reduced = if masses[1].is_finite() { masses[0] * masses[1] / (masses[0] + masses[1]) } else { masses[0] };
+        let reduced = masses[0] * masses[1] / (masses[0] + masses[1]);
+        Self::with(radii, law.constants(radii), viscosity(reduced, damping_ratio), weight)
+    }
+
+    /// A grain that does not touch its wall yet.
+    pub(crate) fn at_wall(law: &C, radius: f64, mass: f64, damping_ratio: f64) -> Self {
+        Self::with([radius, f64::INFINITY], law.wall_constants(radius), viscosity(mass, damping_ratio), 1.0)
+    }
+
+    fn with(radii: [f64; 2], constants: C::Constants<f64>, viscosity: f64, weight: f64) -> Self {
         Self {
             radii,
-            constants: law.constants(radii),
+            constants,
             weight,
-            viscosity: if damping_ratio > 0.0 { 2.0 * damping_ratio * reduced.sqrt() } else { 0.0 },
+            viscosity,
+            viscous_force: 0.0,
             touches: false,
             direction: Tuple::zero(),
             tangential_force: Tuple::zero(),
@@ -133,17 +145,46 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         }
     }
 
-    /// Normal and tangential stiffness at the last overlap, N/m.
-    pub(crate) fn stiffness(&self, law: &C) -> [f64; 2] {
-        let stiffness = law.stiffness(&self.constants, self.overlap);
-        [stiffness[0], stiffness[1]]
+    /// Normal, tangential and rolling stiffness at the last overlap, N/m and N m.
+    pub(crate) fn stiffness(&self, law: &C) -> [f64; 3] {
+        law.stiffness(&self.constants, self.overlap)
     }
 
-    /// Restores a tangential force along a branch that the contact has at this moment.
-    pub(crate) fn adopt(&mut self, branch: S::Coordinates<f64>, tangential_force: S::Axial<f64>) {
-        self.direction = branch.scaled(1.0 / branch.dot(branch).sqrt());
+    /// What the contact adds to the stability bound of its grain of radius `radius`.
+    pub(super) fn own(&self, law: &C, radius: f64, inertia_factor: f64) -> OwnStiffness {
+        let stiffness = self.stiffness(law);
+        let root = self.weight * stiffness[0].sqrt();
+        OwnStiffness {
+            stiffness: self.weight * bound(stiffness, radius, inertia_factor),
+            root,
+            dashpot: self.viscosity * root,
+        }
+    }
+
+    /// Viscosity for other masses: `reduced` is the reduced mass of the pair, kg.
+    pub(super) fn change_mass(&mut self, reduced: f64, damping_ratio: f64) {
+        self.viscosity = viscosity(reduced, damping_ratio);
+    }
+
+    /// Restores tangential force and rolling moment along a branch that the contact has at this moment. Returns whether the
+    /// grains touch; nothing is restored if they do not.
+    pub(crate) fn adopt(
+        &mut self,
+        law: &C,
+        branch: S::Coordinates<f64>,
+        tangential_force: S::Axial<f64>,
+        moment: S::Axial<f64>,
+    ) -> bool {
+        let length = branch.dot(branch).sqrt();
+        let overlap = (self.radii[0] + self.radii[1]) - length;
+        if overlap <= 0.0 {
+            return false;
+        }
+        self.direction = branch.scaled(1.0 / length);
         self.tangential_force = tangential_force;
+        self.memory = law.resumed(overlap, moment);
         self.touches = true;
+        true
     }
 
     /// The pair has come apart.
@@ -156,6 +197,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         self.memory = Tuple::zero();
         self.overlap = 0.0;
         self.normal_force = 0.0;
+        self.viscous_force = 0.0;
     }
 
     /// Forces of two touching grains `branch` apart after a motion of `step` seconds.
@@ -237,26 +279,40 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
             slip: approach.slip,
             rolling: approach.rolling,
         };
-        let response = law.respond(&self.constants, &motion, &mut self.memory);
-        let [stiffness, ..] = law.stiffness(&self.constants, approach.overlap);
+        let elastic = law.normal_force(&self.constants, approach.overlap);
+        let [stiffness, tangential_stiffness, _] = law.stiffness(&self.constants, approach.overlap);
         // Viscosity brakes the approach and the parting, but never pulls grains together.
         let viscous = -self.viscosity * stiffness.sqrt() * approach.closing;
-        let normal = if viscous > 0.0 && response.normal_force + viscous > response.normal_force.max(0.0) {
-            response.normal_force.max(0.0)
+        let normal =
+            if viscous > 0.0 && elastic + viscous > elastic.max(0.0) { elastic.max(0.0) } else { elastic + viscous };
+        // Friction goes with all that presses the surfaces together, the dashpot included.
+        let constants = if self.viscosity > 0.0 {
+            let repulsion = law.normal_force(&self.constants, 0.0) - elastic;
+            law.limits_scaled(&self.constants, ((repulsion + elastic - normal) / repulsion).max(0.0))
         } else {
-            response.normal_force + viscous
+            self.constants
         };
+        let response = law.respond(&constants, &motion, &mut self.memory);
         let tangential = response.tangential_force;
+        if self.viscosity > 0.0 && motion.touched && response.at_limit && tangential_stiffness > 0.0 {
+            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing.
+            let attempt = motion.carried.plus(motion.slip.scaled(tangential_stiffness));
+            let cut = attempt.minus(tangential).dot(motion.carried.minus(tangential));
+            sums.dissipation += self.weight * 0.5 * cut / tangential_stiffness;
+        }
         self.touches = true;
         self.direction = approach.direction;
         self.tangential_force = tangential;
         self.overlap = approach.overlap;
-        self.normal_force = response.normal_force;
+        self.normal_force = elastic;
 
         sums.contacts += 1;
-        sums.normal_force += self.weight * response.normal_force.abs();
+        sums.normal_force += self.weight * elastic.abs();
         sums.dissipation += self.weight * response.dissipation;
-        sums.viscous_work += self.weight * (response.normal_force - normal) * approach.closing * approach.step;
+        // The velocity between two evaluations meets the mean of both forces: so the energy of leap-frog steps adds up.
+        let viscous = elastic - normal;
+        sums.viscous_work += self.weight * 0.5 * (self.viscous_force + viscous) * approach.closing * approach.step;
+        self.viscous_force = viscous;
         let stored = law.energy(&self.constants, approach.overlap, S::length(tangential), &self.memory);
         sums.elastic_energy += self.weight * stored;
         sums.sliding += u64::from(response.at_limit);
@@ -269,6 +325,68 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         }
         PairLoad { force: force.scaled(self.weight), moments: moments.map(|moment| moment.scaled(self.weight)) }
     }
+}
+
+/// What all contacts of a grain add up to where the stability of the motion is judged. A mode of squared frequency
+/// `omega^2` and viscous rate `c / m` is stable in leap-frog steps `dt`, whose dashpots see the velocity half a step ago,
+/// while `dt^2 omega^2 + 2 dt c / m < 4`. Both sums bound their share because the energy, and the loss, of a contact is at
+/// most that of both grains moving against each other: `dt^2 stiffness + 2 dt dashpot < 2 m` for every grain is enough.
+/// Erratum of [Liu2015] eq. 64: the frequency of a single contact bounds nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OwnStiffness {
+    /// Sum of the largest stiffness of each contact, N/m.
+    pub stiffness: f64,
+    /// Sum of the roots of the normal stiffnesses, (N/m)^(1/2).
+    pub root: f64,
+    /// Sum of the viscosities, N s/m.
+    pub dashpot: f64,
+}
+
+impl OwnStiffness {
+    pub(super) fn add(&mut self, other: &Self) {
+        self.stiffness += other.stiffness;
+        self.root += other.root;
+        self.dashpot += other.dashpot;
+    }
+
+    /// Longest stable step, s, of a grain of this mass, kg; infinite where nothing holds it.
+    pub(super) fn longest_step(&self, mass: f64) -> f64 {
+        let Self { stiffness, dashpot, .. } = *self;
+        if stiffness == 0.0 {
+            f64::INFINITY
+        } else if dashpot == 0.0 {
+            2.0 / (2.0 * stiffness / mass).sqrt()
+        } else {
+            2.0 * mass / (dashpot + (dashpot * dashpot + 2.0 * stiffness * mass).sqrt())
+        }
+    }
+
+    /// Mass for which a step of 1 is this share of the longest stable one, with contacts of this damping ratio. The reduced
+    /// mass of a contact is below that of either grain, so a dashpot is at most `2 ratio sqrt(mass) root`.
+    pub(super) fn mass_for(&self, safety: f64, damping_ratio: f64) -> f64 {
+        if damping_ratio == 0.0 {
+            return 2.0 * self.stiffness / (4.0 * safety * safety);
+        }
+        let dashpot = damping_ratio * self.root;
+        let root = (dashpot + (dashpot * dashpot + 0.5 * self.stiffness).sqrt()) / safety;
+        root * root
+    }
+}
+
+/// Largest stiffness of one contact for the motion of one grain of mass 1 and inertia `inertia_factor radius^2`, N/m. The
+/// tangential spring couples translation and spin, the rolling one adds to the spin alone: the larger eigenvalue of both.
+pub(super) fn bound([normal, tangential, rolling]: [f64; 3], radius: f64, inertia_factor: f64) -> f64 {
+    if rolling == 0.0 {
+        return normal.max(tangential * (1.0 + 1.0 / inertia_factor));
+    }
+    let turning = (tangential + rolling / (radius * radius)) / inertia_factor;
+    let coupling = tangential / inertia_factor.sqrt();
+    normal.max(0.5 * (tangential + turning) + (0.5 * (tangential - turning)).hypot(coupling))
+}
+
+/// Twice the damping ratio times the root of the reduced mass: times the root of a stiffness it is a dashpot.
+fn viscosity(reduced_mass: f64, damping_ratio: f64) -> f64 {
+    if damping_ratio > 0.0 { 2.0 * damping_ratio * reduced_mass.sqrt() } else { 0.0 }
 }
 
 /// The same components as a vector of the space.

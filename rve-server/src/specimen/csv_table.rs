@@ -3,7 +3,7 @@
 use super::run::SpecimenRow;
 use std::io::Write;
 
-const NAMES: [&str; 26] = [
+const NAMES: [&str; 28] = [
     "stage",
     "step",
     "time",
@@ -30,6 +30,8 @@ const NAMES: [&str; 26] = [
     "friction_work",
     "viscous_work",
     "damping_work",
+    "wall_work",
+    "missing_energy",
 ];
 
 /// Writes the header and then one line per row.
@@ -66,6 +68,8 @@ impl<W: Write> SpecimenCsv<W> {
             row.friction_work,
             row.viscous_work,
             row.damping_work,
+            row.wall_work,
+            row.missing_energy,
         ]);
         cells.extend(numbers.map(|number| number.to_string()));
         self.writer.write_record(&cells)?;

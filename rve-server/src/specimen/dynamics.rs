@@ -6,7 +6,7 @@
 
 use super::SpecimenSpace;
 use super::body::Body;
-use super::contact::{ContactSums, Grain, Load};
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, bound};
 use super::wall::Wall;
 use crate::lanes::Tuple;
 use crate::law::ContactLaw;
@@ -74,6 +74,12 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     pub contacts: ContactSums,
     /// Work lost to friction, to contact viscosity and to local damping, and work of gravity, J.
     pub works: [f64; 4],
+    /// Work that the walls have done on the grains, J.
+    pub wall_work: f64,
+    /// Kinetic energy that came with masses that were raised on the way, J.
+    pub raised: f64,
+    /// Stored and kinetic energy at the first evaluation, J.
+    pub first_energy: f64,
     inertia_factor: f64,
     masses: Vec<f64>,
     skin: f64,
@@ -97,14 +103,51 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             shortenings: 0,
             contacts: ContactSums::default(),
             works: [0.0; 4],
+            wall_work: 0.0,
+            raised: 0.0,
+            first_energy: 0.0,
             inertia_factor: S::INERTIA_FACTOR,
             masses,
             skin: 0.1 * mean,
         };
         dynamics.list_walls();
         dynamics.evaluate(0.0);
+        // Histories above the Coulomb limit have been cut to it: that is no part of the motion.
+        dynamics.works = [0.0; 4];
         dynamics.choose_step();
+        dynamics.first_energy = dynamics.contacts.elastic_energy + dynamics.kinetic_energy();
         dynamics
+    }
+
+    /// Kinetic energy at the time of the positions, J: velocities are half a step old and are brought up to them.
+    pub fn kinetic_energy(&self) -> f64 {
+        let half = 0.5 * self.step;
+        let mut sum = 0.0;
+        for (index, (grain, load)) in self.body.grains.iter().zip(&self.body.loads).enumerate() {
+            let mass = self.masses[index];
+            let inertia = self.inertia_factor * mass * grain.radius * grain.radius;
+            sum += 0.5 * (mass * grain.velocity.dot(grain.velocity) + inertia * grain.spin.dot(grain.spin));
+            sum += half * (load.force.dot(grain.velocity) + load.moment.dot(grain.spin));
+        }
+        sum
+    }
+
+    /// What was put in less what is stored and what was lost, J: 0 but for rounding and for what steps of finite length leave
+    /// out. Grains with prescribed velocities are not accounted for.
+    pub fn missing_energy(&self) -> f64 {
+        let [friction, viscosity, damping, gravity] = self.works;
+        let given = self.first_energy + self.wall_work + gravity + self.raised;
+        given - (self.contacts.elastic_energy + self.kinetic_energy() + friction + viscosity + damping)
+    }
+
+    /// What [`missing_energy`](Self::missing_energy) is to be measured by, J: the sum of all its parts.
+    pub fn energy_turnover(&self) -> f64 {
+        let works: f64 = self.works.iter().map(|work| work.abs()).sum();
+        works
+            + self.first_energy.abs()
+            + self.wall_work.abs()
+            + self.contacts.elastic_energy
+            + self.kinetic_energy().abs()
     }
 
     /// Mass of a grain in the motion, kg.
@@ -117,7 +160,10 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let step = self.step;
         let sums = self.kick_and_move(step);
         for wall in &mut self.walls {
+            // Half of the work of this way is done by the forces at its start, half by those at its end.
+            let force = wall.normal_force();
             wall.advance(step);
+            self.wall_work += 0.5 * force * wall.velocity() * step;
         }
         if self.body.keep_list_complete() {
             self.list_walls();
@@ -126,6 +172,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             self.list_walls();
         }
         self.evaluate(step);
+        for wall in &self.walls {
+            self.wall_work += 0.5 * wall.normal_force() * wall.velocity() * step;
+        }
         self.time += step;
         self.steps += 1;
         self.works[2] += sums.damping_work;
@@ -188,21 +237,15 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
 
     /// Takes the step, or the masses, from the present contacts.
     fn choose_step(&mut self) {
-        let stiffness = self.own_stiffness();
+        let own = self.own_stiffness();
         let safety = self.motion.safety;
         if self.motion.scaled_masses {
-            // The unit of time is the step: m = 2 K / (2 safety)^2 keeps omega below 2 safety.
-            let mean = stiffness.iter().sum::<f64>() / stiffness.len().max(1) as f64;
-            for (mass, stiffness) in self.masses.iter_mut().zip(&stiffness) {
-                *mass = if self.steps == 0 { 0.0 } else { *mass };
-                *mass = mass.max(2.0 * stiffness.max(mean) / (4.0 * safety * safety));
-                *mass = mass.max(f64::MIN_POSITIVE);
-            }
+            self.scale_masses(&own);
             self.step = 1.0;
             return;
         }
-        let square = stiffness.iter().zip(&self.masses).fold(0.0, |largest: f64, (k, m)| largest.max(2.0 * k / m));
-        let limit = if square > 0.0 { 2.0 / square.sqrt() } else { f64::INFINITY };
+        let longest = |(own, mass): (&OwnStiffness, &f64)| own.longest_step(*mass);
+        let limit = own.iter().zip(&self.masses).map(longest).fold(f64::INFINITY, f64::min);
         let wanted = self.motion.step.unwrap_or(safety * limit);
         if self.step == 0.0 {
             self.step = if wanted.is_finite() { wanted } else { self.free_step() };
@@ -213,24 +256,55 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         }
     }
 
+    /// The unit of time is the step: every grain gets the mass that makes it the wanted share of its longest stable step.
+    fn scale_masses(&mut self, own: &[OwnStiffness]) {
+        let mut mean = OwnStiffness::default();
+        own.iter().for_each(|own| mean.add(own));
+        let count = own.len().max(1) as f64;
+        let ratio = self.body.damping_ratio();
+        for (index, own) in own.iter().enumerate() {
+            let own = OwnStiffness {
+                stiffness: own.stiffness.max(mean.stiffness / count),
+                root: own.root.max(mean.root / count),
+                dashpot: 0.0,
+            };
+            let before = if self.steps == 0 { 0.0 } else { self.masses[index] };
+            let after = before.max(own.mass_for(self.motion.safety, ratio)).max(f64::MIN_POSITIVE);
+            let grain = &self.body.grains[index];
+            let turning = self.inertia_factor * grain.radius * grain.radius * grain.spin.dot(grain.spin);
+            self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
+            self.masses[index] = after;
+        }
+        self.body.change_masses(&self.masses);
+        for wall in &mut self.walls {
+            wall.change_masses(&self.masses);
+        }
+    }
+
     /// Step while nothing touches: as if every grain had one contact with its like at a tenth of a per cent overlap.
     fn free_step(&self) -> f64 {
         let law = self.body.law();
-        let square = self.body.grains.iter().zip(&self.masses).fold(0.0, |largest: f64, (grain, mass)| {
+        let ratio = self.body.damping_ratio();
+        let limit = self.body.grains.iter().zip(&self.masses).fold(f64::INFINITY, |shortest: f64, (grain, mass)| {
             let constants = law.constants([grain.radius, grain.radius]);
             let stiffness = law.stiffness(&constants, 2e-3 * grain.radius);
-            let bound = stiffness[0].max(stiffness[1] * (1.0 + 1.0 / self.inertia_factor));
-            largest.max(4.0 * bound / mass)
+            let own = OwnStiffness {
+                stiffness: 2.0 * bound(stiffness, grain.radius, self.inertia_factor),
+                root: 0.0,
+                dashpot: 2.0 * 2.0 * ratio * (0.5 * mass * stiffness[0]).sqrt(),
+            };
+            shortest.min(own.longest_step(*mass))
         });
-        if square > 0.0 { self.motion.safety * 2.0 / square.sqrt() } else { 1.0 }
+        if limit.is_finite() { self.motion.safety * limit } else { 1.0 }
     }
 
-    /// Per grain, the bound of its own stiffness per mass: see [`Body::own_stiffness`].
-    fn own_stiffness(&self) -> Vec<f64> {
-        let factor = 1.0 + 1.0 / self.inertia_factor;
+    /// Per grain, what its contacts with grains and walls add up to: see [`Body::own_stiffness`].
+    fn own_stiffness(&self) -> Vec<OwnStiffness> {
         let mut sums = self.body.own_stiffness(self.inertia_factor);
-        for (grain, [normal, tangential]) in self.walls.iter().flat_map(Wall::stiffnesses) {
-            sums[grain] += normal.max(tangential * factor);
+        for wall in &self.walls {
+            for (grain, own) in wall.own_stiffnesses(&self.body.grains, self.inertia_factor) {
+                sums[grain].add(&own);
+            }
         }
         sums
     }

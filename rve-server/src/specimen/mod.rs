@@ -24,10 +24,10 @@ pub mod wall;
 mod wave_tests;
 
 pub use body::Body;
-pub use contact::{ContactSums, Grain, Load};
+pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
-pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenSummary, run_specimen};
+pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen};
 pub use test_file::SpecimenTest;
 pub use wall::{Wall, WallDrive};
 

@@ -16,8 +16,15 @@ const SERVO_GAIN: f64 = 0.02;
 /// Default largest strain of one step of a servo-controlled wall.
 const LARGEST_STRAIN_PER_STEP: f64 = 1e-5;
 
-/// Steps between two looks at whether a stage has come to balance.
+/// Steps between two looks at whether a stage has come to balance, and at the energy.
 const BALANCE_INTERVAL: u64 = 100;
+
+/// Energy that is missing, or too much, over the energy turned over: from here on a row is counted, and a run stops.
+const ENERGY_COUNTED: f64 = 0.01;
+const ENERGY_STOP: f64 = 0.1;
+
+/// Distance of a controlled wall stress from its target, over the mean target, from which on a row is counted.
+const SERVO_COUNTED: f64 = 0.01;
 
 /// One row of results. Stresses in Pa, tension positive; axes that are periodic or do not exist have zero wall stress.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,11 +63,34 @@ pub struct SpecimenRow {
     pub damping_work: f64,
     /// Largest overlap over the smaller diameter.
     pub max_overlap_ratio: f64,
+    /// Work of the walls on the grains since the start, J.
+    pub wall_work: f64,
+    /// Energy put in since the start that is neither stored nor booked as lost, J; negative if there is more than was put in.
+    pub missing_energy: f64,
+}
+
+/// The specimen before anything has moved: how far it is from what the packing was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpecimenStart {
+    /// Love-Weber stress of the contacts between grains, Pa, tension positive: xx, yy, zz, xy, xz, yz.
+    pub stress: [f64; 6],
+    /// Largest unbalanced force over mean contact force.
+    pub unbalanced_force_ratio: f64,
+    /// Contacts of all copies whose tangential force or rolling moment was taken over.
+    pub histories: usize,
+    /// Those that the walls cut through.
+    pub cut_through: usize,
+    /// Those of pairs that do not touch.
+    pub dropped: usize,
+    /// Displacement over height by which the copies lean against the walls.
+    pub slant: f64,
 }
 
 /// What a test cost and where it fell short.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpecimenSummary {
+    /// The specimen before anything has moved.
+    pub start: SpecimenStart,
     /// Number of grains.
     pub grains: usize,
     /// Steps.
@@ -71,6 +101,14 @@ pub struct SpecimenSummary {
     pub shortenings: u64,
     /// Stages that ended at their step cap before they came to balance.
     pub unbalanced_stages: u64,
+    /// Rows of stages without `until_balance` whose controlled wall stresses are more than 1 % of the mean target off.
+    pub servo_misses: u64,
+    /// The largest such distance, over the mean target.
+    pub largest_servo_error: f64,
+    /// Rows that miss more than 1 % of the energy turned over.
+    pub energy_misses: u64,
+    /// Largest share of the energy turned over that was missing, or too much, at any look.
+    pub largest_energy_error: f64,
 }
 
 /// Grains as pictures need them.
@@ -134,7 +172,7 @@ fn run_with<S: Joinable, N: Springs, const MEMORY: usize>(
         steps: run.dynamics.steps,
         renewals: run.dynamics.body.renewals,
         shortenings: run.dynamics.shortenings,
-        unbalanced_stages: run.unbalanced_stages,
+        ..run.summary
     })
 }
 
@@ -147,14 +185,15 @@ struct Run<'a, S: Joinable, N: Springs, const MEMORY: usize> {
     sides: [f64; 3],
     thickness: f64,
     solid: f64,
-    unbalanced_stages: u64,
+    /// What is counted on the way.
+    summary: SpecimenSummary,
     last: GrainSums,
 }
 
 impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
     fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: ComposedLaw<N, MEMORY>) -> Result<Self, String> {
-        let assembled = assembled(packing, &test.tiles, test.cut)?;
         let periodic = test.periodic_axes(S::DIMENSION)?;
+        let assembled = assembled(packing, &test.tiles, test.cut, periodic)?;
         let wall_law = ComposedLaw { friction: test.walls.friction, ..law };
         let thickness = packing.thickness;
         let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
@@ -186,8 +225,10 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
                 ));
             }
         }
-        let periods = std::array::from_fn(|axis| periodic[axis].then_some(sides[axis]));
-        let body = Body::new(law, assembled.grains, masses, test.contact.damping, periods);
+        let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
+        let histories = assembled.histories.iter();
+        let dropped =
+            body.adopt(histories.map(|history| (history.contact.key(), move |branch| history.axial(branch))));
         let motion = Motion {
             gravity: std::array::from_fn(|axis| test.motion.gravity.get(axis).copied().unwrap_or(0.0)),
             local_damping: test.motion.local_damping,
@@ -197,16 +238,27 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
             scaled_masses: test.motion.scaled_masses,
         };
         let dynamics = Dynamics::new(body, walls, motion);
-        Ok(Self {
+        let mut run = Self {
             test,
             dynamics,
             walls: numbers,
             sides,
             thickness: if S::DIMENSION == 2 { thickness } else { 1.0 },
             solid,
-            unbalanced_stages: 0,
+            summary: SpecimenSummary::default(),
             last: GrainSums::default(),
-        })
+        };
+        let forces = run.dynamics.body.loads.iter().map(|load| load.force.dot(load.force).sqrt());
+        run.last.largest_force = forces.fold(0.0, f64::max);
+        run.summary.start = SpecimenStart {
+            stress: run.contact_stress(),
+            unbalanced_force_ratio: run.unbalanced(),
+            histories: assembled.histories.len() - dropped,
+            cut_through: assembled.cut_through,
+            dropped,
+            slant: assembled.slant,
+        };
+        Ok(run)
     }
 
     fn follow(
@@ -232,6 +284,9 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
                     stage.name
                 ));
             }
+            if done.is_multiple_of(BALANCE_INTERVAL) || done == stage.steps {
+                self.check_energy(stage, done)?;
+            }
             let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
                 && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
             if done.is_multiple_of(BALANCE_INTERVAL) {
@@ -241,6 +296,7 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
             if done * stage.rows >= (row + 1) * stage.steps || at_balance || done == stage.steps {
                 row = done * stage.rows / stage.steps;
                 let result = self.row(stage);
+                self.count(stage, &result);
                 listener(&SpecimenEvent::Row(&result, &|| self.picture()));
             }
             if at_balance {
@@ -248,8 +304,49 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
                 break;
             }
         }
-        self.unbalanced_stages += u64::from(!balanced);
+        self.summary.unbalanced_stages += u64::from(!balanced);
         Ok(())
+    }
+
+    /// Energy that is missing over the energy turned over.
+    fn energy_error(&self) -> f64 {
+        let turnover = self.dynamics.energy_turnover();
+        if turnover > 0.0 { self.dynamics.missing_energy().abs() / turnover } else { 0.0 }
+    }
+
+    fn check_energy(&mut self, stage: &Stage, step: u64) -> Result<(), String> {
+        let error = self.energy_error();
+        self.summary.largest_energy_error = self.summary.largest_energy_error.max(error);
+        if error <= ENERGY_STOP {
+            return Ok(());
+        }
+        Err(format!(
+            "stage \"{}\": at step {step} {:.2e} J, {:.0} % of the energy turned over, are not accounted for: the motion is not \
+             what the laws say; lower motion.safety or the strain per step",
+            stage.name,
+            self.dynamics.missing_energy(),
+            100.0 * error
+        ))
+    }
+
+    /// Counts what a row falls short in.
+    fn count(&mut self, stage: &Stage, row: &SpecimenRow) {
+        self.summary.energy_misses += u64::from(self.energy_error() > ENERGY_COUNTED);
+        if stage.until_balance.is_some() {
+            return;
+        }
+        let error = self.servo_error(stage, &row.wall_stress);
+        self.summary.largest_servo_error = self.summary.largest_servo_error.max(error);
+        self.summary.servo_misses += u64::from(error > SERVO_COUNTED);
+    }
+
+    /// Largest distance of a controlled wall stress from its target over the mean target.
+    fn servo_error(&self, stage: &Stage, stress: &[f64; 3]) -> f64 {
+        let targets = stage.stress.values();
+        let sizes = targets.iter().flatten().map(|stress| stress.abs());
+        let mean = sizes.clone().sum::<f64>() / sizes.count().max(1) as f64;
+        let distances = targets.iter().zip(stress).filter_map(|(target, found)| Some((found - (*target)?).abs()));
+        distances.fold(0.0, f64::max) / mean.max(f64::MIN_POSITIVE)
     }
 
     /// Sets every wall's drive for the next step.
@@ -281,11 +378,8 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
     }
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
-        let targets: Vec<(usize, f64)> =
-            stage.stress.values().iter().enumerate().filter_map(|(axis, stress)| Some((axis, (*stress)?))).collect();
-        let mean = targets.iter().map(|(_, stress)| stress.abs()).sum::<f64>() / targets.len().max(1) as f64;
-        let near = targets.iter().all(|(axis, stress)| (self.wall_stress(*axis) - stress).abs() <= limit * mean);
-        near && self.unbalanced() <= limit
+        let stress = std::array::from_fn(|axis| self.wall_stress(axis));
+        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit
     }
 
     /// Distance of the walls of an axis, or its period, m.
@@ -320,11 +414,21 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
         self.last.largest_force / (contacts.normal_force / contacts.contacts as f64)
     }
 
+    /// Volume of the box, m3.
+    fn volume(&self) -> f64 {
+        (0..S::DIMENSION).map(|axis| self.length(axis)).product::<f64>() * self.thickness
+    }
+
+    fn contact_stress(&self) -> [f64; 6] {
+        let (sum, volume) = (self.dynamics.body.stress_sum(), self.volume());
+        [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+            .map(|(i, j): (usize, usize)| 0.5 * (sum[i][j] + sum[j][i]) / volume)
+    }
+
     fn row(&self, stage: &Stage) -> SpecimenRow {
         let body = &self.dynamics.body;
         let contacts = &self.dynamics.contacts;
-        let volume = (0..S::DIMENSION).map(|axis| self.length(axis)).product::<f64>() * self.thickness;
-        let sum = body.stress_sum();
+        let volume = self.volume();
         let at_walls: usize = self.dynamics.walls.iter().map(Wall::contacts).sum();
         let inside = contacts.contacts.saturating_sub(at_walls as u64) as f64;
         SpecimenRow {
@@ -333,8 +437,7 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
             time: self.dynamics.time,
             strain: std::array::from_fn(|axis| self.length(axis) / self.sides[axis] - 1.0),
             wall_stress: std::array::from_fn(|axis| self.wall_stress(axis)),
-            contact_stress: [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
-                .map(|(i, j): (usize, usize)| 0.5 * (sum[i][j] + sum[j][i]) / volume),
+            contact_stress: self.contact_stress(),
             void_ratio: (volume - self.solid) / self.solid,
             coordination_number: 2.0 * inside / body.grains.len() as f64,
             fabric_anisotropy: crate::packing::anisotropy_of_fabric(&body.fabric(), S::DIMENSION),
@@ -346,6 +449,8 @@ impl<'a, S: Joinable, N: Springs, const MEMORY: usize> Run<'a, S, N, MEMORY> {
             viscous_work: self.dynamics.works[1],
             damping_work: self.dynamics.works[2],
             max_overlap_ratio: 0.5 * contacts.largest_overlap,
+            wall_work: self.dynamics.wall_work,
+            missing_energy: self.dynamics.missing_energy(),
         }
     }
 

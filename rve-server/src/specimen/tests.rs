@@ -94,7 +94,8 @@ fn incline_is_rolled_or_slid_down() {
         let angle = 0.3f64;
         for friction in [0.5, 0.05] {
             let mut dynamics = on_incline::<S>(angle, friction, 0.0);
-            run_until(&mut dynamics, 0.2);
+            // Long enough that the ringing of the tangential spring, set off by the start, is little beside the speed.
+            run_until(&mut dynamics, 0.6);
             let time = dynamics.time;
             let rolls = angle.tan() < spin_factor_limit(rolling_share) * friction;
             let (acceleration, spin_rate) = if rolls {
@@ -108,7 +109,7 @@ fn incline_is_rolled_or_slid_down() {
             let velocity = grain.velocity.as_ref()[0];
             let spin = grain.spin.as_ref().iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
             assert!((velocity / (acceleration * time) - 1.0).abs() < 1e-3, "friction {friction}: {velocity}");
-            assert!((spin / (spin_rate * time) - 1.0).abs() < 2e-3, "friction {friction}: spin {spin}");
+            assert!((spin / (spin_rate * time) - 1.0).abs() < 1e-3, "friction {friction}: spin {spin}");
         }
     }
     // tan(angle) below 3 mu (disc) or 7/2 mu (sphere) rolls.

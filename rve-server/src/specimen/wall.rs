@@ -1,13 +1,10 @@
 //! Plane walls: rigid, smooth or rough, held, driven at a velocity or servo-controlled to a stress.
 
 use super::SpecimenSpace;
-use super::contact::{ContactSums, Grain, Load, Slot};
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, Slot};
 use crate::lanes::Tuple;
 use crate::law::ContactLaw;
 use std::collections::BTreeMap;
-
-/// A wall is a grain of this many radii to the contact law: rigid in shape, of the grains' material.
-const WALL_RADIUS: f64 = 1e9;
 
 /// How a wall moves along its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,10 +145,10 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
                 continue;
             }
             let law = &self.law;
-            let slot = self.slots.entry(index).or_insert_with(|| {
-                let radii = [grain.radius, WALL_RADIUS * grain.radius];
-                Slot::new(law, radii, [masses[index as usize], f64::INFINITY], self.damping_ratio, 1.0)
-            });
+            let slot = self
+                .slots
+                .entry(index)
+                .or_insert_with(|| Slot::at_wall(law, grain.radius, masses[index as usize], self.damping_ratio));
             let load = slot.press_wall(law, overlap, self.normal, velocity, grain, step, sums);
             self.stiffness += slot.stiffness(law)[0];
             self.force = self.force.minus(load.force);
@@ -161,8 +158,22 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         }
     }
 
-    /// Normal stiffness and tangential stiffness of each grain's contact with this wall, N/m.
-    pub(crate) fn stiffnesses(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
-        self.slots.iter().map(|(grain, slot)| (*grain as usize, slot.stiffness(&self.law)))
+    /// What each grain's contact with this wall adds to its stability bound.
+    pub(crate) fn own_stiffnesses<'a>(
+        &'a self,
+        grains: &'a [Grain<S>],
+        inertia_factor: f64,
+    ) -> impl Iterator<Item = (usize, OwnStiffness)> + 'a {
+        self.slots.iter().map(move |(grain, slot)| {
+            let grain = *grain as usize;
+            (grain, slot.own(&self.law, grains[grain].radius, inertia_factor))
+        })
+    }
+
+    /// Contact viscosity for other masses of the grains, kg.
+    pub(crate) fn change_masses(&mut self, masses: &[f64]) {
+        for (grain, slot) in &mut self.slots {
+            slot.change_mass(masses[*grain as usize], self.damping_ratio);
+        }
     }
 }

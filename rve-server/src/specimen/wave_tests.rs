@@ -30,7 +30,7 @@ fn unit_of_time() -> f64 {
 
 fn crystal(
     places: &[[f64; 2]],
-    periods: [Option<f64>; 3],
+    periods: [Option<[f64; 2]>; 3],
     ratio: f64,
     step: f64,
     velocity: impl Fn([f64; 2]) -> ([f64; 2], f64),
@@ -118,7 +118,7 @@ fn sound(ratio: f64, along: usize, is_shear: bool) -> f64 {
         (velocity, if is_shear { turn * speed * number * phase.sin() } else { 0.0 })
     };
     let step = 0.05;
-    let mut crystal = crystal(&places, [Some(sides[0]), Some(sides[1]), None], ratio, step, start);
+    let mut crystal = crystal(&places, [Some([sides[0], 0.0]), Some([0.0, sides[1]]), None], ratio, step, start);
     let (mut before, mut crossings) = (0.0, 0);
     for count in 1..20_000 {
         crystal.advance();

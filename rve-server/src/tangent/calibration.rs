@@ -2,22 +2,22 @@
 
 use super::link::LinkedGrains;
 use super::uniform_strain::kruyt;
-use protocol::Tensor4;
+use protocol::{TangentKind, Tensor4};
 use serde::{Deserialize, Serialize};
 
 /// Factors of UCKO and UCKO-2DOF.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// The factor of both stiffnesses, UCKO.
+    /// The factor of both stiffnesses, UCKO; 0 if the consistent operator gives no positive one.
     pub single: f64,
-    /// The factors of `k_n` and of `k_t`, UCKO-2DOF.
+    /// The factors of `k_n` and of `k_t`, UCKO-2DOF; 0 if the consistent operator does not give two positive ones.
     pub pair: [f64; 2],
 }
 
 impl Calibration {
     /// The single factor of UCKO ([Argilaga2018] eq. 16) matches `C_1111` of the consistent operator, the two of
-    /// UCKO-2DOF (eq. 17) match `C_1111` and `C_1122`. `None` if a factor is not a positive number: then the consistent
-    /// operator is noise.
+    /// UCKO-2DOF (eq. 17) match `C_1111` and `C_1122`. `None` if neither gives positive numbers: then the consistent operator
+    /// is noise. On a path that is not isotropic `C_1122` alone may well ask for a negative factor; that is no fault of UCKO.
     pub(super) fn of<const D: usize, const B: usize>(grains: &LinkedGrains<D>, consistent: &Tensor4) -> Option<Self> {
         let normal = kruyt::<D, B>(grains, [1.0, 0.0]);
         let tangential = kruyt::<D, B>(grains, [0.0, 1.0]);
@@ -35,6 +35,17 @@ impl Calibration {
             ]
         };
         let is_usable = |factor: f64| factor.is_finite() && factor > 0.0;
-        (is_usable(single) && pair.into_iter().all(is_usable)).then_some(Self { single, pair })
+        let single = if is_usable(single) { single } else { 0.0 };
+        let pair = if pair.into_iter().all(is_usable) { pair } else { [0.0; 2] };
+        (single > 0.0 || pair[0] > 0.0).then_some(Self { single, pair })
+    }
+
+    /// The factors of `k_n` and `k_t` for one of the calibrated operators; `None` if it has none.
+    pub(crate) fn factors(&self, kind: TangentKind) -> Option<[f64; 2]> {
+        let factors = match kind {
+            TangentKind::KruytCalibrated | TangentKind::KruytCalibratedPrinted => [self.single; 2],
+            _ => self.pair,
+        };
+        (factors[0] > 0.0).then_some(factors)
     }
 }

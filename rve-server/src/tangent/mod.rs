@@ -94,16 +94,8 @@ pub fn evaluate_with<S: Space>(
     }
 }
 
-/// The uniform-strain operator `kind` with calibrated stiffnesses.
-pub(crate) fn calibrated<S: Space>(
-    network: &ContactNetwork<S>,
-    kind: TangentKind,
-    calibration: &Calibration,
-) -> Tensor4 {
-    let factors = match kind {
-        TangentKind::KruytCalibrated | TangentKind::KruytCalibratedPrinted => [calibration.single; 2],
-        _ => calibration.pair,
-    };
+/// The uniform-strain operator `kind` with stiffnesses calibrated by these factors.
+pub(crate) fn calibrated<S: Space>(network: &ContactNetwork<S>, kind: TangentKind, factors: [f64; 2]) -> Tensor4 {
     let printed = matches!(kind, TangentKind::KruytCalibratedPrinted | TangentKind::KruytTwiceCalibratedPrinted);
     if S::DIMENSION == 2 {
         uniform::<2, 3>(&LinkedGrains::of(network), printed, factors)

@@ -9,6 +9,7 @@
 #[path = "../support/gas.rs"]
 mod gas;
 mod jamming;
+mod statistics;
 
 use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
 use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
@@ -176,6 +177,7 @@ fn peak_strength_of_the_published_material() {
         eprintln!("  friction {friction}: mean {mean:.4} of {peaks:.4?}, expected {expected} +- {deviation}");
         assert!((mean - expected).abs() < 2.0 * deviation);
     }
+    statistics::published_material(&packings);
 }
 
 /// DNS A and B of [Liu2018]: 441 and 1681 grains between smooth walls, and how fast they run.

@@ -1,6 +1,6 @@
 //! What must not matter does not matter, and what must balance balances, on a random packing.
 
-use crate::samples::{hundred_discs, probed_operator, tight, trial};
+use crate::samples::{hundred_discs, packing, probed_operator, tight, trial};
 use protocol::{Observables, RveSolver};
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -110,11 +110,19 @@ fn forms_of_the_stress_agree_to_the_unbalanced_forces() {
         assert!(crossing <= 10.0 * tolerance, "border form: {crossing:e} at tolerance {tolerance:e}");
         let skew = (stress[0][1] - stress[1][0]).abs() / PRESSURE;
         assert!(skew <= tolerance, "skew part: {skew:e} at tolerance {tolerance:e}");
+        // The forces across the border times the cell vectors before the strain, over the volume then, are P.
+        let before = packing("discs-100.json").periodicity;
+        let mut piola = [[0.0; 2]; 2];
+        for contact in &network.contacts {
+            let force = network.force(contact);
+            for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let across = f64::from(contact.shift[0]) * before[0][j] + f64::from(contact.shift[1]) * before[1][j];
+                piola[i][j] += force[i] * across / (plane::determinant(&before) * network.thickness);
+            }
+        }
         let f = plane::add_scaled(&IDENTITY, 1.0, &STRAIN);
-        let piola = first_piola(&stress, &f);
-        let scale = 1.0 / plane::determinant(&f);
-        let back = plane::add_scaled(&[[0.0; 2]; 2], scale, &plane::product(&piola, &plane::transpose(&f)));
-        assert!(difference(&stress, &back) < 1e-14);
+        let reference = difference(&piola, &first_piola(&stress, &f));
+        assert!(reference <= 10.0 * tolerance, "boundary form: {reference:e} at tolerance {tolerance:e}");
     }
 }
 
@@ -181,7 +189,7 @@ fn energy_is_accounted_for() {
     let damped = work - (stored - stored_before) - lost;
     assert!(lost > 0.1 * work, "friction took {lost} of {work}");
     // Measured 7e-4, the error of the trapezoidal work integral over increments of 2e-4.
-    assert!(damped.abs() < 2e-3 * work, "{damped} of {work} is unaccounted for");
+    assert!(damped.abs() < 1e-3 * work, "{damped} of {work} is unaccounted for");
 }
 
 /// T-1: with friction that never yields, the network tangent is the derivative of the trial.

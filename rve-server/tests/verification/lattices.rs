@@ -67,6 +67,22 @@ fn finite_compression_follows_the_closed_form() {
     }
 }
 
+/// D-7: the square lattice, `k_n (d - b) / b`.
+#[test]
+fn finite_compression_of_the_square_lattice_follows_the_closed_form() {
+    let mut cell = GrainRve::new(&lattice(SQUARE, 0.0, sticking())).unwrap();
+    let mut spacing = 1.0;
+    for _ in 0..5 {
+        let answer = trial(&mut cell, &[[-0.01, 0.0], [0.0, -0.01]]);
+        cell.commit().unwrap();
+        spacing *= 0.99;
+        let expected = -NORMAL * (1.0 - spacing) / spacing;
+        for (i, j, value) in [(0, 0, expected), (1, 1, expected), (0, 1, 0.0)] {
+            assert_close(answer.stress.get(i, j), value, 1e-12, "stress of the square lattice");
+        }
+    }
+}
+
 /// D-9: once the horizontal rows have lost contact and the inclined contacts slide, the stress ratio is
 /// `tan(theta) tan(theta + phi_mu)` all along the softening branch, in finite strain.
 #[test]

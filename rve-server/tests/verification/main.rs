@@ -1,12 +1,13 @@
 //! Cells of discs and spheres against closed forms, invariances and the engine contract. Names such as `D-1` are check numbers of
 //! the verification catalogue.
 
-mod case_b;
 mod contract;
 mod equilibrium;
+mod impacts;
 mod invariances;
 mod large_shear;
 mod lattices;
+mod operators;
 mod packings;
 mod rates_and_units;
 mod rest;

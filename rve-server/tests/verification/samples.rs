@@ -44,6 +44,7 @@ pub(crate) fn lattice(rows: Plane, overlap: f64, contact: ContactTable) -> Grain
         periodicity: rows.map(|row| row.map(|value| value * (1.0 - overlap))),
         grains: vec![[0.2, 0.1, 0.5]],
         contacts: Vec::new(),
+        rolling_moments: Vec::new(),
         provenance: serde_json::Value::Null,
     };
     GrainDefinition { packing, contact, options: tight() }

@@ -1,0 +1,159 @@
+//! Strength, dilatancy and critical state of ensembles of packings.
+
+use super::{made, recipe};
+use protocol::TangentKind;
+use rve_server::definition::Rotations;
+use rve_server::element::{ElementRow, ElementTest, run_element};
+use rve_server::packing::PackingFile;
+use rve_server::space::Discs;
+use std::path::Path;
+
+/// Biaxial compression along y at constant sigma_xx; the rows.
+fn biaxial(packing: &Path, contact: &str, pressure: f64, strain: f64, increments: u32) -> Vec<ElementRow> {
+    let text = format!(
+        "packing = \"{}\"\nstress_tolerance = 5e-3\n[contact]\nlaw = \"linear\"\n{contact}\n[rve]\naccuracy = \"draft\"\n\
+         strain_per_step = 1e-5\n[[path]]\nincrements = {increments}\nstrain = {{ yy = -{strain} }}\nstress = {{ xx = -{pressure:e} }}\n",
+        packing.display()
+    );
+    let test = ElementTest::from_toml(&text).unwrap();
+    let mut rows = Vec::new();
+    let ended = run_element(&test, Path::new(""), TangentKind::None, &mut |row| rows.push(row.clone()));
+    if let Err(error) = ended {
+        eprintln!("  ended early, after {} rows: {error}", rows.len());
+    }
+    rows
+}
+
+/// `(s1 - s2) / (s1 + s2)`.
+pub(crate) fn strength(row: &ElementRow) -> f64 {
+    (row.stress[0][0] - row.stress[1][1]) / (row.stress[0][0] + row.stress[1][1]).abs()
+}
+
+/// Relative change of area.
+fn dilation(row: &ElementRow) -> f64 {
+    row.deformation[0][0] * row.deformation[1][1] - row.deformation[0][1] * row.deformation[1][0] - 1.0
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count() as f64
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let mean = mean(values.iter().copied());
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
+}
+
+/// G-10: the material of [Liu2018] beyond its strength: friction 0.6, blocked rotations, coordination and density at the
+/// start, compaction at 3 % strain. `packings` are the three samples of the suite.
+pub(crate) fn published_material(packings: &[std::path::PathBuf]) {
+    let law = |friction: f64, rotations: Rotations| {
+        let blocked = if rotations == Rotations::Blocked { "rotations = \"blocked\"\n" } else { "" };
+        format!("normal_stiffness = 1e7\nstiffness_ratio = 0.2\nfriction = {friction}\n{blocked}")
+    };
+    for (name, contact, expected, spread) in [
+        ("friction 0.6", law(0.6, Rotations::Free), 0.455, 0.002),
+        ("blocked, friction 0.4", law(0.4, Rotations::Blocked), 0.594, 0.015),
+    ] {
+        let all: Vec<Vec<ElementRow>> =
+            packings.iter().map(|packing| biaxial(packing, &contact, 1.5e5, 0.12, 60)).collect();
+        let peaks: Vec<f64> = all.iter().map(|rows| rows.iter().map(strength).fold(0.0, f64::max)).collect();
+        let compaction = mean(all.iter().map(|rows| dilation(&rows[15])));
+        let start = [
+            mean(all.iter().map(|rows| rows[0].coordination_number)),
+            mean(all.iter().map(|rows| 1.0 / (1.0 + rows[0].void_ratio))),
+        ];
+        eprintln!(
+            "  {name}: mean {:.4} of {peaks:.4?}, expected {expected} +- {spread}; J(3 %) {compaction:.4}; z0 {:.3} (4.32), phi0 \
+             {:.4} (0.858)",
+            mean(peaks.iter().copied()),
+            start[0],
+            start[1]
+        );
+    }
+}
+
+/// G-8, G-9: five dense and five loose samples of 400 discs end in one critical state; at the peak the stress ratio is Rowe's
+/// `D tan^2(45 + phi_f / 2)` with a friction angle between that of the contacts and that of the critical state.
+#[test]
+fn dense_and_loose_samples_meet_in_the_critical_state() {
+    eprintln!("G-8, G-9");
+    let folder = tempfile::tempdir().unwrap();
+    let (pressure, friction) = (1e-3, 0.5f64);
+    let contact = format!("normal_stiffness = 1.0\nstiffness_ratio = 0.5\nfriction = {friction}");
+    let mut ends = Vec::new();
+    for (name, preparation) in [("dense", 0.0), ("loose", 0.5)] {
+        let (mut ratios, mut voids, mut contacts, mut angles) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for seed in 1..=5 {
+            let recipe = recipe(2, 400, seed, pressure, preparation, 1.4);
+            let path = folder.path().join(format!("{name}-{seed}.json"));
+            let packing: PackingFile<Discs> = made(&recipe).0;
+            packing.write(&path).unwrap();
+            let rows = biaxial(&path, &contact, pressure, 0.25, 100);
+            assert_eq!(rows.len(), 101, "{name}, seed {seed}: the run ended early");
+            let last = &rows[80..];
+            let ratio = |row: &ElementRow| row.stress[1][1] / row.stress[0][0];
+            ratios.push(mean(last.iter().map(ratio)));
+            voids.push(mean(last.iter().map(|row| row.void_ratio)));
+            contacts.push(mean(last.iter().map(|row| row.coordination_number_no_rattlers)));
+            // Dilatancy around the peak of the stress ratio, from rows five apart.
+            let peak = (5..rows.len() - 5).max_by(|a, b| ratio(&rows[*a]).total_cmp(&ratio(&rows[*b]))).unwrap();
+            let rate =
+                |axis: usize| (rows[peak + 5].deformation[axis][axis] / rows[peak - 5].deformation[axis][axis]).ln();
+            let dilatancy = -rate(0) / rate(1);
+            let mean_ratio = mean(rows[peak - 5..=peak + 5].iter().map(ratio));
+            angles.push(2.0 * ((mean_ratio / dilatancy).sqrt().atan().to_degrees() - 45.0));
+        }
+        let critical = mean(ratios.iter().copied());
+        let critical_angle = 2.0 * (critical.sqrt().atan().to_degrees() - 45.0);
+        eprintln!(
+            "  {name}: sigma_1/sigma_3 {critical:.3} (s.d. {:.3}), void ratio {:.4} ({:.4}), z* {:.3} ({:.3}); phi_f {:.2} degrees at \
+             the peak, phi_cv {critical_angle:.2}, phi_mu {:.2}",
+            deviation(&ratios),
+            mean(voids.iter().copied()),
+            deviation(&voids),
+            mean(contacts.iter().copied()),
+            deviation(&contacts),
+            mean(angles.iter().copied()),
+            friction.atan().to_degrees()
+        );
+        ends.push([critical, mean(voids.iter().copied()), mean(contacts.iter().copied())]);
+    }
+    for place in 0..3 {
+        let (dense, loose) = (ends[0][place], ends[1][place]);
+        assert!((dense / loose - 1.0).abs() < 0.05, "{place}: dense {dense}, loose {loose}");
+    }
+}
+
+/// G-11: small cells scatter: fabric of isotropic packings below 0.05 from 400 grains on, and a spread of the strength that
+/// falls with the root of the number of grains.
+#[test]
+fn strength_scatters_less_in_larger_cells() {
+    eprintln!("G-11");
+    let folder = tempfile::tempdir().unwrap();
+    let contact = "normal_stiffness = 1.0\nstiffness_ratio = 0.5\nfriction = 0.5";
+    let mut spreads = Vec::new();
+    for number in [50, 200, 800] {
+        let (mut peaks, mut fabrics) = (Vec::new(), Vec::new());
+        for seed in 1..=8 {
+            let recipe = recipe(2, number, 100 + seed, 1e-3, 0.1, 1.4);
+            let path = folder.path().join(format!("{number}-{seed}.json"));
+            let packing: PackingFile<Discs> = made(&recipe).0;
+            packing.write(&path).unwrap();
+            let rows = biaxial(&path, contact, 1e-3, 0.05, 50);
+            fabrics.push(rows[0].fabric_anisotropy);
+            peaks.push(rows.iter().map(strength).fold(0.0, f64::max));
+        }
+        let spread = deviation(&peaks);
+        eprintln!(
+            "  {number} discs: strength {:.4}, s.d. {spread:.4}; fabric anisotropy {:.4} on average, {:.4} at most",
+            mean(peaks.iter().copied()),
+            mean(fabrics.iter().copied()),
+            fabrics.iter().copied().fold(0.0, f64::max)
+        );
+        spreads.push(spread);
+    }
+    // Sixteen times the grains should scatter a quarter; eight samples know a deviation to a quarter of itself.
+    let slope = (spreads[2] / spreads[0]).ln() / 16f64.ln();
+    eprintln!("  s.d. goes with the number of grains to the power of {slope:.2}");
+    assert!((-0.8..-0.2).contains(&slope), "{spreads:?}");
+}
