@@ -180,6 +180,15 @@ fn zero_workers_are_refused() {
     desk.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
 }
 
+/// Thousands of processes would leave no room even for the command that ends them.
+#[test]
+fn more_workers_than_any_machine_can_use_are_refused_before_anything_starts() {
+    let desk = Desk::new();
+    desk.refused(&["run", "scene.toml", "--workers", "100000"], &["--workers 100000", "pool.most_workers=100000"]);
+    desk.refused(&["run", "scene.toml", "--workers", "2", "--set", "pool.most_workers=1"], &["more than 1"]);
+    desk.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["at least one worker"]);
+}
+
 #[test]
 fn a_grain_larger_than_its_cell_is_named() {
     let desk = Desk::new();

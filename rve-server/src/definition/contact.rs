@@ -262,8 +262,11 @@ impl LawParts {
         self.0.damping > 0.0 || self.0.rolling_stiffness > 0.0
     }
 
-    /// The springs of elastic spheres, if the law has them.
+    /// The springs of elastic spheres, if the law has them. The law decides, not which numbers are given.
     pub(crate) fn hertz_springs(&self) -> Option<HertzSprings> {
+        if self.0.law != ContactLaw::HertzMindlin {
+            return None;
+        }
         let (shear_modulus, poisson_ratio) = (self.0.shear_modulus?, self.0.poisson_ratio?);
         Some(HertzSprings { shear_modulus, poisson_ratio })
     }

@@ -1,6 +1,9 @@
 //! What a report is made of, read from the files of an output folder.
 
+use super::picture;
 use crate::cli::exit::{Exit, Failure};
+use crate::scene::Scene;
+use macro_solver::mesh::ElementKind;
 use serde_json::Value;
 use std::fs;
 use std::io::ErrorKind;
@@ -10,7 +13,7 @@ use std::path::Path;
 const MOST_WARNINGS: usize = 200;
 
 /// The files of a run, understood as far as a report needs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Contents {
     /// Name of the folder.
     pub(super) name: String,
@@ -22,6 +25,8 @@ pub(super) struct Contents {
     pub(super) rows: Vec<Vec<f64>>,
     /// `scene.toml`.
     pub(super) scene: Option<String>,
+    /// A picture of the mesh.
+    pub(super) mesh: Option<String>,
     /// Warnings and errors of `run.jsonl`, oldest first.
     pub(super) warnings: Vec<String>,
     /// Warnings beyond those.
@@ -54,7 +59,17 @@ impl Contents {
         let (warnings, more_warnings) = warnings(&text(folder, "run.jsonl")?.unwrap_or_default());
         let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let name = whole.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
-        Ok(Self { name, summary, columns, rows, scene: text(folder, "scene.toml")?, warnings, more_warnings })
+        let scene = text(folder, "scene.toml")?;
+        // A picture is a convenience: a mesh file that is not in its place any more is no reason to have no report.
+        let mesh = Scene::load(&folder.join("scene.toml"), &[]).ok().and_then(|scene| picture::mesh(&scene));
+        Ok(Self { name, summary, columns, rows, scene, mesh, warnings, more_warnings })
+    }
+
+    /// Whether the scene's mesh has three dimensions, as far as its text tells; a mesh file is looked up by its elements.
+    pub(super) fn is_solid(&self, scene: &toml::Table) -> bool {
+        let element = scene.get("mesh").and_then(|mesh| mesh.get("element")).and_then(toml::Value::as_str);
+        let kind = ElementKind::ALL.into_iter().find(|kind| Some(kind.keyword()) == element);
+        kind.is_some_and(|kind| kind.dimension().count() == 3)
     }
 
     /// A column of the history; NaN in rows that lack it.

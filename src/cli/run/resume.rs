@@ -3,7 +3,7 @@
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::changes;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
-use macro_solver::output::{RunStatus, Summary};
+use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -95,17 +95,30 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
             // What it says about itself was true before it was written.
             earlier.figures.written += 1;
             earlier.figures.bytes = archive.size();
-            refuse_changes(folder, &earlier.scene, note)?;
+            let stored = fs::read_to_string(folder.join("scene.toml")).ok();
+            // Keys that may change from one process of a run to the next do not count.
+            let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
+            refuse_changes(folder, &earlier.scene, note, is_changed)?;
+            if is_changed {
+                // The checkpoint is checked by its sum; the file beside it is what people and `report` read.
+                write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
+            }
             if earlier.definition != note.definition {
                 return Err(refusal(
                     folder,
                     &["packing: the content of the packing file is not the same".to_owned()],
+                    false,
                 ));
             }
+            let restored = format!(
+                "{} was not the scene that the checkpoint was written with; it is written anew from the checkpoint",
+                folder.join("scene.toml").display()
+            );
             let mut remarks: Vec<String> = trouble
                 .map(|error| format!("{error}; continuing from the checkpoint before it"))
                 .into_iter()
                 .collect();
+            remarks.extend(is_changed.then_some(restored));
             let other_build = earlier.program != note.program;
             if other_build {
                 remarks.push(format!(
@@ -118,7 +131,7 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
         }
         Found::Nothing => {
             let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Anew) };
-            refuse_changes(folder, &before, note)?;
+            refuse_changes(folder, &before, note, true)?;
             let summary = fs::read(folder.join("summary.json")).ok();
             let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
             let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
@@ -127,20 +140,33 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
     }
 }
 
-fn refuse_changes(folder: &Path, before: &str, note: &RunNote) -> Result<(), Failure> {
+/// `doubtful`: the scene in the folder may be damaged, or is known to be another one than the run's.
+fn refuse_changes(folder: &Path, before: &str, note: &RunNote, doubtful: bool) -> Result<(), Failure> {
     match &changes(before, &note.scene)[..] {
         [] => Ok(()),
-        found => Err(refusal(folder, found)),
+        found => Err(refusal(folder, found, doubtful)),
     }
 }
 
-fn refusal(folder: &Path, found: &[String]) -> Failure {
+fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
+    let scene = folder.join("scene.toml");
+    let remedy = if doubtful {
+        format!(
+            "if the scene was changed, continue with it as it was; if {} is damaged, there is nothing to hold it against: start the run \
+             from the beginning without --resume, or another one elsewhere",
+            scene.display()
+        )
+    } else {
+        format!(
+            "continue it with the scene as it was, {} with --out {}, or start another run elsewhere",
+            scene.display(),
+            folder.display()
+        )
+    };
     let text = format!(
-        "the run in {} cannot be continued with another scene:\n  {}\nhint: continue it with the scene as it was, \
-         {} with --out {0}, or start another run elsewhere",
+        "the run in {} cannot be continued with another scene:\n  {}\nhint: {remedy}",
         folder.display(),
         found.join("\n  "),
-        folder.join("scene.toml").display()
     );
     Failure::new(Exit::BadInput, text)
 }
