@@ -113,7 +113,8 @@ impl Document {
 
     /// What the file is, if one of its keys tells.
     fn kind(&self) -> Option<Kind> {
-        let root = self.table().ok()?;
+        // Of the file itself: errors about overrides ask for the kind as well.
+        let root = DeTable::parse(&self.text).ok()?;
         Kind::ALL.into_iter().find(|kind| root.get_ref().contains_key(kind.mark()))
     }
 

@@ -238,3 +238,23 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<Archive, CheckpointError> {
     }
     Ok(archive)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reading three gigabytes of nothing takes half a minute and as much memory.
+    #[test]
+    fn a_file_that_is_longer_than_its_header_says_is_refused_before_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = CheckpointFile::in_folder(folder.path());
+        let length = file.write(&Archive::new()).unwrap();
+        let path = folder.path().join(CheckpointFile::NAMES[0]);
+        let longer = 1u64 << 40;
+        File::options().write(true).open(&path).unwrap().set_len(longer).unwrap();
+        let text = read(&path).unwrap_err().to_string();
+        assert!(text.contains(&format!("it has {longer} bytes of {length}")), "{text}");
+        File::options().write(true).open(&path).unwrap().set_len(20).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("shorter than its header"));
+    }
+}

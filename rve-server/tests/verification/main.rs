@@ -1,7 +1,6 @@
 //! Cells of discs and spheres against closed forms, invariances and the engine contract. Names such as `D-1` are check numbers of
 //! the verification catalogue.
 
-mod case_b;
 mod contract;
 mod equilibrium;
 mod invariances;

@@ -24,11 +24,10 @@ impl Columns {
         let probes: Vec<String> =
             contents.columns.iter().filter(|column| !FIXED.contains(&column.as_str())).cloned().collect();
         let scene = contents.scene.as_ref().and_then(|text| text.parse::<toml::Table>().ok()).unwrap_or_default();
-        let is_solid = contents.is_solid(&scene);
         let tables = scene.get("probe").and_then(toml::Value::as_array).into_iter().flatten();
         let units = tables.filter_map(|probe| {
             let text = |key: &str| probe.get(key).and_then(toml::Value::as_str);
-            Some((text("name")?.to_owned(), unit(text("kind")?, is_solid)))
+            Some((text("name")?.to_owned(), unit(text("kind")?, contents.is_solid)))
         });
         let units = units.chain([("time".to_owned(), "s"), ("load".to_owned(), "-")]).collect();
         let output = scene.get("output");
@@ -98,21 +97,21 @@ fn unit(kind: &str, is_solid: bool) -> &'static str {
 mod tests {
     use super::*;
 
-    fn columns(scene: &str, names: &[&str]) -> Columns {
+    fn columns(scene: &str, names: &[&str], is_solid: bool) -> Columns {
         let fixed = ["step", "time", "load", "iterations", "evaluations"];
         let columns = fixed.iter().chain(names).map(|name| (*name).to_owned()).collect();
-        Columns::of(&Contents { columns, scene: Some(scene.to_owned()), ..Contents::default() })
+        Columns::of(&Contents { columns, scene: Some(scene.to_owned()), is_solid, ..Contents::default() })
     }
 
     #[test]
     fn the_scene_says_what_is_plotted_and_in_which_units() {
         let probes = "[[probe]]\nname = 'u'\nkind = 'displacement'\n[[probe]]\nname = 'F'\nkind = 'reaction'\n";
-        let found = columns(probes, &["u", "F"]);
+        let found = columns(probes, &["u", "F"], false);
         assert_eq!(found.main, Some(("u".to_owned(), "F".to_owned())));
         assert_eq!([found.label("u"), found.label("F"), found.label("time")], ["u, m", "F, N/m", "time, s"]);
-        let solid = columns(&format!("{probes}[mesh]\nelement = 'h8'\n[output]\nplot_x = 'time'"), &["u", "F"]);
+        let solid = columns(&format!("{probes}[output]\nplot_x = 'time'"), &["u", "F"], true);
         assert_eq!((solid.label("F"), solid.main.unwrap().0), ("F, N".to_owned(), "time".to_owned()));
         let staged = "[[probe]]\nname = 'u'\nkind = 'displacement'\n[[stage]]\nname = 'a'\n[[stage]]\nname = 'b'\n";
-        assert_eq!(columns(staged, &["u"]).main, Some(("time".to_owned(), "u".to_owned())));
+        assert_eq!(columns(staged, &["u"], false).main, Some(("time".to_owned(), "u".to_owned())));
     }
 }

@@ -3,7 +3,7 @@
 use super::picture;
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::Dimension;
 use serde_json::Value;
 use std::fs;
 use std::io::ErrorKind;
@@ -25,6 +25,8 @@ pub(super) struct Contents {
     pub(super) rows: Vec<Vec<f64>>,
     /// `scene.toml`.
     pub(super) scene: Option<String>,
+    /// Whether its mesh has three dimensions.
+    pub(super) is_solid: bool,
     /// A picture of the mesh.
     pub(super) mesh: Option<String>,
     /// Warnings and errors of `run.jsonl`, oldest first.
@@ -61,15 +63,10 @@ impl Contents {
         let name = whole.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
         let scene = text(folder, "scene.toml")?;
         // A picture is a convenience: a mesh file that is not in its place any more is no reason to have no report.
-        let mesh = Scene::load(&folder.join("scene.toml"), &[]).ok().and_then(|scene| picture::mesh(&scene));
-        Ok(Self { name, summary, columns, rows, scene, mesh, warnings, more_warnings })
-    }
-
-    /// Whether the scene's mesh has three dimensions, as far as its text tells; a mesh file is looked up by its elements.
-    pub(super) fn is_solid(&self, scene: &toml::Table) -> bool {
-        let element = scene.get("mesh").and_then(|mesh| mesh.get("element")).and_then(toml::Value::as_str);
-        let kind = ElementKind::ALL.into_iter().find(|kind| Some(kind.keyword()) == element);
-        kind.is_some_and(|kind| kind.dimension().count() == 3)
+        let loaded = Scene::load(&folder.join("scene.toml"), &[]).ok();
+        let is_solid = loaded.as_ref().is_some_and(|scene| scene.problem.mesh.dimension == Dimension::Space);
+        let mesh = loaded.as_ref().and_then(picture::mesh);
+        Ok(Self { name, summary, columns, rows, scene, is_solid, mesh, warnings, more_warnings })
     }
 
     /// A column of the history; NaN in rows that lack it.

@@ -172,5 +172,79 @@ fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
 }
 
 fn unusable(error: CheckpointError) -> Failure {
-    Failure::new(Exit::BadInput, error)
+    let hint = match &error {
+        CheckpointError::Damaged { .. } => {
+            "\nhint: no whole checkpoint is left; without --resume the run starts from the beginning and replaces what is there"
+        }
+        _ => "",
+    };
+    Failure::new(Exit::BadInput, format!("{error}{hint}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(scene: &str) -> RunNote {
+        RunNote::new(scene, "definition")
+    }
+
+    /// A folder with a checkpoint of the scene `a = 1`, and another text in `scene.toml`.
+    fn damaged() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let mut archive = Archive::new();
+        let mark = Mark { step: 1, stage: 0, load: 0.5 };
+        note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default());
+        CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
+        fs::write(folder.path().join("scene.toml"), "b = 1").unwrap();
+        folder
+    }
+
+    #[test]
+    fn a_damaged_scene_is_written_anew_from_the_checkpoint() {
+        let folder = damaged();
+        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        assert!(continued.remarks.iter().any(|remark| remark.contains("written anew")), "{:?}", continued.remarks);
+        assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
+    }
+
+    /// The remedy must not name the file that is damaged as the one to continue with.
+    #[test]
+    fn a_refusal_does_not_send_to_a_scene_that_is_not_the_one_of_the_run() {
+        let folder = damaged();
+        let refused = |folder: &Path| match start(folder, &note("b = 1")) {
+            Err(failure) => failure.message,
+            Ok(_) => panic!("continued with another scene"),
+        };
+        let text = refused(folder.path());
+        assert!(text.contains("is damaged") && !text.contains("continue it with the scene as it was, "), "{text}");
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let text = refused(folder.path());
+        assert!(
+            text.contains("continue it with the scene as it was, ") && text.contains("scene.toml with --out"),
+            "{text}"
+        );
+        CheckpointFile::in_folder(folder.path()).remove().unwrap();
+        assert!(refused(folder.path()).contains("without --resume"));
+    }
+
+    #[test]
+    fn a_damaged_checkpoint_without_another_one_comes_with_the_remedy() {
+        let folder = damaged();
+        fs::write(
+            folder.path().join("checkpoint.bin"),
+            "no checkpoint, but longer than the header of one would have to be",
+        )
+        .unwrap();
+        let failure = start(folder.path(), &note("a = 1")).err().expect("it is refused");
+        assert!(failure.message.contains("hint: no whole checkpoint is left"), "{}", failure.message);
+    }
+
+    #[test]
+    fn keys_that_may_change_between_processes_are_no_damage() {
+        let folder = damaged();
+        fs::write(folder.path().join("scene.toml"), "a = 1\n[pool]\nslice = 2").unwrap();
+        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        assert!(continued.remarks.is_empty(), "{:?}", continued.remarks);
+    }
 }
