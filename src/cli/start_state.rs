@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 
 /// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay
 /// below it; half the pressure asked for is far above.
-const MISMATCH: f64 = 0.1;
+pub(crate) const MISMATCH: f64 = 0.1;
 
 /// Largest over smallest radius of a packing that anybody has prepared on purpose.
 const WIDEST_GRADING: f64 = 1e3;

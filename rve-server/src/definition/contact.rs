@@ -324,6 +324,15 @@ mod tests {
         table.validate_for(3).unwrap();
     }
 
+    /// A third law may have the numbers of another one.
+    #[test]
+    fn the_law_decides_which_springs_are_used_and_not_the_numbers_given() {
+        let spheres = ContactTable::hertz_mindlin(2.9e10, 0.15, 0.5);
+        assert!(spheres.parts().hertz_springs().is_some());
+        let linear = ContactTable { law: ContactLaw::Linear, ..spheres };
+        assert!(linear.parts().hertz_springs().is_none());
+    }
+
     #[test]
     fn contact_defects_name_their_key() {
         let base = "stiffness_ratio = 0.5\nfriction = 0.5\n";

@@ -1,6 +1,7 @@
 //! The end of a run: `summary.json`, and the same for people.
 
 use super::counters::{Concern, grouped};
+use crate::cli::start_state::MISMATCH;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::difference::DifferenceCounts;
 use macro_solver::observer::{Outcome, Run, Statistics};
@@ -177,7 +178,7 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
     );
     line("checkpoints", checkpoints(&summary.checkpoint));
-    line("at the start", format!("out of balance by {:.1e} of the loads", summary.initial_imbalance));
+    line("at the start", at_the_start(summary.initial_imbalance));
     let explained = "see docs/operations.md";
     match listed(&summary.fallback_groups, Concern::LookAtThis) {
         found if found.is_empty() => line("accuracy", "nothing fell short".to_owned()),
@@ -229,6 +230,18 @@ fn worker_time(summary: &Summary) -> String {
     let total: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
     let share = |seconds: f64| if total > 0.0 { 100.0 * seconds / total } else { 0.0 };
     parts.map(|(name, seconds)| format!("{name} {seconds:.1} s ({:.1} %)", share(seconds))).join(", ")
+}
+
+/// How far the state that the run began with was from balance.
+fn at_the_start(imbalance: f64) -> String {
+    let text = format!("out of balance by {imbalance:.1e} of the loads");
+    if imbalance > MISMATCH {
+        format!(
+            "{text}: the packing was not prepared under these loads, step 0 brought it there (see `grainspan check`)"
+        )
+    } else {
+        text
+    }
 }
 
 /// The counters of a group for people.
@@ -295,6 +308,12 @@ mod tests {
         let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
         assert!(text.contains("LOOK AT THIS   not equilibrated 4 (see docs/operations.md)"), "{text}");
         assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
+    }
+
+    #[test]
+    fn a_start_that_the_packing_was_not_prepared_for_is_named() {
+        assert_eq!(at_the_start(9.4e-7), "out of balance by 9.4e-7 of the loads");
+        assert!(at_the_start(0.49).contains("the packing was not prepared under these loads"));
     }
 
     #[test]

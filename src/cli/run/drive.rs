@@ -88,7 +88,10 @@ pub(super) fn drive<P: MacroPort>(
     pool.close();
     let failure = failure(scene, &run, quarantined.as_deref());
     if let Some(failure) = &failure {
-        tracing::error!(event = "ended", status = ?failure.exit, reason = failure.message);
+        match failure.exit {
+            Exit::Interrupted => tracing::info!(event = "ended", reason = failure.message),
+            _ => tracing::error!(event = "ended", reason = failure.message),
+        }
     }
     let about = Circumstances {
         reason: failure.as_ref().map(|failure| failure.message.clone()),
