@@ -180,6 +180,94 @@ fn zero_workers_are_refused() {
     desk.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
 }
 
+/// Thousands of processes would leave no room even for the command that ends them.
+#[test]
+fn more_workers_than_any_machine_can_use_are_refused_before_anything_starts() {
+    let desk = Desk::new();
+    desk.refused(&["run", "scene.toml", "--workers", "100000"], &["--workers 100000", "pool.most_workers=100000"]);
+    desk.refused(&["run", "scene.toml", "--workers", "2", "--set", "pool.most_workers=1"], &["more than 1"]);
+    desk.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["at least one worker"]);
+}
+
+/// The command that takes the file is named, in place of a list of keys.
+#[test]
+fn a_file_of_another_command_is_recognised() {
+    let desk = Desk::new();
+    desk.refused(
+        &["check", "element.toml"],
+        &["this is an element test, not a scene", "hint: grainspan element element.toml"],
+    );
+    desk.refused(&["run", "recipe.toml"], &["this is a recipe of a packing", "grainspan pack recipe.toml"]);
+    desk.refused(&["pack", "scene.toml"], &["this is a scene, not a recipe", "grainspan run scene.toml"]);
+    desk.refused(&["element", "scene.toml"], &["this is a scene, not an element test"]);
+    desk.refused(&["pack", "recipe.toml", "--set", "presure=1"], &["unknown key `presure`", "docs/packing.md"]);
+}
+
+/// Whoever types a zero too many waits for no mesh of billions.
+#[test]
+fn absurd_meshes_are_refused_before_they_are_built() {
+    let desk = Desk::new();
+    let said = ["elements", "1.0e10 elements", "TB of memory"];
+    desk.refused(&["check", "scene.toml", "--set", "mesh.elements=[100000, 100000]"], &said);
+    let slope =
+        ["check", "scene.toml", "--set", "mesh={generator='slope',size=[1,1,1,1],elements=[9000,1,9000,1],run=0.5}"];
+    desk.refused(&slope, &["TB of memory"]);
+}
+
+#[test]
+fn a_device_is_no_packing() {
+    let desk = Desk::new();
+    desk.refused(&["check", "scene.toml", "--set", "packing='/dev/zero'"], &["/dev/zero", "a device, not a file"]);
+}
+
+#[test]
+fn keys_of_relaxation_and_dynamics_are_named_where_they_stand() {
+    let desk = Desk::new();
+    for (setting, procedure) in [
+        ("relaxation.max_iterations=0", "procedure=relaxation"),
+        ("relaxation.safety=2", "procedure=relaxation"),
+        ("dynamics.safety=2", "procedure=dynamic"),
+    ] {
+        let more = ["check", "scene.toml", "--set", procedure, "--set", setting];
+        desk.refused(&more, &[&format!("--set {setting}: "), "must be"]);
+    }
+}
+
+#[test]
+fn two_sets_that_share_a_node_are_named_with_its_place() {
+    let desk = Desk::new();
+    let more = "boundary.1={ set = 'left', displacement = { y = 1e-3 } }";
+    let said = ["(0.0000, 0.0000, 0.0000) m", "'left'", "hint: a node follows one condition along each axis"];
+    desk.refused(&["check", "scene.toml", "--set", more], &said);
+}
+
+#[test]
+fn a_binary_mesh_and_one_without_groups_are_told_what_they_lack() {
+    let desk = Desk::new();
+    desk.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
+    desk.spoil("scene.toml", "generator = \"block\"", "");
+    desk.spoil("scene.toml", "elements = [2, 4]", "");
+    fs::write(desk.path("square.msh"), b"$MeshFormat\n2.2 1 8\n\x01\x00\x00\x00\xff\xfe\n$EndMeshFormat\n").unwrap();
+    desk.refused(&["check", "scene.toml"], &["square.msh:2: the file is binary", "-bin 0"]);
+    let bare = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 2 0\n4 0 2 0\n$EndNodes\n\
+                $Elements\n1\n6 3 2 0 1 1 2 3 4\n$EndElements\n";
+    fs::write(desk.path("square.msh"), bare).unwrap();
+    desk.refused(&["check", "scene.toml"], &["no ", " set '", "Physical Curve"]);
+}
+
+#[test]
+fn names_that_break_line_tools_are_refused() {
+    let desk = Desk::new();
+    desk.refused(&["check", "scene.toml", "--set", "probe.0.name=\"a\\nb\""], &["control character", "hint:"]);
+}
+
+#[test]
+fn grains_that_would_be_pressed_flat_are_refused_before_the_first_step() {
+    let desk = Desk::new();
+    let said = ["would overlap by about 4.0", "thickness is 1.000e0 m for grains of 5.000e-4 m", "one mean diameter"];
+    desk.refused(&["pack", "recipe.toml", "--set", "thickness=1.0"], &said);
+}
+
 #[test]
 fn a_grain_larger_than_its_cell_is_named() {
     let desk = Desk::new();

@@ -337,3 +337,59 @@ fn arc_length_follows_grains_past_their_peak() {
         }
     }
 }
+
+/// The commonest error of a beginner: the packing was prepared at another stress than the loads ask for. More increments cannot
+/// help; the reason is in every file that somebody may look at.
+#[test]
+fn a_run_that_finds_no_start_says_what_the_packing_carries_and_the_report_shows_it() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let output = run(&out, "2", &["--set", "pressure.1.value=-1e5", "--set", "mesh.elements=[1, 1]"]);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    for part in [
+        "found no equilibrium to start from",
+        "the packing carries xx -1.000e5",
+        "-1.000e5 Pa on right",
+        "history = \"ramp\"",
+    ] {
+        assert!(stderr.contains(part), "{part}: {stderr}");
+    }
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["reason"].as_str().unwrap().contains("the packing carries"), "{summary}");
+    let journal = fs::read_to_string(out.join("run.jsonl")).unwrap();
+    assert!(journal.lines().any(|line| line.contains("\"ended\"") && line.contains("the packing carries")));
+    report(&out);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(
+        page.contains("not converged")
+            && page.contains("the packing carries")
+            && page.contains("No step was accepted")
+    );
+    assert!(page.contains("<polygon"), "a picture of the mesh");
+}
+
+/// The page of a finished run begins with the curve that the scene asks for, and does not spoil the folder for the next run.
+#[test]
+fn a_report_shows_the_curve_of_the_scene_and_leaves_the_folder_to_the_next_run() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let small = ["--set", "loading.increments=2", "--set", "mesh.elements=[1, 1]"];
+    assert!(run(&out, "1", &small).status.success());
+    report(&out);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let scene = fs::read_to_string(out.join("scene.toml")).unwrap();
+    assert!(
+        page.contains("Accuracy: nothing fell short") && page.contains("stress_ratio, -"),
+        "units are shown; {scene}"
+    );
+    assert!(page.find("<svg").unwrap() < page.find("rve evaluations").unwrap(), "curves come before counters");
+    let again = run(&out, "1", &small);
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    assert!(!out.join("report.html").exists());
+}
+
+fn report(out: &Path) {
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan")).arg("report").arg(out).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}

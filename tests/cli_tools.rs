@@ -101,6 +101,39 @@ fn check_gives_an_overview() {
     }
 }
 
+/// What a beginner has to know before the run: what the packing carries, whether the loads ask for it, and what it costs.
+#[test]
+fn check_tells_what_the_packing_carries_and_whether_the_loads_ask_for_it() {
+    let scene = "scenes/biaxial-small.toml";
+    let text = String::from_utf8(succeeded(&["check", scene]).stdout).unwrap();
+    for part in
+        ["xx -1.000e5, yy -1.000e5, xy", "mean pressure 1.000e5 Pa", "void ratio 0.", "without rattlers", "of memory"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert!(!text.contains("DO NOT MATCH"), "{text}");
+    let output = succeeded(&["check", scene, "--set", "pressure.0.value=2e5", "--set", "solver.force_tolerance=1e9"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in
+        ["LOADS AND PACKING DO NOT MATCH", "2.000e5 Pa on left", "history = \"ramp\"", "solver.force_tolerance = 1e9"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}
+
+#[test]
+fn check_says_when_a_packing_carries_no_load() {
+    let folder = tempfile::tempdir().unwrap();
+    let packing = folder.path().join("one.json");
+    let text = "{\"format\":\"grainspan-packing\",\"version\":1,\"dimension\":2,\"thickness\":5e-4,\"periodicity\":[[1e-2,0.0],[0.0,1e-2]],\
+                \"grains\":[[1e-3,1e-3,2.5e-4],[5e-3,5e-3,1e-9]]}";
+    fs::write(&packing, text).unwrap();
+    let setting = format!("packing='{}'", packing.display());
+    let text =
+        String::from_utf8(succeeded(&["check", "scenes/biaxial-small.toml", "--set", &setting]).stdout).unwrap();
+    assert!(text.contains("the packing carries no load") && text.contains("in other units?"), "{text}");
+}
+
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let help = String::from_utf8(succeeded(&["--help"]).stdout).unwrap();

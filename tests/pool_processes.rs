@@ -73,15 +73,6 @@ fn an_attached_run_is_served_by_workers_that_join() {
 }
 
 #[test]
-fn zero_workers_are_refused() {
-    let site = Site::new();
-    let ended = site.start_run("a", "0", 2).end();
-    assert_eq!(ended.status.code(), Some(2), "{}", ended.stderr);
-    assert!(ended.stderr.contains("at least one worker"), "{}", ended.stderr);
-    assert!(!site.path("a").exists());
-}
-
-#[test]
 fn a_worker_without_a_run_says_so() {
     let site = Site::new();
     let ended = site.start("worker", &["rve-server", "--run", "no-such-run"]).end();

@@ -190,7 +190,9 @@ pub enum ProblemError {
     NoThirdAxis,
     /// Two conditions prescribe different values for one component of one node.
     #[error(
-        "node {node} is given two different displacements or histories along {axis:?}: {first:.6e} m and {second:.6e} m"
+        "node {node} at {} is given two different displacements or histories along {axis:?}: {first:.6e} m by '{first_set}' and \
+         {second:.6e} m by '{second_set}'",
+        coordinates(.place)
     )]
     Contradiction {
         /// Node, from 0.
@@ -201,6 +203,12 @@ pub enum ProblemError {
         first: f64,
         /// Value of the later condition, m.
         second: f64,
+        /// Where the node is, m.
+        place: [f64; 3],
+        /// Node set of the earlier condition.
+        first_set: String,
+        /// Node set of the later condition.
+        second_set: String,
     },
     /// Two sets are to move alike, but are not images of each other.
     #[error("node {node} has no partner: the node sets '{from}' and '{to}' are not shifted images of each other")]
@@ -238,4 +246,9 @@ pub enum ProblemError {
         /// As given.
         value: f64,
     },
+}
+
+/// A place for people, m.
+fn coordinates(place: &[f64; 3]) -> String {
+    format!("({:.4}, {:.4}, {:.4}) m", place[0], place[1], place[2])
 }

@@ -104,6 +104,7 @@ claims!(
     more_messages_than_fit_wait_in_order,
     runs_do_not_see_each_other,
     too_large_messages_are_refused_with_both_sizes,
+    replies_that_do_not_fit_one_message_come_in_several,
 );
 
 /// What a macro heard, in its own words.
@@ -423,6 +424,25 @@ fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
     assert!(error.to_string().contains(&(state.len() + 144 + 32).to_string()), "{error}");
     let reply = TrialReply::bare(&job(0), ReplyStatus::Done);
     assert!(worker.send_replies(&[LoadedReply { reply, state: &state, error: b"" }]).is_err());
+    drop(port);
+}
+
+/// Nobody knows how large the states of an engine are before its first reply.
+fn replies_that_do_not_fit_one_message_come_in_several<C: Channel>() {
+    let (mut port, door) = C::open();
+    let mut worker = C::join(&door);
+    worker.send_control(&hello()).unwrap();
+    let mut heard = Heard::default();
+    heard.until(&mut port, |heard| !heard.controls.is_empty());
+    let state = vec![7; 3 << 20];
+    let reply =
+        |number| TrialReply { state_length: state.len() as u64, ..TrialReply::bare(&job(number), ReplyStatus::Done) };
+    let replies: Vec<_> =
+        (0..5).map(|number| LoadedReply { reply: reply(number), state: &state, error: b"" }).collect();
+    worker.send_replies(&replies).unwrap();
+    heard.until(&mut port, |heard| heard.replies.len() == 5);
+    let numbers: Vec<u64> = heard.replies.iter().map(|(_, reply, ..)| reply.job).collect();
+    assert!(numbers == [0, 1, 2, 3, 4] && heard.replies.iter().all(|(_, _, came, _)| *came == state));
     drop(port);
 }
 

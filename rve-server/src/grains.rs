@@ -1,8 +1,8 @@
 //! The grains of a stored state, for pictures.
 
-use crate::definition::{AnyDefinition, GrainDefinition};
+use crate::definition::GrainDefinition;
 use crate::engine::opened;
-use crate::space::{Discs, Space, Spheres};
+use crate::space::{Discs, Space};
 use protocol::{Definition, RveError};
 
 /// Grains of one state, for pictures.
@@ -18,16 +18,7 @@ pub struct Grains<S: Space = Discs> {
     pub rotations: Vec<S::Spin>,
 }
 
-/// Grains of either dimension.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AnyGrains {
-    /// Discs in a plane.
-    Discs(Grains<Discs>),
-    /// Spheres in space.
-    Spheres(Grains<Spheres>),
-}
-
-/// Reads the grains of a snapshot of known dimension without building a solver.
+/// Reads the grains of a snapshot without building a solver.
 ///
 /// # Errors
 /// [`RveError::Definition`] or [`RveError::Snapshot`].
@@ -35,18 +26,6 @@ pub fn grains_of_snapshot<S: Space>(definition: &Definition, bytes: &[u8]) -> Re
     let parsed =
         GrainDefinition::<S>::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
     grains(&parsed, definition, bytes)
-}
-
-/// Reads the grains of a snapshot without building a solver.
-///
-/// # Errors
-/// [`RveError::Definition`] or [`RveError::Snapshot`].
-pub fn any_grains_of_snapshot(definition: &Definition, bytes: &[u8]) -> Result<AnyGrains, RveError> {
-    let parsed = AnyDefinition::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
-    match parsed {
-        AnyDefinition::Discs(parsed) => grains(&parsed, definition, bytes).map(AnyGrains::Discs),
-        AnyDefinition::Spheres(parsed) => grains(&parsed, definition, bytes).map(AnyGrains::Spheres),
-    }
 }
 
 fn grains<S: Space>(

@@ -1,14 +1,16 @@
 //! `grainspan check SCENE.toml`: validates everything a run would need and runs nothing.
 
+use super::estimate::Estimate;
 use super::exit::{Exit, Failure};
+use super::start_state::{self, Carried};
 use super::stdout::print;
 use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::mesh::ElementKind;
 use macro_solver::problem::{Problem, Procedure, Stage};
 use protocol::TangentKind;
-use rve_server::engine::{ListedForces, listed_forces};
 use std::fmt::Write;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Arguments of `grainspan check`.
@@ -33,24 +35,25 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    let listed_forces = listed_forces(scene.definition()).map_err(|error| Failure::new(Exit::BadInput, error))?;
-    print(overview(&scene, &crew, &listed_forces).as_bytes())?;
+    let carried = Carried::by(scene.definition())?;
+    print(overview(&scene, &crew, &carried).as_bytes())?;
     Ok(Exit::Done)
 }
 
 /// What a run of the scene would be, for people.
-fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String {
+fn overview(scene: &Scene, crew: &Crew, carried: &Carried) -> String {
     let problem = &scene.problem;
     let options = scene.definition().options();
     let points = problem.point_count();
     let quasi_static = problem.stages.iter().filter(|stage| !matches!(stage.procedure, Procedure::Dynamic(_)));
     let steps: usize = quasi_static.map(|stage| stage.control.increments).sum();
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     let prescribed: Vec<String> =
         problem.stages.iter().map(|stage| prescribed_count(problem, stage).to_string()).collect();
     // Between the first steps and those after the peak, measured on biaxial tests.
+    let range = [2, 6].map(|per_step: usize| per_step.saturating_mul(steps).saturating_mul(points));
     let evaluations = if problem.stages.iter().all(|stage| stage.procedure == Procedure::Implicit) {
-        let [least, most] = [2, 6].map(|per_step| per_step * steps * points);
-        format!("about {least} to {most}")
+        format!("about {} to {}", range[0], range[1])
     } else {
         format!("one per time step or iteration of motion or relaxation and point ({points} points)")
     };
@@ -71,6 +74,8 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
         ),
         ("Gauss points", points.to_string()),
         ("packing", packing_line(scene)),
+        ("packing stress", carried.stress_text()),
+        ("packing state", carried.state_text()),
         (
             "grain solver",
             format!(
@@ -82,11 +87,12 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
             ),
         ),
         ("formulation", problem.formulation.keyword().to_owned()),
-        ("engines", crew.description()),
+        ("engines", crew.overview()),
         ("tangent", problem.tangents().into_iter().map(TangentKind::keyword).collect::<Vec<_>>().join(", ")),
         ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
         ("steps", format!("{steps} if nothing is cut back")),
         ("evaluations", evaluations),
+        ("cost", Estimate::of(scene, range).text(cores)),
         (
             "history columns",
             scene.record.probes.iter().map(|probe| probe.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -96,8 +102,14 @@ fn overview(scene: &Scene, crew: &Crew, listed_forces: &ListedForces) -> String 
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
-    if let Some(warning) = listed_forces.warning() {
-        writeln!(text, "{:<20} {warning}", "note").expect("writing to a String cannot fail");
+    let mut notes: Vec<String> = carried.listed_forces.warning().into_iter().collect();
+    notes.extend(carried.remarks());
+    if let Some(mismatch) = start_state::mismatch(scene, carried).filter(|_| !carried.carries_nothing()) {
+        notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::REMEDY));
+    }
+    notes.extend(scene.remarks.iter().cloned());
+    for note in notes {
+        writeln!(text, "{:<20} {note}", "note").expect("writing to a String cannot fail");
     }
     for remark in &scene.materials.remarks {
         writeln!(text, "{:<20} {remark}", "region").expect("writing to a String cannot fail");

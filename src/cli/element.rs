@@ -1,9 +1,10 @@
 //! `grainspan element TEST.toml`: one cell along a strain/stress path, in this process, without finite elements.
 
 use super::exit::{Exit, Failure};
+use super::pulse::Pulse;
 use super::replay;
 use super::stdout::{deliver, print};
-use crate::scene::{Document, InputError, read_packing};
+use crate::scene::{Document, InputError, Kind, read_packing};
 use protocol::TangentKind;
 use rve_server::element::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
 use std::cell::RefCell;
@@ -57,11 +58,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
     let document = Document::read(path, &arguments.overrides)?;
+    document.expect(Kind::ElementTest)?;
     let test = checked(&document)?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
     let folder = document.path().parent().unwrap_or(Path::new(""));
-    let ended = run_element(&test, folder, arguments.tangent, &mut |row| rows.add(row));
+    let pulse = Pulse::start(arguments.quiet);
+    let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
+    let mut done = 0;
+    pulse.say(format!("row 0 of {expected}"));
+    let ended = run_element(&test, folder, arguments.tangent, &mut |row| {
+        rows.add(row);
+        done += 1;
+        pulse.say(format!("row {done} of {expected}"));
+    });
+    drop(pulse);
     rows.finish(arguments.out.as_deref())?;
     match ended {
         Ok(summary) => {

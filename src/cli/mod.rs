@@ -5,13 +5,16 @@ mod check;
 mod clean;
 mod completions;
 mod element;
+mod estimate;
 pub(crate) mod exit;
 mod pack;
+mod pulse;
 mod replay;
 mod report;
 mod run;
 mod rve_server;
 mod specimen;
+mod start_state;
 mod status;
 mod stdout;
 

@@ -1,12 +1,15 @@
 //! `grainspan pack PACKING.toml`: prepares a packing and says how good it is.
 
 use super::exit::{Exit, Failure};
+use super::pulse::Pulse;
 use super::stdout::deliver;
-use crate::scene::Document;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::scene::{Document, Kind};
+use rve_server::definition::ContactLaw;
 use rve_server::packing::{Packing, PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use std::path::PathBuf;
-use std::time::Duration;
+
+/// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.
+const LARGEST_OVERLAP: f64 = 0.25;
 
 /// Arguments of `grainspan pack`.
 #[derive(clap::Args, Debug)]
@@ -34,11 +37,13 @@ pub(crate) struct Arguments {
 /// A recipe that is not sound, a target that is not reached, a place that cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read(&arguments.recipe, &arguments.overrides)?;
+    document.expect(Kind::Recipe)?;
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;
-    let bar = if arguments.quiet { ProgressBar::hidden() } else { spinner() };
-    let made = generate_any(&recipe, &mut |progress| bar.set_message(stage(progress)));
-    bar.finish_and_clear();
+    refuse_soft_grains(&document, &recipe)?;
+    let pulse = Pulse::start(arguments.quiet);
+    let made = generate_any(&recipe, &mut |progress| pulse.say(stage(progress)));
+    drop(pulse);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
         Failure::new(Exit::NotConverged, format!("{text}\nhint: try another seed, more grains or a looser tolerance"))
@@ -54,11 +59,44 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn spinner() -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} {elapsed}  {msg}").expect("the template is a constant");
-    let bar = ProgressBar::new_spinner().with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
+/// Refuses grains so soft that the pressure would press them into one another: known before the first step.
+fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(), Failure> {
+    let Some(overlap) = expected_overlap(recipe) else { return Ok(()) };
+    if overlap <= LARGEST_OVERLAP {
+        return Ok(());
+    }
+    let remedy = if recipe.dimension == 2 {
+        let diameter = mean_diameter(recipe);
+        format!(
+            "thickness is {:.3e} m for grains of {diameter:.3e} m; one mean diameter is usual. With modulus E the overlap is about \
+             2 p t / (E d): a smaller thickness, or a larger modulus or normal_stiffness, helps",
+            recipe.thickness
+        )
+    } else {
+        "with modulus E the overlap is about 2 p / E: give a larger modulus or normal_stiffness".to_owned()
+    };
+    let problem =
+        format!("grains would overlap by about {overlap:.2} of a diameter under this pressure (0.1 is the most)");
+    Err(document.error_at_key(&["contact"], problem).hint(remedy).into())
+}
+
+/// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says
+/// no pressure.
+fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
+    if recipe.contact.law != ContactLaw::Linear {
+        return None;
+    }
+    let target = recipe.stress_target().ok()?;
+    let diameter = mean_diameter(recipe);
+    let stiffness = recipe.contact.normal().ok()?.of(0.5 * diameter, 0.5 * diameter);
+    // Force of a contact over its stiffness and the diameter.
+    let depth = if recipe.dimension == 2 { recipe.thickness } else { diameter };
+    Some(target.pressure * depth / stiffness)
+}
+
+fn mean_diameter(recipe: &PackingRecipe) -> f64 {
+    let radii = recipe.radii();
+    2.0 * radii.iter().sum::<f64>() / radii.len() as f64
 }
 
 fn stage(progress: &PackingProgress) -> String {

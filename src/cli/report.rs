@@ -1,7 +1,9 @@
 //! `grainspan report`: what a run's folder holds, as one page that needs nothing beside it.
 
+mod columns;
 mod contents;
 mod page;
+mod picture;
 
 use super::exit::{Exit, Failure};
 use super::stdout::print;

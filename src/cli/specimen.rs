@@ -2,7 +2,7 @@
 
 use super::exit::{Exit, Failure};
 use super::stdout::deliver;
-use crate::scene::Document;
+use crate::scene::{Document, Kind};
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use rve_server::packing::Packing;
@@ -44,6 +44,7 @@ pub(crate) struct Arguments {
 /// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read(&arguments.test, &arguments.overrides)?;
+    document.expect(Kind::Specimen)?;
     let test: SpecimenTest = document.deserialize()?;
     let packing = Packing::read(&document.resolve(Path::new(&test.packing)))
         .map_err(|error| document.error_at_key(&["packing"], error))?;

@@ -5,14 +5,18 @@ use super::stdout::print;
 use crate::workers::{Progress, WorkerProcess, workers_of};
 use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::{RunDirectory, RunListing};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Workers that are shown line by line unless one run is asked for.
+const MOST_LINES: usize = 16;
 
 /// Arguments of `grainspan status`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example:\n  grainspan status\n  grainspan status biaxial-4711-5f3c")]
 pub(crate) struct Arguments {
-    /// Show this run only
+    /// Show this run only, with every worker
     #[arg(value_name = "RUN")]
     run: Option<String>,
 }
@@ -39,7 +43,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         let known: Vec<u32> = reports.iter().map(|report| report.pid).collect();
         let workers = workers_of(&listing.name, &known);
         let pid = listing.record.as_ref().map(|record| record.pid);
-        text.push_str(&paragraph(&listing.name, pid, progress.as_ref(), &workers, now));
+        let most_lines = if arguments.run.is_some() { usize::MAX } else { MOST_LINES };
+        text.push_str(&paragraph(&listing.name, pid, progress.as_ref(), &workers, most_lines, now));
     }
     if alive.is_empty() {
         text.push_str("No run is alive.\n");
@@ -53,12 +58,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// One run for people; `now` in s since 1970.
+/// One run for people; `now` in s since 1970. More workers than `most_lines` are summarised.
 fn paragraph(
     name: &str,
     pid: Option<u32>,
     progress: Option<&Progress>,
     workers: &[WorkerProcess],
+    most_lines: usize,
     now: u64,
 ) -> String {
     let mut text = format!("{name}\n");
@@ -77,22 +83,54 @@ fn paragraph(
         }
         None => line("process", process),
     }
-    for worker in workers {
-        let state = match worker.state {
-            'R' => "computing",
-            'S' | 'D' => "waiting",
-            'T' | 't' => "stopped",
-            _ => "ending",
-        };
-        let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
-        let done = progress.and_then(|known| known.workers.iter().find(|report| report.pid == worker.pid));
-        let done = done.map_or(", has not joined".to_owned(), work);
-        line("worker", format!("{}, {state}, {used} of processor time{done}", worker.pid));
+    let reports = progress.map_or(&[][..], |known| &known.workers);
+    if workers.len() > most_lines {
+        line("workers", together(workers, reports));
+    } else {
+        for worker in workers {
+            let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
+            let done = report_of(worker, reports).map_or(", has not joined".to_owned(), work);
+            line("worker", format!("{}, {}, {used} of processor time{done}", worker.pid, state(worker)));
+        }
     }
     if workers.is_empty() {
         line("worker", "none".to_owned());
     }
     text
+}
+
+/// Many workers in one line: how many are in which state, what they have used and done, and who has sat longest on one job.
+fn together(workers: &[WorkerProcess], reports: &[WorkerReport]) -> String {
+    let mut states: BTreeMap<&str, usize> = BTreeMap::new();
+    workers.iter().for_each(|worker| *states.entry(state(worker)).or_default() += 1);
+    let mut parts: Vec<String> = states.into_iter().map(|(state, count)| format!("{count} {state}")).collect();
+    let joined: Vec<&WorkerReport> = workers.iter().filter_map(|worker| report_of(worker, reports)).collect();
+    if joined.len() < workers.len() {
+        parts.push(format!("{} have not joined", workers.len() - joined.len()));
+    }
+    let ticks: u64 = workers.iter().map(|worker| worker.ticks).sum();
+    parts.push(format!("{} of processor time", duration(ticks / WorkerProcess::TICKS_PER_SECOND)));
+    let jobs: u64 = joined.iter().map(|report| report.jobs).sum();
+    parts.push(format!("{jobs} jobs"));
+    let at_work = joined.iter().filter_map(|report| Some((report.since_s, report.pid, report.point?)));
+    if let Some((seconds, pid, point)) = at_work.max_by(|one, other| one.0.total_cmp(&other.0)) {
+        parts.push(format!("the longest at work is {pid}, on Gauss point {point} for {seconds:.1} s"));
+    }
+    format!("{}: {}", workers.len(), parts.join(", "))
+}
+
+fn report_of<'a>(worker: &WorkerProcess, reports: &'a [WorkerReport]) -> Option<&'a WorkerReport> {
+    reports.iter().find(|report| report.pid == worker.pid)
+}
+
+/// The kernel's letter in words.
+fn state(worker: &WorkerProcess) -> &'static str {
+    match worker.state {
+        'R' => "computing",
+        'S' | 'D' => "waiting",
+        'T' | 't' => "stopped",
+        _ => "ending",
+    }
 }
 
 /// What a worker has done and does.
@@ -128,7 +166,22 @@ mod tests {
         let expected = "a-1\n  scene     a.toml\n  output    out/a\n  process   7, for 1:01:05\n  progress  12.5 % of the \
                         load, step 3, 42 evaluations\n  worker    8, stopped, 0:01:02 of processor time, 5 jobs in 1.5 s, Gauss \
                         point 3 for 0.0 s\n  worker    9, stopped, 0:01:02 of processor time, has not joined\n";
-        assert_eq!(paragraph("a-1", Some(7), Some(&progress), &[worker(8), worker(9)], 4665), expected);
-        assert_eq!(paragraph("b", None, None, &[], 0), "b\n  process   starting\n  worker    none\n");
+        assert_eq!(paragraph("a-1", Some(7), Some(&progress), &[worker(8), worker(9)], 2, 4665), expected);
+        assert_eq!(paragraph("b", None, None, &[], 16, 0), "b\n  process   starting\n  worker    none\n");
+    }
+    #[test]
+    fn many_workers_are_summarised() {
+        let report =
+            |pid, since_s| WorkerReport { pid, jobs: 10, point: Some(3), since_s, ..WorkerReport::default() };
+        let progress = Progress {
+            workers: vec![report(8, 0.5), report(9, 2.5)],
+            ..Progress::new(std::path::Path::new("/a.toml"), std::path::Path::new("/out"))
+        };
+        let worker = |pid, state| WorkerProcess { pid, state, ticks: 3000 };
+        let workers = [worker(8, 'R'), worker(9, 'R'), worker(10, 'S')];
+        let text = paragraph("a-1", Some(7), Some(&progress), &workers, 2, progress.begun);
+        let expected = "  workers   3: 2 computing, 1 waiting, 1 have not joined, 0:01:30 of processor time, 20 jobs, the \
+                        longest at work is 9, on Gauss point 3 for 2.5 s\n";
+        assert!(text.ends_with(expected), "{text}");
     }
 }

@@ -105,7 +105,16 @@ impl Crew {
         self.members.iter().flat_map(|member| member.suitability.remarks.iter().map(String::as_str))
     }
 
-    /// Engines with their versions and numbers of points, for people and the summary.
+    /// Engines as scenes and `--engine` name them, with their versions and numbers of points, for people.
+    pub(crate) fn overview(&self) -> String {
+        let parts = self.members.iter().enumerate().map(|(place, member)| {
+            let points = self.member_of.iter().filter(|&&one| one == place).count();
+            format!("{} {} ({points} points)", member.engine.name, member.capabilities.version)
+        });
+        parts.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Engines with their versions and numbers of points, for the summary.
     pub(crate) fn description(&self) -> String {
         let parts: Vec<String> = (self.members.iter().enumerate())
             .map(|(place, member)| {

@@ -1,7 +1,7 @@
 //! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
 //! folder is made or any process started.
 
-use super::document::Document;
+use super::document::{Document, Kind};
 use super::engines::EnginePlan;
 use super::initial::initial_state;
 use super::input_error::InputError;
@@ -16,11 +16,18 @@ use super::stages::stages;
 use super::supervision::{PoolKeys, checkpoint_policy};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::output::RecordPlan;
-use macro_solver::problem::{Problem, ProblemError};
+use macro_solver::problem::{Problem, ProblemError, Tolerances};
 use rve_server::definition::AnyDefinition;
 use rve_server::packing::Packing;
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
+
+/// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
+const LARGEST_PACKING: u64 = 4 << 30;
+
+/// Tolerances above this deserve a word.
+const LOOSEST: f64 = 0.1;
 
 /// A scene, checked and ready to run.
 #[derive(Debug)]
@@ -47,6 +54,8 @@ pub(crate) struct Scene {
     pub(crate) checkpoint: CheckpointPolicy,
     /// How the workers are led.
     pub(crate) pool: PoolKeys,
+    /// What is allowed and hardly meant, one line each.
+    pub(crate) remarks: Vec<String>,
 }
 
 impl Scene {
@@ -61,6 +70,7 @@ impl Scene {
     /// The first thing that is wrong, with its place and remedy.
     pub(crate) fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         let document = Document::read(path, overrides)?;
+        document.expect(Kind::Scene)?;
         let file: SceneFile = document.deserialize()?;
         let name = name(&document, file.name.as_ref())?;
         let mesh = mesh(&document, &file.mesh)?;
@@ -68,7 +78,7 @@ impl Scene {
         let sets = Sets { mesh: &mesh };
         let probes = probes(&document, &sets, &file.probe)?;
         let observables = observables(&document, &file.output, &probes)?;
-        let plot = plot(&document, &file.output, &probes)?;
+        let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &sets, definition)?;
         let (stages, outputs) = stages(&document, &sets, &file, &materials.densities(&mesh))?;
@@ -85,8 +95,39 @@ impl Scene {
         let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
         let engines = EnginePlan::read(&document, &file.pool, &problem)?;
         let pool = PoolKeys::read(&document, &file.pool)?;
-        Ok(Self { name, document, problem, materials, packing_path, engines, record, grains, plot, checkpoint, pool })
+        let remarks = loose_tolerances(&problem);
+        let scene = Self {
+            name,
+            document,
+            problem,
+            materials,
+            packing_path,
+            engines,
+            record,
+            grains,
+            plot,
+            checkpoint,
+            pool,
+            remarks,
+        };
+        Ok(scene)
     }
+}
+
+/// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.
+fn loose_tolerances(problem: &Problem) -> Vec<String> {
+    let mut remarks: Vec<String> = Vec::new();
+    for stage in &problem.stages {
+        let Tolerances { force, displacement, .. } = stage.tolerances;
+        for (key, value) in [("force_tolerance", force), ("displacement_tolerance", displacement)] {
+            let remark =
+                format!("solver.{key} = {value:e} accepts steps that are not in balance; 1e-2 is loose already");
+            if value > LOOSEST && !remarks.contains(&remark) {
+                remarks.push(remark);
+            }
+        }
+    }
+    remarks
 }
 
 /// A defect that the solver's own check found, at the key that caused it.
@@ -95,6 +136,12 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         ProblemError::Stage { number, error, .. } => (Some(number.to_string()), &**error),
         cause => (None, cause),
     };
+    if let ProblemError::Contradiction { first_set, second_set, .. } = cause {
+        return document.error(error).hint(format!(
+            "a node follows one condition along each axis: move one of '{first_set}' and '{second_set}' along another axis, give \
+             both the same displacement, or use a mesh in which they share no node"
+        ));
+    }
     let ProblemError::Number { what, .. } = cause else {
         return document.error(error).hint("docs/scene.md says how [[boundary]] and [mesh] work together");
     };
@@ -116,6 +163,9 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
         "damping ratio" => &["relaxation", "damping_ratio"],
         "kinetic tolerance" => &["relaxation", "kinetic_tolerance"],
         "hits" => &["relaxation", "hits"],
+        "relaxation max_iterations" => &["relaxation", "max_iterations"],
+        "relaxation safety" => &["relaxation", "safety"],
+        "safety" => &["dynamics", "safety"],
         "increments" => &["loading", "increments"],
         "min" => &["loading", "smallest_increment"],
         "growth" => &["loading", "growth"],
@@ -184,7 +234,8 @@ fn definition(
 /// The packing's own error.
 pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
     let path = document.resolve(written);
-    Packing::read(&path).map_err(|error| {
+    let read = refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
+    read.map_err(|error| {
         let hint = if path.exists() {
             "correct the packing file, or make a new one with `grainspan pack`"
         } else {
@@ -192,4 +243,22 @@ pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<Packin
         };
         document.error_at_key(&["packing"], error).hint(hint)
     })
+}
+
+/// Refuses what cannot be a packing before it is read whole: a device never ends, and a file of some gigabytes takes the memory of
+/// the machine before the parser says that it is no JSON.
+pub(crate) fn refuse_foreign_content(path: &Path) -> Result<(), String> {
+    let refuse = |reason: String| Err(format!("packing file {}: {reason}", path.display()));
+    // What cannot be looked at is read, and refused with the system's reason.
+    let Ok(metadata) = std::fs::metadata(path) else { return Ok(()) };
+    if metadata.file_type().is_char_device() || metadata.file_type().is_block_device() {
+        return refuse("this is a device, not a file".to_owned());
+    }
+    if metadata.len() > LARGEST_PACKING {
+        return refuse(format!(
+            "it has {} bytes; the largest packing that is read has {LARGEST_PACKING}",
+            metadata.len()
+        ));
+    }
+    Ok(())
 }

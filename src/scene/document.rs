@@ -25,6 +25,60 @@ struct Override {
     padded: String,
 }
 
+/// What an input file is for, told from the keys that only one kind has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// `grainspan run` and `grainspan check`.
+    Scene,
+    /// `grainspan element`.
+    ElementTest,
+    /// `grainspan pack`.
+    Recipe,
+    /// `grainspan specimen`.
+    Specimen,
+}
+
+impl Kind {
+    const ALL: [Self; 4] = [Self::Scene, Self::ElementTest, Self::Recipe, Self::Specimen];
+
+    /// The key at the top that tells it.
+    fn mark(self) -> &'static str {
+        match self {
+            Self::Scene => "mesh",
+            Self::ElementTest => "path",
+            Self::Recipe => "grading",
+            Self::Specimen => "cut",
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Scene => "a scene",
+            Self::ElementTest => "an element test",
+            Self::Recipe => "a recipe of a packing",
+            Self::Specimen => "a test of a whole specimen",
+        }
+    }
+
+    fn command(self) -> &'static str {
+        match self {
+            Self::Scene => "run",
+            Self::ElementTest => "element",
+            Self::Recipe => "pack",
+            Self::Specimen => "specimen",
+        }
+    }
+
+    /// Where its keys are described.
+    fn reference(self) -> &'static str {
+        match self {
+            Self::Scene | Self::ElementTest => "docs/scene.md",
+            Self::Recipe => "docs/packing.md",
+            Self::Specimen => "docs/specimen.md",
+        }
+    }
+}
+
 /// An input file and what the command line changes in it.
 #[derive(Clone, Debug)]
 pub(crate) struct Document {
@@ -59,6 +113,31 @@ impl Document {
         let root = document.table()?;
         document.refuse_non_finite(root.get_ref())?;
         Ok(document)
+    }
+
+    /// What the file is, if one of its keys tells.
+    fn kind(&self) -> Option<Kind> {
+        // Of the file itself: errors about overrides ask for the kind as well.
+        let root = DeTable::parse(&self.text).ok()?;
+        Kind::ALL.into_iter().find(|kind| root.get_ref().contains_key(kind.mark()))
+    }
+
+    /// Refuses a file of another command, which would be told of unknown keys.
+    ///
+    /// # Errors
+    /// The file is of another kind; the command that takes it is named.
+    pub(crate) fn expect(&self, wanted: Kind) -> Result<(), InputError> {
+        match self.kind() {
+            Some(found) if found != wanted => Err(self
+                .error(format!("this is {}, not {}: it has the key `{}`", found.name(), wanted.name(), found.mark()))
+                .hint(format!("grainspan {} {}", found.command(), self.path.display()))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where the keys of this file are described.
+    fn reference(&self) -> &'static str {
+        self.kind().unwrap_or(Kind::Scene).reference()
     }
 
     /// Where the file lies.
@@ -122,7 +201,7 @@ impl Document {
             let key: String = problem.chars().take_while(is_key).collect();
             self.error_at_key(&key.split('.').collect::<Vec<_>>(), &problem)
         };
-        located.hint("the keys, their units and defaults are in docs/scene.md")
+        located.hint(format!("the keys, their units and defaults are in {}", self.reference()))
     }
 
     /// The document with overrides applied and `replacements` made (path to a key with dots, its new value), as TOML text.
@@ -212,7 +291,7 @@ impl Document {
             Some(span) => self.error_at(span, &message),
             None => self.error(&message),
         };
-        located.hint(suggestion(&message))
+        located.hint(suggestion(&message, &format!("all keys are described in {}", self.reference())))
     }
 
     /// Name of the place of a byte range, and the line to show.
@@ -334,8 +413,7 @@ fn in_plain_words(message: &str) -> String {
 }
 
 /// "did you mean" for messages that list what is possible: `...` names in backticks, the first is the wrong one.
-fn suggestion(message: &str) -> String {
-    let reference = "all keys are described in docs/scene.md";
+fn suggestion(message: &str, reference: &str) -> String {
     if !message.starts_with("unknown") {
         return reference.to_owned();
     }

@@ -1,6 +1,6 @@
 //! What each Gauss point is made of: the packing of the scene, or that of the last `[[region]]` that holds its element.
 
-use super::build::read_packing;
+use super::build::{read_packing, refuse_foreign_content};
 use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{RegionTable, SceneFile, VaryKeyword};
@@ -230,7 +230,10 @@ impl Region<'_> {
 
     fn read(&self, written: &Spanned<PathBuf>) -> Result<Packing, InputError> {
         let path: &Path = written.get_ref();
-        Packing::read(&self.document.resolve(path)).map_err(|error| {
+        let path = self.document.resolve(path);
+        let read =
+            refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
+        read.map_err(|error| {
             self.document
                 .error_at(written.span(), error)
                 .hint("correct the path, which is relative to the scene's folder, or the packing file")

@@ -10,6 +10,12 @@ use std::fmt::Display;
 use std::path::Path;
 use toml::Spanned;
 
+/// Most elements that a generator makes: with grains behind their points they take hundreds of gigabytes.
+const MOST_ELEMENTS: f64 = 1e6;
+
+/// Bytes that the states of an element take: four points, two states of 400 discs each.
+const STATE_OF_AN_ELEMENT: f64 = 4.0 * 2.0 * 6e4;
+
 /// The mesh of a scene.
 ///
 /// # Errors
@@ -49,9 +55,11 @@ fn from_file(document: &Document, keys: &MeshTable, file: &Spanned<std::path::Pa
     }
     let path = document.resolve(file.get_ref());
     let refuse = |problem: String, hint: &str| document.error_at(file.span(), problem).hint(hint);
-    let text = std::fs::read_to_string(&path).map_err(|source| {
+    let bytes = std::fs::read(&path).map_err(|source| {
         refuse(format!("could not read {}: {source}", path.display()), "the path is relative to this file's folder")
     })?;
+    // A binary file says so in its second line, which is text.
+    let text = String::from_utf8_lossy(&bytes);
     let mesh = gmsh::read(&text, keys.element)
         .map_err(|error| refuse(place(&path, error.line, &error.problem), &error.remedy))?;
     mesh.validate().map_err(|error| {
@@ -144,6 +152,7 @@ impl Numbers<'_> {
             let problem = format!("a mesh of {} elements is empty", join(&elements));
             return Err(self.at(&keys.elements, problem).hint("give at least one element each"));
         }
+        self.refuse_absurd(&elements)?;
         if !grading.iter().all(|ratio| *ratio > 0.0) {
             let hint = "give the length of the last element over that of the first, above 0; 1 spaces evenly";
             return Err(self
@@ -151,6 +160,28 @@ impl Numbers<'_> {
                 .hint(hint));
         }
         Ok((size, elements, grading))
+    }
+
+    /// Refuses a mesh before it is built that no machine could hold the grains of.
+    fn refuse_absurd(&self, elements: &[usize]) -> Result<(), InputError> {
+        let product = |factors: &[f64]| factors.iter().product::<f64>();
+        let counts: Vec<f64> = elements.iter().map(|count| *count as f64).collect();
+        let is_block = matches!(
+            self.table.get_ref().generator.as_ref().map(|one| *one.get_ref()),
+            None | Some(Generator::Block)
+        );
+        let (plane, depth) = counts.split_at(counts.len() - usize::from(self.is_solid()));
+        // Sections lie beside and above one another: as many as a square of half their sum holds, at most.
+        let most =
+            if is_block { product(&counts) } else { (plane.iter().sum::<f64>() / 2.0).powi(2) * product(depth) };
+        if most <= MOST_ELEMENTS {
+            return Ok(());
+        }
+        let states = most * STATE_OF_AN_ELEMENT / 1e12;
+        let problem = format!("a mesh of {} elements is {most:.1e} elements", join(elements));
+        Err(self.at(&self.table.get_ref().elements, problem).hint(format!(
+            "their grains would take some {states:.0} TB of memory; at most {MOST_ELEMENTS:.0e} elements are made"
+        )))
     }
 
     fn exactly<T: Clone>(

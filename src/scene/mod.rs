@@ -22,7 +22,7 @@ mod supervision;
 
 pub(crate) use build::{Scene, read_packing};
 pub(crate) use changes::changes;
-pub(crate) use document::Document;
+pub(crate) use document::{Document, Kind};
 pub(crate) use input_error::InputError;
 pub(crate) use materials::{Materials, PackingCopy, drawn};
 pub(crate) use supervision::JOBS_A_MESSAGE;

@@ -24,6 +24,12 @@ pub(super) fn probes(
     let mut probes: Vec<Probe> = Vec::new();
     for table in tables {
         let name = table.get_ref().name.get_ref();
+        if name.chars().any(char::is_control) {
+            let problem =
+                format!("a probe cannot be named {name:?}: the name holds a line feed or another control character");
+            let hint = "tools that read the history line by line would fail; choose another name";
+            return Err(document.error_at(table.get_ref().name.span(), problem).hint(hint));
+        }
         if name.is_empty() || TAKEN.contains(&name.as_str()) || probes.iter().any(|probe| probe.name == *name) {
             let problem = format!("a probe cannot be named '{name}': the history already has that column");
             return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose another name"));

@@ -60,7 +60,10 @@ pub(super) fn plot(
     document: &Document,
     table: &OutputTable,
     probes: &[Probe],
+    stages: usize,
 ) -> Result<Option<(String, String)>, InputError> {
+    // The load factor begins again with every stage.
+    let progress = if stages > 1 { "time" } else { "load" };
     let column = |given: &Option<Spanned<String>>, otherwise: usize, fallback: &str| match given {
         None => Ok(probes.get(otherwise).map_or(fallback.to_owned(), |probe| probe.name.clone())),
         Some(name) if ["time", "load"].contains(&name.get_ref().as_str()) => Ok(name.get_ref().clone()),
@@ -70,8 +73,8 @@ pub(super) fn plot(
             .hint("name a probe, \"time\" or \"load\"")),
     };
     let (x, y) = match probes.len() {
-        1 => (column(&table.plot_x, 1, "load")?, column(&table.plot_y, 0, "load")?),
-        _ => (column(&table.plot_x, 0, "load")?, column(&table.plot_y, 1, "load")?),
+        1 => (column(&table.plot_x, 1, progress)?, column(&table.plot_y, 0, progress)?),
+        _ => (column(&table.plot_x, 0, progress)?, column(&table.plot_y, 1, progress)?),
     };
     Ok((table.plot && !probes.is_empty()).then_some((x, y)))
 }

@@ -93,6 +93,7 @@ pub(crate) struct PoolTable {
     pub(crate) points: BTreeMap<String, Vec<Spanned<usize>>>,
     pub(crate) difference_strain: Option<Spanned<f64>>,
     pub(crate) difference_reuses: Option<Spanned<u32>>,
+    pub(crate) most_workers: Option<Spanned<usize>>,
     pub(crate) recycle_jobs: Option<u64>,
     pub(crate) recycle_memory: Option<u64>,
 }

@@ -46,7 +46,13 @@ fn check<'a>(
     if available.contains(&name.get_ref().as_str()) {
         return Ok(name.get_ref().clone());
     }
-    Err(document
-        .error_at(name.span(), format!("the mesh has no {what} '{}'", name.get_ref()))
-        .hint(format!("use one of: {}", available.join(", "))))
+    let hint = match &available[..] {
+        [] | ["all"] => format!(
+            "there is {}; name lines, surfaces or volumes in Gmsh with `Physical Curve(\"{}\") = {{...}}` and save the mesh again",
+            if available.is_empty() { "none at all" } else { "only 'all', which every mesh has" },
+            name.get_ref()
+        ),
+        _ => format!("use one of: {}", available.join(", ")),
+    };
+    Err(document.error_at(name.span(), format!("the mesh has no {what} '{}'", name.get_ref())).hint(hint))
 }

@@ -34,6 +34,8 @@ pub(crate) struct PoolKeys {
     recycling: Recycling,
     /// How macro and workers wait for messages.
     pub(crate) wait: Option<Waiting>,
+    /// Most workers that `--workers` may ask for, where the scene says so.
+    pub(crate) most_workers: Option<usize>,
     /// Fruitless replacements in a row before a run gives up.
     pub(crate) restarts: Option<u32>,
 }
@@ -64,6 +66,7 @@ impl PoolKeys {
             slice: if table.lanes == Some(false) { Some(NonZeroUsize::MIN) } else { slice },
             window: count(document, &table.window)?,
             recycling: Recycling { jobs: table.recycle_jobs, memory: table.recycle_memory },
+            most_workers: most_workers(document, &table.most_workers)?,
             wait: waiting(document, &table.wait)?,
             hang_floor: seconds(&table.hang_floor)?,
             hang_factor: table.hang_factor.as_ref().map(|factor| *factor.get_ref()),
@@ -129,6 +132,15 @@ fn count(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<N
         None => Err(document
             .error_at(given.span(), format!("{} is not a usable number", given.get_ref()))
             .hint(format!("give a number from 1 to {MOST}"))),
+    }
+}
+
+fn most_workers(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<usize>, InputError> {
+    match given {
+        Some(given) if *given.get_ref() == 0 => Err(document
+            .error_at(given.span(), "a run needs at least one worker")
+            .hint("give the most workers that --workers may ask for, or leave the key out")),
+        given => Ok(given.as_ref().map(|given| *given.get_ref())),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A worker's tie to the process that started it.
 
-use protocol::transport::shared_memory::RunDirectory;
+use protocol::transport::shared_memory::sweep_before_exit;
 use std::io;
 use std::time::{Duration, Instant};
 use tokio::signal::unix::{SignalKind, signal};
@@ -34,8 +34,7 @@ pub(crate) fn follow_parent(parent: Option<u32>, run: &str) -> io::Result<()> {
         }
         runtime.block_on(terminate.recv());
         if parent.is_some_and(ends) {
-            // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.
-            let _ = RunDirectory::remove_once_dead(&run, DYING);
+            sweep_before_exit(&run, DYING);
         }
         // The engine may be in the middle of a long solve: its work is not needed, or done again elsewhere.
         std::process::exit(TERMINATED);

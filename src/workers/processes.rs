@@ -4,7 +4,7 @@ use super::back_off::BackOff;
 use super::last_words::LastWords;
 use super::launch::launched;
 use crate::engines::Engine;
-use macro_solver::pool::{Outlook, WorkerSupply};
+use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io;
@@ -89,11 +89,12 @@ pub(crate) struct WorkerProcesses {
 }
 
 impl WorkerProcesses {
-    /// Starts all workers of the plan.
+    /// Starts all workers of the plan, or as many as there are time for until `interrupt` is raised: many workers take
+    /// seconds to start, and whoever asks for a stop wants it now. The pool sees the request when it next listens.
     ///
     /// # Errors
     /// The system cannot start a process; those already started are ended.
-    pub(crate) fn start(plan: LaunchPlan) -> io::Result<Self> {
+    pub(crate) fn start(plan: LaunchPlan, interrupt: &Interrupt) -> io::Result<Self> {
         let back_off = BackOff::new(plan.restarts);
         let mut processes = Self {
             plan,
@@ -105,6 +106,9 @@ impl WorkerProcesses {
             finished: false,
         };
         for _ in 0..processes.plan.workers {
+            if interrupt.is_raised() {
+                break;
+            }
             processes.spawn()?;
         }
         Ok(processes)
@@ -308,7 +312,8 @@ mod tests {
 
     #[test]
     fn workers_that_cannot_start_are_given_up_with_their_last_words() {
-        let mut processes = WorkerProcesses::start(shell("echo no packing >&2; exit 2", 1, 2)).unwrap();
+        let mut processes =
+            WorkerProcesses::start(shell("echo no packing >&2; exit 2", 1, 2), &Interrupt::new()).unwrap();
         let reason = tend_until_exhausted(&mut processes);
         assert!(reason.contains("2 replacements in a row") && reason.contains("exit status: 2"), "{reason}");
         assert_eq!(processes.restarts(), 2);
@@ -316,7 +321,7 @@ mod tests {
 
     #[test]
     fn a_killed_worker_is_replaced_and_all_are_gone_after_finish() {
-        let mut processes = WorkerProcesses::start(shell("exec sleep 100", 2, 5)).unwrap();
+        let mut processes = WorkerProcesses::start(shell("exec sleep 100", 2, 5), &Interrupt::new()).unwrap();
         let before: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
         before.iter().for_each(|pid| processes.joined(*pid));
         processes.lost(before[0], true);
@@ -329,7 +334,7 @@ mod tests {
 
     #[test]
     fn a_worker_that_leaves_in_good_order_is_replaced_without_counting() {
-        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 0)).unwrap();
+        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 0), &Interrupt::new()).unwrap();
         for _ in 0..3 {
             let pid = processes.children.last().unwrap().child.id();
             processes.joined(pid);
@@ -340,9 +345,24 @@ mod tests {
         assert_eq!(processes.restarts(), 0);
     }
 
+    /// Thousands of processes take minutes to start: a request to stop must not wait for the last of them.
+    #[test]
+    fn a_request_to_stop_is_heard_between_two_launches() {
+        let interrupt = Interrupt::new();
+        let raised = interrupt.clone();
+        let asked = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(50));
+            raised.raise();
+        });
+        let mut processes = WorkerProcesses::start(shell("exec sleep 100", 100_000, 5), &interrupt).unwrap();
+        asked.join().unwrap();
+        assert!((1..10_000).contains(&processes.children.len()), "{} were started", processes.children.len());
+        processes.finish();
+    }
+
     #[test]
     fn own_workers_that_are_refused_are_not_started_again() {
-        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 5)).unwrap();
+        let mut processes = WorkerProcesses::start(shell("sleep 0.05", 1, 5), &Interrupt::new()).unwrap();
         let pid = processes.children[0].child.id();
         processes.refused(pid, "wrong version");
         let reason = tend_until_exhausted(&mut processes);

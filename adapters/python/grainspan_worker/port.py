@@ -79,8 +79,16 @@ class SharedMemoryPort:
         self._send(frames.control(message, self.sender))
 
     def send_replies(self, answers):
-        """Sends the answers to a job slice; raises :class:`MessageTooLarge`."""
-        self._send(frames.replies(answers, self.sender))
+        """Sends the answers to a job slice, in several messages if they do not fit one; raises :class:`MessageTooLarge` when
+        one answer alone does not."""
+        try:
+            self._send(frames.replies(answers, self.sender))
+        except MessageTooLarge:
+            if len(answers) < 2:
+                raise
+            middle = len(answers) // 2
+            self.send_replies(answers[:middle])
+            self.send_replies(answers[middle:])
 
     def close(self):
         """Says that this port closes and waits until the run has heard everything."""

@@ -14,7 +14,7 @@ use protocol::StateId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
@@ -174,33 +174,46 @@ fn encode(archive: &Archive, out: &mut impl Write) -> io::Result<u64> {
     Ok(length)
 }
 
-/// Reads one archive from a file of its own.
+/// Reads one archive from a file of its own. The header is believed only where the system agrees, and before anything else is
+/// read: a file may be far longer than what is in it.
 pub(super) fn read(path: &Path) -> Result<Archive, CheckpointError> {
-    let bytes =
-        fs::read(path).map_err(|source| CheckpointError::System { action: "read", path: path.to_owned(), source })?;
+    let system = |source| CheckpointError::System { action: "read", path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(system)?;
+    let length = file.metadata().map_err(system)?.len();
+    let mut bytes = Vec::new();
+    (&mut file).take(HEADER as u64).read_to_end(&mut bytes).map_err(system)?;
+    check_header(path, &bytes, length)?;
+    file.take(length - HEADER as u64).read_to_end(&mut bytes).map_err(system)?;
     decode(path, &bytes)
 }
 
-fn decode(path: &Path, bytes: &[u8]) -> Result<Archive, CheckpointError> {
-    let damaged = |reason: &str| CheckpointError::Damaged {
-        path: path.to_owned(),
-        kind: "checkpoint",
-        reason: reason.to_owned(),
-    };
-    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
-    if bytes.len() < HEADER + CHECKSUM {
-        return Err(damaged("it is shorter than its header"));
+fn damaged(path: &Path, reason: &str) -> CheckpointError {
+    CheckpointError::Damaged { path: path.to_owned(), kind: "checkpoint", reason: reason.to_owned() }
+}
+
+/// Whether a file of `length` bytes that begins with these can be a checkpoint of this format.
+fn check_header(path: &Path, begin: &[u8], length: u64) -> Result<(), CheckpointError> {
+    if begin.len() < HEADER || length < (HEADER + CHECKSUM) as u64 {
+        return Err(damaged(path, "it is shorter than its header"));
     }
-    if bytes[..8] != MARK {
-        return Err(damaged("it does not begin with the mark of a checkpoint"));
+    if begin[..8] != MARK {
+        return Err(damaged(path, "it does not begin with the mark of a checkpoint"));
     }
-    let format = u32::from_le_bytes(bytes[8..12].try_into().expect("four bytes"));
+    let format = u32::from_le_bytes(begin[8..12].try_into().expect("four bytes"));
     if format != CHECKPOINT_FORMAT {
         return Err(CheckpointError::Format { path: path.to_owned(), found: format, expected: CHECKPOINT_FORMAT });
     }
-    if word(16) != bytes.len() as u64 {
-        return Err(damaged(&format!("it has {} bytes of {}", bytes.len(), word(16))));
+    let promised = u64::from_le_bytes(begin[16..24].try_into().expect("eight bytes"));
+    if promised != length {
+        return Err(damaged(path, &format!("it has {length} bytes of {promised}")));
     }
+    Ok(())
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<Archive, CheckpointError> {
+    let damaged = |reason: &str| damaged(path, reason);
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
+    check_header(path, bytes, bytes.len() as u64)?;
     let (content, checksum) = bytes.split_at(bytes.len() - CHECKSUM);
     let mut hash = Xxh3::new();
     hash.update(content);
@@ -224,4 +237,24 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<Archive, CheckpointError> {
         rest = tail;
     }
     Ok(archive)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reading three gigabytes of nothing takes half a minute and as much memory.
+    #[test]
+    fn a_file_that_is_longer_than_its_header_says_is_refused_before_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = CheckpointFile::in_folder(folder.path());
+        let length = file.write(&Archive::new()).unwrap();
+        let path = folder.path().join(CheckpointFile::NAMES[0]);
+        let longer = 1u64 << 40;
+        File::options().write(true).open(&path).unwrap().set_len(longer).unwrap();
+        let text = read(&path).unwrap_err().to_string();
+        assert!(text.contains(&format!("it has {longer} bytes of {length}")), "{text}");
+        File::options().write(true).open(&path).unwrap().set_len(20).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("shorter than its header"));
+    }
 }

@@ -62,10 +62,10 @@ impl RelaxationSettings {
         let positive = |value: f64| value > 0.0 && value.is_finite();
         [
             ("damping ratio", "above 0", self.damping_ratio, positive(self.damping_ratio)),
-            ("safety", "above 0 and at most 1", self.safety, self.safety > 0.0 && self.safety <= 1.0),
+            ("relaxation safety", "above 0 and at most 1", self.safety, self.safety > 0.0 && self.safety <= 1.0),
             ("kinetic tolerance", "above 0", self.kinetic_tolerance, positive(self.kinetic_tolerance)),
             ("hits", "at least 1", self.hits as f64, self.hits >= 1),
-            ("max_iterations", "at least 1", self.max_iterations as f64, self.max_iterations >= 1),
+            ("relaxation max_iterations", "at least 1", self.max_iterations as f64, self.max_iterations >= 1),
         ]
         .into_iter()
         .find(|(_, _, _, sound)| !sound)

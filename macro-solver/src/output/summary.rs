@@ -20,6 +20,8 @@ pub enum RunStatus {
     Interrupted,
     /// An output file could not be written.
     OutputFailed,
+    /// The problem, or the checkpoint to continue from, was refused before the first step.
+    Refused,
 }
 
 /// Where the time went, s. The worker times are sums over all workers, so that `rve_s + tangent_s + transport_s +
@@ -65,6 +67,9 @@ pub struct CheckpointSummary {
 pub struct Summary {
     /// How it ended.
     pub status: RunStatus,
+    /// Why it did not reach its end, for people; left out of a run that did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
     /// Accepted steps.
     pub steps: u64,
     /// Gauss points of the mesh.
@@ -94,6 +99,10 @@ pub struct Summary {
     pub slowest_trials: SlowestTrials,
     /// Evaluations that had to take a worse way, by name.
     pub fallbacks: BTreeMap<String, u64>,
+    /// Those of them, and of the counts above, that are not 0, by group: what may have cost accuracy (`look_at_this`) and what
+    /// has not (`harmless`).
+    #[serde(default)]
+    pub fallback_groups: BTreeMap<String, BTreeMap<String, u64>>,
     /// Evaluations that were not needed, by name.
     pub skipped: BTreeMap<String, u64>,
     /// Where the time went.
@@ -133,6 +142,7 @@ mod tests {
     fn the_summary_has_every_promised_key() {
         let summary = Summary {
             status: RunStatus::NotConverged,
+            reason: Some("no progress".to_owned()),
             steps: 3,
             gauss_points: 8,
             newton_iterations: 9,
@@ -146,6 +156,7 @@ mod tests {
             initial_deviation: 0.0,
             slowest_trials: SlowestTrials::default(),
             fallbacks: BTreeMap::new(),
+            fallback_groups: BTreeMap::new(),
             skipped: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
@@ -161,7 +172,7 @@ mod tests {
         for key in ["wall_s", "rve_s", "tangent_s", "transport_s", "assembly_s", "linear_solver_s", "idle_s"] {
             assert!(value["time"][key].is_number(), "{key}");
         }
-        for key in ["fallbacks", "skipped", "energy", "versions"] {
+        for key in ["fallbacks", "fallback_groups", "skipped", "energy", "versions"] {
             assert!(value[key].is_object(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Summary>(value).unwrap(), summary);

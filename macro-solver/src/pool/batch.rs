@@ -154,6 +154,11 @@ impl Batch {
         }
     }
 
+    /// Queues a job again that was taken and not given out.
+    pub(super) fn put_back(&mut self, index: usize) {
+        self.queue.add(None, self.ticket(index));
+    }
+
     /// Queues the jobs that have rested for `rest`.
     pub(super) fn wake(&mut self, now: Instant, rest: Duration) {
         for (index, until) in std::mem::take(&mut self.resting) {

@@ -4,7 +4,7 @@ use super::desk::Desk;
 use super::roster::Slice;
 use protocol::StateId;
 use protocol::transport::WorkerId;
-use protocol::wire::TrialJob;
+use protocol::wire::{TrialJob, TrialReply};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -34,8 +34,22 @@ impl Desk {
         // No message holds more than one worker's share of all work that is left: the longest jobs go first, and a message
         // full of them would keep all others waiting for its worker.
         let left = self.batch.queue.expected(group) + self.roster.load(group);
-        let indices = self.batch.queue.take(group, worker, most, left / active as u128);
+        let mut indices = self.batch.queue.take(group, worker, most, left / active as u128);
+        for surplus in indices.split_off(self.fitting(&indices)) {
+            self.batch.put_back(surplus);
+        }
         Some(self.load(worker, &indices, now))
+    }
+
+    /// How many of these jobs, at least one, fit a message with their states. The replies carry states of about the same size;
+    /// a worker whose replies are longer all the same sends them in several messages.
+    fn fitting(&self, indices: &[usize]) -> usize {
+        let sizes = indices.iter().map(|&index| size_of::<TrialReply>() + self.batch.jobs[index].state.bytes.len());
+        let totals = sizes.scan(0, |total, size| {
+            *total += size;
+            Some(*total)
+        });
+        totals.take_while(|total| *total <= self.settings.message_bytes).count().max(1)
     }
 
     /// A busy worker that may get its next slice ahead of time, so that it need not wait for the channel: one whose

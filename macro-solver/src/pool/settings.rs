@@ -2,6 +2,7 @@
 
 use super::recycling::Recycling;
 use protocol::TangentKind;
+use protocol::transport::shared_memory::ChannelLimits;
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
@@ -59,6 +60,8 @@ pub struct PoolSettings {
     pub tangents: Vec<TangentKind>,
     /// Trials per message.
     pub slice: NonZeroUsize,
+    /// Most bytes of states in one message: what the channel carries. A slice that would be longer is cut.
+    pub message_bytes: usize,
     /// Messages that a worker may hold unanswered; two hide the latency of the channel.
     pub window: NonZeroUsize,
     /// Whether bitwise equal questions within one evaluation are solved once.
@@ -95,6 +98,7 @@ impl PoolSettings {
             engines: Vec::new(),
             tangents: Vec::new(),
             slice: NonZeroUsize::MIN,
+            message_bytes: ChannelLimits::default().message_bytes as usize,
             window: NonZeroUsize::MIN.saturating_add(1),
             deduplicate: true,
             hang: HangPolicy::default(),

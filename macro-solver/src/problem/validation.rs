@@ -148,14 +148,14 @@ impl Problem {
             let given = |value| Prescribed { value, origin: *origin, history };
             match condition {
                 Condition::Displacement { nodes, axis, value } => {
-                    self.prescribe(&mut prescribed, nodes, *axis, given(*value))?;
+                    self.prescribe(stage, &mut prescribed, nodes, *axis, given(*value))?;
                 }
                 Condition::Platen { nodes, contact, axis, displacement } => {
-                    self.prescribe(&mut prescribed, nodes, *axis, given(*displacement))?;
+                    self.prescribe(stage, &mut prescribed, nodes, *axis, given(*displacement))?;
                     if *contact == Platen::Rough {
                         let held = Prescribed { origin: Origin::Stage, ..given(0.0) };
                         for along in self.axes().filter(|along| along != axis) {
-                            self.prescribe(&mut prescribed, nodes, along, held)?;
+                            self.prescribe(stage, &mut prescribed, nodes, along, held)?;
                         }
                     }
                 }
@@ -208,6 +208,7 @@ impl Problem {
 
     fn prescribe<'a>(
         &self,
+        stage: &Stage,
         prescribed: &mut [Option<Prescribed<'a>>],
         set: &str,
         axis: Axis,
@@ -222,12 +223,33 @@ impl Problem {
             match prescribed[dimension * node + axis.index()].replace(given) {
                 Some(first) if !first.agrees(&given) => {
                     let (first, second) = (first.value, given.value);
-                    return Err(ProblemError::Contradiction { node, axis, first, second });
+                    return Err(ProblemError::Contradiction {
+                        node,
+                        axis,
+                        first,
+                        second,
+                        place: self.mesh.nodes[node],
+                        first_set: self.first_to_prescribe(stage, node, axis).to_owned(),
+                        second_set: set.to_owned(),
+                    });
                 }
                 _ => {}
             }
         }
         Ok(())
+    }
+
+    /// Node set of the first condition that prescribes a displacement of a node.
+    fn first_to_prescribe<'a>(&self, stage: &'a Stage, node: usize, axis: Axis) -> &'a str {
+        let holds = |set: &str| self.mesh.node_sets.get(set).is_some_and(|nodes| nodes.contains(&node));
+        let prescribing = stage.conditions.iter().find_map(|applied| match &applied.condition {
+            Condition::Displacement { nodes, axis: along, .. } => (*along == axis && holds(nodes)).then_some(nodes),
+            Condition::Platen { nodes, contact, axis: along, .. } => {
+                ((*along == axis || *contact == Platen::Rough) && holds(nodes)).then_some(nodes)
+            }
+            _ => None,
+        });
+        prescribing.map_or("", String::as_str)
     }
 
     fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
@@ -370,6 +392,11 @@ mod tests {
         let moved = Condition::Displacement { nodes: "bottom".into(), axis: Axis::Y, value: 0.1 };
         let error = problem([supported(), vec![moved]].concat()).validate().unwrap_err();
         assert!(matches!(error, ProblemError::Contradiction { node: 0, axis: Axis::Y, .. }));
+        let moved = Condition::Displacement { nodes: "left".into(), axis: Axis::Y, value: 0.1 };
+        let text = problem([supported(), vec![moved]].concat()).validate().unwrap_err().to_string();
+        let said = "at (0.0000, 0.0000, 0.0000) m is given two different displacements or histories along Y: 0.000000e0 m by \
+                    'bottom' and 1.000000e-1 m by 'left'";
+        assert!(text.contains(said), "{text}");
         let mut bad = problem(supported());
         bad.stages[0].control.cut = f64::NAN;
         assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "cut", .. })));

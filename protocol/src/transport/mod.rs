@@ -70,7 +70,10 @@ pub enum TransportError {
     #[error("worker {} is gone", .0.0)]
     Gone(WorkerId),
     /// A message is larger than the channel can carry.
-    #[error("a message of {size} bytes does not fit the channel's {limit} bytes")]
+    #[error(
+        "a message of {size} bytes does not fit the channel's {limit} bytes: one state of the engine is too large for a run; \
+         keep less in it"
+    )]
     TooLarge {
         /// Bytes needed.
         size: usize,
@@ -148,7 +151,7 @@ pub trait WorkerPort {
     /// The channel is broken.
     fn send_control(&mut self, message: &FromWorker) -> Result<(), TransportError>;
 
-    /// Sends the answers to a job slice.
+    /// Sends the answers to a job slice, in several messages if they do not fit one.
     ///
     /// # Errors
     /// The channel is broken, or [`TransportError::TooLarge`].

@@ -267,8 +267,11 @@ impl LawParts {
         self.0.damping > 0.0 || self.0.rolling_stiffness > 0.0
     }
 
-    /// The springs of elastic spheres, if the law has them.
+    /// The springs of elastic spheres, if the law has them. The law decides, not which numbers are given.
     pub(crate) fn hertz_springs(&self) -> Option<HertzSprings> {
+        if self.0.law != ContactLaw::HertzMindlin {
+            return None;
+        }
         let (shear_modulus, poisson_ratio) = (self.0.shear_modulus?, self.0.poisson_ratio?);
         Some(HertzSprings { shear_modulus, poisson_ratio })
     }
@@ -324,6 +327,15 @@ mod tests {
         let table: ContactTable = toml::from_str(spheres).unwrap();
         assert!(table.validate_for(2).unwrap_err().to_string().contains("use law = \"linear\""));
         table.validate_for(3).unwrap();
+    }
+
+    /// A third law may have the numbers of another one.
+    #[test]
+    fn the_law_decides_which_springs_are_used_and_not_the_numbers_given() {
+        let spheres = ContactTable::hertz_mindlin(2.9e10, 0.15, 0.5);
+        assert!(spheres.parts().hertz_springs().is_some());
+        let linear = ContactTable { law: ContactLaw::Linear, ..spheres };
+        assert!(linear.parts().hertz_springs().is_none());
     }
 
     #[test]

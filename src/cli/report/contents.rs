@@ -1,6 +1,9 @@
 //! What a report is made of, read from the files of an output folder.
 
+use super::picture;
 use crate::cli::exit::{Exit, Failure};
+use crate::scene::Scene;
+use macro_solver::mesh::Dimension;
 use serde_json::Value;
 use std::fs;
 use std::io::ErrorKind;
@@ -10,7 +13,7 @@ use std::path::Path;
 const MOST_WARNINGS: usize = 200;
 
 /// The files of a run, understood as far as a report needs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Contents {
     /// Name of the folder.
     pub(super) name: String,
@@ -22,6 +25,10 @@ pub(super) struct Contents {
     pub(super) rows: Vec<Vec<f64>>,
     /// `scene.toml`.
     pub(super) scene: Option<String>,
+    /// Whether its mesh has three dimensions.
+    pub(super) is_solid: bool,
+    /// A picture of the mesh.
+    pub(super) mesh: Option<String>,
     /// Warnings and errors of `run.jsonl`, oldest first.
     pub(super) warnings: Vec<String>,
     /// Warnings beyond those.
@@ -54,7 +61,12 @@ impl Contents {
         let (warnings, more_warnings) = warnings(&text(folder, "run.jsonl")?.unwrap_or_default());
         let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let name = whole.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
-        Ok(Self { name, summary, columns, rows, scene: text(folder, "scene.toml")?, warnings, more_warnings })
+        let scene = text(folder, "scene.toml")?;
+        // A picture is a convenience: a mesh file that is not in its place any more is no reason to have no report.
+        let loaded = Scene::load(&folder.join("scene.toml"), &[]).ok();
+        let is_solid = loaded.as_ref().is_some_and(|scene| scene.problem.mesh.dimension == Dimension::Space);
+        let mesh = loaded.as_ref().and_then(picture::mesh);
+        Ok(Self { name, summary, columns, rows, scene, is_solid, mesh, warnings, more_warnings })
     }
 
     /// A column of the history; NaN in rows that lack it.

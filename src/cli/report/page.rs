@@ -1,40 +1,64 @@
 //! The page: what happened first, then the curves, then everything else.
 
+use super::columns::Columns;
 use super::contents::Contents;
-use crate::cli::bench::chart::{Chart, Scale};
 use crate::cli::bench::table::short;
+use crate::cli::run::counters::Concern;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use plotters::drawing::DrawingAreaErrorKind;
 use serde_json::Value;
+
+/// Columns that tell how the solver went.
+const SOLVER: [&str; 2] = ["iterations", "evaluations"];
 
 const STYLE: &str = "body{font:15px/1.45 sans-serif;margin:2em auto;max-width:72em;padding:0 1em;color:#222}\
 h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid #ccc}\
 table{border-collapse:collapse}td,th{padding:.15em .8em .15em 0;text-align:left;vertical-align:top}\
 td.number{text-align:right;font-variant-numeric:tabular-nums}\
-.curves{display:grid;grid-template-columns:repeat(auto-fill,minmax(22em,1fr));gap:1em}.curves svg{width:100%;height:auto}\
+.curves{display:grid;grid-template-columns:repeat(auto-fill,minmax(32em,1fr));gap:1em}.curves svg,.main svg{width:100%;height:auto}.main{max-width:56em}.mesh svg{max-width:40em;max-height:40em}summary{cursor:pointer;margin-top:1.5em}\
 .facts{display:grid;grid-template-columns:repeat(auto-fill,minmax(20em,1fr));gap:0 2em}\
 pre{background:#f5f5f5;padding:.8em;overflow-x:auto;font-size:.88em}.bad{color:#a02000}";
-
-/// Columns that are not drawn over time.
-const NOT_DRAWN: [&str; 4] = ["step", "time", "load", "stage"];
 
 /// The whole page as text.
 ///
 /// # Errors
 /// The drawing library refuses.
 pub(super) fn page(contents: &Contents) -> Result<String, DrawingAreaErrorKind<std::io::Error>> {
-    let curves = curves(contents)?;
+    let columns = Columns::of(contents);
+    let main = columns
+        .main
+        .as_ref()
+        .filter(|_| contents.rows.len() > 1)
+        .map(|(x, y)| columns.curve(contents, x, y))
+        .transpose()?;
+    let over_time = |names: &[String]| -> Result<Vec<String>, DrawingAreaErrorKind<std::io::Error>> {
+        names.iter().map(|name| columns.curve(contents, "time", name)).collect()
+    };
+    let (probes, solver) = match contents.rows.len() {
+        0 | 1 => (Vec::new(), Vec::new()),
+        _ => (over_time(&columns.probes)?, over_time(&SOLVER.map(str::to_owned))?),
+    };
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
             head { meta charset="utf-8"; title { "Grainspan: " (contents.name) } style { (PreEscaped(STYLE)) } }
             body {
                 h1 { (contents.name) ": " (status(contents)) }
-                (facts(contents.summary.as_ref()))
-                h2 { "Curves over time" }
-                div.curves { @for curve in &curves { div { (PreEscaped(curve)) } } }
+                (reason(contents.summary.as_ref()))
+                (concerns(contents.summary.as_ref()))
+                @if let Some(curve) = &main { div.main { (PreEscaped(curve)) } }
+                @if contents.rows.len() < 2 { p { "No step was accepted: there is no curve to draw." } }
+                @else {
+                    h2 { "Probes over time" }
+                    div.curves { @for curve in &probes { div { (PreEscaped(curve)) } } }
+                }
+                @if let Some(mesh) = &contents.mesh { h2 { "Mesh" } div.mesh { (PreEscaped(mesh)) } }
                 h2 { "Warnings of the log" }
                 (warnings(contents))
+                (facts(contents.summary.as_ref()))
+                @if contents.rows.len() > 1 {
+                    details { summary { "Work of the solver over time" } div.curves { @for curve in &solver { div { (PreEscaped(curve)) } } } }
+                }
                 @if let Some(scene) = &contents.scene { h2 { "The scene as run" } pre { (scene) } }
             }
         }
@@ -51,17 +75,37 @@ fn status(contents: &Contents) -> Markup {
     }
 }
 
-/// The summary: plain values in one table, each group of values in one of its own.
+/// Why the run did not reach its end.
+fn reason(summary: Option<&Value>) -> Markup {
+    let reason = summary.and_then(|summary| summary.get("reason")).and_then(Value::as_str);
+    html! { @if let Some(reason) = reason { pre.bad { (reason) } } }
+}
+
+/// What may have cost accuracy, in one line.
+fn concerns(summary: Option<&Value>) -> Markup {
+    let groups = summary.and_then(|summary| summary.get("fallback_groups"));
+    let found = groups.and_then(|groups| groups.get(Concern::LookAtThis.keyword())).and_then(Value::as_object);
+    let Some(found) = found else { return html! {} };
+    let told: Vec<String> = found.iter().map(|(name, count)| format!("{} {count}", name.replace('_', " "))).collect();
+    html! {
+        @if told.is_empty() { p { "Accuracy: nothing fell short." } }
+        @else { p.bad { "Look at this: " (told.join(", ")) " (docs/operations.md says what the counters mean)." } }
+    }
+}
+
+/// The summary: plain values in one table, each group of values in one of its own. What is 0 of the many counters is left out.
 fn facts(summary: Option<&Value>) -> Markup {
     let entries: Vec<(&String, &Value)> = summary.and_then(Value::as_object).into_iter().flatten().collect();
-    let plain: Vec<_> =
-        entries.iter().copied().filter(|(key, value)| !value.is_object() && *key != "status").collect();
-    let groups = entries.iter().filter_map(|(key, value)| Some((key, value.as_object()?)));
+    let is_plain = |key: &str, value: &Value| !value.is_object() && !matches!(key, "status" | "reason");
+    let plain: Vec<_> = entries.iter().copied().filter(|(key, value)| is_plain(key, value)).collect();
+    let groups = entries.iter().filter(|(key, _)| *key != "fallback_groups");
+    let groups = groups.filter_map(|(key, value)| Some((key, value.as_object()?)));
     html! {
         div.facts {
             div { h2 { "Run" } (table(plain)) }
             @for (key, group) in groups {
-                div { h2 { (key.replace('_', " ")) } @if group.is_empty() { p { "none" } } @else { (table(group)) } }
+                @let shown: Vec<_> = group.iter().filter(|(_, value)| value.as_u64() != Some(0)).collect();
+                div { h2 { (key.replace('_', " ")) } @if shown.is_empty() { p { "none" } } @else { (table(shown)) } }
             }
         }
     }
@@ -85,19 +129,6 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// One picture for each column of numbers.
-fn curves(contents: &Contents) -> Result<Vec<String>, DrawingAreaErrorKind<std::io::Error>> {
-    let time = contents.column("time");
-    let drawn = contents.columns.iter().filter(|column| !NOT_DRAWN.contains(&column.as_str()));
-    drawn
-        .map(|column| {
-            let mut chart = Chart::new(column, ("time, s", Scale::Linear), ("", Scale::Linear));
-            chart.curve(column, time.iter().zip(contents.column(column)).map(|(time, value)| [*time, value]));
-            chart.to_svg()
-        })
-        .collect()
-}
-
 fn warnings(contents: &Contents) -> Markup {
     html! {
         @if contents.warnings.is_empty() { p { "none" } } @else {
@@ -116,12 +147,15 @@ mod tests {
         let contents = Contents {
             name: "biaxial <1>".into(),
             summary: serde_json::from_str(
-                r#"{"status":"not_converged","steps":3,"fallbacks":{"tangent":2},"skipped":{}}"#,
+                r#"{"status":"not_converged","reason":"no progress & no hope","steps":3,"fallbacks":{"tangent":2,"other":0},
+                    "fallback_groups":{"look_at_this":{"large_overlap":2},"harmless":{}},"skipped":{}}"#,
             )
             .ok(),
-            columns: ["step", "time", "load", "ratio"].map(str::to_owned).to_vec(),
-            rows: vec![vec![0.0, 0.0, 0.0, 1.0], vec![1.0, 0.5, 0.5, 1.4]],
+            columns: ["step", "time", "load", "iterations", "evaluations", "ratio"].map(str::to_owned).to_vec(),
+            rows: vec![vec![0.0, 0.0, 0.0, 1.0, 8.0, 1.0], vec![1.0, 0.5, 0.5, 2.0, 9.0, 1.4]],
             scene: Some("name = \"a & b\"".into()),
+            is_solid: false,
+            mesh: None,
             warnings: vec!["WARN: cut_back, step = 1".into()],
             more_warnings: 4,
         };
@@ -136,9 +170,32 @@ mod tests {
             "a &amp; b",
             "cut_back",
             "and 4 more",
+            "no progress &amp; no hope",
+            "Look at this: large overlap 2",
         ] {
             assert!(text.contains(part), "{part} is missing");
         }
+        let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("{part} is missing"));
+        assert!(place("no hope") < place("<svg") && place("<svg") < place("fallbacks"), "curves come first");
+        assert!(!text.contains("<td>other</td>"), "counters of nothing are left out");
         assert!(!text.contains("src=") && !text.contains("href="), "the page needs nothing beside it");
+    }
+    #[test]
+    fn a_run_without_a_step_has_no_empty_charts() {
+        let contents = Contents {
+            name: "a".into(),
+            summary: serde_json::from_str(r#"{"status":"not_converged","reason":"initial equilibrium"}"#).ok(),
+            columns: ["step", "time", "load", "iterations", "evaluations", "ratio"].map(str::to_owned).to_vec(),
+            rows: Vec::new(),
+            scene: None,
+            is_solid: false,
+            mesh: None,
+            warnings: Vec::new(),
+            more_warnings: 0,
+        };
+        let text = page(&contents).unwrap();
+        assert!(
+            !text.contains("<svg") && text.contains("No step was accepted") && text.contains("initial equilibrium")
+        );
     }
 }

@@ -1,5 +1,7 @@
 //! The end of a run: `summary.json`, and the same for people.
 
+use super::counters::{Concern, grouped};
+use crate::cli::start_state::MISMATCH;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::difference::DifferenceCounts;
 use macro_solver::observer::{Outcome, Run, Statistics};
@@ -10,10 +12,15 @@ use protocol::transport::shared_memory::ICEORYX2_VERSION;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+/// Evaluations that were not needed.
+pub(super) const SKIPPED: [&str; 3] = ["unchanged_targets", "equal_questions", "null_targets"];
+
 /// What the summary needs beside the solver's and the pool's own figures.
 pub(super) struct Circumstances {
     /// Gauss points of the mesh.
     pub(super) gauss_points: usize,
+    /// Why the run did not reach its end.
+    pub(super) reason: Option<String>,
     /// Workers asked for.
     pub(super) workers: usize,
     /// Wall time from the first worker's start to the end of the last step, s.
@@ -37,9 +44,18 @@ pub(super) struct Circumstances {
 /// Puts the figures of solver and pool together.
 pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) -> Summary {
     let statistics = &run.statistics;
+    let fallbacks = fallbacks(statistics, pool, &about);
+    let beside = [
+        ("cutbacks", statistics.cut_backs),
+        ("worker_restarts", pool.worker_restarts),
+        ("reissued_jobs", pool.reissued),
+    ];
+    let all = fallbacks.iter().map(|(name, count)| (name.as_str(), *count)).chain(beside);
+    let fallback_groups = grouped(all);
     let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
     Summary {
         status: status(&run.outcome),
+        reason: about.reason,
         steps: statistics.steps,
         gauss_points: about.gauss_points as u64,
         newton_iterations: statistics.iterations,
@@ -52,11 +68,12 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, about: Circumstances) ->
         initial_imbalance: statistics.initial_imbalance,
         initial_deviation: statistics.initial_deviation,
         slowest_trials: statistics.trial_costs.slowest(0.01),
-        fallbacks: fallbacks(statistics, pool, &about),
+        fallbacks,
+        fallback_groups,
         skipped: named([
-            ("unchanged_targets", statistics.skipped),
-            ("equal_questions", pool.duplicates_skipped),
-            ("null_targets", statistics.flags.null_targets),
+            (SKIPPED[0], statistics.skipped),
+            (SKIPPED[1], pool.duplicates_skipped),
+            (SKIPPED[2], statistics.flags.null_targets),
         ]),
         time: TimeShares {
             wall_s: about.wall_s,
@@ -95,7 +112,8 @@ fn status(outcome: &Outcome) -> RunStatus {
         Outcome::DidNotConverge { .. } | Outcome::Unstable { .. } => RunStatus::NotConverged,
         Outcome::Interrupted => RunStatus::Interrupted,
         Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
-        Outcome::Stopped(_) | Outcome::Refused(_) => RunStatus::OutputFailed,
+        Outcome::Stopped(_) => RunStatus::OutputFailed,
+        Outcome::Refused(_) => RunStatus::Refused,
     }
 }
 
@@ -175,8 +193,16 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
         format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
     );
     line("checkpoints", checkpoints(&summary.checkpoint));
-    line("at the start", format!("out of balance by {:.1e} of the loads", summary.initial_imbalance));
-    line("fell short", shortfalls(summary));
+    line("at the start", at_the_start(summary.initial_imbalance));
+    let explained = "see docs/operations.md";
+    match listed(&summary.fallback_groups, Concern::LookAtThis) {
+        found if found.is_empty() => line("accuracy", "nothing fell short".to_owned()),
+        found => line("LOOK AT THIS", format!("{found} ({explained})")),
+    }
+    match listed(&summary.fallback_groups, Concern::Harmless) {
+        found if found.is_empty() => {}
+        found => line("harmless", format!("{found} (guides the solver only, {explained})")),
+    }
     let saved: Vec<String> = nonzero(&summary.skipped);
     line("saved", if saved.is_empty() { "nothing".to_owned() } else { saved.join(", ") });
     line("written to", folder.to_owned());
@@ -194,7 +220,8 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
         Outcome::Unstable { .. } => format!("unstable: {figures}"),
         Outcome::Interrupted => format!("interrupted: {figures}"),
         Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
-        Outcome::Stopped(_) | Outcome::Refused(_) => format!("stopped: {figures}"),
+        Outcome::Stopped(_) => format!("stopped: {figures}"),
+        Outcome::Refused(_) => format!("refused: {figures}"),
     }
 }
 
@@ -220,18 +247,21 @@ fn worker_time(summary: &Summary) -> String {
     parts.map(|(name, seconds)| format!("{name} {seconds:.1} s ({:.1} %)", share(seconds))).join(", ")
 }
 
-fn shortfalls(summary: &Summary) -> String {
-    let mut found = nonzero(&summary.fallbacks);
-    for (name, count) in [
-        ("cut-backs", summary.cutbacks),
-        ("restarted workers", summary.worker_restarts),
-        ("jobs given out again", summary.reissued_jobs),
-    ] {
-        if count > 0 {
-            found.push(format!("{name} {count}"));
-        }
+/// How far the state that the run began with was from balance.
+fn at_the_start(imbalance: f64) -> String {
+    let text = format!("out of balance by {imbalance:.1e} of the loads");
+    if imbalance > MISMATCH {
+        format!(
+            "{text}: the packing was not prepared under these loads, step 0 brought it there (see `grainspan check`)"
+        )
+    } else {
+        text
     }
-    if found.is_empty() { "nothing".to_owned() } else { found.join(", ") }
+}
+
+/// The counters of a group for people.
+fn listed(groups: &BTreeMap<String, BTreeMap<String, u64>>, concern: Concern) -> String {
+    groups.get(concern.keyword()).map_or_else(String::new, |group| nonzero(group).join(", "))
 }
 
 fn nonzero(counts: &BTreeMap<String, u64>) -> Vec<String> {
@@ -240,4 +270,72 @@ fn nonzero(counts: &BTreeMap<String, u64>) -> Vec<String> {
         .filter(|(_, count)| **count > 0)
         .map(|(name, count)| format!("{} {count}", name.replace('_', " ")))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::counters::COUNTERS;
+    use super::*;
+    use macro_solver::problem::ProblemError;
+
+    fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
+        let about = Circumstances {
+            gauss_points: 8,
+            reason: None,
+            workers: 2,
+            wall_s: 1.0,
+            engines: String::new(),
+            differences: DifferenceCounts::default(),
+            energy: BTreeMap::new(),
+            dynamics: BTreeMap::new(),
+            definition: String::new(),
+            checkpoints: CheckpointFigures::default(),
+            other_build: false,
+        };
+        let run = Run { outcome, stage: 0, load: 1.0, statistics };
+        let summary = summary(&run, pool, about);
+        let text = text(&summary, &run.outcome, 1, "out/a");
+        (summary, text)
+    }
+
+    /// A counter that is added has to be put into a group and explained.
+    #[test]
+    fn every_counter_of_the_summary_has_its_group_and_there_is_no_other() {
+        let (summary, _) = ended(Outcome::Completed, Statistics::default(), &PoolStatistics::default());
+        let beside = ["cutbacks", "reissued_jobs", "worker_restarts"].map(str::to_owned);
+        let mut found: Vec<String> = summary.fallbacks.keys().cloned().chain(beside).collect();
+        let mut known: Vec<String> = COUNTERS.iter().map(|(name, _)| (*name).to_owned()).collect();
+        found.sort();
+        known.sort();
+        assert_eq!(found, known);
+    }
+
+    /// A good run floors thousands of tangents; nobody should fear for the result.
+    #[test]
+    fn a_good_run_does_not_frighten_and_a_doubtful_one_does() {
+        let good = Statistics { floored_tangents: 3531, cut_backs: 2, ..Statistics::default() };
+        let (_, text) = ended(Outcome::Completed, good, &PoolStatistics::default());
+        assert!(text.contains("accuracy       nothing fell short\n"), "{text}");
+        assert!(text.contains("harmless       cutbacks 2, tangent floored 3531 (guides the solver only"), "{text}");
+        assert!(!text.contains("LOOK"), "{text}");
+        let mut doubtful = Statistics::default();
+        doubtful.flags.not_equilibrated = 4;
+        let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
+        assert!(text.contains("LOOK AT THIS   not equilibrated 4 (see docs/operations.md)"), "{text}");
+        assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
+    }
+
+    #[test]
+    fn a_start_that_the_packing_was_not_prepared_for_is_named() {
+        assert_eq!(at_the_start(9.4e-7), "out of balance by 9.4e-7 of the loads");
+        assert!(at_the_start(0.49).contains("the packing was not prepared under these loads"));
+    }
+
+    #[test]
+    fn a_refused_problem_is_not_an_output_that_failed() {
+        let (summary, text) =
+            ended(Outcome::Refused(ProblemError::NoStage), Statistics::default(), &PoolStatistics::default());
+        assert_eq!(summary.status, RunStatus::Refused);
+        assert!(text.starts_with("refused: "), "{text}");
+    }
 }

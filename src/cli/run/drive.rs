@@ -10,12 +10,13 @@ use super::plot;
 use super::progress::Progress;
 use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
+use crate::cli::start_state::{self, Carried};
 use crate::engines::Crew;
 use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, Reproducer};
 use macro_solver::difference::DifferenceTangents;
 use macro_solver::implicit::solve_kept;
-use macro_solver::observer::{Observer, Outcome};
+use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{Recorder, write_atomically};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
@@ -85,7 +86,15 @@ pub(super) fn drive<P: MacroPort>(
     let statistics = pool.statistics();
     let quarantined = pool.quarantined().map(|case| set_aside(case, folder));
     pool.close();
+    let failure = failure(scene, &run, quarantined.as_deref());
+    if let Some(failure) = &failure {
+        match failure.exit {
+            Exit::Interrupted => tracing::info!(event = "ended", reason = failure.message),
+            _ => tracing::error!(event = "ended", reason = failure.message),
+        }
+    }
     let about = Circumstances {
+        reason: failure.as_ref().map(|failure| failure.message.clone()),
         gauss_points: scene.problem.point_count(),
         workers: manner.workers,
         wall_s,
@@ -105,26 +114,40 @@ pub(super) fn drive<P: MacroPort>(
         let place = folder.path().display().to_string();
         eprint!("{}", text(&summary, &run.outcome, run.statistics.cost.force_evaluations, &place));
     }
-    let stage = match &scene.problem.stages[..] {
-        [_] => String::new(),
-        stages => stages.get(run.stage).map_or(String::new(), |stage| format!(" of stage '{}'", stage.name)),
-    };
-    match run.outcome {
-        Outcome::Completed => {
+    match failure {
+        Some(failure) => Err(failure),
+        None => {
             written?;
             // Only now: a run that is killed before its summary is complete can still be continued.
             file.remove().map_err(|error| Failure::new(Exit::BadInput, error))?;
             Ok(Exit::Done)
         }
-        Outcome::DidNotConverge { reason } => Err(Failure::new(
-            Exit::NotConverged,
-            format!(
-                "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
-             loading.smallest_increment, or look at the last fields; where a force cannot be carried, move a platen instead",
-                run.load
-            ),
-        )),
-        Outcome::Unstable { step, time, time_step, reason } => Err(Failure::new(
+    }
+}
+
+/// Why a run did not reach its end, with the remedy; `None` for one that did.
+fn failure(scene: &Scene, run: &Run, quarantined: Option<&str>) -> Option<Failure> {
+    let stage = match &scene.problem.stages[..] {
+        [_] => String::new(),
+        stages => stages.get(run.stage).map_or(String::new(), |stage| format!(" of stage '{}'", stage.name)),
+    };
+    Some(match &run.outcome {
+        Outcome::Completed => return None,
+        Outcome::DidNotConverge { reason } => {
+            let text = match no_start(scene, run) {
+                Some(explained) => {
+                    format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
+                }
+                None => format!(
+                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
+                     loading.smallest_increment, or look at the last fields; where a force cannot be carried, move a platen \
+                     instead",
+                    run.load
+                ),
+            };
+            Failure::new(Exit::NotConverged, text)
+        }
+        Outcome::Unstable { step, time, time_step, reason } => Failure::new(
             Exit::NotConverged,
             format!(
                 "the motion is unstable{stage}: at time step {step} (t = {time:.6e} s) {reason}\nhint: the step of {time_step:.3e} s is too \
@@ -132,21 +155,35 @@ pub(super) fn drive<P: MacroPort>(
                  dynamics.tangent_every. A motion that does not grow is resolved by slower histories or damping, or let go \
                  with dynamics.longest_excess = 0"
             ),
-        )),
-        Outcome::Interrupted => Err(Failure::new(
+        ),
+        Outcome::Interrupted => Failure::new(
             Exit::Interrupted,
             format!(
                 "interrupted at load {:.4}{stage}; everything up to the last accepted step is written{}",
                 run.load,
                 if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
             ),
-        )),
+        ),
         Outcome::WorkersLost { reason } => {
-            Err(Failure::new(Exit::WorkersLost, format!("{reason}{}", quarantined.unwrap_or_default())))
+            Failure::new(Exit::WorkersLost, format!("{reason}{}", quarantined.unwrap_or_default()))
         }
-        Outcome::Stopped(request) => Err(Failure::new(Exit::BadInput, request)),
-        Outcome::Refused(error) => Err(Failure::new(Exit::BadInput, error)),
+        Outcome::Stopped(request) => Failure::new(Exit::BadInput, request),
+        Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
+    })
+}
+
+/// What to say about a run that failed in step 0, before anything was moved: more increments cannot help there. `None` for a
+/// later failure, and where packing and loads match.
+fn no_start(scene: &Scene, run: &Run) -> Option<String> {
+    if run.statistics.steps > 0 || run.stage > 0 || run.load > 0.0 {
+        return None;
     }
+    let carried = Carried::by(scene.definition()).ok()?;
+    let explained = match carried.remarks().first() {
+        Some(remark) => remark.clone(),
+        None => start_state::mismatch(scene, &carried)?,
+    };
+    Some(format!("{explained}\nhint: {}", start_state::REMEDY))
 }
 
 /// Writes the question that has ended too many workers; returns what to tell about it.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -22,6 +22,8 @@ const FILES: [&str; 12] = [
     "gauss_points.pvd",
     "run.jsonl",
     "packing.json",
+    // Written by `grainspan report`; of no use beside another run.
+    "report.html",
 ];
 
 /// Folders that a run fills.
@@ -158,6 +160,7 @@ mod tests {
         let path = place.path().join("out");
         OutputFolder::prepare(&path, "a = 1", &[]).unwrap();
         fs::write(path.join("history.csv"), "old").unwrap();
+        fs::write(path.join("report.html"), "old").unwrap();
         fs::create_dir(path.join("fields")).unwrap();
         fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
         fs::write(path.join(".history.csv.99.partial"), "cut short").unwrap();
@@ -168,6 +171,7 @@ mod tests {
         assert!(taken.message.contains("another run writes"), "{}", taken.message);
         drop(second);
         OutputFolder::reopen(&path).unwrap();
+        assert!(!path.join("report.html").exists());
         assert!(!path.join("history.csv").exists() && !path.join("fields").exists());
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 

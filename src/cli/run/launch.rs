@@ -18,6 +18,12 @@ use std::time::{Duration, Instant};
 /// How long an attached run waits for workers, at the start and when all are gone: people or supervisors start those.
 const ATTACHED_PATIENCE: Duration = Duration::from_secs(3600);
 
+/// Workers per core beyond which a run asks whether they are meant.
+const MOST_PER_CORE: usize = 8;
+
+/// Workers that any machine takes, whatever its cores; measured on one core.
+const MOST_ANYWHERE: usize = 64;
+
 /// Runs the scene on a pool of worker processes of the crew's engines.
 ///
 /// # Errors
@@ -68,11 +74,12 @@ pub(super) fn run(
         for member in &crew.members {
             let plan = LaunchPlan::for_run(&name, &member.engine, workers);
             let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
-            let started = WorkerProcesses::start(plan);
+            let started = WorkerProcesses::start(plan, &interrupt);
             fleet.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);
         }
         Box::new(fleet)
     };
+    settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     scene.pool.apply(&mut settings);
     let mut pool = Pool::new(port, supply, interrupt, settings, shares.definitions, &shares.made_of);
     let watcher = beacon.clone();
@@ -95,6 +102,34 @@ fn workers(arguments: &Arguments) -> usize {
     arguments.workers.unwrap_or_else(unsaid).get()
 }
 
+/// Refuses more workers than a machine can use: `--workers 5000` is a slip, and thousands of processes would leave no room even
+/// for the command that ends them. A scene that means it says so.
+///
+/// # Errors
+/// More workers are asked for than the limit, which the message names together with the key that lifts it.
+pub(super) fn refuse_too_many(scene: &Scene, crew: &Crew, arguments: &Arguments) -> Result<(), Failure> {
+    let (workers, engines) = (workers(arguments), crew.members.len());
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let limit = scene.pool.most_workers.unwrap_or_else(|| usual_most(cores));
+    let wanted = workers.saturating_mul(engines);
+    if wanted <= limit {
+        return Ok(());
+    }
+    let each = if engines > 1 { format!(" of each of {engines} engines") } else { String::new() };
+    Err(Failure::new(
+        Exit::BadInput,
+        format!(
+            "--workers {workers}: {workers} workers{each} are more than {limit}, the most on this machine of {cores} cores\nhint: \
+             one worker per core is fastest; if so many are meant, add --set pool.most_workers={wanted}"
+        ),
+    ))
+}
+
+/// Most workers that make sense on so many cores: beyond that they only wait for each other.
+fn usual_most(cores: usize) -> usize {
+    cores.saturating_mul(MOST_PER_CORE).max(MOST_ANYWHERE)
+}
+
 /// Room for all workers, for as many that have died and are not tidied up yet, and for some that come to help.
 fn channel_limits(workers: usize) -> ChannelLimits {
     let usual = ChannelLimits::default();
@@ -104,4 +139,14 @@ fn channel_limits(workers: usize) -> ChannelLimits {
 
 fn failed(what: &str, error: &std::io::Error) -> Failure {
     Failure::new(Exit::WorkersLost, format!("could not {what}: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_machines_take_64_workers_and_large_ones_8_per_core() {
+        assert_eq!([1, 2, 8, 9, 128].map(usual_most), [64, 64, 64, 72, 1024]);
+    }
 }

@@ -1,6 +1,7 @@
 //! `grainspan run SCENE.toml`: the whole simulation. Everything is checked before a folder is made or a process started.
 
 mod closing;
+pub(crate) mod counters;
 mod drive;
 mod energy;
 mod folder;
@@ -101,6 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
+    launch::refuse_too_many(&scene, &crew, arguments)?;
     let as_run = scene.document.as_run(&scene.materials.renamed())?;
     let note = RunNote::new(&as_run, &scene.materials.identity());
     let start = if arguments.resume { resume::start(&path, &note)? } else { Start::Anew };
@@ -128,6 +130,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         crew.remarks().for_each(|remark| eprintln!("note: {remark}"));
     }
     crew.remarks().for_each(|remark| tracing::info!(remark, "engine"));
+    for remark in &scene.remarks {
+        tracing::warn!(remark, "scene");
+        say(arguments, &format!("warning: {remark}"));
+    }
     launch::run(&scene, &crew, &folder, arguments, &note, continued)
 }
 

@@ -3,7 +3,7 @@
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::changes;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
-use macro_solver::output::{RunStatus, Summary};
+use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -95,17 +95,30 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
             // What it says about itself was true before it was written.
             earlier.figures.written += 1;
             earlier.figures.bytes = archive.size();
-            refuse_changes(folder, &earlier.scene, note)?;
+            let stored = fs::read_to_string(folder.join("scene.toml")).ok();
+            // Keys that may change from one process of a run to the next do not count.
+            let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
+            refuse_changes(folder, &earlier.scene, note, is_changed)?;
+            if is_changed {
+                // The checkpoint is checked by its sum; the file beside it is what people and `report` read.
+                write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
+            }
             if earlier.definition != note.definition {
                 return Err(refusal(
                     folder,
                     &["packing: the content of the packing file is not the same".to_owned()],
+                    false,
                 ));
             }
+            let restored = format!(
+                "{} was not the scene that the checkpoint was written with; it is written anew from the checkpoint",
+                folder.join("scene.toml").display()
+            );
             let mut remarks: Vec<String> = trouble
                 .map(|error| format!("{error}; continuing from the checkpoint before it"))
                 .into_iter()
                 .collect();
+            remarks.extend(is_changed.then_some(restored));
             let other_build = earlier.program != note.program;
             if other_build {
                 remarks.push(format!(
@@ -118,7 +131,7 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
         }
         Found::Nothing => {
             let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Anew) };
-            refuse_changes(folder, &before, note)?;
+            refuse_changes(folder, &before, note, true)?;
             let summary = fs::read(folder.join("summary.json")).ok();
             let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
             let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
@@ -127,24 +140,111 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
     }
 }
 
-fn refuse_changes(folder: &Path, before: &str, note: &RunNote) -> Result<(), Failure> {
+/// `doubtful`: the scene in the folder may be damaged, or is known to be another one than the run's.
+fn refuse_changes(folder: &Path, before: &str, note: &RunNote, doubtful: bool) -> Result<(), Failure> {
     match &changes(before, &note.scene)[..] {
         [] => Ok(()),
-        found => Err(refusal(folder, found)),
+        found => Err(refusal(folder, found, doubtful)),
     }
 }
 
-fn refusal(folder: &Path, found: &[String]) -> Failure {
+fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
+    let scene = folder.join("scene.toml");
+    let remedy = if doubtful {
+        format!(
+            "if the scene was changed, continue with it as it was; if {} is damaged, there is nothing to hold it against: start the run \
+             from the beginning without --resume, or another one elsewhere",
+            scene.display()
+        )
+    } else {
+        format!(
+            "continue it with the scene as it was, {} with --out {}, or start another run elsewhere",
+            scene.display(),
+            folder.display()
+        )
+    };
     let text = format!(
-        "the run in {} cannot be continued with another scene:\n  {}\nhint: continue it with the scene as it was, \
-         {} with --out {0}, or start another run elsewhere",
+        "the run in {} cannot be continued with another scene:\n  {}\nhint: {remedy}",
         folder.display(),
         found.join("\n  "),
-        folder.join("scene.toml").display()
     );
     Failure::new(Exit::BadInput, text)
 }
 
 fn unusable(error: CheckpointError) -> Failure {
-    Failure::new(Exit::BadInput, error)
+    let hint = match &error {
+        CheckpointError::Damaged { .. } => {
+            "\nhint: no whole checkpoint is left; without --resume the run starts from the beginning and replaces what is there"
+        }
+        _ => "",
+    };
+    Failure::new(Exit::BadInput, format!("{error}{hint}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(scene: &str) -> RunNote {
+        RunNote::new(scene, "definition")
+    }
+
+    /// A folder with a checkpoint of the scene `a = 1`, and another text in `scene.toml`.
+    fn damaged() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let mut archive = Archive::new();
+        let mark = Mark { step: 1, stage: 0, load: 0.5 };
+        note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default());
+        CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
+        fs::write(folder.path().join("scene.toml"), "b = 1").unwrap();
+        folder
+    }
+
+    #[test]
+    fn a_damaged_scene_is_written_anew_from_the_checkpoint() {
+        let folder = damaged();
+        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        assert!(continued.remarks.iter().any(|remark| remark.contains("written anew")), "{:?}", continued.remarks);
+        assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
+    }
+
+    /// The remedy must not name the file that is damaged as the one to continue with.
+    #[test]
+    fn a_refusal_does_not_send_to_a_scene_that_is_not_the_one_of_the_run() {
+        let folder = damaged();
+        let refused = |folder: &Path| match start(folder, &note("b = 1")) {
+            Err(failure) => failure.message,
+            Ok(_) => panic!("continued with another scene"),
+        };
+        let text = refused(folder.path());
+        assert!(text.contains("is damaged") && !text.contains("continue it with the scene as it was, "), "{text}");
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let text = refused(folder.path());
+        assert!(
+            text.contains("continue it with the scene as it was, ") && text.contains("scene.toml with --out"),
+            "{text}"
+        );
+        CheckpointFile::in_folder(folder.path()).remove().unwrap();
+        assert!(refused(folder.path()).contains("without --resume"));
+    }
+
+    #[test]
+    fn a_damaged_checkpoint_without_another_one_comes_with_the_remedy() {
+        let folder = damaged();
+        fs::write(
+            folder.path().join("checkpoint.bin"),
+            "no checkpoint, but longer than the header of one would have to be",
+        )
+        .unwrap();
+        let failure = start(folder.path(), &note("a = 1")).err().expect("it is refused");
+        assert!(failure.message.contains("hint: no whole checkpoint is left"), "{}", failure.message);
+    }
+
+    #[test]
+    fn keys_that_may_change_between_processes_are_no_damage() {
+        let folder = damaged();
+        fs::write(folder.path().join("scene.toml"), "a = 1\n[pool]\nslice = 2").unwrap();
+        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        assert!(continued.remarks.is_empty(), "{:?}", continued.remarks);
+    }
 }

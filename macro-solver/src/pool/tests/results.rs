@@ -68,6 +68,26 @@ fn answers_and_states_do_not_depend_on_faults() {
     }
 }
 
+/// A message holds no more bytes of states than the channel carries, whatever the slice says.
+#[test]
+fn slices_of_large_states_are_cut_to_what_a_message_carries() {
+    let walk = |message_bytes: usize| {
+        let mut stage = Stage::new(1).hire(64, &[]);
+        stage.settings.slice = NonZeroUsize::new(64).unwrap();
+        stage.settings.message_bytes = message_bytes;
+        let result = journey(&mut stage.open(POINTS));
+        let longest = stage.world.borrow().longest_slice;
+        (result, longest)
+    };
+    let one_job = size_of::<protocol::wire::TrialReply>() + 128;
+    let (reference, whole) = walk(usize::MAX);
+    assert_eq!(whole, POINTS / 2, "all points of one definition");
+    let (cut, longest) = walk(3 * one_job - 1);
+    assert!(cut == reference && longest == 2, "{longest} jobs in a message");
+    let (single, longest) = walk(0);
+    assert!(single == reference && longest == 1, "one job is sent whatever its size, and {longest} were");
+}
+
 /// Check A-9: points with equal history and equal targets are solved once, and nobody can tell.
 #[test]
 fn equal_questions_are_solved_once_with_equal_results() {

@@ -83,6 +83,8 @@ pub(super) struct World {
     /// Control messages received.
     pub(super) told: Vec<(WorkerId, ToWorker)>,
     pub(super) killed: Vec<WorkerId>,
+    /// Jobs of the longest slice that goes on from states.
+    pub(super) longest_slice: usize,
 }
 
 impl World {
@@ -332,6 +334,9 @@ impl MacroPort for ScriptedPort {
 
     fn send_jobs(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) -> Result<(), TransportError> {
         let mut world = self.world.borrow_mut();
+        if jobs.iter().all(|loaded| loaded.job.state != StateId::NONE) {
+            world.longest_slice = world.longest_slice.max(jobs.len());
+        }
         world.received.extend(jobs.iter().map(|loaded| (loaded.job, loaded.state.len())));
         let known = world.workers.get_mut(&worker).ok_or(TransportError::Gone(worker))?;
         known.inbox.push_back(jobs.iter().map(|loaded| (loaded.job, loaded.state.to_vec())).collect());

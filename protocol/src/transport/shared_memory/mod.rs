@@ -15,6 +15,7 @@
 //! that is closed in order says so. A run's files carry one prefix below one directory ([`RunDirectory`]) and are
 //! removed when the macro's port is dropped; what a killed macro leaves, [`RunDirectory::clean`] removes.
 
+mod gate;
 mod janitor;
 mod macro_port;
 mod run_directory;
@@ -23,6 +24,7 @@ mod waiting;
 mod watch;
 mod worker_port;
 
+pub use gate::sweep_before_exit;
 pub use macro_port::SharedMemoryMacroPort;
 pub use run_directory::{ChannelLimits, RunDirectory, RunError, RunListing, RunRecord};
 pub use waiting::Waiting;

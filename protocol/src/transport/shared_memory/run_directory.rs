@@ -8,7 +8,7 @@ use super::ICEORYX2_VERSION;
 use super::waiting::Waiting;
 use crate::{ContentId, PROTOCOL_VERSION};
 use serde::{Deserialize, Serialize};
-use std::fs::{self, DirBuilder};
+use std::fs::{self, DirBuilder, File, TryLockError};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -132,6 +132,9 @@ pub struct RunRecord {
     pub pid: u32,
     /// When that process started, clock ticks since boot: tells it from a later process with the same number.
     pub pid_started: u64,
+    /// The kernel's name of the PID namespace in which that number holds; none in records of older programs.
+    #[serde(default)]
+    pub pid_namespace: Option<String>,
     /// Prefix of all shared-memory names of the run.
     pub prefix: String,
     /// iceoryx2's root directory.
@@ -143,9 +146,19 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// Whether the macro's process lives.
+    /// Whether the macro's process lives. Process numbers of another container that shares `/dev/shm` say nothing here; the
+    /// lock that the macro holds on its directory is seen by all.
     pub fn is_alive(&self) -> bool {
+        if self.is_foreign() {
+            return self.root.parent().is_some_and(is_locked);
+        }
         process_start(self.pid) == Some(self.pid_started)
+    }
+
+    /// Whether the macro lives in another PID namespace: its process cannot be watched from here.
+    pub fn is_foreign(&self) -> bool {
+        let own = pid_namespace();
+        self.pid_namespace.is_some() && own.is_some() && self.pid_namespace != own
     }
 }
 
@@ -165,6 +178,8 @@ pub struct RunListing {
 pub struct RunDirectory {
     directory: PathBuf,
     record: RunRecord,
+    /// Held until the process ends, however it ends: tells processes of other PID namespaces that the run lives.
+    _lock: File,
 }
 
 impl RunDirectory {
@@ -196,6 +211,8 @@ impl RunDirectory {
             sweep(&directory, listing.record.as_ref().map(|record| record.prefix.as_str()));
             make_private_directory(&directory).map_err(system("create", &directory))?;
         }
+        let lock = File::open(&directory).map_err(system("open", &directory))?;
+        lock.lock().map_err(system("lock", &directory))?;
         let pid = std::process::id();
         let record = RunRecord {
             protocol: PROTOCOL_VERSION,
@@ -203,12 +220,13 @@ impl RunDirectory {
             name: name.to_owned(),
             pid,
             pid_started: process_start(pid).unwrap_or_default(),
+            pid_namespace: pid_namespace(),
             prefix,
             root: root.clone(),
             limits,
             ready: false,
         };
-        let run = Self { directory, record };
+        let run = Self { directory, record, _lock: lock };
         make_private_directory(&root).map_err(system("create", &root))?;
         run.write()?;
         Ok(run)
@@ -328,15 +346,16 @@ impl RunDirectory {
         }
     }
 
-    /// Removes what all dead runs of this user left and returns their names.
+    /// Removes what all dead runs of this user left and returns their names, then those of segments that no run claims.
     ///
     /// # Errors
     /// As [`RunDirectory::list`].
     pub fn clean() -> Result<Vec<String>, RunError> {
-        let dead: Vec<String> = Self::list()?.into_iter().filter(|run| !run.alive).map(|run| run.name).collect();
+        let mut dead: Vec<String> = Self::list()?.into_iter().filter(|run| !run.alive).map(|run| run.name).collect();
         for name in &dead {
             Self::remove(name)?;
         }
+        dead.extend(remove_orphans());
         let _ = fs::remove_dir(base_path());
         Ok(dead)
     }
@@ -366,7 +385,19 @@ pub(super) struct Latecomer(pub(super) RunRecord);
 
 impl Drop for Latecomer {
     fn drop(&mut self) {
+        self.sweep();
+    }
+}
+
+impl Latecomer {
+    /// See [`Latecomer`].
+    pub(super) fn sweep(&self) {
         let Some(directory) = self.0.root.parent() else { return };
+        if record_in(directory).is_some_and(|record| record.prefix == self.0.prefix) {
+            return;
+        }
+        // No other run has this prefix, not even one of the same name.
+        remove_segments(&self.0.prefix);
         let orphaned = || {
             let inode = fs::metadata(directory).ok()?.ino();
             (!directory.join("run.json").exists()).then_some(inode)
@@ -417,11 +448,8 @@ pub(super) fn segments(prefix: &str) -> impl Iterator<Item = (PathBuf, fs::Metad
 
 /// Removes a run's segments and directory. Best effort: whatever is already gone is as wanted.
 fn sweep(directory: &Path, prefix: Option<&str>) {
-    // An empty prefix would match everybody's segments.
-    if let Some(prefix) = prefix.filter(|prefix| prefix.len() == 10 && prefix.starts_with('g')) {
-        for (path, _) in segments(prefix) {
-            let _ = fs::remove_file(path);
-        }
+    if let Some(prefix) = prefix {
+        remove_segments(prefix);
     }
     // A worker that is just joining may put something into a folder that has been emptied.
     for _ in 0..5 {
@@ -432,10 +460,75 @@ fn sweep(directory: &Path, prefix: Option<&str>) {
     }
 }
 
+/// Removes all segments of a prefix, if it is one: an empty prefix would match everybody's segments.
+fn remove_segments(prefix: &str) {
+    if prefix_of(prefix) == Some(prefix) {
+        for (path, _) in segments(prefix) {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// The part of a segment's name that tells its run: `g`, eight hexadecimal digits, `_`.
+fn prefix_of(name: &str) -> Option<&str> {
+    let digit = |letter: u8| letter.is_ascii_digit() || (b'a'..=b'f').contains(&letter);
+    let prefix = name.get(..10)?;
+    let bytes = prefix.as_bytes();
+    (bytes[0] == b'g' && bytes[9] == b'_' && bytes[1..9].iter().copied().all(digit)).then_some(prefix)
+}
+
+/// Removes segments of this user that no run claims and no process maps, and returns their prefixes. A process that is killed
+/// while it closes its channels may make one anew after its run was removed.
+fn remove_orphans() -> Vec<String> {
+    let own = rustix::process::getuid().as_raw();
+    let is_old =
+        |metadata: &fs::Metadata| metadata.modified().is_ok_and(|time| time.elapsed().is_ok_and(|age| age >= BIRTH));
+    let unclaimed = |prefix: &str, claimed: &[String]| !claimed.iter().any(|one| one == prefix);
+    let mut found: Vec<(PathBuf, String)> = segments("g")
+        .filter(|(_, metadata)| metadata.is_file() && metadata.uid() == own && is_old(metadata))
+        .filter_map(|(path, _)| {
+            let prefix = prefix_of(path.file_name()?.to_str()?)?.to_owned();
+            Some((path, prefix))
+        })
+        .collect();
+    if found.is_empty() {
+        return Vec::new();
+    }
+    // Looked at afterwards: a run has its record before it has its first segment.
+    let claimed = claimed_prefixes();
+    found.retain(|(path, prefix)| unclaimed(prefix, &claimed) && !is_mapped(path));
+    let mut prefixes: Vec<String> = found
+        .into_iter()
+        .filter(|(path, _)| fs::remove_file(path).is_ok())
+        .map(|(_, prefix)| format!("{prefix}*"))
+        .collect();
+    prefixes.sort();
+    prefixes.dedup();
+    prefixes
+}
+
+/// Prefixes of all runs that can be seen; in a container the same user may have another number.
+fn claimed_prefixes() -> Vec<String> {
+    let children = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+    let bases = children(Path::new(SHARED_MEMORY))
+        .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("grainspan-")));
+    bases.flat_map(|base| children(&base)).filter_map(|run| Some(record_in(&run)?.prefix)).collect()
+}
+
+/// Whether a process that can be seen has the file in its memory.
+fn is_mapped(path: &Path) -> bool {
+    let Some(path) = path.to_str() else { return true };
+    let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
+    processes.filter_map(|entry| fs::read_to_string(entry.path().join("maps")).ok()).any(|maps| maps.contains(path))
+}
+
+fn record_in(directory: &Path) -> Option<RunRecord> {
+    serde_json::from_slice(&fs::read(directory.join("run.json")).ok()?).ok()
+}
+
 fn look_at(base: &Path, name: &str) -> RunListing {
     let directory = base.join(name);
-    let record: Option<RunRecord> =
-        fs::read(directory.join("run.json")).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let record = record_in(&directory);
     let alive = match &record {
         Some(record) => record.is_alive(),
         None => fs::metadata(&directory)
@@ -477,13 +570,23 @@ fn base_directory() -> Result<PathBuf, RunError> {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(system("create", &base)(error)),
         _ => {}
     }
-    let owner = fs::symlink_metadata(&base).map_err(system("read", &base))?;
-    if !owner.is_dir() || owner.uid() != rustix::process::getuid().as_raw() {
-        let source =
-            io::Error::new(ErrorKind::PermissionDenied, "it belongs to somebody else; ask them to remove it");
-        return Err(system("use", &base)(source));
-    }
+    check_private(&base)?;
     Ok(base)
+}
+
+/// Refuses a directory that somebody else owns or may write to: who can rename a run's directory can put another one there.
+fn check_private(base: &Path) -> Result<(), RunError> {
+    let owner = fs::symlink_metadata(base).map_err(system("read", base))?;
+    let refuse = |reason: String| system("use", base)(io::Error::new(ErrorKind::PermissionDenied, reason));
+    if !owner.is_dir() || owner.uid() != rustix::process::getuid().as_raw() {
+        return Err(refuse("it belongs to somebody else; ask them to remove it".to_owned()));
+    }
+    let mode = owner.mode() & 0o777;
+    if mode & 0o022 != 0 {
+        let path = base.display();
+        return Err(refuse(format!("others may write to it (mode {mode:o}); `chmod 700 {path}` makes it private")));
+    }
+    Ok(())
 }
 
 fn make_private_directory(path: &Path) -> io::Result<()> {
@@ -498,6 +601,19 @@ fn process_start(pid: u32) -> Option<u64> {
     let state = fields.next()?;
     // An unreaped zombie has ended.
     (state != "Z" && state != "X").then(|| fields.nth(18)?.parse().ok()).flatten()
+}
+
+/// The kernel's name of this process's PID namespace.
+fn pid_namespace() -> Option<String> {
+    fs::read_link("/proc/self/ns/pid").ok()?.into_os_string().into_string().ok()
+}
+
+/// Whether somebody holds the lock of a run's directory. What cannot be judged counts as held.
+fn is_locked(directory: &Path) -> bool {
+    match File::open(directory) {
+        Ok(file) => matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock | TryLockError::Error(_))),
+        Err(error) => error.kind() != ErrorKind::NotFound,
+    }
 }
 
 fn system(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RunError {
@@ -569,6 +685,71 @@ mod tests {
         fs::create_dir_all(&record.root).unwrap();
         drop(Latecomer(record));
         assert!(!directory.exists());
+    }
+
+    /// Two containers that share `/dev/shm` do not see each other's processes.
+    #[test]
+    fn a_run_of_another_pid_namespace_is_judged_by_its_lock() {
+        let name = name();
+        let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        assert!(!run.record.is_foreign());
+        // No process here has this number: judged by numbers the run would be dead.
+        run.record.pid_namespace = Some("pid:[1]".to_owned());
+        run.record.pid_started += 1;
+        run.announce().unwrap();
+        assert!(run.record.is_foreign() && run.record.is_alive());
+        assert!(!RunDirectory::remove(&name).unwrap(), "a living run of another container was removed");
+        run._lock.unlock().unwrap();
+        assert!(!run.record.is_alive());
+        assert!(RunDirectory::remove(&name).unwrap());
+    }
+
+    #[test]
+    fn segments_that_no_run_claims_are_removed_and_those_of_runs_and_fresh_ones_stay() {
+        let run = RunDirectory::create(&name(), ChannelLimits::default()).unwrap();
+        let stranger = format!("g{:08x}_", fresh_number() as u32);
+        let place = |prefix: &str, end: &str| Path::new(SHARED_MEMORY).join(format!("{prefix}{end}"));
+        let old = SystemTime::now() - 2 * BIRTH;
+        let make = |path: &Path, time: SystemTime| {
+            fs::write(path, b"x").unwrap();
+            File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
+        };
+        let (orphan, fresh) = (place(&stranger, "orphan"), place(&stranger, "fresh"));
+        let (claimed, foreign) = (place(&run.record.prefix, "claimed"), place("gardening_", &stranger));
+        make(&fresh, SystemTime::now());
+        [&orphan, &claimed, &foreign].into_iter().for_each(|path| make(path, old));
+        assert!(remove_orphans().contains(&format!("{stranger}*")));
+        assert!(!orphan.exists() && fresh.exists() && claimed.exists() && foreign.exists());
+        [&fresh, &claimed, &foreign].into_iter().for_each(|path| fs::remove_file(path).unwrap());
+    }
+
+    #[test]
+    fn a_directory_that_others_may_write_to_is_refused_with_the_remedy() {
+        let place = std::env::temp_dir().join(name());
+        make_private_directory(&place).unwrap();
+        check_private(&place).unwrap();
+        fs::set_permissions(&place, fs::Permissions::from_mode(0o777)).unwrap();
+        let text = check_private(&place).unwrap_err().to_string();
+        assert!(text.contains("mode 777") && text.contains("chmod 700"), "{text}");
+        fs::remove_dir(&place).unwrap();
+    }
+
+    /// A worker that closes its channels after the run was removed makes a segment anew, without the directory.
+    #[test]
+    fn a_segment_that_comes_back_alone_goes_too_even_when_a_run_has_the_name_again() {
+        let name = name();
+        let run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        let (record, own) = (run.record().clone(), Latecomer(run.record().clone()));
+        drop(run);
+        let segment = Path::new(SHARED_MEMORY).join(format!("{}node.global_mgmt", record.prefix));
+        fs::write(&segment, b"x").unwrap();
+        drop(own);
+        assert!(!segment.exists());
+        let again = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+        fs::write(&segment, b"x").unwrap();
+        drop(Latecomer(record));
+        assert!(!segment.exists() && exists(&name));
+        drop(again);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A worker's end: one client of a run.
 
+use super::gate::{Busy, FirstPart, LastPart};
 use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
 use super::waiting::Watchman;
@@ -28,6 +29,8 @@ const FAREWELL_DISMISSED: Duration = Duration::from_millis(250);
 
 /// A worker's end of a run in shared memory.
 pub struct SharedMemoryWorkerPort {
+    /// First: the others are not to be closed while the process ends.
+    _first: FirstPart,
     /// The number under which it sends.
     sender: u64,
     limit: usize,
@@ -49,8 +52,10 @@ pub struct SharedMemoryWorkerPort {
     to_macro: Notifier,
     listener: Listener,
     _services: Services,
-    /// Last: looks for what all the others have left.
+    /// Looks for what all the others have left.
     _latecomer: Latecomer,
+    /// Last, see [`FirstPart`].
+    _last: LastPart,
 }
 
 impl SharedMemoryWorkerPort {
@@ -92,6 +97,10 @@ impl SharedMemoryWorkerPort {
     }
 
     fn enter(record: &RunRecord) -> Result<Self, TransportError> {
+        if record.is_foreign() {
+            return Err(find("it lives in another PID namespace (another container); start its workers there"));
+        }
+        let _busy = Busy::begin();
         let latecomer = Latecomer(record.clone());
         check_room(WORKER_ROOM).map_err(find)?;
         let services = Services::open(record)?;
@@ -108,7 +117,9 @@ impl SharedMemoryWorkerPort {
         let watch = Watch::new(&listener)?;
         let same_process = record.pid == std::process::id();
         let macro_process = if same_process { None } else { Some(watch.process(record.pid, MACRO)?) };
+        let (first, last) = FirstPart::open(record);
         Ok(Self {
+            _first: first,
             sender,
             limit: message_bytes(record),
             open: VecDeque::new(),
@@ -125,6 +136,7 @@ impl SharedMemoryWorkerPort {
             listener,
             _services: services,
             _latecomer: latecomer,
+            _last: last,
         })
     }
 
@@ -276,7 +288,15 @@ impl WorkerPort for SharedMemoryWorkerPort {
     }
 
     fn send_replies(&mut self, replies: &[LoadedReply<'_>]) -> Result<(), TransportError> {
-        self.send(&Outgoing::Replies(replies))
+        match self.send(&Outgoing::Replies(replies)) {
+            // Nobody knows how large the states of an engine are before the first of them: each half may fit.
+            Err(TransportError::TooLarge { .. }) if replies.len() > 1 => {
+                let (first, second) = replies.split_at(replies.len() / 2);
+                self.send_replies(first)?;
+                self.send_replies(second)
+            }
+            sent => sent,
+        }
     }
 }
 

@@ -1,0 +1,108 @@
+//! What a run will take, to the order of magnitude: wall time and memory. Measured figures, no clock.
+
+use crate::scene::Scene;
+use macro_solver::mesh::Dimension;
+use macro_solver::problem::Procedure;
+
+/// Force evaluations of one point evaluation, measured on biaxial tests between the first steps and those after the peak.
+const FORCE_EVALUATIONS: [f64; 2] = [300.0, 1500.0];
+
+/// Processor time of a force evaluation per grain, s, in the plane and in space; measured with AVX2, tangents included.
+const SECONDS_PER_GRAIN: [f64; 2] = [2.5e-8, 8e-8];
+
+/// Bytes of a snapshot per grain, in the plane and in space.
+const BYTES_PER_GRAIN: [f64; 2] = [150.0, 330.0];
+
+/// States of a point that the macro process holds: committed and trial.
+const STATES: f64 = 2.0;
+
+/// Bytes of the macro process for a point: tangents, fields, records.
+const BYTES_PER_POINT: f64 = 4e3;
+
+/// What a run will take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Estimate {
+    /// Processor time of all workers, s: least and most; `None` for motions, whose steps are counted when they run.
+    pub(crate) seconds: Option<[f64; 2]>,
+    /// Memory of the macro process, bytes.
+    pub(crate) bytes: f64,
+}
+
+impl Estimate {
+    /// Of a scene whose steps are not cut back, with so many evaluations of a point.
+    pub(crate) fn of(scene: &Scene, evaluations: [usize; 2]) -> Self {
+        let problem = &scene.problem;
+        let definition = scene.definition();
+        let (grains, space) = (definition.number() as f64, usize::from(definition.dimension() == 3));
+        let motionless = problem.stages.iter().all(|stage| stage.procedure == Procedure::Implicit);
+        let one = grains * SECONDS_PER_GRAIN[space];
+        let seconds = std::array::from_fn(|end| evaluations[end] as f64 * FORCE_EVALUATIONS[end] * one);
+        let unknowns = problem.mesh.degrees_of_freedom() as f64;
+        // Entries of a factor: about n log n in the plane and n^(4/3) in space.
+        let factor = match problem.mesh.dimension {
+            Dimension::Plane => 8.0 * unknowns * unknowns.max(2.0).log2() * 4.0,
+            Dimension::Space => 8.0 * 12.0 * unknowns.powf(4.0 / 3.0),
+        };
+        let points = problem.point_count() as f64;
+        let bytes = points * (STATES * grains * BYTES_PER_GRAIN[space] + BYTES_PER_POINT) + factor;
+        Self { seconds: motionless.then_some(seconds), bytes }
+    }
+
+    /// Both for people, on a machine with so many cores.
+    pub(crate) fn text(&self, cores: usize) -> String {
+        let memory = format!("{} of memory", size(self.bytes));
+        match self.seconds {
+            Some([least, most]) => {
+                let [least, most] = [least, most].map(|seconds| duration(seconds / cores as f64));
+                format!(
+                    "very roughly {least} to {most} with {cores} workers, {memory}; steps that are cut back come on top"
+                )
+            }
+            None => format!("very roughly {memory}; the time depends on the number of time steps or iterations"),
+        }
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        short if short < 100.0 => format!("{short:.1} s"),
+        minutes if minutes < 6000.0 => format!("{:.0} min", minutes / 60.0),
+        hours if hours < 360_000.0 => format!("{:.0} h", hours / 3600.0),
+        days if days < 3.2e7 => format!("{:.0} days", days / 86_400.0),
+        years => format!("{:.0} years", years / 3.156e7),
+    }
+}
+
+fn size(bytes: f64) -> String {
+    match bytes {
+        small if small < 1e9 => format!("{:.0} MB", (small / 1e6).max(1.0)),
+        large if large < 1e12 => format!("{:.1} GB", large / 1e9),
+        huge => format!("{:.0} TB", huge / 1e12),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `scenes/biaxial.toml` takes 78 s of two workers for its grains and 47 s of wall time.
+    #[test]
+    fn the_estimate_of_the_shipped_scene_brackets_what_was_measured() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/biaxial.toml");
+        let scene = Scene::load(&path, &[]).unwrap();
+        let steps: usize = scene.problem.stages.iter().map(|stage| stage.control.increments).sum();
+        let points = scene.problem.point_count();
+        let estimate = Estimate::of(&scene, [2 * steps * points, 6 * steps * points]);
+        let [least, most] = estimate.seconds.unwrap();
+        assert!(least < 78.0 && 78.0 < most && most < 40.0 * least, "{least} to {most}");
+        assert!((1e6..1e9).contains(&estimate.bytes), "{}", estimate.bytes);
+        assert!(estimate.text(2).contains("with 2 workers"), "{}", estimate.text(2));
+    }
+
+    #[test]
+    fn times_and_sizes_have_units_that_people_grasp() {
+        let times = [1.0, 600.0, 7200.0, 1e6, 1e10].map(duration);
+        assert_eq!(times, ["1.0 s", "10 min", "2 h", "12 days", "317 years"]);
+        assert_eq!([1.0, 5e8, 2e10, 3e13].map(size), ["1 MB", "500 MB", "20.0 GB", "30 TB"]);
+    }
+}

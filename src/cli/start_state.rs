@@ -1,0 +1,342 @@
+//! The state that a run starts from: what its packing carries, and whether the loads of the first step ask for just that.
+//!
+//! A packing keeps the stress it was prepared under. Loads that ask for another one at the very start have to be
+//! carried by grains before the first step, in one go; most often no balance is found.
+
+use super::exit::{Exit, Failure};
+use crate::scene::Scene;
+use macro_solver::implicit::solve;
+use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
+use macro_solver::mesh::{Dimension, Mesh};
+use macro_solver::observer::Silent;
+use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
+use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
+use rve_server::definition::AnyDefinition;
+use rve_server::engine::{GrainRve, ListedForces};
+use std::collections::BTreeMap;
+
+/// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay
+/// below it; half the pressure asked for is far above.
+pub(crate) const MISMATCH: f64 = 0.1;
+
+/// Largest over smallest radius of a packing that anybody has prepared on purpose.
+const WIDEST_GRADING: f64 = 1e3;
+
+/// Meshes with more points are not assembled for a check.
+const MOST_POINTS: usize = 50_000;
+
+/// Side sets that are named one by one.
+const MOST_SETS: usize = 8;
+
+/// A packing as given, before any grain has moved.
+#[derive(Clone, Debug)]
+pub(crate) struct Carried {
+    /// Stress, Pa, tension positive.
+    pub(crate) stress: Tensor2,
+    /// Space dimension of the packing.
+    pub(crate) dimension: usize,
+    /// What else is known of it.
+    pub(crate) scalars: Scalars,
+    /// Coordination number without rattlers.
+    pub(crate) coordination_no_rattlers: f64,
+    /// What became of the tangential forces that it lists.
+    pub(crate) listed_forces: ListedForces,
+    /// Largest over smallest radius.
+    pub(crate) radius_ratio: f64,
+}
+
+impl Carried {
+    /// Looks at the packing of a definition.
+    ///
+    /// # Errors
+    /// Forces that are not finite.
+    pub(crate) fn by(definition: &AnyDefinition) -> Result<Self, Failure> {
+        let refused = |error| Failure::new(Exit::BadInput, error);
+        let (answer, listed_forces, radii): (TrialAnswer, ListedForces, Vec<f64>) = match definition {
+            AnyDefinition::Discs(discs) => {
+                let mut cell = GrainRve::new(discs).map_err(refused)?;
+                let radii = discs.packing.grains.iter().map(|grain| grain[2]).collect();
+                (cell.look(Observables::ALL), cell.listed_forces(), radii)
+            }
+            AnyDefinition::Spheres(spheres) => {
+                let mut cell = GrainRve::new(spheres).map_err(refused)?;
+                let radii = spheres.packing.grains.iter().map(|grain| grain[3]).collect();
+                (cell.look(Observables::ALL), cell.listed_forces(), radii)
+            }
+        };
+        let (smallest, largest) =
+            radii.iter().fold((f64::INFINITY, 0.0f64), |(low, high), radius| (low.min(*radius), high.max(*radius)));
+        Ok(Self {
+            stress: answer.stress,
+            dimension: definition.dimension() as usize,
+            scalars: answer.scalars,
+            coordination_no_rattlers: answer.observed.coordination_number_no_rattlers,
+            listed_forces,
+            radius_ratio: largest / smallest,
+        })
+    }
+
+    /// Whether no chain of contacts goes through the cell.
+    pub(crate) fn carries_nothing(&self) -> bool {
+        self.coordination_no_rattlers == 0.0 || self.stress.0.iter().all(|component| *component == 0.0)
+    }
+
+    /// Mean pressure, Pa, compression positive: over the axes of the packing.
+    fn pressure(&self) -> f64 {
+        -(0..self.dimension).map(|axis| self.stress.0[4 * axis]).sum::<f64>() / self.dimension as f64
+    }
+
+    /// The stress tensor and its mean for people.
+    pub(crate) fn stress_text(&self) -> String {
+        let names = ["xx", "yy", "zz"];
+        let direct = names.iter().enumerate().take(self.dimension).map(|(axis, name)| (*name, 4 * axis));
+        let shear = [("xy", 1), ("xz", 2), ("yz", 5)].into_iter().take(if self.dimension == 2 { 1 } else { 3 });
+        let parts: Vec<String> =
+            direct.chain(shear).map(|(name, place)| format!("{name} {:.3e}", self.stress.0[place])).collect();
+        format!("{} Pa (tension positive), mean pressure {:.3e} Pa", parts.join(", "), self.pressure())
+    }
+
+    /// Density and contacts for people.
+    pub(crate) fn state_text(&self) -> String {
+        format!(
+            "void ratio {:.4}, coordination number {:.3} ({:.3} without rattlers), largest overlap {:.1e} of a diameter",
+            self.scalars.void_ratio,
+            self.scalars.coordination_number,
+            self.coordination_no_rattlers,
+            self.scalars.max_overlap_ratio
+        )
+    }
+
+    /// What a person should look at, one line each.
+    pub(crate) fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if self.carries_nothing() {
+            remarks.push(
+                "the packing carries no load: no contact between its grains holds another; a run would find a singular \
+                 stiffness. Prepare one with `grainspan pack`"
+                    .to_owned(),
+            );
+        }
+        if self.scalars.max_overlap_ratio > 0.1 {
+            remarks.push(format!(
+                "grains overlap by {:.2} of a diameter: wrong units, a modulus that is too small, or another contact law than the \
+                 packing was made with",
+                self.scalars.max_overlap_ratio
+            ));
+        }
+        if self.radius_ratio > WIDEST_GRADING {
+            let ratio = self.radius_ratio;
+            remarks.push(format!(
+                "the largest grain is {ratio:.1e} times the smallest: is one of them given in other units?"
+            ));
+        }
+        remarks
+    }
+}
+
+/// Says, where it is so, that the loads of the first step are not those that the packing carries: what it carries and what the
+/// loads ask for. `None` where they match, or where the first stage balances nothing.
+pub(crate) fn mismatch(scene: &Scene, carried: &Carried) -> Option<String> {
+    let imbalance = imbalance(scene)?;
+    (imbalance > MISMATCH).then(|| comparison(&scene.problem, carried, imbalance))
+}
+
+/// What the packing carries and what the loads at the start ask for.
+pub(crate) fn comparison(problem: &Problem, carried: &Carried, imbalance: f64) -> String {
+    format!(
+        "out of balance by {imbalance:.1e} of the loads: the packing carries {}; the loads at the start ask for {}",
+        carried.stress_text(),
+        asked(problem, &carried.stress)
+    )
+}
+
+/// What can be done where loads and packing do not match.
+pub(crate) const REMEDY: &str = "begin at the stress of the packing (a pressure with history = \"constant\") and go to the \
+                                 wanted loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
+                                 `grainspan check` compares both";
+
+/// Out-of-balance force of the packings' stress under the loads of the start, over the loads or reactions; `None` where the
+/// first stage is a motion, or the mesh is too large to be assembled for a check.
+fn imbalance(scene: &Scene) -> Option<f64> {
+    let mut problem = scene.problem.clone();
+    let first = problem.stages.first()?;
+    if matches!(first.procedure, Procedure::Dynamic(_)) || problem.point_count() > MOST_POINTS {
+        return None;
+    }
+    let stress: Option<Vec<Tensor2>> =
+        scene.materials.definitions.iter().map(|one| Carried::by(one).ok().map(|carried| carried.stress)).collect();
+    // Whatever is out of balance at all ends the run after its first evaluation.
+    problem.initial.largest_imbalance = Some(0.0);
+    let mut material = AsGiven { stress: stress?, made_of: &scene.materials.made_of, asked: false };
+    let run = solve(&problem, &mut material, &mut Silent);
+    Some(run.statistics.initial_imbalance)
+}
+
+/// Points that have the stress of their packing, and answer once.
+struct AsGiven<'a> {
+    stress: Vec<Tensor2>,
+    made_of: &'a [usize],
+    asked: bool,
+}
+
+impl PointMaterial for AsGiven<'_> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        if std::mem::replace(&mut self.asked, true) {
+            return Err(MaterialError::Interrupted);
+        }
+        let answer = |trial: &PointTrial| TrialAnswer {
+            stress: self.stress[self.made_of[trial.point]],
+            tangent: (trial.ask.tangent != TangentKind::None).then(|| Box::new(Tensor4::ZERO)),
+            scalars: Scalars::default(),
+            observed: Observed::default(),
+            cost: Cost::default(),
+            flags: TrialFlags::default(),
+        };
+        Ok(trials.iter().map(answer).collect())
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        Ok(())
+    }
+
+    fn rollback(&mut self) {}
+}
+
+/// What the loads and the free faces ask for at the start, set by set, and what the packing presses there with.
+fn asked(problem: &Problem, stress: &Tensor2) -> String {
+    let Some(stage) = problem.stages.first() else { return "nothing".to_owned() };
+    let mut loads: BTreeMap<&str, f64> = BTreeMap::new();
+    let mut others = Vec::new();
+    for applied in &stage.conditions {
+        let factor = at_start(&applied.history);
+        match &applied.condition {
+            Condition::Pressure { sides, value, .. } => *loads.entry(sides).or_default() += factor * value,
+            Condition::Traction { sides, value } => {
+                let value = value.map(|component| factor * component);
+                others.push(format!(
+                    "a traction of ({:.3e}, {:.3e}, {:.3e}) Pa on {sides}",
+                    value[0], value[1], value[2]
+                ));
+            }
+            Condition::BodyForce { elements, value } => {
+                let value = value.map(|component| factor * component);
+                if value.iter().any(|component| *component != 0.0) {
+                    others.push(format!(
+                        "a body force of ({:.3e}, {:.3e}, {:.3e}) N/m3 in {elements}",
+                        value[0], value[1], value[2]
+                    ));
+                }
+            }
+            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
+        }
+    }
+    for free in problem.mesh.side_sets.keys().filter(|set| is_free(stage, set)) {
+        loads.entry(free).or_insert(0.0);
+    }
+    let told = loads.iter().map(|(set, pressure)| match pressed(&problem.mesh, set, stress) {
+        Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing presses with {carried:.3e})"),
+        None => format!("a pressure of {pressure:.3e} Pa on {set}"),
+    });
+    let told: Vec<String> = told.chain(others).collect();
+    let more = told.len().saturating_sub(MOST_SETS);
+    let mut text = told[..told.len().min(MOST_SETS)].join(", ");
+    if more > 0 {
+        text += &format!(" and {more} more");
+    }
+    if text.is_empty() { "nothing".to_owned() } else { text }
+}
+
+fn at_start(history: &Amplitude) -> f64 {
+    history.factor(Moment { load: 0.0, time: 0.0 })
+}
+
+/// Whether no condition of the stage names the set: neither loaded nor held, as far as names tell.
+fn is_free(stage: &Stage, set: &str) -> bool {
+    !stage.conditions.iter().any(|applied| match &applied.condition {
+        Condition::Displacement { nodes, .. } | Condition::Platen { nodes, .. } => nodes == set,
+        Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => sides == set,
+        Condition::BodyForce { .. } => false,
+        Condition::Linked(_) => true,
+    })
+}
+
+/// Pressure of a stress on a side set along its mean normal, Pa; `None` for a set without one.
+fn pressed(mesh: &Mesh, set: &str, stress: &Tensor2) -> Option<f64> {
+    let mut normal = [0.0f64; 3];
+    for side in mesh.side_sets.get(set)? {
+        let nodes = mesh.side_nodes(*side);
+        let from = mesh.nodes[nodes[0]];
+        let to =
+            |place: usize| -> [f64; 3] { std::array::from_fn(|axis| mesh.nodes[nodes[place]][axis] - from[axis]) };
+        let along = to(1);
+        let outward = match mesh.dimension {
+            Dimension::Plane => [along[1], -along[0], 0.0],
+            Dimension::Space => {
+                let across = to(2);
+                std::array::from_fn(|axis| {
+                    let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                    along[next] * across[last] - along[last] * across[next]
+                })
+            }
+        };
+        normal.iter_mut().zip(outward).for_each(|(sum, part)| *sum += part);
+    }
+    let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let tension: f64 = (0..3)
+        .flat_map(|i| (0..3).map(move |j| (i, j)))
+        .map(|(i, j)| normal[i] * stress.0[3 * i + j] * normal[j])
+        .sum();
+    // Sides around a hole have no direction in common.
+    (length > 0.0).then(|| 0.0 - tension / (length * length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn scene(file: &str, overrides: &[&str]) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(file);
+        Scene::load(&path, &overrides.iter().map(|&given| given.to_owned()).collect::<Vec<_>>()).unwrap()
+    }
+
+    fn said(scene: &Scene) -> Option<String> {
+        mismatch(scene, &Carried::by(scene.definition()).unwrap())
+    }
+
+    #[test]
+    fn loads_that_the_packing_does_not_carry_are_named_with_both_stresses() {
+        assert_eq!(said(&scene("biaxial-small.toml", &[])), None);
+        let text = said(&scene("biaxial-small.toml", &["pressure.0.value=2e5", "pressure.1.value=2e5"])).unwrap();
+        for part in ["xx -1.000e5", "yy -1.000e5", "2.000e5 Pa on left (the packing presses with 1.000e5)"] {
+            assert!(text.contains(part), "'{part}' is missing in: {text}");
+        }
+        let text = said(&scene("biaxial-small.toml", &["pressure.1.value=-1e5"])).unwrap();
+        assert!(text.contains("-1.000e5 Pa on right"), "{text}");
+    }
+
+    /// Whoever forgets a face asks for a pressure of 0 there.
+    #[test]
+    fn free_faces_are_named() {
+        let text = said(&scene("biaxial-small.toml", &["pressure=[]"])).unwrap();
+        assert!(text.contains("0.000e0 Pa on left (the packing presses with 1.000e5)"), "{text}");
+        assert!(!text.contains("on bottom"), "a held face is not free: {text}");
+    }
+
+    #[test]
+    fn shipped_scenes_match_their_packings() {
+        for file in
+            ["biaxial.toml", "brick.toml", "compression-shear.toml", "single-element.toml", "weak-element.toml"]
+        {
+            assert_eq!(said(&scene(file, &[])), None, "{file}");
+        }
+    }
+
+    #[test]
+    fn the_mean_pressure_of_a_packing_of_spheres_is_over_three_axes() {
+        let carried = Carried::by(scene("brick.toml", &[]).definition()).unwrap();
+        let trace: f64 = [0, 4, 8].map(|place| carried.stress.0[place]).iter().sum();
+        assert!((carried.pressure() + trace / 3.0).abs() < 1e-9 * carried.pressure());
+        assert!(carried.stress_text().contains("zz ") && !carried.carries_nothing());
+    }
+}
