@@ -35,7 +35,7 @@ use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, S
 use crate::problem::{PathControl, Problem, ProblemError, Procedure};
 use balance::Balance;
 use constraints::Constraints;
-use linear_solver::LinearSolver;
+use linear_solver::{LinearSolver, norm};
 use loads::Loads;
 use nalgebra::Matrix3;
 use newton::Converged;
@@ -364,6 +364,8 @@ impl<'a> Solver<'a> {
                 *reaction = 0.0;
             }
         }
+        let forces = norm(&reactions).max(norm(&self.committed_balance.external));
+        self.statistics.largest_forces = self.statistics.largest_forces.max(forces);
         let fields = self.fields(gradients, &reactions, &self.committed_balance.external);
         let view = FieldsView {
             mesh: self.body.mesh(),

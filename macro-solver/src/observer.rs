@@ -281,6 +281,9 @@ pub struct Statistics {
     /// Largest deviation of the initial stress from what [`crate::problem::InitialState`] expects, over the largest
     /// component expected; 0 if nothing is expected.
     pub initial_deviation: f64,
+    /// Largest norm of the reactions or of the loads in an accepted step, N, in the plane per metre: what forces are measured by when
+    /// little is left of them.
+    pub largest_forces: f64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,
     /// Iterates turned down by the safeguard, and increments of creep taken back.

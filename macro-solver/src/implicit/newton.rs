@@ -28,15 +28,19 @@ pub(super) struct Converged {
     pub(super) displacement_ratio: f64,
 }
 
+/// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
+/// is unloaded to zero has nothing left to compare with.
+const LEAST_FORCES: f64 = 1e-2;
+
 /// What one evaluation of an iterate gives.
 pub(super) struct Evaluated {
     /// Points evaluated.
     pub(super) asked: u64,
     /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
     pub(super) residual: f64,
-    /// Norm of the reactions or of the loads, whichever is larger, N, in the plane per metre.
+    /// Norm of the reactions or of the loads, whichever is larger, and at least [`LEAST_FORCES`] of what they were, N, in the plane per metre.
     pub(super) scale: f64,
-    /// Norm of the reactions, N, in the plane per metre.
+    /// Norm of the reactions, at least as much, N, in the plane per metre.
     pub(super) reactions: f64,
 }
 
@@ -233,11 +237,12 @@ impl Solver<'_> {
     pub(super) fn evaluated(&self, asked: u64) -> Evaluated {
         let residual = self.balance.residual();
         let reactions = self.reactions(&residual);
+        let least = LEAST_FORCES * self.statistics.largest_forces;
         Evaluated {
             asked,
             residual: norm(&self.constraints.restrict(&residual)),
-            scale: reactions.max(norm(&self.balance.external)),
-            reactions,
+            scale: reactions.max(norm(&self.balance.external)).max(least),
+            reactions: reactions.max(least),
         }
     }
 
