@@ -10,6 +10,9 @@ use protocol::transport::shared_memory::ICEORYX2_VERSION;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+/// Relative residual of the energy ledger that people are told of.
+const LARGEST_RESIDUAL: f64 = 0.05;
+
 /// What the summary needs beside the solver's and the pool's own figures.
 pub(super) struct Circumstances {
     /// Gauss points of the mesh.
@@ -217,6 +220,13 @@ fn shortfalls(summary: &Summary) -> String {
         if count > 0 {
             found.push(format!("{name} {count}"));
         }
+    }
+    let open = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
+    if open > LARGEST_RESIDUAL {
+        found.push(format!(
+            "energy ledger open by {:.0} %: steps too large to tell where the work went",
+            100.0 * open
+        ));
     }
     if found.is_empty() { "nothing".to_owned() } else { found.join(", ") }
 }
