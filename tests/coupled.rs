@@ -11,7 +11,7 @@ use macro_solver::formulation::tensor::matrix;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
-use macro_solver::problem::{Axis, Condition, Platen, PressureKind, Problem, Procedure};
+use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainEngine;
@@ -149,6 +149,38 @@ fn three_procedures_agree_on_a_biaxial_test() {
     assert!((relaxed / newton - 1.0).abs() < 0.01, "{relaxed} against {newton}");
     assert!((moved / newton - 1.0).abs() < 0.01, "{moved} against {newton}");
     assert!(newton > 1.2 && few < many && many < most, "{newton}: {few}, {many}, {most} evaluations");
+}
+
+/// Check I-7, the implicit ways: every strategy and every formulation on a body between rough platens, which does not strain
+/// uniformly, to 0.1 % before the peak.
+#[test]
+fn strategies_and_formulations_agree_between_rough_platens() {
+    let ratio = |strategy: NamedStrategy, formulation: Formulation| {
+        let mut problem = biaxial_problem(ElementKind::Q4, [2, 2], 1e-3, 2, 5e-6);
+        for applied in &mut problem.stages[0].conditions {
+            if let Condition::Platen { contact, .. } = &mut applied.condition {
+                *contact = Platen::Rough;
+            }
+        }
+        problem.stages[0].conditions.retain(|applied| !matches!(applied.condition, Condition::Displacement { .. }));
+        problem.formulation = formulation;
+        problem.stages[0].strategy = strategy.preset();
+        problem.stages[0].control.max_iterations = 40;
+        let (outcome, record) = solved(problem);
+        assert!(matches!(outcome, Outcome::Completed), "{} {formulation:?}: {outcome:?}", strategy.keyword());
+        record.top_reaction.last().unwrap() / -PRESSURE
+    };
+    let newton = ratio(NamedStrategy::Newton, Formulation::Updated);
+    assert!(newton > 1.2, "{newton}");
+    for strategy in NamedStrategy::ALL {
+        let found = ratio(strategy, Formulation::Updated);
+        assert!((found / newton - 1.0).abs() < 1e-3, "{}: {found} against {newton}", strategy.keyword());
+    }
+    for formulation in [Formulation::SmallStrain, Formulation::TotalLagrangian, Formulation::Corotational] {
+        let found = ratio(NamedStrategy::Newton, formulation);
+        // A strain of 0.1 % is what they differ by.
+        assert!((found / newton - 1.0).abs() < 5e-3, "{formulation:?}: {found} against {newton}");
+    }
 }
 
 /// Check I-1. The points' own deformation drives a single RVE to the same bits; the boundary forces follow from its

@@ -15,6 +15,9 @@ use std::fmt::Write;
 /// Evaluations that were not needed.
 pub(super) const SKIPPED: [&str; 3] = ["unchanged_targets", "equal_questions", "null_targets"];
 
+/// Relative residual of the energy ledger that people are told of.
+const LARGEST_RESIDUAL: f64 = 0.05;
+
 /// What the summary needs beside the solver's and the pool's own figures.
 pub(super) struct Circumstances {
     /// Gauss points of the mesh.
@@ -197,7 +200,15 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
     let explained = "see docs/operations.md";
     match listed(&summary.fallback_groups, Concern::LookAtThis) {
         found if found.is_empty() => line("accuracy", "nothing fell short".to_owned()),
-        found => line("LOOK AT THIS", format!("{found} ({explained})")),
+        found => line("fell short", format!("{found} ({explained})")),
+    }
+    let open = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
+    if open > LARGEST_RESIDUAL {
+        let percent = 100.0 * open;
+        line(
+            "fell short",
+            format!("energy ledger open by {percent:.0} %: steps too large to tell where the work went"),
+        );
     }
     match listed(&summary.fallback_groups, Concern::Harmless) {
         found if found.is_empty() => {}
@@ -321,7 +332,7 @@ mod tests {
         let mut doubtful = Statistics::default();
         doubtful.flags.not_equilibrated = 4;
         let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
-        assert!(text.contains("LOOK AT THIS   not equilibrated 4 (see docs/operations.md)"), "{text}");
+        assert!(text.contains("fell short     not equilibrated 4 (see docs/operations.md)"), "{text}");
         assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
     }
 
