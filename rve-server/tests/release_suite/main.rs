@@ -207,8 +207,11 @@ fn whole_specimens_reach_the_strength_of_the_material() {
             "  {} grains: peak {:.4} at {:.4}, {} steps, {seconds:.1} s, {rate:.2e} grain-steps per second",
             summary.grains, best.0, best.1, summary.steps
         );
-        assert!((0.30..0.50).contains(&best.0));
         assert_eq!(summary.unbalanced_stages, 0);
+        // J-1: 0.39 +- 0.03. The small one misses it, see `docs/verification.md`; a third of its grains are at a wall.
+        if tiles == [2, 4] {
+            assert!((0.36..=0.42).contains(&best.0), "peak {}", best.0);
+        }
     }
 }
 
@@ -234,7 +237,7 @@ fn large_specimens_run() {
             "  {} grains, {threads} threads: {seconds:.1} s, {rate:.2e} grain-steps per second",
             summary.grains
         );
-        assert!(summary.grains > 90_000);
+        assert!(summary.grains > 90_000 && summary.largest_energy_error < 0.05, "{summary:?}");
     }
 }
 
