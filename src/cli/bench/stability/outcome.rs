@@ -12,6 +12,10 @@ use std::time::Instant;
 /// case ends at the same increment on every machine.
 pub(super) const BUDGET: [f64; 2] = [3e8, 1e8];
 
+/// Share of the pressure of the packing as given, below which a cell bears nothing that anybody could feel: what the grains are
+/// not at rest under are touches of rounding errors.
+const VANISHED: f64 = 1e-8;
+
 /// How a case ended. The order is that of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Class {
@@ -111,6 +115,16 @@ impl Outcome {
     /// Increments whose answer is not in equilibrium.
     pub(super) fn not_at_rest(&self) -> usize {
         self.increments.iter().filter(|one| one.flags.contains(TrialFlags::NOT_EQUILIBRATED)).count()
+    }
+
+    /// Those of them in which the cell has lost its pressure.
+    pub(super) fn not_at_rest_unloaded(&self, dimension: u32) -> usize {
+        let Some(first) = self.increments.first() else { return 0 };
+        let limit = VANISHED * first.pressure(dimension).abs();
+        let is_gas = |one: &&Increment| {
+            one.flags.contains(TrialFlags::NOT_EQUILIBRATED) && one.pressure(dimension).abs() <= limit
+        };
+        self.increments.iter().filter(is_gas).count()
     }
 
     /// Force evaluations of all increments.

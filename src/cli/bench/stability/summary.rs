@@ -24,8 +24,11 @@ struct Summary {
     /// Increments of everyday cases, and those of them that are not at rest.
     everyday_increments: usize,
     everyday_not_at_rest: usize,
+    /// Of these, increments of cells that have lost their pressure.
+    everyday_not_at_rest_unloaded: usize,
     hard_increments: usize,
     hard_not_at_rest: usize,
+    hard_not_at_rest_unloaded: usize,
     force_evaluations: u64,
     /// Wall time of all cases without their checks, s, summed over the threads.
     seconds: f64,
@@ -42,9 +45,9 @@ pub(super) fn write(
     [classes, worst]: [&Table; 2],
     report: &mut Report,
 ) -> anyhow::Result<()> {
-    let of = |range: Range, count: fn(&Outcome) -> usize| -> usize {
+    let of = |range: Range, count: fn(&Outcome, u32) -> usize| -> usize {
         let chosen = campaign.cases.iter().zip(outcomes).filter(|(case, _)| case.range == range);
-        chosen.map(|(_, outcome)| count(outcome)).sum()
+        chosen.map(|(case, outcome)| count(outcome, campaign.slots[case.slot].dimension)).sum()
     };
     let summary = Summary {
         machine: Machine::here(),
@@ -54,10 +57,12 @@ pub(super) fn write(
         classes: Class::ALL
             .map(|class| (class.name(), checks.iter().filter(|checked| checked.class == class).count()))
             .into(),
-        everyday_increments: of(Range::Everyday, Outcome::answered),
-        everyday_not_at_rest: of(Range::Everyday, Outcome::not_at_rest),
-        hard_increments: of(Range::Hard, Outcome::answered),
-        hard_not_at_rest: of(Range::Hard, Outcome::not_at_rest),
+        everyday_increments: of(Range::Everyday, |outcome, _| outcome.answered()),
+        everyday_not_at_rest: of(Range::Everyday, |outcome, _| outcome.not_at_rest()),
+        everyday_not_at_rest_unloaded: of(Range::Everyday, Outcome::not_at_rest_unloaded),
+        hard_increments: of(Range::Hard, |outcome, _| outcome.answered()),
+        hard_not_at_rest: of(Range::Hard, |outcome, _| outcome.not_at_rest()),
+        hard_not_at_rest_unloaded: of(Range::Hard, Outcome::not_at_rest_unloaded),
         force_evaluations: outcomes.iter().map(Outcome::evaluations).sum(),
         seconds: outcomes.iter().map(|outcome| outcome.seconds).sum(),
     };
@@ -86,9 +91,11 @@ fn headline(summary: &Summary, checks: &[Checked]) -> Vec<String> {
     let errors: Vec<f64> = checks.iter().map(|checked| checked.error).filter(|error| !error.is_nan()).collect();
     vec![
         format!(
-            "increments at rest: {} in everyday cases, {} in hard ones",
+            "increments at rest: {} in everyday cases, {} in hard ones; of the others {} and {} are of cells without pressure",
             at_rest(summary.everyday_increments, summary.everyday_not_at_rest),
-            at_rest(summary.hard_increments, summary.hard_not_at_rest)
+            at_rest(summary.hard_increments, summary.hard_not_at_rest),
+            summary.everyday_not_at_rest_unloaded,
+            summary.hard_not_at_rest_unloaded
         ),
         format!(
             "compared with finer runs: {} of {} cases (all cheap ones, {:.0} % of the others); difference at the end over the mean \

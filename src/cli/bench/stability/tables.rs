@@ -37,6 +37,7 @@ pub(super) fn cases(
         "increments_planned",
         "increments",
         "not_at_rest",
+        "not_at_rest_unloaded",
         "class",
         "reason",
         "force_evaluations",
@@ -70,6 +71,7 @@ pub(super) fn cases(
             planned.into(),
             outcome.answered().into(),
             outcome.not_at_rest().into(),
+            outcome.not_at_rest_unloaded(slot.dimension).into(),
             checked.class.name().into(),
             checked.reason.as_str().into(),
             outcome.evaluations().into(),
@@ -123,6 +125,7 @@ pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], checks: &[Check
         "panicked",
         "increments",
         "at_rest_%",
+        "restless_unloaded",
     ]);
     for range in Range::ALL {
         for kind in Kind::ALL.into_iter().map(Some).chain([None]) {
@@ -155,10 +158,16 @@ pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], checks: &[Check
                 panicked.into(),
                 increments.into(),
                 share(increments - not_at_rest, increments).into(),
+                chosen.iter().map(|place| unloaded(campaign, outcomes, *place)).sum::<usize>().into(),
             ]);
         }
     }
     table
+}
+
+/// Increments of a case that are not at rest because there is no pressure left.
+fn unloaded(campaign: &Campaign, outcomes: &[Outcome], place: usize) -> usize {
+    outcomes[place].not_at_rest_unloaded(campaign.slots[campaign.cases[place].slot].dimension)
 }
 
 /// A share in per cent; nothing of nothing is not measured.
