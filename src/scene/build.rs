@@ -12,7 +12,7 @@ use super::recording::{grains, observables, plot};
 use super::schema::SceneFile;
 use super::sets::Sets;
 use super::solving::equations;
-use super::stages::stages;
+use super::stages::{Given, stages};
 use super::supervision::{PoolKeys, checkpoint_policy};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::output::RecordPlan;
@@ -81,7 +81,8 @@ impl Scene {
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &sets, definition)?;
-        let (stages, outputs) = stages(&document, &sets, &file, &materials.densities(&mesh))?;
+        let given = Given { densities: &materials.densities(&mesh), cell_dimension: materials.cell_dimension() };
+        let (stages, outputs) = stages(&document, &sets, &file, &given)?;
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
         problem.nonlocal = file.nonlocal.clone();

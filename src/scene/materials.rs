@@ -50,6 +50,14 @@ impl Materials {
         }
     }
 
+    /// Dimension of the cells: 2 for discs, 3 for spheres.
+    pub(crate) fn cell_dimension(&self) -> usize {
+        match self.definitions[0] {
+            AnyDefinition::Discs(_) => 2,
+            AnyDefinition::Spheres(_) => 3,
+        }
+    }
+
     /// Mass densities of the body, voids included.
     pub(crate) fn densities(&self, mesh: &Mesh) -> Densities {
         let packing = self.definitions[0].bulk_density();

@@ -10,11 +10,18 @@ use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
 use super::sets::Sets;
 use super::solving::{refuse_equations, step_control, strategy, tolerances};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{Procedure, Stage};
+use macro_solver::problem::{NamedStrategy, Procedure, Stage};
 use toml::Spanned;
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
+
+/// What stages need to know of the materials.
+pub(super) struct Given<'a> {
+    pub(super) densities: &'a Densities,
+    /// 2 for discs, 3 for spheres.
+    pub(super) cell_dimension: usize,
+}
 
 /// The stages of a scene and what is written of each.
 ///
@@ -24,15 +31,15 @@ pub(super) fn stages(
     document: &Document,
     sets: &Sets<'_>,
     file: &SceneFile,
-    densities: &Densities,
+    given: &Given<'_>,
 ) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
     let top = MotionTables { dynamics: &file.dynamics, relaxation: &file.relaxation };
     let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
-        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, densities)
+        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, given.densities)
     };
     let mut conditions = Conditions::default();
     conditions.add(document, sets, &ConditionTables::from(file))?;
-    let base = base(document, file)?;
+    let base = base(document, file, given.cell_dimension)?;
     let mut stages: Vec<Stage> = Vec::new();
     let mut outputs = Vec::new();
     for table in &file.stage {
@@ -120,8 +127,12 @@ fn refuse_idle(document: &Document, place: &[&str], procedures: &[&Procedure]) -
 }
 
 /// What the tables at the top say about every stage.
-fn base(document: &Document, file: &SceneFile) -> Result<Stage, InputError> {
+fn base(document: &Document, file: &SceneFile, cell_dimension: usize) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
+    // An operator or a control of the load that is named speaks of Newton's method.
+    if file.solver.tangent.is_none() && file.loading.control.is_none() {
+        stage.strategy = NamedStrategy::default_of(cell_dimension).preset();
+    }
     step_control(document, &mut stage.control, &file.loading)?;
     tolerances(&mut stage.tolerances, &file.solver);
     strategy(document, &mut stage.strategy, &file.solver)?;
@@ -168,6 +179,14 @@ mod tests {
 
     fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
         stages_of("compression-shear", more)
+    }
+
+    /// Cells of spheres are solved for in another way unless the scene names an operator, a strategy or a control of the load.
+    #[test]
+    fn the_default_strategy_depends_on_the_cells() {
+        let quasi = |scene: &str, more: &[&str]| stages_of(scene, more).unwrap()[0].strategy.quasi_newton.is_some();
+        assert!(!quasi("biaxial-small", &[]) && quasi("brick", &[]));
+        assert!(!quasi("brick", &["solver.tangent=truss_like_slip"]) && !quasi("brick", &["solver.strategy=newton"]));
     }
 
     fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {

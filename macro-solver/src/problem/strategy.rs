@@ -68,6 +68,6 @@ pub struct Strategy {
 
 impl Default for Strategy {
     fn default() -> Self {
-        NamedStrategy::SlipNewton.preset()
+        NamedStrategy::default_of(2).preset()
     }
 }

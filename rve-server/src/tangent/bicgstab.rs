@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 1e-6;
 
 /// Iterations after which a network counts as singular: those that are not need some twenty. Beyond, the material next to
 /// flows, and the answer would cost many increments and say little.
-const MOST_ITERATIONS: u32 = 400;
+const MOST_ITERATIONS: u32 = 100;
 
 /// Solves for all columns of the loads; `None` if that takes too many iterations or breaks down.
 pub(super) fn solve<const B: usize, const P: usize>(problem: Problem<'_, B, P>) -> Option<Vec<Columns<B, P>>> {
