@@ -208,6 +208,7 @@ mod tests {
             periodicity: [[1.0, 0.0], [0.0, 1.0]],
             grains: vec![[0.5, 0.5, 0.51]],
             contacts: vec![],
+            rolling_moments: vec![],
             provenance: serde_json::json!({ "seed": 7 }),
         };
         let contact = ContactTable::linear(1.0, 0.5, 0.5);

@@ -395,6 +395,7 @@ mod tests {
             periodicity: [[4.0, 0.0], [1.0, 4.0]],
             grains: vec![[0.5, 0.5, 0.5], [1.45, 0.5, 0.5], [2.0, 3.0, 0.7]],
             contacts: vec![listed(0, 1, [0, 0])],
+            rolling_moments: vec![],
             provenance: serde_json::json!({ "by": "hand" }),
         }
     }

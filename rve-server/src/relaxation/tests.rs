@@ -194,6 +194,7 @@ fn spheres() -> (GrainModel, GrainState<Spheres>) {
         periodicity: [[edge, 0.0, 0.0], [0.0, edge, 0.0], [0.0, 0.0, edge]],
         grains,
         contacts: Vec::new(),
+        rolling_moments: Vec::new(),
         provenance: serde_json::Value::Null,
     };
     let contact = ContactTable::linear(1.0, 0.5, 0.5);

@@ -61,7 +61,7 @@ fn share(dynamics: &Dynamics<Discs, PlainLinear>, places: &[[f64; 2]], wave: [f6
 fn chain_has_the_dispersion_of_its_steps() {
     let count = 200;
     let places: Vec<[f64; 2]> = (0..count).map(|number| [f64::from(number) * spacing(), 0.0]).collect();
-    let periods = [Some(f64::from(count) * spacing()), None, None];
+    let periods = [Some([f64::from(count) * spacing(), 0.0]), None, None];
     for step in [0.05, 0.8] {
         for waves in [1, 10, 40, 75, 100] {
             let number = TAU * f64::from(waves) / (f64::from(count) * spacing());
