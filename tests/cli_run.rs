@@ -209,7 +209,7 @@ fn creep_without_a_snap_ends_where_newton_does() {
     let coarse = place.path().join("coarse");
     let set = ["mesh.elements=[1, 1]", "boundary.2.displacement.y=-5e-4", "loading.increments=1"];
     let output = run(&coarse, "1", &set.iter().flat_map(|&set| ["--set", set]).collect::<Vec<_>>());
-    assert!(text(&output.stdout).contains("energy ledger open by"), "{}", text(&output.stdout));
+    assert!(text(&output.stderr).contains("energy ledger open by"), "{}", text(&output.stderr));
 }
 
 /// Values of a column of a history, by row.
