@@ -9,7 +9,7 @@ use std::process::Stdio;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Cases, all of them of at most 100 grains.
-const CASES: &str = "200";
+const CASES: &str = "120";
 
 /// Share of the increments of everyday cases that have to be at rest. Those of cells that have lost their pressure do not count:
 /// what is left of their forces are rounding errors.

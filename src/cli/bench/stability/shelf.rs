@@ -46,6 +46,9 @@ const MADE: [(Sort, usize); 8] = [
 /// k_t / k_n while a packing is made, that of the shipped recipes: what is tried are the cases, not the preparation.
 const PREPARED_RATIO: f64 = 0.5;
 
+/// Seeds in a row that are tried for a packing.
+const ATTEMPTS: u64 = 4;
+
 /// What packings made on the fly have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sort {
@@ -200,7 +203,14 @@ impl Slot {
                 Ok(made)
             }
             Source::Recipe(recipe) => {
-                let (packing, _) = generate_any(recipe, &mut |_| {}).with_context(|| self.name.clone())?;
+                // A preparation may miss its tolerances by a hair; what is tried are the cases, so the next seed will do.
+                let mut attempts = (0..ATTEMPTS).map(|attempt| {
+                    let recipe = PackingRecipe { seed: recipe.seed + attempt, ..(**recipe).clone() };
+                    generate_any(&recipe, &mut |_| {})
+                });
+                let first = attempts.next().expect("there is at least one attempt");
+                let made = first.or_else(|error| attempts.find_map(Result::ok).ok_or(error));
+                let (packing, _) = made.with_context(|| self.name.clone())?;
                 if packing.dimension() != self.dimension {
                     bail!("{} has the wrong dimension", self.name);
                 }
@@ -209,7 +219,7 @@ impl Slot {
         }
     }
 
-    /// The recipe of a packing made on the fly, as TOML; empty for shipped ones.
+    /// The recipe of a packing made on the fly, as TOML, before any change of its seed; empty for shipped ones.
     pub(super) fn recipe(&self) -> String {
         match &self.source {
             Source::Shipped(_) => String::new(),

@@ -93,7 +93,7 @@ fn written(
     };
     let mut head = format!("# Case {number} of the stability campaign of seed {seed}.\n");
     if !recipe.is_empty() {
-        head += "# Its packing was made from this recipe:\n";
+        head += "# Its packing was made from this recipe (or the next seed that gives one, see its file):\n";
         head.extend(recipe.lines().map(|line| format!("# {line}").trim_end().to_owned() + "\n"));
     }
     if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
