@@ -55,7 +55,7 @@ fn workers_that_are_recycled_change_no_byte_of_the_history() {
     assert_eq!(run("plain", &[]), 0);
     // More than a process needs that has just begun is not needed either: each look finds it too large.
     assert!(run("by-memory", &["--set", "pool.recycle_memory=1"]) >= 1);
-    assert!(run("by-count", &["--set", "pool.recycle_jobs=50"]) >= 4);
+    assert!(run("by-count", &["--set", "pool.recycle_jobs=20"]) >= 4);
     assert_eq!(site.history("by-memory"), site.history("plain"));
     assert_eq!(site.history("by-count"), site.history("plain"));
 }

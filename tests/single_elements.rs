@@ -37,7 +37,9 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
     let place = tempfile::tempdir().unwrap();
     let out = place.path().join("out");
     let mut program = Command::new(env!("CARGO_BIN_EXE_grainspan"));
-    program.args(["run", scene, "--workers", "1", "--quiet", "--out"]).arg(&out);
+    // Cells of so few grains take another way for little: the elements are brought as near to balance as the cell alone to its stress.
+    program.args(["run", scene, "--workers", "1", "--quiet", "--set", "solver.force_tolerance=1e-4"]);
+    program.arg("--out").arg(&out);
     let output = program.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
