@@ -34,6 +34,7 @@ fn seed() -> u64 {
 }
 
 #[test]
+#[expect(clippy::print_stdout, reason = "the seed belongs to the output of a failed test")]
 fn random_cases_end_in_an_answer_or_a_refusal_and_everyday_ones_at_rest() {
     let site = Site::new();
     let (seed, folder) = (seed().to_string(), site.path("stability"));

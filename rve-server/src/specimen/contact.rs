@@ -294,8 +294,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         };
         let response = law.respond(&constants, &motion, &mut self.memory);
         let tangential = response.tangential_force;
-        if self.viscosity > 0.0 && motion.touched && response.at_limit && tangential_stiffness > 0.0 {
-            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing.
+        if motion.touched && response.at_limit && tangential_stiffness > 0.0 {
+            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing: with the
+            // force of the dashpot, or at the beginning of a stage with less friction.
             let attempt = motion.carried.plus(motion.slip.scaled(tangential_stiffness));
             let cut = attempt.minus(tangential).dot(motion.carried.minus(tangential));
             sums.dissipation += self.weight * 0.5 * cut / tangential_stiffness;
