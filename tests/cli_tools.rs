@@ -82,7 +82,10 @@ fn a_reader_that_stops_early_is_no_failure() {
 #[test]
 fn the_small_packing_is_made_to_the_same_bits_each_time_and_reported() {
     let output = succeeded(&["pack", "packings/discs-100.toml"]);
-    assert!(output.stdout == succeeded(&["pack", "packings/discs-100.toml"]).stdout, "another packing the second time");
+    assert!(
+        output.stdout == succeeded(&["pack", "packings/discs-100.toml"]).stdout,
+        "another packing the second time"
+    );
     let report = String::from_utf8(output.stderr).unwrap();
     for word in ["void ratio", "coordination number", "anisotropy", "within", "force evaluations"] {
         assert!(report.contains(word), "{word}: {report}");
