@@ -398,3 +398,36 @@ fn report(out: &Path) {
     let output = Command::new(env!("CARGO_BIN_EXE_grainspan")).arg("report").arg(out).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
+
+/// A body is unloaded until nothing is left of its pressure, and loaded again: its cells say that they carry nothing, none of them burns
+/// its step cap, and the loads that are left are not what balance is measured by.
+#[test]
+fn a_body_is_unloaded_to_zero_and_loaded_again() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shipped = fs::read_to_string(folder.join("scenes/compression-shear.toml")).unwrap();
+    let first = shipped.split("# The lid gives way").next().unwrap();
+    let unloading = first
+        .replace("value = 2.0e5", "value = 0.0")
+        .replace("../packings", folder.join("packings").to_str().unwrap());
+    let ramp = |name: &str, set: &str| {
+        format!("[[stage.pressure]]\n{name}set = \"{set}\"\nvalue = 1.0e5\nhistory = \"ramp\"\n")
+    };
+    let again = ["left", "right"].map(|set| ramp("", set)).concat() + &ramp("name = \"lid\"\n", "top");
+    let probe = "[[probe]]\nname = \"vertical\"\nkind = \"mean_stress\"\ncomponent = \"yy\"\n";
+    let stage = "[[stage]]\nname = \"reload\"\nloading = { increments = 5, duration = 60.0 }\n";
+    let scene = place.path().join("unload.toml");
+    fs::write(&scene, format!("{unloading}\n{stage}{again}{probe}")).unwrap();
+    let out = place.path().join("out");
+    let output = run_scene(scene.to_str().unwrap(), &out, "1", &[]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!((summary["steps"].as_u64(), summary["cutbacks"].as_u64()), (Some(9), Some(0)));
+    assert_eq!(summary["fallbacks"]["not_equilibrated"], 0);
+    assert!(summary["fallbacks"]["no_contacts"].as_u64().unwrap() > 0);
+    assert!(summary["rve_evaluations"].as_u64().unwrap() < 600, "{}", summary["rve_evaluations"]);
+    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
+    let place = reader.headers().unwrap().iter().position(|head| head == "vertical").unwrap();
+    let vertical: Vec<f64> = reader.records().map(|row| row.unwrap()[place].parse().unwrap()).collect();
+    assert!(vertical[4].abs() < 300.0 && (vertical[9] / -1e5 - 1.0).abs() < 5e-3, "{vertical:?}");
+}
