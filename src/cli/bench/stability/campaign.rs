@@ -13,6 +13,7 @@ use rve_server::element::ElementTest;
 use rve_server::packing::Packing;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::time::Instant;
 
 /// Seed unless the command line has one.
 const SEED: u64 = 1;
@@ -36,6 +37,8 @@ pub(super) struct Campaign {
     pub(super) slots: Vec<Slot>,
     /// Those that cases use, in the places of `slots`; a recipe that found no packing says why.
     pub(super) packings: Vec<Option<Result<Packing, String>>>,
+    /// Wall time that each of them took, s.
+    pub(super) seconds: Vec<f64>,
     overrides: Vec<String>,
 }
 
@@ -49,12 +52,17 @@ impl Campaign {
         let slots = slots(seed)?;
         let cases = chosen(seed, &slots, options, effort)?;
         let used: BTreeSet<usize> = cases.iter().map(|case| case.slot).collect();
-        let packings = (0..slots.len())
+        let (packings, seconds) = (0..slots.len())
             .into_par_iter()
             .with_max_len(1)
-            .map(|place| used.contains(&place).then(|| slots[place].packing().map_err(|error| format!("{error:#}"))))
-            .collect();
-        Ok(Self { seed, cases, slots, packings, overrides: options.overrides.clone() })
+            .map(|place| {
+                let begun = Instant::now();
+                let made =
+                    used.contains(&place).then(|| slots[place].packing().map_err(|error| format!("{error:#}")));
+                (made, begun.elapsed().as_secs_f64())
+            })
+            .unzip();
+        Ok(Self { seed, cases, slots, packings, seconds, overrides: options.overrides.clone() })
     }
 
     /// The packing of a case, or why there is none.

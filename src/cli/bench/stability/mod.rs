@@ -45,6 +45,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         campaign.cases.len(),
         campaign.packings.iter().flatten().count()
     ))?;
+    tables::packings(&campaign, report)?;
     if !options.dampings.is_empty() {
         return dampings::run(&campaign, &options.dampings, options.unchecked, report);
     }

@@ -127,11 +127,11 @@ fn described(recipe: &PackingRecipe) -> String {
 fn drawn_recipe(sort: Sort, draw: &mut Draw) -> PackingRecipe {
     let is_plane = sort.dimension == 2;
     let pressure = 1e5;
-    // The stiffness level decides about overlaps: stiffer packings take longer to make, spheres above all.
-    let stiffest = match (sort.is_everyday, sort.number > 400) {
-        (true, _) => 1e4,
-        (false, true) => 1e3,
-        (false, false) => 1e5,
+    // The stiffness level decides about overlaps: stiffer packings take longer to make, large ones and spheres above all.
+    let stiffest = match (sort.is_everyday, is_plane, sort.number) {
+        (false, true, ..=100) => 1e5,
+        (_, _, ..=400) => 1e4,
+        _ => 1e3,
     };
     let level = draw.decades(1e2, stiffest);
     let friction = match sort.is_everyday {
@@ -161,7 +161,7 @@ fn drawn_recipe(sort: Sort, draw: &mut Draw) -> PackingRecipe {
         stress: None,
         aspect: None,
         thickness: if is_plane { 5e-4 } else { 1.0 },
-        tolerance: if is_plane { 1e-6 } else { 1e-5 },
+        tolerance: 1e-5,
         stress_tolerance: 1e-4,
         grading,
         contact,

@@ -108,6 +108,28 @@ fn accuracy(accuracy: Accuracy) -> &'static str {
     }
 }
 
+/// Writes `packings.csv`: the packings that the cases use, and what making them took.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn packings(campaign: &Campaign, report: &mut Report) -> anyhow::Result<()> {
+    let mut table =
+        Table::new(["packing", "grains", "modulus_over_pressure", "made_with_friction", "made", "seconds"]);
+    for ((slot, packing), seconds) in campaign.slots.iter().zip(&campaign.packings).zip(&campaign.seconds) {
+        let Some(packing) = packing else { continue };
+        let modulus = slot.contact.modulus.or(slot.contact.shear_modulus).unwrap_or(f64::NAN);
+        table.row([
+            slot.name.as_str().into(),
+            slot.number.into(),
+            (modulus / slot.pressure).into(),
+            slot.contact.friction.into(),
+            packing.as_ref().err().map_or("yes", String::as_str).into(),
+            (*seconds).into(),
+        ]);
+    }
+    Ok(report.raw("packings", &table)?)
+}
+
 /// How cases of each kind ended.
 pub(super) fn classes(campaign: &Campaign, outcomes: &[Outcome], checks: &[Checked]) -> Table {
     let mut table = Table::new([
