@@ -11,8 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Cases, all of them of at most 100 grains.
 const CASES: &str = "120";
 
-/// Share of the increments of everyday cases that have to be at rest. Those of cells that have lost their pressure do not count:
-/// what is left of their forces are rounding errors.
+/// Share of the increments of everyday cases that have to be at rest.
 const AT_REST: f64 = 0.999;
 
 /// One row of `cases.csv`.
@@ -22,7 +21,6 @@ struct Row {
     class: String,
     reason: String,
     increments: usize,
-    /// Not at rest although the cell bears something.
     not_at_rest: usize,
 }
 
@@ -100,20 +98,19 @@ fn rows(path: &std::path::Path) -> Vec<Row> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     let heads = reader.headers().unwrap().clone();
     let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
-    let places = ["case", "range", "class", "reason", "increments", "not_at_rest", "not_at_rest_unloaded"].map(place);
+    let places = ["case", "range", "class", "reason", "increments", "not_at_rest"].map(place);
     reader
         .records()
         .map(|record| {
             let record = record.unwrap();
-            let [case, range, class, reason, increments, not_at_rest, unloaded] =
-                places.map(|place| record[place].to_owned());
+            let [case, range, class, reason, increments, not_at_rest] = places.map(|place| record[place].to_owned());
             Row {
                 case,
                 range,
                 class,
                 reason,
                 increments: increments.parse().unwrap(),
-                not_at_rest: not_at_rest.parse::<usize>().unwrap() - unloaded.parse::<usize>().unwrap(),
+                not_at_rest: not_at_rest.parse().unwrap(),
             }
         })
         .collect()
