@@ -35,10 +35,11 @@ pub(super) fn run(
         for (damping, outcomes) in dampings.iter().zip(&all) {
             let (test, _) = campaign.test(case, &set(damping))?;
             let subject = Subject { test: &test, slot, packing, outcome: &outcomes[place] };
-            if !unchecked && subject.is_chosen(campaign.seed, case.number) {
-                if let Some(finer) = subject.finer() {
-                    return Ok(Some(finer));
-                }
+            if !unchecked
+                && subject.is_chosen(campaign.seed, case.number)
+                && let Some(finer) = subject.finer()
+            {
+                return Ok(Some(finer));
             }
         }
         Ok(None)
