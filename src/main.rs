@@ -2,7 +2,6 @@
 
 mod cli;
 mod engines;
-mod scene;
 mod workers;
 
 use std::process::ExitCode;

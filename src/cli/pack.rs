@@ -3,9 +3,9 @@
 use super::exit::{Exit, Failure};
 use super::pulse::Pulse;
 use super::stdout::deliver;
-use crate::scene::{Document, Kind};
 use rve_server::definition::ContactLaw;
 use rve_server::packing::{Packing, PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
+use scene_reader::{Document, Kind};
 use std::path::PathBuf;
 
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.

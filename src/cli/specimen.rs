@@ -2,7 +2,6 @@
 
 use super::exit::{Exit, Failure};
 use super::stdout::deliver;
-use crate::scene::{Document, Kind};
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use rve_server::packing::Packing;
@@ -10,6 +9,7 @@ use rve_server::specimen::{
     SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
     run_specimen,
 };
+use scene_reader::{Document, Kind};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan specimen`.

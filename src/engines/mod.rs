@@ -10,5 +10,5 @@ pub(crate) use crew::Crew;
 pub(crate) use inquiry::capabilities_of;
 pub(crate) use suitability::{Suitability, suitability};
 
-/// Keyword of the engine inside this program.
-pub(crate) const BUILT_IN: &str = "grains";
+/// Keyword of the engine inside this program, as scenes write it.
+pub(crate) use scene_reader::BUILT_IN_ENGINE as BUILT_IN;

@@ -12,7 +12,6 @@ use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::start_state::{self, Carried};
 use crate::engines::Crew;
-use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, Reproducer};
 use macro_solver::difference::DifferenceTangents;
 use macro_solver::implicit::solve_kept;
@@ -20,6 +19,7 @@ use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{Recorder, write_atomically};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
+use scene_reader::Scene;
 use std::time::Instant;
 
 /// How a run is to be made.

@@ -3,7 +3,6 @@
 //! [`SnapshotTap`] sits between solver and pool and keeps the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
-use crate::scene::Materials;
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
@@ -14,6 +13,7 @@ use protocol::{RveError, RveSolver, TrialAnswer};
 use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
 use rve_server::space::{Components, Space};
+use scene_reader::Materials;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;

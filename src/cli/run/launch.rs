@@ -6,12 +6,12 @@ use super::folder::OutputFolder;
 use super::resume::{Continued, RunNote};
 use crate::cli::exit::{Exit, Failure};
 use crate::engines::Crew;
-use crate::scene::Scene;
 use crate::workers::{Fleet, LaunchPlan, Progress, RunBeacon, SignalWatch, WorkerProcesses, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
+use scene_reader::Scene;
 use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 

@@ -17,10 +17,10 @@ mod tests;
 
 use super::exit::{Exit, Failure};
 use crate::engines::Crew;
-use crate::scene::Scene;
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
 use resume::{RunNote, Start};
+use scene_reader::Scene;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 

@@ -6,10 +6,10 @@ use crate::cli::bench::repeat::{interleaved, median, ratio};
 use crate::cli::bench::report::Report;
 use crate::cli::bench::table::Table;
 use crate::cli::bench::workers::{EMPTY_SNAPSHOTS, Role, StudyPool, grain_definition, idle_definition};
-use crate::scene::JOBS_A_MESSAGE;
 use anyhow::Context;
 use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
+use scene_reader::JOBS_A_MESSAGE;
 use std::num::NonZeroUsize;
 
 /// Rounds of a comparison of batches.

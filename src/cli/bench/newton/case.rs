@@ -1,6 +1,5 @@
 //! One problem solved on grains, with workers in this process.
 
-use crate::scene::{JOBS_A_MESSAGE, drawn};
 use anyhow::Context;
 use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
@@ -14,6 +13,7 @@ use rve_server::packing::recipe::PackingRecipe;
 use rve_server::packing::{Packing, PackingFile, generate_any};
 use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
+use scene_reader::{JOBS_A_MESSAGE, drawn};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};

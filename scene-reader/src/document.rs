@@ -27,7 +27,7 @@ struct Override {
 
 /// What an input file is for, told from the keys that only one kind has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
     /// `grainspan run` and `grainspan check`.
     Scene,
     /// `grainspan element`.
@@ -81,7 +81,7 @@ impl Kind {
 
 /// An input file and what the command line changes in it.
 #[derive(Clone, Debug)]
-pub(crate) struct Document {
+pub struct Document {
     path: PathBuf,
     text: String,
     overrides: Vec<Override>,
@@ -92,7 +92,7 @@ impl Document {
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, holds a NaN or infinity, or an override does not fit it.
-    pub(crate) fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+    pub fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             InputError::at(path.display(), format!("could not read it: {source}"))
                 .hint("check the path; it is relative to the current folder")
@@ -104,7 +104,7 @@ impl Document {
     ///
     /// # Errors
     /// As [`Document::read`], but for the reading.
-    pub(crate) fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
+    pub fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
         let mut document = Self { path: path.to_owned(), text, overrides: Vec::new() };
         for given in overrides {
             let parsed = document.parse_override(given)?;
@@ -126,7 +126,7 @@ impl Document {
     ///
     /// # Errors
     /// The file is of another kind; the command that takes it is named.
-    pub(crate) fn expect(&self, wanted: Kind) -> Result<(), InputError> {
+    pub fn expect(&self, wanted: Kind) -> Result<(), InputError> {
         match self.kind() {
             Some(found) if found != wanted => Err(self
                 .error(format!("this is {}, not {}: it has the key `{}`", found.name(), wanted.name(), found.mark()))
@@ -141,12 +141,12 @@ impl Document {
     }
 
     /// Where the file lies.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// A path written in the file, taken relative to the file's own folder.
-    pub(crate) fn resolve(&self, written: &Path) -> PathBuf {
+    pub fn resolve(&self, written: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(written)
     }
 
@@ -154,24 +154,24 @@ impl Document {
     ///
     /// # Errors
     /// Unknown keys, wrong types and missing keys, each with file and line.
-    pub(crate) fn deserialize<T: DeserializeOwned>(&self) -> Result<T, InputError> {
+    pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T, InputError> {
         let root = self.table()?;
         T::deserialize(toml::de::Deserializer::from(root)).map_err(|error| self.toml_error(&error))
     }
 
     /// An error about the text at `span`, with its place.
-    pub(crate) fn error_at(&self, span: Range<usize>, problem: impl ToString) -> InputError {
+    pub fn error_at(&self, span: Range<usize>, problem: impl ToString) -> InputError {
         let (place, excerpt) = self.place(&span);
         InputError::at(place, problem.to_string()).excerpt(excerpt)
     }
 
     /// An error about the file as a whole.
-    pub(crate) fn error(&self, problem: impl ToString) -> InputError {
+    pub fn error(&self, problem: impl ToString) -> InputError {
         InputError::at(self.path.display(), problem.to_string())
     }
 
     /// An error about the value at `path`, or about the nearest table above it that is written.
-    pub(crate) fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
+    pub fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
         let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
         let written = self
             .table()
@@ -184,14 +184,14 @@ impl Document {
     }
 
     /// Whether the file or an override has a value at `path`.
-    pub(crate) fn is_written(&self, path: &[&str]) -> bool {
+    pub fn is_written(&self, path: &[&str]) -> bool {
         let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
         self.table().is_ok_and(|root| find(root.get_ref(), &path).is_some())
     }
 
     /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
     /// the place.
-    pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {
+    pub fn table_error(&self, problem: impl ToString) -> InputError {
         let problem = problem.to_string();
         let located = if let Some(rest) = problem.strip_prefix("path segment ") {
             let number: usize = rest.split(':').next().and_then(|text| text.parse().ok()).unwrap_or(1);
@@ -206,7 +206,7 @@ impl Document {
 
     /// The document with overrides applied and `replacements` made (path to a key with dots, its new value), as TOML text.
     /// Comments and layout of the file are kept as long as every change concerns a key that the file has.
-    pub(crate) fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
+    pub fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
         let overrides = self.overrides.iter().map(|given| (given.path.clone(), given.value.clone()));
         let more = replacements
             .iter()

@@ -15,14 +15,14 @@ const LONGEST: f64 = 31.0 * 86_400.0;
 
 /// Most trials per message unless the scene says otherwise: enough for several rounds through the lanes of a worker, so that a
 /// lane that is done early finds more to do. When fewer wait than all workers could take, each gets its share of them.
-pub(crate) const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
+pub const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 
 /// Most trials per message, and messages, that make sense.
 const MOST: usize = 4096;
 
 /// How the workers of a run are led; what is left out takes the pool's default.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct PoolKeys {
+pub struct PoolKeys {
     hang_floor: Option<Duration>,
     hang_factor: Option<f64>,
     hang_unknown: Option<Duration>,
@@ -33,11 +33,11 @@ pub(crate) struct PoolKeys {
     window: Option<NonZeroUsize>,
     recycling: Recycling,
     /// How macro and workers wait for messages.
-    pub(crate) wait: Option<Waiting>,
+    pub wait: Option<Waiting>,
     /// Most workers that `--workers` may ask for, where the scene says so.
-    pub(crate) most_workers: Option<usize>,
+    pub most_workers: Option<usize>,
     /// Fruitless replacements in a row before a run gives up.
-    pub(crate) restarts: Option<u32>,
+    pub restarts: Option<u32>,
 }
 
 impl PoolKeys {
@@ -79,7 +79,7 @@ impl PoolKeys {
     }
 
     /// Replaces what is given.
-    pub(crate) fn apply(&self, settings: &mut PoolSettings) {
+    pub fn apply(&self, settings: &mut PoolSettings) {
         settings.slice = self.slice.unwrap_or(JOBS_A_MESSAGE);
         replace(&mut settings.window, self.window);
         settings.recycling = self.recycling;
@@ -167,7 +167,7 @@ mod tests {
 
     /// The settings of a pool after the keys of a scene.
     fn settings(more: &[&str]) -> Result<PoolSettings, String> {
-        let scene = crate::scene::weak_element(more)?;
+        let scene = crate::weak_element(more)?;
         let mut settings = PoolSettings::new("test");
         scene.pool.apply(&mut settings);
         Ok(settings)

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// One problem of an input file, a command-line value or a file that they name. Ends the program with exit code 2.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct InputError {
+pub struct InputError {
     place: String,
     problem: String,
     excerpt: Option<String>,
@@ -13,18 +13,18 @@ pub(crate) struct InputError {
 
 impl InputError {
     /// A problem at a place: `file:line`, a file, or a command-line argument.
-    pub(crate) fn at(place: impl ToString, problem: impl ToString) -> Self {
+    pub fn at(place: impl ToString, problem: impl ToString) -> Self {
         Self { place: place.to_string(), problem: problem.to_string(), excerpt: None, hint: None }
     }
 
     /// Adds the remedy.
-    pub(crate) fn hint(mut self, hint: impl ToString) -> Self {
+    pub fn hint(mut self, hint: impl ToString) -> Self {
         self.hint = Some(hint.to_string());
         self
     }
 
     /// Adds the line in question.
-    pub(crate) fn excerpt(mut self, excerpt: Option<String>) -> Self {
+    pub fn excerpt(mut self, excerpt: Option<String>) -> Self {
         self.excerpt = excerpt;
         self
     }
