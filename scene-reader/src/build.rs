@@ -9,11 +9,12 @@ use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::probes::probes;
 use super::recording::{grains, observables, plot};
-use super::schema::SceneFile;
 use super::sets::Sets;
 use super::solving::equations;
 use super::stages::{Given, stages};
 use super::supervision::{PoolKeys, checkpoint_policy};
+use super::tables::SceneFile;
+use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, ProblemError, Tolerances};
@@ -21,7 +22,6 @@ use rve_server::definition::AnyDefinition;
 use rve_server::packing::Packing;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 
 /// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
 const LARGEST_PACKING: u64 = 4 << 30;
@@ -96,7 +96,8 @@ impl Scene {
         let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
         let engines = EnginePlan::read(&document, &file.pool, &problem)?;
         let pool = PoolKeys::read(&document, &file.pool)?;
-        let remarks = loose_tolerances(&problem);
+        let mut remarks = document.warnings().to_vec();
+        remarks.extend(loose_tolerances(&problem));
         let scene = Self {
             name,
             document,
@@ -199,7 +200,7 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
     document.error_at_key(place, error).hint("the keys, their units and defaults are in docs/scene.md")
 }
 
-fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, InputError> {
+fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, InputError> {
     let Some(given) = given else {
         let stem = document.path().file_stem().map(|stem| stem.to_string_lossy().into_owned());
         return Ok(stem.unwrap_or_else(|| "scene".to_owned()));

@@ -2,7 +2,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::PoolTable;
+use super::tables::PoolTable;
 use crate::BUILT_IN_ENGINE;
 use macro_solver::difference::DifferencePlan;
 use macro_solver::problem::Problem;

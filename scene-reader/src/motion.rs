@@ -4,74 +4,16 @@
 use super::document::Document;
 use super::input_error::InputError;
 use super::materials::Densities;
-use super::schema::{Components, ProcedureKeyword};
 use super::sets::Sets;
+use super::tables::{
+    DynamicsTable, FormKeyword, InitialVelocityTable, LumpingKeyword, ProcedureKeyword, RelaxationTable,
+};
+use keys::Located;
 use macro_solver::dynamics::{
     DynamicSettings, InitialVelocity, MassScaling, RelaxationForm, RelaxationSettings, Reporting, StepRule,
 };
 use macro_solver::element::mass::Lumping;
 use macro_solver::problem::Procedure;
-use serde::Deserialize;
-use toml::Spanned;
-
-/// `[dynamics]`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct DynamicsTable {
-    density: Option<f64>,
-    lumping: Option<LumpingKeyword>,
-    safety: Option<f64>,
-    time_step: Option<Spanned<f64>>,
-    mass_factor: Option<f64>,
-    mass_scaled_step: Option<Spanned<f64>>,
-    mass_damping: Option<f64>,
-    stiffness_damping: Option<f64>,
-    linear_viscosity: Option<f64>,
-    quadratic_viscosity: Option<f64>,
-    absorbing: Option<Vec<Spanned<String>>>,
-    initial_velocity: Option<Vec<InitialVelocityTable>>,
-    output_steps: Option<u64>,
-    output_interval: Option<Spanned<f64>>,
-    energy_tolerance: Option<f64>,
-    longest_excess: Option<u64>,
-    tangent_every: Option<u64>,
-}
-
-/// `[[dynamics.initial_velocity]]`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct InitialVelocityTable {
-    set: Spanned<String>,
-    value: Components,
-}
-
-/// How elements give their mass to their nodes.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum LumpingKeyword {
-    Hrz,
-    RowSum,
-}
-
-/// `[relaxation]`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct RelaxationTable {
-    form: Option<FormKeyword>,
-    damping_ratio: Option<f64>,
-    safety: Option<f64>,
-    kinetic_tolerance: Option<f64>,
-    hits: Option<usize>,
-    max_iterations: Option<usize>,
-}
-
-/// Equations of dynamic relaxation.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum FormKeyword {
-    Corrected,
-    AsPrinted,
-}
 
 /// The tables of the scene, or of one stage.
 #[derive(Clone, Copy)]
@@ -133,7 +75,7 @@ fn change_dynamics(
     settings: &mut DynamicSettings,
     table: &DynamicsTable,
 ) -> Result<(), InputError> {
-    let exclude = |first: bool, second: &Option<Spanned<f64>>, keys: &str| match second {
+    let exclude = |first: bool, second: &Option<Located<f64>>, keys: &str| match second {
         Some(second) if first => {
             Err(document.error_at(second.span(), format!("{keys} exclude each other")).hint("leave one of them out"))
         }
@@ -154,7 +96,7 @@ fn change_dynamics(
             LumpingKeyword::RowSum => Lumping::RowSum,
         }),
     );
-    let given = |value: &Option<Spanned<f64>>| value.as_ref().map(|value| *value.get_ref());
+    let given = |value: &Option<Located<f64>>| value.as_ref().map(|value| *value.get_ref());
     replace(&mut settings.step, table.safety.map(|safety| StepRule::Stable { safety }));
     replace(&mut settings.step, given(&table.time_step).map(|step| StepRule::Fixed { step }));
     replace(&mut settings.mass_scaling, table.mass_factor.map(|factor| MassScaling::Uniform { factor }));

@@ -2,11 +2,12 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{
-    AdaptKeyword, ComponentKeyword, ControlTable, EquationKeyword, FormulationKeyword, HourglassKeyword,
-    LoadingTable, PredictorKeyword, SolverTable,
-};
 use super::strategies::{criteria, preset, refine};
+use super::tables::{
+    AdaptKeyword, ControlTable, EquationKeyword, FormulationKeyword, HourglassKeyword, LoadingTable,
+    PredictorKeyword, SolverTable,
+};
+use keys::Located;
 use macro_solver::element::hourglass::HourglassControl;
 use macro_solver::formulation::Formulation;
 use macro_solver::problem::{
@@ -14,7 +15,6 @@ use macro_solver::problem::{
     Tolerances,
 };
 use protocol::TangentKind;
-use toml::Spanned;
 
 /// What holds for the whole run.
 pub(super) fn equations(problem: &mut Problem, table: &SolverTable) {
@@ -42,10 +42,10 @@ pub(super) fn equations(problem: &mut Problem, table: &SolverTable) {
 /// The first such key.
 pub(super) fn refuse_equations(document: &Document, table: &SolverTable) -> Result<(), InputError> {
     let spans = [
-        table.formulation.as_ref().map(Spanned::span),
-        table.equations.as_ref().map(Spanned::span),
-        table.hourglass_coefficient.as_ref().map(Spanned::span),
-        table.hourglass.as_ref().map(Spanned::span),
+        table.formulation.as_ref().map(Located::span),
+        table.equations.as_ref().map(Located::span),
+        table.hourglass_coefficient.as_ref().map(Located::span),
+        table.hourglass.as_ref().map(Located::span),
     ];
     match spans.into_iter().flatten().next() {
         None => Ok(()),
@@ -92,10 +92,10 @@ pub(super) fn step_control(
 
 /// Whether and how stages creep through snaps; `control` knows already what a step prescribes.
 fn stabilisation(document: &Document, control: &mut StepControl, table: &LoadingTable) -> Result<(), InputError> {
-    let switch = table.stabilise.as_ref().map(Spanned::span);
+    let switch = table.stabilise.as_ref().map(Located::span);
     let settings = [&table.stabilise_after, &table.stabilise_increments];
-    let drag = table.stabilise_drag.as_ref().map(Spanned::span);
-    let setting = settings.into_iter().flatten().map(Spanned::span).chain(drag).next();
+    let drag = table.stabilise_drag.as_ref().map(Located::span);
+    let setting = settings.into_iter().flatten().map(Located::span).chain(drag).next();
     if let Some(span) = switch.or(setting.clone()).filter(|_| control.path != PathControl::Load) {
         return Err(document
             .error_at(span, "where the load factor is an unknown, steps are never stabilised")
@@ -125,13 +125,12 @@ fn path_control(table: &ControlTable) -> PathControl {
     match table.clone() {
         ControlTable::Load => PathControl::Load,
         ControlTable::ArcLength(arc) => {
-            let component = arc.component.map(ComponentKeyword::axis);
-            PathControl::ArcLength { first_load: arc.first_load, measured: arc.set.map(|set| (set, component)) }
+            PathControl::ArcLength { first_load: arc.first_load, measured: arc.set.map(|set| (set, arc.component)) }
         }
         ControlTable::Indirect(indirect) => PathControl::Indirect {
             nodes: indirect.set,
             relative_to: indirect.relative_to,
-            axis: indirect.component.axis(),
+            axis: indirect.component,
             growth: indirect.growth,
         },
     }
@@ -144,7 +143,7 @@ pub(super) fn tolerances(tolerances: &mut Tolerances, table: &SolverTable) {
     criteria(tolerances, table);
 }
 
-fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
+fn replace<T: Copy>(target: &mut T, given: &Option<Located<T>>) {
     if let Some(given) = given {
         *target = *given.get_ref();
     }

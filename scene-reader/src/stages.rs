@@ -6,12 +6,12 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
-use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
 use super::sets::Sets;
 use super::solving::{refuse_equations, step_control, strategy, tolerances};
+use super::tables::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
+use keys::Located;
 use macro_solver::output::StageOutput;
 use macro_solver::problem::{NamedStrategy, Procedure, Stage};
-use toml::Spanned;
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -148,7 +148,7 @@ fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<
     duration(document, &mut stage.duration, &table.loading)
 }
 
-fn name(document: &Document, given: &Spanned<String>, before: &[Stage]) -> Result<String, InputError> {
+fn name(document: &Document, given: &Located<String>, before: &[Stage]) -> Result<String, InputError> {
     let name = given.get_ref();
     if name.is_empty() || before.iter().any(|stage| stage.name == *name) {
         return Err(document

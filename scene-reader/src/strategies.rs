@@ -2,7 +2,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{CriterionKeyword, RenewalKeyword, SolverTable};
+use super::tables::{CriterionKeyword, RenewalKeyword, SolverTable};
 use macro_solver::problem::{
     Criteria, DisplacementMeasure, ForceMeasure, NamedStrategy, QuasiNewton, Renewal, Strategy, Tolerances,
 };

@@ -2,13 +2,13 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{CheckpointTable, PoolTable};
+use super::tables::{CheckpointTable, PoolTable};
+use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::pool::{PoolSettings, Recycling};
 use protocol::transport::shared_memory::Waiting;
 use std::num::NonZeroUsize;
 use std::time::Duration;
-use toml::Spanned;
 
 /// Longest time that makes sense, s: a month.
 const LONGEST: f64 = 31.0 * 86_400.0;
@@ -46,7 +46,7 @@ impl PoolKeys {
     /// # Errors
     /// A number out of range, with its place.
     pub(super) fn read(document: &Document, table: &PoolTable) -> Result<Self, InputError> {
-        let seconds = |given: &Option<Spanned<f64>>| seconds(document, given);
+        let seconds = |given: &Option<Located<f64>>| seconds(document, given);
         if let Some(factor) = &table.hang_factor
             && *factor.get_ref() < 1.0
         {
@@ -114,7 +114,7 @@ pub(super) fn checkpoint_policy(
     Ok(policy)
 }
 
-fn waiting(document: &Document, given: &Option<Spanned<String>>) -> Result<Option<Waiting>, InputError> {
+fn waiting(document: &Document, given: &Option<Located<String>>) -> Result<Option<Waiting>, InputError> {
     let Some(given) = given else { return Ok(None) };
     let found = Waiting::ALL.into_iter().find(|waiting| waiting.keyword() == given.get_ref());
     let keywords = Waiting::ALL.map(Waiting::keyword).join("\", \"");
@@ -125,7 +125,7 @@ fn waiting(document: &Document, given: &Option<Spanned<String>>) -> Result<Optio
     })
 }
 
-fn count(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<NonZeroUsize>, InputError> {
+fn count(document: &Document, given: &Option<Located<usize>>) -> Result<Option<NonZeroUsize>, InputError> {
     let Some(given) = given else { return Ok(None) };
     match NonZeroUsize::new(*given.get_ref()).filter(|number| number.get() <= MOST) {
         Some(number) => Ok(Some(number)),
@@ -135,7 +135,7 @@ fn count(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<N
     }
 }
 
-fn most_workers(document: &Document, given: &Option<Spanned<usize>>) -> Result<Option<usize>, InputError> {
+fn most_workers(document: &Document, given: &Option<Located<usize>>) -> Result<Option<usize>, InputError> {
     match given {
         Some(given) if *given.get_ref() == 0 => Err(document
             .error_at(given.span(), "a run needs at least one worker")
@@ -150,7 +150,7 @@ fn replace<T>(target: &mut T, given: Option<T>) {
     }
 }
 
-fn seconds(document: &Document, given: &Option<Spanned<f64>>) -> Result<Option<Duration>, InputError> {
+fn seconds(document: &Document, given: &Option<Located<f64>>) -> Result<Option<Duration>, InputError> {
     let Some(given) = given else { return Ok(None) };
     let value = *given.get_ref();
     if (0.0..=LONGEST).contains(&value) {

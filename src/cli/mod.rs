@@ -7,6 +7,7 @@ mod completions;
 mod element;
 mod estimate;
 pub(crate) mod exit;
+mod explain;
 mod pack;
 mod pulse;
 mod replay;
@@ -62,8 +63,13 @@ enum Command {
     Report(report::Arguments),
     /// Measure what this program costs on this machine
     Bench(bench::Arguments),
+    /// Explain the keys of input files
+    Explain(explain::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
+    /// Complete a key of `--set`, for the completion scripts
+    #[command(hide = true)]
+    CompleteKey(explain::CompleteArguments),
 }
 
 /// Reads the command line, does what it says and returns the exit code.
@@ -79,7 +85,9 @@ pub(crate) fn main() -> ExitCode {
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
+        Command::CompleteKey(arguments) => explain::complete(&arguments),
     };
     match ended {
         Ok(exit) => exit.code(),

@@ -7,10 +7,11 @@
 //! counter-clockwise; the middles of T10 lie on the edges 01, 12, 20, 03, 13, 23. This is the order of VTK files.
 
 use super::Dimension;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Shape functions and quadrature of an element; read from the keyword that [`ElementKind::keyword`] gives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementKind {
     /// Bilinear quadrilateral, 2x2 points.

@@ -2,10 +2,11 @@
 
 use super::{DefinitionError, not_negative, positive};
 use crate::law::{ComposedLaw, HertzSprings, LinearSprings, RollingSpring, Springs, Unloading};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Contact laws by keyword.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactLaw {
     /// Linear springs with Coulomb friction, [Argilaga2018] appendix A.
@@ -16,7 +17,7 @@ pub enum ContactLaw {
 }
 
 /// What unloading does to the tangential force of Hertz-Mindlin contacts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentialUnloading {
     /// The force shrinks with the tangential stiffness: no cycle gains energy.
@@ -27,7 +28,7 @@ pub enum TangentialUnloading {
 }
 
 /// Whether grains may rotate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rotations {
     /// Grains rotate.
@@ -38,7 +39,7 @@ pub enum Rotations {
 }
 
 /// The table `[contact]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
     /// Contact law.

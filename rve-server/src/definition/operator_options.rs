@@ -1,10 +1,11 @@
 //! The table `[rve.operator]`: how operators are probed, averaged and solved for.
 
 use super::{DefinitionError, positive};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The table `[rve.operator]`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorOptions {
     /// Displacement gradient of the probes of a consistent operator, dimensionless; default 1e-5.

@@ -1,10 +1,11 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
 use super::{DefinitionError, OperatorOptions, positive};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Named accuracy: a strain per ramp step and a tolerance.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
     /// 5e-6 strain per step, force tolerance 1e-2: for trying things out.
@@ -17,7 +18,7 @@ pub enum Accuracy {
 }
 
 /// Equilibrium criteria by keyword. They are not equivalent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
     /// Largest unbalanced force, or moment over radius, of any grain over the mean normal contact force
@@ -43,7 +44,7 @@ impl Criterion {
 }
 
 /// Dampings by keyword.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Damping {
     /// Fast inertial relaxation engine: velocities are steered towards the forces and reset when they oppose them.
@@ -73,7 +74,7 @@ impl Damping {
 }
 
 /// What becomes of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AtStepCap {
     /// An answer with the best stress there is, flagged and counted.
@@ -84,7 +85,7 @@ pub enum AtStepCap {
 }
 
 /// The table `[rve]`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RveOptions {
     /// Named accuracy; `strain_per_step` and `tolerance` override its two values.

@@ -5,11 +5,12 @@ use super::path::{COMPONENTS, Matrix, tensor_of};
 use crate::definition::{ContactTable, RveOptions};
 use crate::frame::FrameOptions;
 use crate::space::{Tensor, add_scaled, determinant};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// An element test as written in its TOML file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ElementTest {
     /// Packing file, relative to the test file.
@@ -31,7 +32,7 @@ pub struct ElementTest {
 }
 
 /// One segment of the path.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
     /// Number of increments, at least 1.
@@ -49,7 +50,7 @@ pub struct Segment {
 }
 
 /// Components of a tensor, each given or not; those with a z belong to packings of spheres.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Components {
     /// Component 11.
@@ -128,7 +129,11 @@ impl ElementTest {
         test.validated()
     }
 
-    fn validated(self) -> Result<Self, ElementError> {
+    /// Itself, if it is sound beyond the types and ranges of its keys.
+    ///
+    /// # Errors
+    /// [`ElementError::Test`] with the key of the first defect.
+    pub fn validated(self) -> Result<Self, ElementError> {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         if let Some(frame) = &self.frame {

@@ -4,10 +4,11 @@ use super::geometry::FrameGeometry;
 use crate::lanes::Tuple;
 use crate::space::Discs;
 use crate::specimen::Load;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Boundary conditions of a frame by keyword, from the stiffest to the softest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameConstraint {
     /// `x_q = F X_q`, no rotation: a linear displacement of all boundary grains.

@@ -1,10 +1,11 @@
 //! How a frame is solved.
 
 use super::constraint::FrameConstraint;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Damping of the grains.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameDamping {
     /// Velocities are steered towards the forces and reset when they oppose them; ends at a force tolerance.
@@ -18,7 +19,7 @@ pub enum FrameDamping {
 }
 
 /// How opposite boundary grains are brought to cancelling loads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameControl {
     /// Both move in every step along the sum of their loads, like one grain.
@@ -32,7 +33,7 @@ pub enum FrameControl {
 }
 
 /// How a frame is solved.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameOptions {
     /// Boundary condition.

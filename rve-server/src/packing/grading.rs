@@ -4,13 +4,14 @@
 //! the grains' places alone.
 
 use crate::packing::PackingError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Largest deviation of a sieve curve that is accepted unless the recipe says otherwise, as a share of the mass.
 const SIEVE_TOLERANCE: f64 = 0.02;
 
 /// Grain sizes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "distribution", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {
     /// Radii evenly spread between two values: grain k of N has the radius at the quantile (k + 1/2) / N.

@@ -4,11 +4,12 @@ use crate::definition::ContactTable;
 use crate::packing::PackingError;
 use crate::packing::grading::Grading;
 use crate::packing::stress_target::StressTarget;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The description of a packing. `[contact]` holds the law during preparation: its `friction` is the preparation
 /// friction, low values give dense packings. The packing may be used with any other law later.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PackingRecipe {
     /// 2 for discs, 3 for spheres.
@@ -52,7 +53,7 @@ pub struct PackingRecipe {
 }
 
 /// The table `[target]`: exactly one quantity, reached by searching the preparation friction.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateTarget {
     /// Void volume over grain volume.
@@ -100,7 +101,7 @@ impl StateQuantity {
 }
 
 /// The table `[anisotropy]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnisotropyTarget {
     /// Major over minor principal value of the contact fabric, minus 1, as in [Liu2018].
@@ -116,7 +117,7 @@ pub struct AnisotropyTarget {
 
 /// The table `[removal]`: as in [Liu2015] section 3.4, where cells are weakened by taking grains out. The rest is brought
 /// back to the target stress: a cell kept as it is would often bear no stress at all.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Removal {
     /// Number of grains taken out at random.

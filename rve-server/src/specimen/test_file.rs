@@ -1,10 +1,11 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
 use crate::definition::ContactTable;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTest {
     /// Packing file, relative to this one. Its cell must be a rectangle or box; it is repeated `tiles` times.
@@ -30,7 +31,7 @@ pub struct SpecimenTest {
 }
 
 /// Which grains of the repeated packing a specimen consists of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Cut {
     /// Every grain of every tile.
@@ -42,7 +43,7 @@ pub enum Cut {
 }
 
 /// The table `[motion]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MotionTable {
     /// Acceleration of gravity, m/s2, one number per axis; none if empty.
@@ -64,7 +65,7 @@ impl Default for MotionTable {
 }
 
 /// The table `[walls]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WallTable {
     /// Friction of the walls; 0 (default) makes them smooth.
@@ -76,7 +77,7 @@ pub struct WallTable {
 }
 
 /// One stage. Each axis has at most one of a strain and a stress; axes with neither keep their walls.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
     /// Name in the table of results.
@@ -106,7 +107,7 @@ fn some_rows() -> u64 {
 }
 
 /// Values by axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AxisTable {
     /// Along x.
