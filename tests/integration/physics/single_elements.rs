@@ -14,9 +14,7 @@ use rve_server::programs::rve_test::{ElementTest, run_element};
 use std::path::Path;
 use std::process::Command;
 
-mod in_process;
-
-use in_process::solved_in_process;
+use crate::in_process::solved_in_process;
 
 /// Contact law of `scenes/brick.toml` and `scenes/brick-shear.toml`, without finite elements.
 const BRICK: &str = r#"

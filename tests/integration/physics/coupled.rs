@@ -17,9 +17,7 @@ use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use std::path::Path;
 
-mod in_process;
-
-use in_process::solved_in_process;
+use crate::in_process::solved_in_process;
 
 const PRESSURE: f64 = 1e5;
 
