@@ -1,14 +1,14 @@
 //! Files that are damaged in every way, and runs that go on from them to the same bits.
 
 use super::*;
-use crate::elastic::{ElasticLaw, ElasticMaterial};
-use crate::implicit::tests::stabilisation::{pulled, weak_at_the_bottom};
-use crate::implicit::{solve, solve_kept};
 use crate::material::PointMaterial;
+use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
 use crate::observer::{FieldsView, Outcome, Silent, Statistics, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, NamedStrategy, PathControl, Platen, PressureKind, Problem};
+use crate::solve::tests::stabilisation::{pulled, weak_at_the_bottom};
+use crate::solve::{solve, solve_kept};
 use protocol::StateId;
 use std::fs;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What the pool saves: the committed state of every point, and its counts.
 
-use super::desk::Desk;
-use super::forecast::Forecast;
+use super::coordinator::Desk;
+use super::cost_model::Forecast;
 use super::points::PointState;
 use super::statistics::PoolStatistics;
 use crate::checkpoint::{Archive, CheckpointError};

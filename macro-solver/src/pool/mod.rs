@@ -9,26 +9,21 @@
 //! `queue` orders jobs, `dispatch` gives them out, `roster` knows the workers, `border` checks what comes in.
 
 mod batch;
-mod border;
-mod cache;
 mod checkpoint;
-mod desk;
-mod dispatch;
-mod forecast;
+mod coordinator;
+mod cost_model;
 mod interrupt;
-mod line_index;
 mod points;
 mod queue;
 mod recycling;
+mod reply_validation;
 mod report;
-mod roster;
-mod rota;
 mod settings;
 mod statistics;
 mod supply;
 #[cfg(test)]
 mod tests;
-mod vitals;
+mod workers;
 
 pub use interrupt::Interrupt;
 pub use points::PointState;
@@ -41,7 +36,7 @@ pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 use crate::checkpoint::{Archive, CheckpointError, Reproducer};
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use batch::{Batch, Outcome};
-use desk::{Action, Desk};
+use coordinator::{Action, Desk};
 use points::PointTable;
 use protocol::control::ToWorker;
 use protocol::transport::{LoadedJob, MacroPort, TransportError, Waker};
@@ -49,7 +44,7 @@ use protocol::{Definition, DefinitionId, TrialAnswer};
 use recycling::resident_mebibytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use vitals::Vitals;
+use workers::process_stats::Vitals;
 
 /// Time between two looks at the processes of busy workers.
 const LOOK: Duration = Duration::from_millis(500);

@@ -3,7 +3,7 @@
 //! Workers are caches of what is held here. States are opaque bytes named by their content and shared, not copied:
 //! points that answered alike hold one snapshot together.
 
-use super::forecast::Forecast;
+use super::cost_model::Forecast;
 use crate::material::PointId;
 use protocol::transport::WorkerId;
 use protocol::{Definition, DefinitionId, StateId};

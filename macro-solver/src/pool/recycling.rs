@@ -2,8 +2,8 @@
 //!
 //! The pool asks such a worker to finish what it holds and to leave, so nothing is lost and nothing is done twice.
 
-use super::desk::{Action, Desk};
-use super::roster::Standing;
+use super::coordinator::{Action, Desk};
+use super::workers::Standing;
 use protocol::control::ToWorker;
 use protocol::transport::WorkerId;
 use std::fs;

@@ -1,7 +1,7 @@
 //! What the pool tells about its workers while a run goes, for people who watch.
 
-use super::desk::Desk;
-use super::roster::Standing;
+use super::coordinator::Desk;
+use super::workers::Standing;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
