@@ -123,13 +123,13 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
 }
 
 #[test]
-fn a_reproducer_reads_back_and_damage_is_noticed() {
+fn a_failure_case_reads_back_and_damage_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("point.replay");
-    let written = Reproducer {
+    let written = FailureCase {
         program: "grainspan".into(),
         point: 7,
-        ends: vec!["signal: 11".into()],
+        failures: vec!["signal: 11".into()],
         definition: protocol::Definition { bytes: vec![1, 2, 3] },
         state: vec![9; 100],
         target: protocol::Tensor2::from_plane([[1e-3, -0.0], [0.0, 2e-3]]),
@@ -138,15 +138,15 @@ fn a_reproducer_reads_back_and_damage_is_noticed() {
         observables: protocol::Observables::ALL,
     };
     written.write(&path).unwrap();
-    assert_eq!(Reproducer::read(&path).unwrap(), written);
+    assert_eq!(FailureCase::read(&path).unwrap(), written);
     let mut bytes = fs::read(&path).unwrap();
     let last = bytes.len() - 1;
     bytes[last] ^= 1;
     fs::write(&path, &bytes).unwrap();
-    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Damaged { .. })));
+    assert!(matches!(FailureCase::read(&path), Err(CheckpointError::Damaged { .. })));
     bytes[8] = 9;
     fs::write(&path, &bytes).unwrap();
-    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Format { found: 9, .. })));
+    assert!(matches!(FailureCase::read(&path), Err(CheckpointError::Format { found: 9, .. })));
 }
 
 /// Rough enough to need several iterations and a cut-back: a pressed block under a follower load.

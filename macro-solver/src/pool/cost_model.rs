@@ -14,17 +14,17 @@ const ASSUMED_STRAIN_PER_STEP: f64 = 1e-6;
 
 /// What the last trial of a point cost, per unit of effort.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Forecast {
+pub(super) struct CostModel {
     evaluations_per_effort: f64,
 }
 
-impl Default for Forecast {
+impl Default for CostModel {
     fn default() -> Self {
         Self { evaluations_per_effort: 1.0 }
     }
 }
 
-impl Forecast {
+impl CostModel {
     /// Expected force evaluations of `trial`.
     pub(super) fn expect(&self, trial: &PointTrial) -> u64 {
         // A saturating cast: NaN targets count as nothing and infinite ones as the longest of all.
@@ -51,11 +51,11 @@ fn effort(trial: &PointTrial) -> f64 {
 
 /// Time per force evaluation of one definition: the slowest seen, for the hang allowance only.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Pace {
+pub(super) struct Throughput {
     nanoseconds_per_evaluation: Option<f64>,
 }
 
-impl Pace {
+impl Throughput {
     /// Learns from a finished job.
     pub(super) fn learn(&mut self, cost: &Cost) {
         if cost.force_evaluations == 0 {
@@ -85,30 +85,30 @@ mod tests {
 
     #[test]
     fn cost_per_strain_is_learnt_and_scaled() {
-        let mut forecast = Forecast::default();
-        assert_eq!(forecast.expect(&trial(-1e-3, 0)), 1000);
+        let mut cost_model = CostModel::default();
+        assert_eq!(cost_model.expect(&trial(-1e-3, 0)), 1000);
         let cost = Cost { force_evaluations: 3000, ..Cost::default() };
-        forecast.learn(&trial(-1e-3, 0), &cost);
-        assert_eq!(forecast.expect(&trial(-2e-3, 0)), 6000);
-        forecast.learn(&trial(-1e-3, 100), &cost);
-        assert_eq!(forecast.expect(&trial(-5e-3, 50)), 1500);
+        cost_model.learn(&trial(-1e-3, 0), &cost);
+        assert_eq!(cost_model.expect(&trial(-2e-3, 0)), 6000);
+        cost_model.learn(&trial(-1e-3, 100), &cost);
+        assert_eq!(cost_model.expect(&trial(-5e-3, 50)), 1500);
     }
 
     #[test]
     fn bad_targets_do_not_spoil_the_forecast() {
-        let mut forecast = Forecast::default();
-        forecast.learn(&trial(f64::NAN, 0), &Cost { force_evaluations: 5, ..Cost::default() });
-        assert_eq!(forecast, Forecast::default());
-        assert_eq!(forecast.expect(&trial(f64::NAN, 0)), 0);
-        assert_eq!(forecast.expect(&trial(f64::INFINITY, 0)), u64::MAX);
+        let mut cost_model = CostModel::default();
+        cost_model.learn(&trial(f64::NAN, 0), &Cost { force_evaluations: 5, ..Cost::default() });
+        assert_eq!(cost_model, CostModel::default());
+        assert_eq!(cost_model.expect(&trial(f64::NAN, 0)), 0);
+        assert_eq!(cost_model.expect(&trial(f64::INFINITY, 0)), u64::MAX);
     }
 
     #[test]
     fn pace_is_the_slowest_seen() {
-        let mut pace = Pace::default();
-        assert_eq!(pace.duration(10), None);
-        pace.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 1_000, ..Cost::default() });
-        pace.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 500, ..Cost::default() });
-        assert_eq!(pace.duration(1_000_000), Some(Duration::from_micros(100_000)));
+        let mut throughput = Throughput::default();
+        assert_eq!(throughput.duration(10), None);
+        throughput.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 1_000, ..Cost::default() });
+        throughput.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 500, ..Cost::default() });
+        assert_eq!(throughput.duration(1_000_000), Some(Duration::from_micros(100_000)));
     }
 }

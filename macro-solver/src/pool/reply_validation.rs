@@ -1,24 +1,24 @@
-//! The check at the process border: a reply is believed only when everything in it fits the job.
+//! The check at the process boundary: a reply counts only when everything in it fits the job.
 
+use super::batch::Job;
+use super::points::PointState;
 use protocol::transport::LoadedReply;
-use protocol::wire::{ReplyStatus, TrialJob};
+use protocol::wire::ReplyStatus;
 use protocol::{RveError, StateId, TangentKind, TrialAnswer, TrialFlags};
-use std::sync::Arc;
+use thiserror::Error;
 
-/// What a sound reply says.
+/// A reply that has passed the check.
 #[derive(Clone, Debug)]
-pub(super) enum Verdict {
+pub(super) enum ValidatedReply {
     /// The trial was solved.
     Done {
-        /// Stress and all.
+        /// Stress and all other results.
         answer: Box<TrialAnswer>,
-        /// Identity of the trial state.
-        state: StateId,
-        /// Its snapshot.
-        bytes: Arc<[u8]>,
-        /// Time the worker spent outside the solver, ns.
+        /// The trial state.
+        state: PointState,
+        /// Time that the worker spent outside the solver, ns.
         overhead_nanoseconds: u64,
-        /// Trials solved again to rebuild the state that it started from.
+        /// Trials solved again to rebuild the state that the trial started from.
         replayed: u32,
     },
     /// The engine refused or failed.
@@ -29,67 +29,113 @@ pub(super) enum Verdict {
     NeedDefinition,
 }
 
+/// Why a reply cannot be trusted, and with it the worker that sent it.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub(super) enum InvalidReply {
+    /// Damage on the way between the processes.
+    #[error("the checksum of the reply does not match its content")]
+    Checksum,
+    /// A status number that the protocol does not have.
+    #[error("unknown reply status {0}")]
+    Status(u32),
+    /// Job and Gauss point do not belong together.
+    #[error("job {job} is about Gauss point {expected}, the reply about {found}")]
+    Point {
+        /// Number of the job.
+        job: u64,
+        /// Its point.
+        expected: u64,
+        /// Point of the reply.
+        found: u64,
+    },
+    /// The error of a failed trial cannot be decoded.
+    #[error("the error text of a failed trial is unreadable: {0}")]
+    ErrorText(String),
+    /// The pool has checked this snapshot against its identity when it arrived, so the worker is at fault.
+    #[error("a valid snapshot was refused: {0}")]
+    SnapshotRefused(String),
+    /// A defect of this engine in this process, such as a panic. Another worker may well answer; to accept it as the answer of
+    /// the point would make the result depend on the worker.
+    #[error("the engine broke down: {0}")]
+    EngineFault(String),
+    /// An initial state has no snapshot.
+    #[error("asks for the snapshot of an initial state")]
+    NeedsInitialState,
+    /// NaN or infinity.
+    #[error("a value in the reply is not a finite number")]
+    NotFinite,
+    /// A solved trial without its end state.
+    #[error("the trial state is missing")]
+    StateMissing,
+    /// The identity of the trial state is not the hash of its content.
+    #[error("the content of the trial state does not match its identity")]
+    StateDamaged,
+    /// A tangent kind number that the protocol does not have.
+    #[error("unknown tangent kind {0}")]
+    UnknownTangent(u32),
+    /// Another tangent than the requested one, and not the fallback.
+    #[error("tangent `{}` was requested, `{}` came", requested.keyword(), delivered.keyword())]
+    OtherTangent {
+        /// Kind requested.
+        requested: TangentKind,
+        /// Kind of the reply.
+        delivered: TangentKind,
+    },
+}
+
 /// Reads a reply to `job`.
 ///
 /// # Errors
-/// What is wrong with it, as text; a worker that sends such a reply cannot be trusted any more.
-pub(super) fn judge(job: &TrialJob, loaded: &LoadedReply<'_>) -> Result<Verdict, String> {
+/// What is wrong with it; a worker that sends such a reply cannot be trusted any more.
+pub(super) fn validate_reply(job: &Job, loaded: &LoadedReply<'_>) -> Result<ValidatedReply, InvalidReply> {
     let reply = &loaded.reply;
     if !reply.is_sealed(loaded.error) {
-        return Err("the reply was damaged on its way: its checksum is another".into());
+        return Err(InvalidReply::Checksum);
     }
-    let status =
-        ReplyStatus::from_wire(reply.status).ok_or_else(|| format!("unknown reply status {}", reply.status))?;
-    if reply.point != job.point {
-        return Err(format!("job {} is about Gauss point {}, the reply about {}", job.job, job.point, reply.point));
+    let status = ReplyStatus::from_wire(reply.status).ok_or(InvalidReply::Status(reply.status))?;
+    let point = job.trial.point as u64;
+    if reply.point != point {
+        return Err(InvalidReply::Point { job: job.number, expected: point, found: reply.point });
     }
     match status {
-        ReplyStatus::Done => judge_answer(job, loaded),
-        ReplyStatus::Failed => {
-            let reason: RveError = read_error(loaded.error)?;
-            match reason {
-                // The macro checked this snapshot against its name when it arrived: the refusal is the worker's fault.
-                RveError::Snapshot(text) => Err(format!("a sound snapshot was refused: {text}")),
-                // A defect of this engine in this process, such as a panic. Elsewhere the question may well be answered;
-                // taking it for the point's answer would make the result depend on the worker.
-                RveError::EngineFault(text) => Err(format!("the engine broke down: {text}")),
-                reason => Ok(Verdict::Failed(reason)),
-            }
-        }
-        ReplyStatus::NeedState if job.state == StateId::NONE => {
-            Err("asks for the snapshot of an initial state".into())
-        }
-        ReplyStatus::NeedState => Ok(Verdict::NeedState),
-        ReplyStatus::NeedDefinition => Ok(Verdict::NeedDefinition),
+        ReplyStatus::Done => validate_result(job, loaded),
+        ReplyStatus::Failed => match read_error(loaded.error)? {
+            RveError::Snapshot(text) => Err(InvalidReply::SnapshotRefused(text)),
+            RveError::EngineFault(text) => Err(InvalidReply::EngineFault(text)),
+            reason => Ok(ValidatedReply::Failed(reason)),
+        },
+        ReplyStatus::NeedState if job.state.id == StateId::NONE => Err(InvalidReply::NeedsInitialState),
+        ReplyStatus::NeedState => Ok(ValidatedReply::NeedState),
+        ReplyStatus::NeedDefinition => Ok(ValidatedReply::NeedDefinition),
     }
 }
 
-fn judge_answer(job: &TrialJob, loaded: &LoadedReply<'_>) -> Result<Verdict, String> {
+fn validate_result(job: &Job, loaded: &LoadedReply<'_>) -> Result<ValidatedReply, InvalidReply> {
     let reply = &loaded.reply;
     if !reply.is_finite() {
-        return Err("a value in the reply is not a finite number".into());
+        return Err(InvalidReply::NotFinite);
     }
     if loaded.state.is_empty() {
-        return Err("the trial state is missing".into());
+        return Err(InvalidReply::StateMissing);
     }
-    if StateId::of(loaded.state) != reply.state {
-        return Err("the trial state does not have the content that its name promises".into());
+    let state = PointState::from_snapshot(loaded.state.into());
+    if state.id != reply.state {
+        return Err(InvalidReply::StateDamaged);
     }
-    let delivered = TangentKind::from_wire(reply.tangent_kind)
-        .ok_or_else(|| format!("unknown tangent kind {}", reply.tangent_kind))?;
+    let delivered =
+        TangentKind::from_wire(reply.tangent_kind).ok_or(InvalidReply::UnknownTangent(reply.tangent_kind))?;
     let fell_back = TrialFlags(reply.flags).contains(TrialFlags::TANGENT_FALLBACK) && delivered != TangentKind::None;
-    if reply.tangent_kind != job.tangent && !fell_back {
-        return Err(format!("tangent kind {} was asked for, {} came", job.tangent, delivered.keyword()));
+    if delivered != job.trial.ask.tangent && !fell_back {
+        return Err(InvalidReply::OtherTangent { requested: job.trial.ask.tangent, delivered });
     }
-    Ok(Verdict::Done {
+    Ok(ValidatedReply::Done {
         answer: Box::new(reply.answer()),
-        state: reply.state,
-        bytes: loaded.state.into(),
+        state,
         overhead_nanoseconds: reply.overhead_nanoseconds,
         replayed: reply.replayed,
     })
 }
 
-fn read_error(bytes: &[u8]) -> Result<RveError, String> {
-    rmp_serde::from_slice(bytes).map_err(|error| format!("the error text of a failed trial is unreadable: {error}"))
+fn read_error(bytes: &[u8]) -> Result<RveError, InvalidReply> {
+    rmp_serde::from_slice(bytes).map_err(|error| InvalidReply::ErrorText(error.to_string()))
 }

@@ -1,24 +1,24 @@
-//! Who of each group is free, who has least to do, and whose time runs out first: kept up to date change by change, so
-//! that a decision costs the same with four workers and with four thousand.
+//! Which worker of each group is idle, which has the least work and whose deadline comes first: updated with every change,
+//! so that a decision costs the same with four workers and with four thousand.
 
 use super::Worker;
 use protocol::transport::WorkerId;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
-/// All that the rota needs to know of a worker.
+/// What the index needs to know of a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::pool) struct Entry {
-    /// Its place among those that get jobs: group, slices held, expected force evaluations of these.
+    /// Its place among those that get jobs: group, messages held, expected force evaluations of these.
     serves: Option<(usize, usize, u128)>,
     /// When it counts as hung.
     deadline: Option<Instant>,
 }
 
 impl Entry {
-    /// The entry of a worker as it stands.
+    /// The entry of a worker.
     pub(in crate::pool) fn of(worker: &Worker) -> Self {
-        let serves = worker.is_active().then(|| (worker.group, worker.slices.len(), worker.load()));
+        let serves = worker.is_active().then(|| (worker.group, worker.pending.len(), worker.load()));
         Self { serves, deadline: worker.deadline() }
     }
 }
@@ -29,21 +29,21 @@ struct Group {
     count: usize,
     /// Expected force evaluations of all that they hold.
     load: u128,
-    /// By number of slices held: load and number.
+    /// By number of messages held: load and number.
     by_depth: BTreeMap<usize, BTreeSet<(u128, WorkerId)>>,
 }
 
-/// The rota of all workers.
+/// The index of all workers.
 #[derive(Debug, Default)]
-pub(in crate::pool) struct Rota {
+pub(in crate::pool) struct LoadIndex {
     groups: BTreeMap<usize, Group>,
     deadlines: BTreeSet<(Instant, WorkerId)>,
     active: usize,
 }
 
-impl Rota {
-    /// Takes a worker in.
-    pub(in crate::pool) fn enter(&mut self, worker: WorkerId, entry: Entry) {
+impl LoadIndex {
+    /// Inserts a worker.
+    pub(in crate::pool) fn insert(&mut self, worker: WorkerId, entry: Entry) {
         if let Some(deadline) = entry.deadline {
             self.deadlines.insert((deadline, worker));
         }
@@ -55,16 +55,16 @@ impl Rota {
         self.active += 1;
     }
 
-    /// Takes a worker out; `entry` is what it was entered with.
-    pub(in crate::pool) fn leave(&mut self, worker: WorkerId, entry: Entry) {
+    /// Removes a worker; `entry` is what it was inserted with.
+    pub(in crate::pool) fn remove(&mut self, worker: WorkerId, entry: Entry) {
         if let Some(deadline) = entry.deadline {
             self.deadlines.remove(&(deadline, worker));
         }
         let Some((group, depth, load)) = entry.serves else { return };
-        let group = self.groups.get_mut(&group).expect("a worker that was entered has a group");
+        let group = self.groups.get_mut(&group).expect("a worker that was inserted has a group");
         group.count -= 1;
         group.load -= load;
-        let alike = group.by_depth.get_mut(&depth).expect("a worker that was entered has a depth");
+        let alike = group.by_depth.get_mut(&depth).expect("a worker that was inserted has a depth");
         alike.remove(&(load, worker));
         if alike.is_empty() {
             group.by_depth.remove(&depth);
@@ -87,7 +87,7 @@ impl Rota {
         self.groups.get(&group).map_or(0, |group| group.load)
     }
 
-    /// The worker of a group with the least expected work among those that hold fewer than `depth` slices, and that work;
+    /// The worker of a group with the least expected work among those that hold fewer than `depth` messages, and that work;
     /// the lowest number among equals.
     pub(in crate::pool) fn least_loaded(&self, group: usize, depth: usize) -> Option<(WorkerId, u128)> {
         let alike = self.groups.get(&group)?.by_depth.range(..depth);

@@ -1,4 +1,4 @@
-//! One question to an engine, complete in itself: what a run leaves behind about a point that ends its workers.
+//! A trial that ended its workers, with all that is needed to repeat it: `grainspan element --replay` reads it.
 
 use super::CheckpointError;
 use crate::output::{OutputError, write_atomically};
@@ -14,13 +14,14 @@ const FORMAT: u32 = 1;
 
 /// State, target and options of one trial, with the definition of the RVE.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Reproducer {
+pub struct FailureCase {
     /// Program that wrote it, for people.
     pub program: String,
-    /// Gauss point that asked.
+    /// Gauss point.
     pub point: u64,
-    /// What happened to the workers that were asked, oldest first.
-    pub ends: Vec<String>,
+    /// Why the workers ended that solved it, oldest first.
+    #[serde(rename = "ends")]
+    pub failures: Vec<String>,
     /// What the RVE is.
     pub definition: Definition,
     /// Sealed snapshot of the committed state; empty: the initial state of the definition.
@@ -36,7 +37,7 @@ pub struct Reproducer {
     pub observables: Observables,
 }
 
-impl Reproducer {
+impl FailureCase {
     /// The ask in the engine's words.
     pub fn ask(&self) -> Ask {
         Ask { tangent: self.tangent, ramp_steps: self.ramp_steps, observables: self.observables }
@@ -50,7 +51,7 @@ impl Reproducer {
     /// # Panics
     /// Never: all fields are plain data.
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
-        let body = rmp_serde::to_vec_named(self).expect("a reproducer is plain data");
+        let body = rmp_serde::to_vec_named(self).expect("a failure case is plain data");
         let mut bytes = MARK.to_vec();
         bytes.extend(FORMAT.to_le_bytes());
         bytes.extend(ContentId::of(&body).0);
@@ -61,7 +62,7 @@ impl Reproducer {
     /// Reads the file.
     ///
     /// # Errors
-    /// It cannot be read, is not a reproducer, is damaged, or has another format.
+    /// It cannot be read, is not a failure case, is damaged, or has another format.
     pub fn read(path: &Path) -> Result<Self, CheckpointError> {
         let bytes = std::fs::read(path).map_err(|source| CheckpointError::System {
             action: "read",
@@ -70,7 +71,7 @@ impl Reproducer {
         })?;
         let damaged = |reason: &str| CheckpointError::Damaged {
             path: path.to_owned(),
-            kind: "reproducer",
+            kind: "failure case",
             reason: reason.to_owned(),
         };
         let rest = bytes.strip_prefix(MARK).ok_or_else(|| damaged("it does not begin with the mark of one"))?;
