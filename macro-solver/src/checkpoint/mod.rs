@@ -20,6 +20,7 @@ pub use archive::Archive;
 pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
 pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
 pub use failure_case::FailureCase;
+pub use failure_case::FailureCase as Reproducer;
 
 use crate::material::PointMaterial;
 use crate::observer::Observer;

@@ -10,6 +10,7 @@ use thiserror::Error;
 pub mod block;
 mod dimension;
 pub mod geotechnical;
+pub use geotechnical as ground;
 pub mod gmsh;
 mod kind;
 mod lattice;
