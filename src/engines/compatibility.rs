@@ -1,7 +1,7 @@
 //! Whether an engine can solve the points of a scene, decided before anything is started.
 
 use protocol::{Capabilities, SnapshotKind, TangentKind};
-use rve_server::definition::{AnyDefinition, ContactLaw};
+use rve_server::definition::AnyDefinition;
 
 /// Why an engine cannot solve a scene, with the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -60,7 +60,7 @@ pub(crate) fn compatibility(
                 dimension,
             });
         }
-        let law = law_keyword(definition.contact().law);
+        let law = definition.contact().law.keyword();
         if !capabilities.laws.iter().any(|served| served == law) {
             return Err(Incompatibility::ContactLaw {
                 engine: engine.clone(),
@@ -89,11 +89,4 @@ pub(crate) fn compatibility(
         ));
     }
     Ok(Compatibility { needs_differences: lacks.is_some(), remarks })
-}
-
-fn law_keyword(law: ContactLaw) -> &'static str {
-    match law {
-        ContactLaw::Linear => "linear",
-        ContactLaw::HertzMindlin => "hertz_mindlin",
-    }
 }

@@ -1,7 +1,7 @@
 //! The cells that are strained, and their paths.
 
 use super::window::Window;
-use rve_server::definition::ContactTable;
+use rve_server::contact::ContactTable;
 
 /// One packing, law and path. Paths have strain control only, so that all settings are measured on the same strains.
 #[derive(Clone, Debug)]

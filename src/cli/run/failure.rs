@@ -4,7 +4,7 @@ use super::folder::OutputFolder;
 use crate::cli::start_state::{self, Carried};
 use crate::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::checkpoint::Reproducer;
+use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
 
 /// Why a run did not reach its end, with the remedy; `None` for one that did. `failure_case` is the hint from
@@ -70,7 +70,7 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
 }
 
 /// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.
-pub(super) fn write_failure_case(case: &Reproducer, folder: &OutputFolder) -> String {
+pub(super) fn write_failure_case(case: &FailureCase, folder: &OutputFolder) -> String {
     let path = folder.path().join("quarantine.replay");
     match case.write(&path) {
         Ok(()) => format!(

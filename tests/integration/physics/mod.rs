@@ -1,0 +1,7 @@
+//! Scenes against closed forms and independent engines.
+
+mod coupled;
+mod lattice_elements;
+mod reference_case_a;
+mod reference_case_b;
+mod single_elements;
