@@ -8,9 +8,8 @@
 use super::outcome::{BUDGET, Class, Increment, Outcome, run};
 use super::packings::Slot;
 use super::random_stream::{Purpose, RandomStream};
-use rve_server::definition::{Accuracy, RveOptions};
+use rve_server::definition::{Accuracy, Packing, RveOptions};
 use rve_server::programs::rve_test::ElementTest;
-use rve_server::definition::Packing;
 
 /// Cases that took at most this share of their budget are all checked.
 const CHEAP: f64 = 0.1;
