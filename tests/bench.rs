@@ -41,7 +41,8 @@ fn csv_rows(path: &std::path::Path) -> usize {
 #[test]
 fn pictures_are_drawn_anew_and_counted_and_nothing_to_draw_is_refused() {
     let site = Site::new();
-    let measured = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/bench/2026-11-21-epyc-2-cores/rve/spheres-1000.csv");
+    let measured =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/docs/lab-book/runs/2026-11-21-epyc-2-cores/rve/spheres-1000.csv");
     let folder = site.path("rve");
     let redraw = ["bench", "rve", "--redraw", "--out", folder.to_str().unwrap()];
     fs::create_dir(&folder).unwrap();

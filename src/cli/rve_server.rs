@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     /// Wait for runs of this name for ever and serve one after the other
     #[arg(long, conflicts_with_all = ["patience", "parent"])]
     standing: bool,
-    /// What solves the RVEs: `grains`, or an engine of the catalogue, see docs/external-engines.md
+    /// What solves the RVEs: `grains`, or an engine of the catalogue, see docs/guide/external-engines.md
     #[arg(long, value_name = "NAME", default_value = BUILT_IN)]
     engine: String,
     /// Snapshots kept at hand

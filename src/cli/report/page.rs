@@ -89,7 +89,7 @@ fn concerns(summary: Option<&Value>) -> Markup {
     let told: Vec<String> = found.iter().map(|(name, count)| format!("{} {count}", name.replace('_', " "))).collect();
     html! {
         @if told.is_empty() { p { "Accuracy: nothing fell short." } }
-        @else { p.bad { "Look at this: " (told.join(", ")) " (docs/operations.md says what the counters mean)." } }
+        @else { p.bad { "Look at this: " (told.join(", ")) " (docs/reference/counters.md says what the counters mean)." } }
     }
 }
 

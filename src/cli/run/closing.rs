@@ -197,7 +197,7 @@ pub(super) fn text(summary: &Summary, outcome: &Outcome, force_evaluations: u64,
     );
     line("checkpoints", checkpoints(&summary.checkpoint));
     line("at the start", at_the_start(summary.initial_imbalance));
-    let explained = "see docs/operations.md";
+    let explained = "see docs/reference/counters.md";
     match listed(&summary.fallback_groups, Concern::LookAtThis) {
         found if found.is_empty() => line("accuracy", "nothing fell short".to_owned()),
         found => line("fell short", format!("{found} ({explained})")),
@@ -332,7 +332,7 @@ mod tests {
         let mut doubtful = Statistics::default();
         doubtful.flags.not_equilibrated = 4;
         let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
-        assert!(text.contains("fell short     not equilibrated 4 (see docs/operations.md)"), "{text}");
+        assert!(text.contains("fell short     not equilibrated 4 (see docs/reference/counters.md)"), "{text}");
         assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
     }
 

@@ -1,5 +1,5 @@
 //! What the counters of a run mean to the person who reads them: which of them ask for a look, and which only tell how the solver
-//! found its way. `docs/operations.md` holds the same as a table.
+//! found its way. `docs/reference/counters.md` holds the same as a table.
 
 use std::collections::BTreeMap;
 
@@ -82,7 +82,7 @@ mod tests {
 
     /// The rows of the table in the documentation: name and group.
     fn documented() -> Vec<(String, String)> {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/counters.md");
         let text = std::fs::read_to_string(path).unwrap();
         let part = text.split("## What the counters mean").nth(1).expect("the section exists");
         let part = part.split("\n## ").next().unwrap();
@@ -97,7 +97,7 @@ mod tests {
         for (name, concern) in COUNTERS {
             let row = documented.iter().find(|(found, _)| found == name);
             let group = row.map(|(_, group)| group.replace(' ', "_"));
-            assert_eq!(group.as_deref(), Some(concern.keyword()), "`{name}` in docs/operations.md");
+            assert_eq!(group.as_deref(), Some(concern.keyword()), "`{name}` in docs/reference/counters.md");
         }
         let stale: Vec<_> =
             documented.iter().filter(|(name, _)| !COUNTERS.iter().any(|(known, _)| known == name)).collect();
