@@ -1,4 +1,4 @@
-//! Lanes do what single numbers do, bit for bit, with every set of instructions.
+//! Lanes do what single numbers do, bit for bit, with every set of instructions (S-15).
 
 use super::backend::Backend;
 use super::*;
