@@ -14,9 +14,7 @@ use rve_server::packing::PackingFile;
 use std::path::Path;
 use std::process::Command;
 
-mod in_process;
-
-use in_process::solved_in_process;
+use crate::in_process::solved_in_process;
 
 /// Contact law of `scenes/single-hexahedron-biaxial.toml` and `scenes/single-hexahedron-shear.toml`, without finite elements.
 const BRICK: &str = r#"

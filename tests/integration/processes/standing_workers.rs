@@ -1,15 +1,13 @@
 //! Workers that outlive their runs.
 
-mod harness;
-
-use harness::{Site, eventually, signal};
+use crate::harness::{Site, eventually, signal};
 use rustix::process::Signal;
 use std::fs;
 use std::time::{Duration, Instant};
 
 const SCENE: &str = "scenes/biaxial-small.toml";
 
-fn attach(site: &Site, out: &str, run: &str) -> harness::Watched {
+fn attach(site: &Site, out: &str, run: &str) -> crate::harness::Watched {
     let folder = site.path(out);
     let arguments = [
         "run",

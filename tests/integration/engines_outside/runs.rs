@@ -1,7 +1,7 @@
 //! Whole runs on engines outside this program.
 
 use super::foreign;
-use super::harness::Site;
+use crate::harness::Site;
 use std::process::Command;
 
 /// One element, two small steps: seconds with an engine in pure Python.

@@ -1,9 +1,7 @@
 //! A pool in this process, workers as processes of the real program: what needs settings that the command line does
 //! not offer.
 
-mod harness;
-
-use harness::{Site, Watched, eventually, lives, signal};
+use crate::harness::{Site, Watched, eventually, lives, signal};
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::pool::{HangPolicy, Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};

@@ -1,9 +1,7 @@
 //! Runs that stop and are continued: what is refused, what is told, and that a full disk costs no checkpoint.
 
-mod harness;
-
-use harness::short_scenes::{SHORT_SCENES, ShortScene};
-use harness::{Ended, Site, eventually, signal};
+use crate::harness::short_scenes::{SHORT_SCENES, ShortScene};
+use crate::harness::{Ended, Site, eventually, signal};
 use rustix::process::Signal;
 use std::fs;
 use std::path::Path;

@@ -1,9 +1,7 @@
 //! Runs of the real program on real worker processes: the number of workers changes nothing, runs do not see each
 //! other, and nothing is left behind.
 
-mod harness;
-
-use harness::{Site, eventually, lives};
+use crate::harness::{Site, eventually, lives};
 
 #[test]
 fn one_two_and_four_workers_write_the_same_history() {
@@ -42,7 +40,7 @@ fn a_live_run_is_shown_with_its_workers_and_gone_when_it_ends() {
     });
     assert!(shown.contains(&traces.run) && shown.contains("biaxial-small.toml"), "{shown}");
     assert!(!traces.left().is_empty(), "a live run has its channels somewhere");
-    harness::signal(run.pid(), rustix::process::Signal::INT);
+    crate::harness::signal(run.pid(), rustix::process::Signal::INT);
     assert_eq!(run.end().status.code(), Some(130));
     assert!(!site.status().contains(&traces.run));
     assert_eq!(traces.left(), Vec::<std::path::PathBuf>::new());

@@ -2,9 +2,7 @@
 //!
 //! `GRAINSPAN_STABILITY_SEED=N cargo test --test stability` runs the cases of a seed that a failed test has printed again.
 
-mod harness;
-
-use harness::Site;
+use crate::harness::Site;
 use std::process::Stdio;
 use std::time::{SystemTime, UNIX_EPOCH};
 

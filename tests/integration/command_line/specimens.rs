@@ -1,8 +1,6 @@
 //! `grainspan specimen` and `grainspan pack` as a user runs them: defaults, tables, closing lines, exit codes.
 
-mod harness;
-
-use harness::Site;
+use crate::harness::Site;
 use std::path::Path;
 use std::process::Output;
 

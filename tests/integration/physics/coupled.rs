@@ -18,9 +18,7 @@ use rve_server::engine::GrainEngine;
 use rve_server::packing::PackingFile;
 use std::path::Path;
 
-mod in_process;
-
-use in_process::solved_in_process;
+use crate::in_process::solved_in_process;
 
 const PRESSURE: f64 = 1e5;
 

@@ -18,9 +18,7 @@ use rve_server::packing::PackingFile;
 use rve_server::space::Discs;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
-mod in_process;
-
-use in_process::solved_in_process;
+use crate::in_process::solved_in_process;
 
 const OVERLAP: f64 = 0.02;
 const NORMAL: f64 = 0.866_025_403_784_438_6;

@@ -9,8 +9,6 @@ mod agreement;
 mod claims;
 mod conversation;
 mod foreign;
-#[path = "../harness/mod.rs"]
-mod harness;
 mod native;
 mod pipe;
 mod runs;

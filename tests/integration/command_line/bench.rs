@@ -1,8 +1,6 @@
 //! Every study of `grainspan bench` runs in its quick form and leaves tables, pictures and the machine.
 
-mod harness;
-
-use harness::Site;
+use crate::harness::Site;
 use std::fs;
 use std::process::Stdio;
 

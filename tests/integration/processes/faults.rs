@@ -1,8 +1,6 @@
 //! What happens to real processes when they are killed, stopped or interrupted.
 
-mod harness;
-
-use harness::{Site, Traces, eventually, lives, signal};
+use crate::harness::{Site, Traces, eventually, lives, signal};
 use rustix::process::Signal;
 use std::path::PathBuf;
 use std::process::Stdio;
