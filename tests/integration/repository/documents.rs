@@ -1,6 +1,7 @@
 //! Documents against the repository: paths, links, headings, folders, seams, ids and words that a document uses exist or are allowed.
 //!
-//! `GRAINSPAN_UPDATE_CATALOGUE=1 cargo test --release --test documents` writes the last column of the verification catalogue again.
+//! The last column of the verification catalogue is written by
+//! `GRAINSPAN_UPDATE_CATALOGUE=1 cargo test --release --test integration documents`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -453,7 +454,7 @@ fn ids(text: &str) -> BTreeSet<String> {
 fn places(files: &[String]) -> BTreeMap<String, BTreeSet<String>> {
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for file in
-        files.iter().filter(|file| (file.ends_with(".rs") || file.ends_with(".py")) && *file != "tests/documents.rs")
+        files.iter().filter(|file| (file.ends_with(".rs") || file.ends_with(".py")) && *file != "tests/integration/repository/documents.rs")
     {
         for id in ids(&read(file)) {
             found.entry(id).or_default().insert(file.clone());
