@@ -453,9 +453,9 @@ fn ids(text: &str) -> BTreeSet<String> {
 /// Where each id is named: test sources, benchmarks and examples; if none names it, other sources.
 fn places(files: &[String]) -> BTreeMap<String, BTreeSet<String>> {
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for file in
-        files.iter().filter(|file| (file.ends_with(".rs") || file.ends_with(".py")) && *file != "tests/integration/repository/documents.rs")
-    {
+    for file in files.iter().filter(|file| {
+        (file.ends_with(".rs") || file.ends_with(".py")) && *file != "tests/integration/repository/documents.rs"
+    }) {
         for id in ids(&read(file)) {
             found.entry(id).or_default().insert(file.clone());
         }
