@@ -2,7 +2,7 @@
 
 use super::exit::{Exit, Failure};
 use super::stdout::print;
-use macro_solver::checkpoint::Reproducer;
+use macro_solver::checkpoint::FailureCase;
 use protocol::{RveEngine, TrialAnswer};
 use rve_server::engine::GrainEngine;
 use std::fmt::Write;
@@ -13,7 +13,7 @@ use std::path::Path;
 /// # Errors
 /// The file cannot be used, or belongs to another engine (exit code 2); the engine fails (exit code 1).
 pub(super) fn run(file: &Path) -> Result<Exit, Failure> {
-    let case = Reproducer::read(file).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let case = FailureCase::read(file).map_err(|error| Failure::new(Exit::BadInput, error))?;
     // Before the attempt: it may be the last that this process does.
     print(question(&case).as_bytes())?;
     let unusable = |error| Failure::new(Exit::BadInput, format!("{}: {error}", file.display()));
@@ -28,9 +28,9 @@ pub(super) fn run(file: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn question(case: &Reproducer) -> String {
+fn question(case: &FailureCase) -> String {
     let mut text = format!("Gauss point {}, set aside by {}\n", case.point, case.program);
-    for end in &case.ends {
+    for end in &case.failures {
         line(&mut text, "ended a worker", end);
     }
     line(&mut text, "definition", &case.definition.id().to_string());

@@ -12,14 +12,15 @@
 mod archive;
 mod file;
 mod keeper;
-mod reproducer;
+mod failure_case;
 #[cfg(test)]
 mod tests;
 
 pub use archive::Archive;
 pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
 pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
-pub use reproducer::Reproducer;
+pub use failure_case::FailureCase;
+pub use failure_case::FailureCase as Reproducer;
 
 use crate::material::PointMaterial;
 use crate::observer::Observer;

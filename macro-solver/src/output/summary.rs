@@ -1,7 +1,7 @@
 //! `summary.json`: what a run did, what it cost, and everything that fell short.
 
 use super::{OutputError, write_atomically};
-use crate::trial_costs::SlowestTrials;
+use crate::observer::trial_costs::SlowestTrials;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

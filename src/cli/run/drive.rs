@@ -13,7 +13,7 @@ use crate::cli::exit::{Exit, Failure};
 use crate::cli::start_state::{self, Carried};
 use crate::engines::Crew;
 use crate::scene::Scene;
-use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, Reproducer};
+use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper, FailureCase};
 use macro_solver::difference::DifferenceTangents;
 use macro_solver::implicit::solve_kept;
 use macro_solver::observer::{Observer, Outcome, Run};
@@ -187,7 +187,7 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
 }
 
 /// Writes the question that has ended too many workers; returns what to tell about it.
-fn set_aside(case: &Reproducer, folder: &OutputFolder) -> String {
+fn set_aside(case: &FailureCase, folder: &OutputFolder) -> String {
     let path = folder.path().join("quarantine.replay");
     match case.write(&path) {
         Ok(()) => format!(

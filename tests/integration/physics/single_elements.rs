@@ -8,9 +8,9 @@ use macro_solver::problem::{
     Amplitude, Applied, Axis, Condition, Criteria, NamedStrategy, PressureKind, Problem, Strategy,
 };
 use protocol::{Definition, TangentKind};
-use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
-use rve_server::element::{ElementTest, run_element};
-use rve_server::packing::PackingFile;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
+use rve_server::programs::rve_test::{ElementTest, run_element};
 use std::path::Path;
 use std::process::Command;
 
