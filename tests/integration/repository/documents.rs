@@ -212,6 +212,18 @@ fn exists(path: &str, document: &str, files: &[String]) -> bool {
     })
 }
 
+/// Paths of documents and scenes that a source file names.
+fn named_by_source(text: &str) -> Vec<&str> {
+    let plain = |letter: char| letter.is_ascii_alphanumeric() || "/-_.".contains(letter);
+    let words = text.split(|letter: char| !plain(letter)).map(|word| word.trim_end_matches('.'));
+    words
+        .filter(|word| {
+            (word.starts_with("docs/") && word.ends_with(".md"))
+                || (word.starts_with("scenes/") && word.ends_with(".toml"))
+        })
+        .collect()
+}
+
 /// The anchor that a heading has on the common hosts of Markdown.
 fn anchor(heading: &str) -> String {
     let lower = heading.trim().to_lowercase();
@@ -252,6 +264,23 @@ fn paths_in_documents_exist() {
         }
     }
     assert!(checked > 100, "paths were found: {checked}");
+    no_faults(&faults);
+}
+
+#[test]
+fn documents_and_scenes_named_by_sources_exist() {
+    let files = files();
+    let source = |path: &&String| {
+        [".rs", ".py", ".h", ".c", ".toml", ".yaml", ".service"].iter().any(|ending| path.ends_with(ending))
+            || path.starts_with(".ci/")
+            || path.starts_with("deploy/")
+    };
+    let mut faults = Vec::new();
+    for file in files.iter().filter(source).filter(|file| !file.ends_with("repository/documents.rs")) {
+        let text = read(file);
+        let missing = named_by_source(&text).into_iter().filter(|path| !root().join(path).exists());
+        faults.extend(missing.map(|path| format!("{file}: there is no {path}")));
+    }
     no_faults(&faults);
 }
 
@@ -338,7 +367,9 @@ fn section<'a>(text: &'a str, heading: &str) -> &'a str {
 /// Folders of source files that are not tests.
 fn source_folders() -> Vec<String> {
     let mut found = Vec::new();
-    for krate in ["protocol", "rve-server", "macro-solver", "keys", "scene-reader", "bench", "charts", "worker-c", "."] {
+    for krate in
+        ["protocol", "rve-server", "macro-solver", "keys", "scene-reader", "bench", "charts", "worker-c", "."]
+    {
         let source = root().join(krate).join("src");
         let Ok(entries) = fs::read_dir(&source) else { continue };
         let folders = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
@@ -521,6 +552,7 @@ fn parts_of_this_test_work() {
     assert_eq!(as_path("scenes/biaxial.toml"), Some("scenes/biaxial.toml"));
     assert_eq!(as_path("out/small/quarantine.replay"), None);
     assert_eq!(as_path("k_t / k_n"), None);
+    assert_eq!(named_by_source("see docs/guide/operations.md."), ["docs/guide/operations.md"]);
     assert!(fits("tests/pool_*.rs", "tests/pool_processes.rs") && !fits("a*b", "abc"));
     assert_eq!(anchor("Case A: two codes"), "case-a-two-codes");
     assert_eq!(banned_in("A body CREEPS, so many."), ["creeps", "so many"]);
