@@ -18,8 +18,7 @@ use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, ProblemError, Tolerances};
-use rve_server::definition::AnyDefinition;
-use rve_server::packing::Packing;
+use rve_server::definition::{AnyDefinition, Packing};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 

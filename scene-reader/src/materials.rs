@@ -8,8 +8,7 @@ use super::tables::{RegionTable, SceneFile, Vary};
 use keys::Located;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
-use rve_server::definition::AnyDefinition;
-use rve_server::packing::Packing;
+use rve_server::definition::{AnyDefinition, Packing};
 use std::path::{Path, PathBuf};
 
 /// The definitions behind the points of a scene.

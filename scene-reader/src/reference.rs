@@ -3,9 +3,9 @@
 use crate::document::Kind;
 use crate::tables::SceneFile;
 use keys::{Key, Table};
-use rve_server::element::ElementTest;
-use rve_server::packing::PackingRecipe;
-use rve_server::specimen::SpecimenTest;
+use rve_server::preparation::PackingRecipe;
+use rve_server::programs::rve_test::ElementTest;
+use rve_server::programs::specimen::SpecimenTest;
 use schemars::schema_for;
 
 impl Kind {

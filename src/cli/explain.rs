@@ -1,7 +1,7 @@
 //! `grainspan explain [KEY]`: what the keys of input files mean, from the definitions that also check them.
 
-use super::exit::{Exit, Failure};
-use super::stdout::print;
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
 use scene_reader::{Kind, completions, explained, nearest_key, overview};
 
 /// Arguments of `grainspan explain`.

@@ -25,7 +25,8 @@ pub(crate) use stage::*;
 
 use keys::Located;
 use macro_solver::nonlocal::NonlocalSettings;
-use rve_server::definition::{ContactTable, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::RveOptions;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! `[[region]]`.
 
 use keys::Located;
-use rve_server::definition::ContactTable;
-use rve_server::packing::Removal;
+use rve_server::contact::ContactTable;
+use rve_server::preparation::Removal;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;

@@ -4,9 +4,9 @@ use super::claims::discs;
 use super::conversation::{Conversation, Partner};
 use super::foreign;
 use protocol::{Ask, Definition, RveSolver, StateId, Tensor2};
-use rve_server::definition::{ContactTable, GrainDefinition};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
 use rve_server::space::Discs;
 
 #[test]

@@ -4,8 +4,8 @@ use super::conversation::{Conversation, Partner, Said};
 use super::{foreign, native};
 use protocol::wire::{ReplyStatus, TrialJob};
 use protocol::{ContentId, Definition, RveError, StateId, TrialFlags};
-use rve_server::definition::{ContactTable, GrainDefinition};
-use rve_server::packing::PackingFile;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile};
 use rve_server::space::Discs;
 use std::path::Path;
 

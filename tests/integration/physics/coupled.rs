@@ -13,9 +13,8 @@ use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
 use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
-use rve_server::definition::{GrainDefinition, RveOptions};
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
-use rve_server::packing::PackingFile;
 use std::path::Path;
 
 use crate::in_process::solved_in_process;

@@ -13,8 +13,8 @@ use macro_solver::problem::{
     Amplitude, Applied, Axis, Condition, Link, LinkTerm, PressureKind, Problem, Procedure, Strategy, Tolerances,
 };
 use protocol::{Definition, TangentKind, Tensor2};
-use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
-use rve_server::packing::PackingFile;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use rve_server::space::Discs;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 

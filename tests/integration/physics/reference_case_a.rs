@@ -8,7 +8,7 @@
 //! 2.45 % and never, drained from 1.7 %. The comparisons end before, for a single run has no number there.
 
 use protocol::TangentKind;
-use rve_server::element::{ElementRow, ElementTest, run_element};
+use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use std::path::{Path, PathBuf};
 
 /// Scatter of the references up to a strain, relative.

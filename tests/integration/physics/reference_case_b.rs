@@ -5,9 +5,9 @@
 //! Tolerance. 0.2 % of the shear stress, twice what the two programs differ by; this packing is not chaotic.
 
 use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
-use rve_server::definition::{AnyDefinition, ContactTable, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use rve_server::engine::GrainEngine;
-use rve_server::packing::Packing;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -8,15 +8,15 @@ use macro_solver::problem::{
     Amplitude, Applied, Axis, Condition, Criteria, NamedStrategy, PressureKind, Problem, Strategy,
 };
 use protocol::{Definition, TangentKind};
-use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
-use rve_server::element::{ElementTest, run_element};
-use rve_server::packing::PackingFile;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
+use rve_server::programs::rve_test::{ElementTest, run_element};
 use std::path::Path;
 use std::process::Command;
 
 use crate::in_process::solved_in_process;
 
-/// Contact law of `scenes/brick.toml` and `scenes/brick-shear.toml`, without finite elements.
+/// Contact law of `scenes/single-hexahedron-biaxial.toml` and `scenes/single-hexahedron-shear.toml`, without finite elements.
 const BRICK: &str = r#"
 packing = "spheres-100.json"
 stress_tolerance = 1e-5
@@ -49,8 +49,18 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
 #[test]
 fn a_brick_of_spheres_repeats_the_spheres_alone() {
     for (scene, path, probe, [row, column]) in [
-        ("scenes/brick.toml", "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }", "axial_stress", [1, 1]),
-        ("scenes/brick-shear.toml", "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }", "shear_stress", [0, 1]),
+        (
+            "scenes/single-hexahedron-biaxial.toml",
+            "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }",
+            "axial_stress",
+            [1, 1],
+        ),
+        (
+            "scenes/single-hexahedron-shear.toml",
+            "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }",
+            "shear_stress",
+            [0, 1],
+        ),
     ] {
         let elements = scene_column(scene, probe);
         let mut alone = Vec::new();

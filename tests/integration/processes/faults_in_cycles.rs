@@ -4,9 +4,8 @@ use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::in_process::channel;
 use protocol::{Ask, Definition, RveEngine, Tensor2};
-use rve_server::definition::{GrainDefinition, RveOptions};
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
-use rve_server::packing::PackingFile;
 use rve_server::server::{ServeOptions, serve};
 use std::path::Path;
 

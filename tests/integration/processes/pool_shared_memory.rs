@@ -9,8 +9,7 @@ use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, S
 use protocol::transport::{WorkerEvent, WorkerPort};
 use protocol::{Ask, Capabilities, Definition, TangentKind, Tensor2};
 use rustix::process::Signal;
-use rve_server::definition::{GrainDefinition, RveOptions};
-use rve_server::packing::PackingFile;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

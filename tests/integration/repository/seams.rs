@@ -37,7 +37,7 @@ fn grains_and_elements_never_see_each_other() {
 #[test]
 fn numerics_neither_print_nor_touch_files_nor_threads() {
     let mut files = Vec::new();
-    for folder in ["rve-server/src/relaxation", "rve-server/src/tangent", "macro-solver/src/element"] {
+    for folder in ["rve-server/src/solver", "rve-server/src/tangent", "macro-solver/src/element"] {
         rust_files(&root().join(folder), &mut files);
     }
     assert!(files.len() >= 6, "the numerics were found: {files:?}");
