@@ -87,7 +87,14 @@ fn merge(node: &mut Node, given: &Node, table: &Table) {
         };
         let below = node.members_mut().and_then(|members| members.get_mut(name)).map(|member| &mut member.node);
         match (inner, below) {
-            (Some(inner), Some(below)) if below.members().is_some() => merge(below, &member.node, inner),
+            (Some(inner), Some(below)) if below.members().is_some() => {
+                for key in &inner.keys {
+                    if let (Some(flag), None) = (key.when_written, member.node.get(&key.name)) {
+                        below.set(&key.name, Node::new(Value::Boolean(flag)));
+                    }
+                }
+                merge(below, &member.node, inner);
+            }
             _ => node.set(name, member.node.clone()),
         }
     }

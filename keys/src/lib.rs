@@ -10,6 +10,9 @@
 //! | `"x-default" = "by ..."` | default in words, where it is not a constant |
 //! | `"x-instead-of" = "other"` | this key and `other` exclude each other |
 //! | `"x-procedures" = "implicit"` | procedures that use the key, separated by blanks; all if left out |
+//! | `"x-nonzero" = true` | any number but 0 |
+//! | `"x-when-written" = true` | value if the table is written without this key, whatever held before |
+//! | `"x-folded" = true` | of a table: its keys are listed with the key that holds it |
 //! | `"x-scope" = "run"` | holds for the whole run and cannot be given in a stage |
 //!
 //! [`Table::of`] collects all of it. From there come the checks of a document ([`check`]) and of settings that a program
@@ -19,6 +22,7 @@
 mod check;
 mod deserialize;
 mod explain;
+pub mod forms;
 mod given;
 mod located;
 mod markdown;

@@ -113,6 +113,7 @@ fn rows(text: &mut String, prefix: &str, key: &Key, table: &Table, root: &Table)
 
 fn below(text: &mut String, name: &str, shape: &Shape, root: &Table) {
     match shape {
+        Shape::Table(table) if table.folded => {}
         Shape::Table(table) => table.keys.iter().for_each(|key| rows(text, &format!("{name}."), key, table, root)),
         Shape::List { of, .. } => below(text, name, of, root),
         Shape::Either(shapes) => shapes.iter().for_each(|shape| below(text, name, shape, root)),
@@ -151,7 +152,7 @@ fn kind_in_table(shape: &Shape) -> String {
         Shape::Words(_) if !words(shape).is_empty() => "word".to_owned(),
         Shape::List { of, .. } if !words(of).is_empty() => "list of words".to_owned(),
         Shape::Either(shapes) => shapes.iter().map(kind_in_table).collect::<Vec<_>>().join(", or "),
-        Shape::Table(_) => "table".to_owned(),
+        Shape::Table(table) if !table.folded => "table".to_owned(),
         shape => kind(shape),
     }
 }

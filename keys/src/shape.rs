@@ -11,6 +11,8 @@ pub struct Table {
     pub doc: String,
     /// Its keys, in alphabetical order, required ones first.
     pub keys: Vec<Key>,
+    /// Whether references list its keys with the key that holds it.
+    pub folded: bool,
 }
 
 /// A key of a table.
@@ -34,6 +36,8 @@ pub struct Key {
     pub procedures: Vec<String>,
     /// Whether it holds for the whole run and cannot be given in a stage.
     pub run_wide: bool,
+    /// Its value if its table is written without it, whatever held before.
+    pub when_written: Option<bool>,
 }
 
 /// What a value may be.
@@ -86,6 +90,8 @@ pub struct Bounds {
     pub above: Option<f64>,
     /// All are smaller.
     pub below: Option<f64>,
+    /// Whether 0 is excluded.
+    pub nonzero: bool,
 }
 
 impl Bounds {
@@ -95,6 +101,7 @@ impl Bounds {
             && self.most.is_none_or(|most| number <= most)
             && self.above.is_none_or(|above| number > above)
             && self.below.is_none_or(|below| number < below)
+            && !(self.nonzero && number == 0.0)
     }
 
     /// The limits in words, such as `above 0 and at most 1`; empty without any.
@@ -104,13 +111,15 @@ impl Bounds {
             self.least.map(|number| format!("at least {number}")),
             self.below.map(|number| format!("below {number}")),
             self.most.map(|number| format!("at most {number}")),
+            self.nonzero.then(|| "other than 0".to_owned()),
         ];
         parts.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
     fn of(schema: &Json, [least, most, above, below]: [&str; 4]) -> Self {
         let number = |name: &str| schema.get(name).and_then(Json::as_f64);
-        Self { least: number(least), most: number(most), above: number(above), below: number(below) }
+        let nonzero = schema.get("x-nonzero").and_then(Json::as_bool) == Some(true);
+        Self { least: number(least), most: number(most), above: number(above), below: number(below), nonzero }
     }
 }
 
@@ -127,7 +136,7 @@ impl Table {
         let schema = Json::from(settings.into_generator().into_root_schema_for::<T>());
         match shape(&schema) {
             Shape::Table(table) => table,
-            _ => Self { doc: String::new(), keys: Vec::new() },
+            _ => Self { doc: String::new(), keys: Vec::new(), folded: false },
         }
     }
 
@@ -221,7 +230,9 @@ fn table(schema: &Json) -> Shape {
         return match schema.get("additionalProperties") {
             Some(values @ Json::Object(_)) => Shape::Map(Box::new(shape(values))),
             // A struct without fields.
-            Some(Json::Bool(false)) => Shape::Table(Table { doc: text(schema, "description"), keys: Vec::new() }),
+            Some(Json::Bool(false)) => {
+                Shape::Table(Table { doc: text(schema, "description"), keys: Vec::new(), folded: false })
+            }
             _ => Shape::Anything,
         };
     };
@@ -230,7 +241,8 @@ fn table(schema: &Json) -> Shape {
     let mut keys: Vec<Key> =
         properties.iter().map(|(name, schema)| key(name, schema, required.contains(&name.as_str()))).collect();
     keys.sort_by(|one, other| other.required.cmp(&one.required).then_with(|| one.name.cmp(&other.name)));
-    Shape::Table(Table { doc: text(schema, "description"), keys })
+    let folded = schema.get("x-folded").and_then(Json::as_bool) == Some(true);
+    Shape::Table(Table { doc: text(schema, "description"), keys, folded })
 }
 
 fn key(name: &str, schema: &Json, required: bool) -> Key {
@@ -239,7 +251,7 @@ fn key(name: &str, schema: &Json, required: bool) -> Key {
         (None, Some(value)) => written(value),
         (None, None) => String::new(),
     };
-    Key {
+    let mut key = Key {
         name: name.to_owned(),
         doc: text(schema, "description"),
         unit: text(schema, "x-unit"),
@@ -249,6 +261,24 @@ fn key(name: &str, schema: &Json, required: bool) -> Key {
         instead_of: schema.get("x-instead-of").and_then(Json::as_str).map(str::to_owned),
         procedures: text(schema, "x-procedures").split_whitespace().map(str::to_owned).collect(),
         run_wide: schema.get("x-scope").and_then(Json::as_str) == Some("run"),
+        when_written: schema.get("x-when-written").and_then(Json::as_bool),
+    };
+    inherit_unit(&mut key.shape, &key.unit);
+    key
+}
+
+/// Numbers in a table have the unit of the key that holds it, unless they say otherwise.
+fn inherit_unit(shape: &mut Shape, unit: &str) {
+    match shape {
+        Shape::Table(table) => {
+            for key in table.keys.iter_mut().filter(|key| key.unit.is_empty()) {
+                unit.clone_into(&mut key.unit);
+                inherit_unit(&mut key.shape, unit);
+            }
+        }
+        Shape::List { of, .. } => inherit_unit(of, unit),
+        Shape::Either(shapes) => shapes.iter_mut().for_each(|shape| inherit_unit(shape, unit)),
+        _ => {}
     }
 }
 

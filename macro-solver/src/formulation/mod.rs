@@ -14,11 +14,14 @@ pub mod tensor;
 use conversion::{first_piola, piola_moduli, spatial_moduli};
 use corotation::Corotation;
 use nalgebra::Matrix3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use small_strain::small_strain_moduli;
 pub use tensor::Operator;
 
 /// How motion becomes strain, and which stress is integrated where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Formulation {
     /// Strain is the symmetric part of the displacement gradient on the initial geometry, on which the Cauchy stress
     /// is integrated. Rotations are not seen.
@@ -28,6 +31,7 @@ pub enum Formulation {
     /// The step's displacement gradient on the committed geometry and the Cauchy stress on the current one, as in
     /// [Argilaga2018] section 2. The same equations as the total Lagrangian form.
     #[default]
+    #[serde(rename = "updated_lagrangian")]
     Updated,
     /// The rate form of [Liu2015] section 2.3.3: the symmetric gradient of the step on the midpoint geometry, turned
     /// into the corotated frame by the polar decomposition of `F`; the Cauchy stress is turned out of the frame and
@@ -65,7 +69,7 @@ impl Formulation {
         match self {
             Self::SmallStrain => "small_strain",
             Self::TotalLagrangian => "total_lagrangian",
-            Self::Updated => "updated",
+            Self::Updated => "updated_lagrangian",
             Self::Corotational => "corotational",
         }
     }
