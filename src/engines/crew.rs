@@ -1,9 +1,10 @@
 //! Who solves what in one run: its engines, what they can do, and the Gauss points of each.
 
-use super::{BUILT_IN, Catalogue, Engine, Suitability, capabilities_of, suitability};
+use super::{Catalogue, Engine, Suitability, capabilities_of, suitability};
 use crate::cli::exit::{Exit, Failure};
 use crate::scene::{Materials, Scene};
 use protocol::{Capabilities, Definition};
+use rve_server::server::built_in_engine;
 
 /// One engine of a run.
 #[derive(Clone, Debug)]
@@ -58,7 +59,7 @@ impl Crew {
             names.remove(0);
             member_of.iter_mut().for_each(|member| *member -= 1);
         }
-        let catalogue = match names.iter().all(|name| name == BUILT_IN) {
+        let catalogue = match names.iter().all(|name| built_in_engine(name).is_some()) {
             true => Catalogue::default(),
             false => Catalogue::read().map_err(refuse)?,
         };
