@@ -5,11 +5,11 @@
 
 use crate::exit::{Exit, Failure};
 use crate::scene::Scene;
-use macro_solver::implicit::solve;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::mesh::{Dimension, Mesh};
 use macro_solver::observer::Silent;
 use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
+use macro_solver::solve::solve;
 use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
 use rve_server::definition::AnyDefinition;
 use rve_server::engine::{GrainRve, ListedForces};

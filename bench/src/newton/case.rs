@@ -2,10 +2,10 @@
 
 use anyhow::Context;
 use grainspan::scene::{JOBS_A_MESSAGE, drawn};
-use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use macro_solver::problem::{Problem, Stabilisation};
+use macro_solver::solve::solve;
 use protocol::Definition;
 use protocol::transport::in_process::channel;
 use rve_server::definition::{Accuracy, GrainDefinition, Packing, PackingFile, RveOptions};

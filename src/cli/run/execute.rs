@@ -14,11 +14,11 @@ use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
-use macro_solver::difference::{DifferenceCounts, DifferenceTangents};
-use macro_solver::implicit::solve_kept;
+use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
 use macro_solver::pool::Pool;
+use macro_solver::solve::solve_kept;
 use protocol::transport::MacroPort;
 use std::time::Instant;
 

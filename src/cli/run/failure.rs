@@ -52,6 +52,7 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
         }
         Outcome::Stopped(request) => Failure::new(Exit::BadInput, request),
         Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
+        Outcome::CheckpointRefused(error) => Failure::new(Exit::BadInput, error),
     })
 }
 
