@@ -26,7 +26,7 @@ Examples:
   grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
   grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=40
   grainspan pack packings/discs-400.toml --out packing.json
-  grainspan element scenes/element.toml --out curve.csv   one packing along a strain/stress path
+  grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a strain/stress path
 
 Exit codes: 0 done; 1 did not converge; 2 bad input; 3 workers lost; 130 interrupted.";
 

@@ -18,7 +18,7 @@ const LARGEST_OVERLAP: f64 = 0.25;
   grainspan pack packings/discs-400.toml --out packings/discs-400.json
   grainspan pack packings/discs-400.toml --set seed=7 --set contact.friction=0.2 --out loose.json")]
 pub(crate) struct Arguments {
-    /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/packing.md
+    /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/guide/packings.md
     #[arg(value_name = "PACKING.toml")]
     recipe: PathBuf,
     /// Packing file to write [default: standard output]

@@ -15,9 +15,9 @@ use std::rc::Rc;
 /// Arguments of `grainspan element`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  grainspan element scenes/element.toml > curve.csv
+  grainspan element scenes/rve-biaxial.toml > curve.csv
   grainspan element --replay out/biaxial/quarantine.replay
-  grainspan element scenes/element.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
+  grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
     #[arg(value_name = "TEST.toml", required_unless_present = "replay")]

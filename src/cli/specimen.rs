@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
   grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]")]
 pub(crate) struct Arguments {
-    /// Specimen test: packing, tiles, contact law, walls and stages; see docs/specimen.md
+    /// Specimen test: packing, tiles, contact law, walls and stages; see docs/guide/specimens.md
     #[arg(value_name = "TEST.toml")]
     test: PathBuf,
     /// File to write [default: standard output, at the end]

@@ -325,16 +325,20 @@ mod tests {
 
     #[test]
     fn shipped_scenes_match_their_packings() {
-        for file in
-            ["biaxial.toml", "brick.toml", "compression-shear.toml", "single-element.toml", "weak-element.toml"]
-        {
+        for file in [
+            "biaxial.toml",
+            "single-hexahedron-biaxial.toml",
+            "compression-shear.toml",
+            "single-element.toml",
+            "biaxial-weak-element.toml",
+        ] {
             assert_eq!(said(&scene(file, &[])), None, "{file}");
         }
     }
 
     #[test]
     fn the_mean_pressure_of_a_packing_of_spheres_is_over_three_axes() {
-        let carried = Carried::by(scene("brick.toml", &[]).definition()).unwrap();
+        let carried = Carried::by(scene("single-hexahedron-biaxial.toml", &[]).definition()).unwrap();
         let trace: f64 = [0, 4, 8].map(|place| carried.stress.0[place]).iter().sum();
         assert!((carried.pressure() + trace / 3.0).abs() < 1e-9 * carried.pressure());
         assert!(carried.stress_text().contains("zz ") && !carried.carries_nothing());

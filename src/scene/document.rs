@@ -73,8 +73,8 @@ impl Kind {
     fn reference(self) -> &'static str {
         match self {
             Self::Scene | Self::ElementTest => "docs/scene.md",
-            Self::Recipe => "docs/packing.md",
-            Self::Specimen => "docs/specimen.md",
+            Self::Recipe => "docs/guide/packings.md",
+            Self::Specimen => "docs/guide/specimens.md",
         }
     }
 }

@@ -33,7 +33,7 @@ pub use supervision::JOBS_A_MESSAGE;
 /// The scene that unit tests change: one element, two kinds of cells. Errors as people see them.
 #[cfg(test)]
 fn weak_element(more: &[&str]) -> Result<Scene, String> {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/weak-element.toml");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/biaxial-weak-element.toml");
     let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
     Scene::load(&path, &overrides).map_err(|error| error.to_string())
 }

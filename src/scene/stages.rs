@@ -185,8 +185,11 @@ mod tests {
     #[test]
     fn the_default_strategy_depends_on_the_cells() {
         let quasi = |scene: &str, more: &[&str]| stages_of(scene, more).unwrap()[0].strategy.quasi_newton.is_some();
-        assert!(!quasi("biaxial-small", &[]) && quasi("brick", &[]));
-        assert!(!quasi("brick", &["solver.tangent=truss_like_slip"]) && !quasi("brick", &["solver.strategy=newton"]));
+        assert!(!quasi("biaxial-small", &[]) && quasi("single-hexahedron-biaxial", &[]));
+        assert!(
+            !quasi("single-hexahedron-biaxial", &["solver.tangent=truss_like_slip"])
+                && !quasi("single-hexahedron-biaxial", &["solver.strategy=newton"])
+        );
     }
 
     fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {

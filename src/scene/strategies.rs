@@ -17,7 +17,7 @@ pub(super) fn preset(document: &Document, strategy: &mut Strategy, table: &Solve
         let names: Vec<&str> = NamedStrategy::ALL.into_iter().map(NamedStrategy::keyword).collect();
         document
             .error_at(name.span(), format!("there is no strategy '{}'", name.get_ref()))
-            .hint(format!("there are: {}; docs/strategies.md compares them", names.join(", ")))
+            .hint(format!("there are: {}; docs/concepts/strategies.md compares them", names.join(", ")))
     })?;
     *strategy = named.preset();
     Ok(())

@@ -66,7 +66,7 @@ impl Checked {
 }
 
 /// Largest accepted difference at the end of a test, over the mean pressure of its path: by default what 400 discs on a biaxial
-/// path are apart from slow runs up to 2.4 % of strain (docs/verification.md), more in drafts and less in tight ones.
+/// path are apart from slow runs up to 2.4 % of strain (docs/lab-book/verification.md), more in drafts and less in tight ones.
 fn bound(accuracy: Accuracy) -> f64 {
     match accuracy {
         Accuracy::Draft => 0.05,

@@ -38,7 +38,7 @@ fn csv_rows(path: &std::path::Path) -> usize {
 #[test]
 fn pictures_are_drawn_again_and_counted_and_nothing_to_draw_is_refused() {
     let site = Site::new();
-    let measured = root().join("docs/bench/2026-11-21-epyc-2-cores/rve/spheres-1000.csv");
+    let measured = root().join("docs/lab-book/runs/2026-11-21-epyc-2-cores/rve/spheres-1000.csv");
     let folder = site.path("rve");
     let redraw = ["rve", "--redraw", "--out", folder.to_str().unwrap()];
     fs::create_dir(&folder).unwrap();

@@ -89,7 +89,7 @@ fn concerns(summary: Option<&Value>) -> Markup {
         found.iter().map(|(name, count)| in_words(name, count.as_u64().unwrap_or(0))).collect();
     html! {
         @if warnings.is_empty() { p { "Accuracy: no warnings." } }
-        @else { p.bad { "Accuracy: " (warnings.join(", ")) " (docs/operations.md says what the counters mean)." } }
+        @else { p.bad { "Accuracy: " (warnings.join(", ")) " (docs/reference/counters.md explains the counters)." } }
     }
 }
 

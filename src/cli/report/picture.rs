@@ -58,10 +58,10 @@ mod tests {
     fn every_element_is_drawn_in_the_colour_of_its_packing() {
         let load =
             |file: &str| Scene::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(file), &[]).unwrap();
-        let scene = load("weak-element.toml");
+        let scene = load("biaxial-weak-element.toml");
         let text = mesh(&scene).unwrap();
         assert_eq!(text.matches("<polygon").count(), scene.problem.mesh.elements.len());
         assert!(text.contains(FILLINGS[4]), "the weakened cell of one element");
-        assert_eq!(mesh(&load("brick.toml")), None);
+        assert_eq!(mesh(&load("single-hexahedron-biaxial.toml")), None);
     }
 }

@@ -11,7 +11,7 @@ use std::fmt::Write;
 const LARGEST_RESIDUAL: f64 = 0.05;
 
 /// Where the counters are explained.
-const EXPLAINED: &str = "see docs/operations.md";
+const EXPLAINED: &str = "see docs/reference/counters.md";
 
 /// A headline and one line per subject; `folder` is the output folder.
 pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluations: u64, folder: &str) -> String {

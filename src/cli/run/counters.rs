@@ -1,5 +1,5 @@
 //! The counters of a run: their names, the group that tells what they mean for the result, and how they read. The table of
-//! `docs/operations.md` explains each; a test compares both.
+//! `docs/reference/counters.md` explains each; a test compares both.
 
 use std::collections::BTreeMap;
 
@@ -134,7 +134,7 @@ mod tests {
 
     /// The rows of the table in the documentation: name and group.
     fn documented() -> Vec<(String, String)> {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/counters.md");
         let text = std::fs::read_to_string(path).unwrap();
         let part = text.split("## What the counters mean").nth(1).expect("the section exists");
         let part = part.split("\n## ").next().unwrap();

@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
     /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
     #[arg(long, value_name = "RUN")]
     attach: Option<String>,
-    /// Engine that solves the points in place of the scene's own choice; see docs/external-engines.md
+    /// Engine that solves the points in place of the scene's own choice; see docs/guide/external-engines.md
     #[arg(long, value_name = "NAME")]
     engine: Option<String>,
     /// How macro and workers wait for messages: `hybrid` and `spin` trade CPU time for latency

@@ -98,7 +98,7 @@ fn the_scene_in_the_output_folder_repeats_the_run() {
 fn a_run_of_different_cells_does_not_depend_on_workers_and_can_be_repeated() {
     let place = tempfile::tempdir().unwrap();
     let overrides = ["loading.increments=2", "region.0.packings=['../packings/discs-100.json']", "output.grains=[8]"];
-    let scene = scene("scenes/weak-element.toml", &overrides);
+    let scene = scene("scenes/biaxial-weak-element.toml", &overrides);
     let [one, two, again] = ["one", "two", "again"].map(|name| place.path().join(name));
     run(&scene, &one, 1, &mut Silent).unwrap();
     run(&scene, &two, 2, &mut Silent).unwrap();

@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     /// Wait for runs of this name for ever and serve one after the other
     #[arg(long, conflicts_with_all = ["timeout", "parent"])]
     standing: bool,
-    /// Engine that solves the RVEs: the built-in one, or one of the catalogue, see docs/external-engines.md
+    /// Engine that solves the RVEs: the built-in one, or one of the catalogue, see docs/guide/external-engines.md
     #[arg(long, value_name = "NAME", default_value = BUILT_IN)]
     engine: String,
     /// Snapshots kept in memory
