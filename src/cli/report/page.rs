@@ -66,8 +66,8 @@ pub(super) fn page(contents: &Contents) -> Result<String, ChartError> {
 }
 
 fn status(contents: &Contents) -> Markup {
-    let said = contents.summary.as_ref().and_then(|summary| summary.get("status")).and_then(Value::as_str);
-    match said {
+    let status = contents.summary.as_ref().and_then(|summary| summary.get("status")).and_then(Value::as_str);
+    match status {
         Some("done") => html! { "done" },
         Some(other) => html! { span.bad { (other.replace('_', " ")) } },
         None => html! { span.bad { "not ended (no summary.json)" } },
