@@ -14,7 +14,7 @@ use crate::model::constraints::Constraints;
 use crate::model::failure::{Failure, failure};
 use crate::model::loads::Loads;
 use crate::model::points::Points;
-use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport, StopRequest};
+use crate::observer::{CutBack, FieldsView, Observer, Outcome, Run, Statistics, StepReport};
 use crate::problem::{PathControl, Problem, ProblemError, Procedure};
 use crate::solve::explicit::Integrator;
 use crate::solve::linear_solver::{LinearSolver, norm};
@@ -156,8 +156,8 @@ impl<'a> Solver<'a> {
 
     fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
-        let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
-        if !resume(session.keeper, self, session.material, session.observer).map_err(unfit)? {
+        let resumed = resume(session.keeper, self, session.material, session.observer);
+        if !resumed.map_err(Outcome::CheckpointRefused)? {
             session.observer.stage_started(self.stage, self.stage());
             if !matches!(self.stage().procedure, Procedure::Dynamic(_)) {
                 self.equilibrate(session)?;
