@@ -1,9 +1,9 @@
-//! The state that a run starts from: what its packing carries, and whether the loads of the first step ask for just that.
+//! The initial state of a run: the stress of its packing, and whether the loads of the first step are in equilibrium with it.
 //!
-//! A packing keeps the stress it was prepared under. Loads that ask for another one at the very start have to be
-//! carried by grains before the first step, in one go; most often no balance is found.
+//! A packing has the stress it was prepared under. Initial loads that need another stress act on the grains at once, before the
+//! first step; most often no equilibrium is found.
 
-use super::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure};
 use crate::scene::Scene;
 use macro_solver::implicit::solve;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};

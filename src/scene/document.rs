@@ -81,7 +81,7 @@ impl Kind {
 
 /// An input file and what the command line changes in it.
 #[derive(Clone, Debug)]
-pub(crate) struct Document {
+pub struct Document {
     path: PathBuf,
     text: String,
     overrides: Vec<Override>,
@@ -104,7 +104,7 @@ impl Document {
     ///
     /// # Errors
     /// As [`Document::read`], but for the reading.
-    pub(crate) fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
+    pub fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
         let mut document = Self { path: path.to_owned(), text, overrides: Vec::new() };
         for given in overrides {
             let parsed = document.parse_override(given)?;
@@ -154,7 +154,7 @@ impl Document {
     ///
     /// # Errors
     /// Unknown keys, wrong types and missing keys, each with file and line.
-    pub(crate) fn deserialize<T: DeserializeOwned>(&self) -> Result<T, InputError> {
+    pub fn deserialize<T: DeserializeOwned>(&self) -> Result<T, InputError> {
         let root = self.table()?;
         T::deserialize(toml::de::Deserializer::from(root)).map_err(|error| self.toml_error(&error))
     }
@@ -191,7 +191,7 @@ impl Document {
 
     /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
     /// the place.
-    pub(crate) fn table_error(&self, problem: impl ToString) -> InputError {
+    pub fn table_error(&self, problem: impl ToString) -> InputError {
         let problem = problem.to_string();
         let located = if let Some(rest) = problem.strip_prefix("path segment ") {
             let number: usize = rest.split(':').next().and_then(|text| text.parse().ok()).unwrap_or(1);
@@ -206,7 +206,7 @@ impl Document {
 
     /// The document with overrides applied and `replacements` made (path to a key with dots, its new value), as TOML text.
     /// Comments and layout of the file are kept as long as every change concerns a key that the file has.
-    pub(crate) fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
+    pub fn as_run(&self, replacements: &[(&str, &str)]) -> Result<String, InputError> {
         let overrides = self.overrides.iter().map(|given| (given.path.clone(), given.value.clone()));
         let more = replacements
             .iter()

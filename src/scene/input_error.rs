@@ -4,7 +4,7 @@ use std::fmt;
 
 /// One problem of an input file, a command-line value or a file that they name. Ends the program with exit code 2.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct InputError {
+pub struct InputError {
     place: String,
     problem: String,
     excerpt: Option<String>,

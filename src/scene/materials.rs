@@ -255,7 +255,7 @@ fn centre(mesh: &Mesh, element: usize) -> [f64; 3] {
 }
 
 /// One of `count` lots for a number, by SplitMix64: the choice for one number depends on no other.
-pub(crate) fn drawn(seed: u64, number: u64, count: usize) -> usize {
+pub fn drawn(seed: u64, number: u64, count: usize) -> usize {
     let mut bits = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -22,10 +22,13 @@ mod supervision;
 
 pub(crate) use build::{Scene, read_packing};
 pub(crate) use changes::changes;
-pub(crate) use document::{Document, Kind};
-pub(crate) use input_error::InputError;
-pub(crate) use materials::{Materials, PackingCopy, drawn};
-pub(crate) use supervision::JOBS_A_MESSAGE;
+pub(crate) use document::Kind;
+pub(crate) use materials::{Materials, PackingCopy};
+
+pub use document::Document;
+pub use input_error::InputError;
+pub use materials::drawn;
+pub use supervision::JOBS_A_MESSAGE;
 
 /// The scene that unit tests change: one element, two kinds of cells. Errors as people see them.
 #[cfg(test)]

@@ -15,7 +15,7 @@ const LONGEST: f64 = 31.0 * 86_400.0;
 
 /// Most trials per message unless the scene says otherwise: enough for several rounds through the lanes of a worker, so that a
 /// lane that is done early finds more to do. When fewer wait than all workers could take, each gets its share of them.
-pub(crate) const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
+pub const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 
 /// Most trials per message, and messages, that make sense.
 const MOST: usize = 4096;

@@ -1,7 +1,7 @@
-//! What a report is made of, read from the files of an output folder.
+//! The contents of a report, read from the files of an output folder.
 
 use super::picture;
-use crate::cli::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure};
 use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
 use serde_json::Value;

@@ -1,6 +1,6 @@
 //! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
 
-use crate::cli::exit::Failure;
+use crate::exit::Failure;
 use crate::scene::{InputError, PackingCopy};
 use macro_solver::output::{OutputError, write_atomically};
 use std::fs::{self, File, TryLockError};
