@@ -222,7 +222,10 @@ mod tests {
         let mut doubtful = Statistics::default();
         doubtful.flags.not_equilibrated = 4;
         let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
-        assert!(text.contains("  warnings         4 trials not equilibrated (see docs/reference/counters.md)"), "{text}");
+        assert!(
+            text.contains("  warnings         4 trials not equilibrated (see docs/reference/counters.md)"),
+            "{text}"
+        );
         assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
     }
 
