@@ -2,8 +2,8 @@
 
 use super::{BUILT_IN, Catalogue, Compatibility, Engine, capabilities_of, compatibility};
 use crate::exit::{Exit, Failure};
-use crate::scene::{Materials, Scene};
 use protocol::{Capabilities, Definition};
+use scene_reader::{Materials, Scene};
 
 /// One engine of a run.
 #[derive(Clone, Debug)]

@@ -12,7 +12,6 @@ use super::resume::{Continued, RunDescription};
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
 use macro_solver::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::implicit::solve_kept;
@@ -20,6 +19,7 @@ use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
+use scene_reader::Scene;
 use std::time::Instant;
 
 /// The circumstances of a run.

@@ -49,8 +49,18 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
 #[test]
 fn a_brick_of_spheres_repeats_the_spheres_alone() {
     for (scene, path, probe, [row, column]) in [
-        ("scenes/single-hexahedron-biaxial.toml", "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }", "axial_stress", [1, 1]),
-        ("scenes/single-hexahedron-shear.toml", "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }", "shear_stress", [0, 1]),
+        (
+            "scenes/single-hexahedron-biaxial.toml",
+            "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }",
+            "axial_stress",
+            [1, 1],
+        ),
+        (
+            "scenes/single-hexahedron-shear.toml",
+            "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }",
+            "shear_stress",
+            [0, 1],
+        ),
     ] {
         let elements = scene_column(scene, probe);
         let mut alone = Vec::new();
