@@ -184,7 +184,7 @@ fn a_column_of_lattices_carries_a_standing_shear_wave() {
 /// length, the inclined contacts shorten; `sigma = sum f b x e / area` with `f = k_n (l0 - l)`.
 #[test]
 fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
-    for formulation in [Formulation::Updated, Formulation::TotalLagrangian, Formulation::Corotational] {
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian, Formulation::Corotational] {
         let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
         let hold = |nodes: &str, axis| Condition::fixed(nodes, axis);
         let conditions = vec![

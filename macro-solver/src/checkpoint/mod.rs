@@ -10,17 +10,17 @@
 //! [`CheckpointFile`] makes files of archives, [`PeriodicKeeper`] decides when.
 
 mod archive;
+mod failure_case;
 mod file;
 mod keeper;
-mod failure_case;
 #[cfg(test)]
 mod tests;
 
 pub use archive::Archive;
-pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
-pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
 pub use failure_case::FailureCase;
 pub use failure_case::FailureCase as Reproducer;
+pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
+pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
 
 use crate::material::PointMaterial;
 use crate::observer::Observer;

@@ -310,12 +310,14 @@ impl<P: MacroPort> Pool<P> {
             let since = *self.unserved_since.get_or_insert(now);
             let patience = self.coordinator.settings.patience;
             let left = patience.saturating_sub(now.duration_since(since));
-            let trouble = self.coordinator.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
+            let trouble =
+                self.coordinator.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
             if let Outlook::Exhausted(reason) = &outlook {
                 return Err(MaterialError::WorkersLost(format!("no workers are left: {reason}{trouble}")));
             }
             if left.is_zero() {
-                let text = format!("no worker has joined run `{}` for {patience:?}{trouble}", self.coordinator.settings.run);
+                let text =
+                    format!("no worker has joined run `{}` for {patience:?}{trouble}", self.coordinator.settings.run);
                 return Err(MaterialError::WorkersLost(text));
             }
             wait = wait.min(left);
@@ -342,7 +344,8 @@ impl<P: MacroPort> Pool<P> {
         let coordinator = &mut self.coordinator;
         let workers = &coordinator.workers;
         let affinity = |state: &PointState| state.holder.filter(|worker| workers.is_active(*worker));
-        coordinator.batch = Batch::build(trials, &coordinator.points, self.next_job, coordinator.settings.deduplicate, affinity);
+        coordinator.batch =
+            Batch::build(trials, &coordinator.points, self.next_job, coordinator.settings.deduplicate, affinity);
         self.next_job += coordinator.batch.jobs.len() as u64;
         while !self.coordinator.batch.is_finished() {
             self.listen()?;

@@ -9,11 +9,11 @@ mod secant;
 
 pub(crate) use record::{PointRecord, copy};
 
-use crate::element::point_places;
 use crate::formulation::tensor::{matrix, operator, tensor};
 use crate::formulation::{Formulation, Operator, Response};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Dimension;
+use crate::mesh::point_places;
 use crate::model::failure::{Failure, failure};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::{FlagCounts, Statistics};

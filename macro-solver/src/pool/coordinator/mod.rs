@@ -122,7 +122,9 @@ impl Coordinator {
                     Err(refusal) => self.refuse(worker, pid, refusal.to_string()),
                 }
             }
-            FromWorker::DefinitionRefused { definition, reason } => self.handle_definition_refusal(worker, definition, &reason),
+            FromWorker::DefinitionRefused { definition, reason } => {
+                self.handle_definition_refusal(worker, definition, &reason)
+            }
             FromWorker::Bye { reason } => {
                 if self.workers.get(worker).is_some_and(|known| known.state.answers()) {
                     tracing::info!(worker = worker.0, reason, "worker leaves");

@@ -155,7 +155,8 @@ impl GroupQueue {
         // goes before affinity. The cost model is wrong by up to a factor of two.
         let least = self.index.longest()?.div_ceil(2);
         let is_long = |queue: &WorkerQueue| queue.head() >= least;
-        let own_or_unassigned = [Some(worker), None].into_iter().find(|affinity| self.queues.get(affinity).is_some_and(is_long));
+        let own_or_unassigned =
+            [Some(worker), None].into_iter().find(|affinity| self.queues.get(affinity).is_some_and(is_long));
         own_or_unassigned.or_else(|| self.index.most_work(least))
     }
 }

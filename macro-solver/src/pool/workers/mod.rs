@@ -321,7 +321,9 @@ pub(super) enum Refusal {
         tangent: TangentKind,
     },
     /// No point is given to the engine.
-    #[error("engine `{engine}` solves no point of this run, whose engines are {engines}; start the worker with another")]
+    #[error(
+        "engine `{engine}` solves no point of this run, whose engines are {engines}; start the worker with another"
+    )]
     Engine {
         /// Engine of the worker.
         engine: String,

@@ -109,7 +109,7 @@ fn implicit_stages_with_links_go_on_to_the_same_bits() {
     let twice = [Procedure::Implicit, Procedure::Implicit];
     for head in [Head::Tilting, Head::Turned, Head::Periodic] {
         for (kind, formulation) in [
-            (ElementKind::Q4, Formulation::Updated),
+            (ElementKind::Q4, Formulation::UpdatedLagrangian),
             (ElementKind::Q8, Formulation::TotalLagrangian),
             (ElementKind::Q4Single, Formulation::Corotational),
             (ElementKind::Q4, Formulation::SmallStrain),
@@ -123,7 +123,7 @@ fn implicit_stages_with_links_go_on_to_the_same_bits() {
 fn dynamic_stages_go_on_to_the_same_bits_from_their_first_instant_on() {
     let twice = [motion(), motion()];
     for head in [Head::Platen, Head::Tilting, Head::Turned, Head::Periodic] {
-        for formulation in [Formulation::Updated, Formulation::Corotational, Formulation::SmallStrain] {
+        for formulation in [Formulation::UpdatedLagrangian, Formulation::Corotational, Formulation::SmallStrain] {
             let problem = squeezed(ElementKind::Q4Single, formulation, head, &twice);
             assert_continues(&problem, &format!("{head:?} {formulation:?}"));
         }
@@ -139,5 +139,8 @@ fn stages_of_all_procedures_go_on_to_the_same_bits() {
         assert_continues(&problem, &format!("{kind:?}"));
     }
     let linked = [Procedure::Implicit, motion(), Procedure::Implicit];
-    assert_continues(&squeezed(ElementKind::Q4, Formulation::Updated, Head::Turned, &linked), "motion between");
+    assert_continues(
+        &squeezed(ElementKind::Q4, Formulation::UpdatedLagrangian, Head::Turned, &linked),
+        "motion between",
+    );
 }

@@ -143,9 +143,9 @@ fn drawn(seed: u64, number: u64, slots: &[Slot]) -> anyhow::Result<Scene> {
         kind: draw.pick(&[ElementKind::Q4, ElementKind::Q8, ElementKind::T3, ElementKind::T6, ElementKind::Q4Single]),
         elements: draw.pick(&ELEMENTS),
         formulation: match range {
-            Range::Everyday => Formulation::Updated,
+            Range::Everyday => Formulation::UpdatedLagrangian,
             Range::Hard => {
-                draw.pick(&[Formulation::TotalLagrangian, Formulation::Updated, Formulation::Corotational])
+                draw.pick(&[Formulation::TotalLagrangian, Formulation::UpdatedLagrangian, Formulation::Corotational])
             }
         },
         loading,
