@@ -5,22 +5,22 @@
 //! of the run (displacements, load, step size, per-point memory), the material (committed states) and the observers
 //! (rows written, sums). Each owns one named, versioned section, and restores from it or refuses with a reason.
 //!
-//! A driver takes part with three lines: it asks its [`Keeper`] for an earlier archive before its first step and restores
+//! A driver takes part with three lines: it asks its [`CheckpointStore`] for an earlier archive before its first step and restores
 //! from it, and it calls [`keep`] after every accepted step, when everything about the step has been committed and told.
-//! [`CheckpointFile`] makes files of archives, [`PeriodicKeeper`] decides when.
+//! [`CheckpointFile`] makes files of archives, [`PeriodicCheckpoints`] decides when.
 
 mod archive;
 mod failure_case;
 mod file;
-mod keeper;
+mod periodic;
 #[cfg(test)]
 mod tests;
 
 pub use archive::Archive;
 pub use failure_case::FailureCase;
 pub use failure_case::FailureCase as Reproducer;
-pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
-pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
+pub use file::{CHECKPOINT_FORMAT, CheckpointFile, StoredCheckpoint};
+pub use periodic::{CheckpointFigures, CheckpointPolicy, PeriodicCheckpoints};
 
 use crate::material::PointMaterial;
 use crate::observer::Observer;
@@ -114,7 +114,7 @@ pub trait Checkpointed {
 
 /// Where a run stands when it is saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mark {
+pub struct Progress {
     /// Accepted steps.
     pub step: u64,
     /// Stage, from 0.
@@ -124,35 +124,35 @@ pub struct Mark {
 }
 
 /// Keeps what a run saves, and hands back what an earlier process of the run has saved.
-pub trait Keeper {
+pub trait CheckpointStore {
     /// The state to continue from; asked once, before the first step. `None`: from the start.
     fn earlier(&mut self) -> Option<Archive>;
 
     /// A step is complete. `fill` collects the state of the run; nothing that goes wrong here ends a run.
-    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive));
+    fn keep(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive));
 }
 
 /// Keeps nothing.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct NoKeeper;
+pub struct NoCheckpoints;
 
-impl Keeper for NoKeeper {
+impl CheckpointStore for NoCheckpoints {
     fn earlier(&mut self) -> Option<Archive> {
         None
     }
 
-    fn keep(&mut self, _mark: Mark, _fill: &mut dyn FnMut(&mut Archive)) {}
+    fn keep(&mut self, _mark: Progress, _fill: &mut dyn FnMut(&mut Archive)) {}
 }
 
 /// Saves the three parts of a run after an accepted step.
 pub fn keep(
-    keeper: &mut dyn Keeper,
-    mark: Mark,
+    store: &mut dyn CheckpointStore,
+    mark: Progress,
     driver: &dyn Checkpointed,
     material: &dyn PointMaterial,
     observer: &dyn Observer,
 ) {
-    keeper.keep(mark, &mut |archive| {
+    store.keep(mark, &mut |archive| {
         driver.save(archive);
         material.save(archive);
         observer.save(archive);
@@ -164,12 +164,12 @@ pub fn keep(
 /// # Errors
 /// The first part that does not fit.
 pub fn resume(
-    keeper: &mut dyn Keeper,
+    store: &mut dyn CheckpointStore,
     driver: &mut dyn Checkpointed,
     material: &mut dyn PointMaterial,
     observer: &mut dyn Observer,
 ) -> Result<bool, CheckpointError> {
-    let Some(archive) = keeper.earlier() else { return Ok(false) };
+    let Some(archive) = store.earlier() else { return Ok(false) };
     driver.restore(&archive)?;
     material.restore(&archive)?;
     observer.restore(&archive)?;

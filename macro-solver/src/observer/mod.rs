@@ -92,9 +92,9 @@ pub struct IterationReport {
     /// Next correction over the displacements of a full step, see [`crate::problem::DisplacementMeasure`]; `None` when
     /// the iterate was turned down before a correction was computed.
     pub displacement_ratio: Option<f64>,
-    /// Whether this iterate was turned down by the safeguard, so that the next one goes back towards the best one, or is an
+    /// Whether this iterate was turned down by the globalisation, so that the next one goes back towards the best one, or is an
     /// increment of creep that was taken back.
-    pub turned_down: bool,
+    pub rejected: bool,
 }
 
 /// One accepted step.
@@ -290,10 +290,10 @@ pub struct Statistics {
     pub largest_forces: f64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,
-    /// Iterates turned down by the safeguard, and increments of creep taken back.
-    pub turned_down: u64,
+    /// Iterates turned down by the globalisation, and increments of creep taken back.
+    pub rejected: u64,
     /// Point evaluations of these iterates.
-    pub turned_down_evaluations: u64,
+    pub rejected_evaluations: u64,
     /// Point evaluations.
     pub evaluations: u64,
     /// Point evaluations by point.
@@ -308,11 +308,11 @@ pub struct Statistics {
     pub stabilised_steps: u64,
     /// Committed increments of creep, none of them in balance but the last of each stabilised step. Like the next two they
     /// count creep that came to no balance too.
-    pub creep_increments: u64,
+    pub stabilisation_increments: u64,
     /// Point evaluations of creep, those of increments taken back included.
-    pub creep_evaluations: u64,
+    pub stabilisation_evaluations: u64,
     /// Work that the drag took, J, in the plane per metre.
-    pub creep_work: f64,
+    pub stabilisation_work: f64,
     /// Secant corrections applied to point tangents.
     pub secant_corrections: u64,
     /// Secant corrections that a gate or the floor turned down.

@@ -3,7 +3,7 @@
 
 use super::driver::Solver;
 use super::newton::quasi_newton::{Memory, Pair};
-use super::newton::tangent_update::RenewerRecord;
+use super::newton::tangent_update::TangentUpdaterRecord;
 use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
 use crate::model::points::{PointRecord, copy};
 use crate::observer::Statistics;
@@ -34,7 +34,7 @@ struct Record {
     integrator: Option<IntegratorRecord>,
     /// Strain increments of the last step, for the staggered average; empty without neighbours.
     strains: Vec<Vec<f64>>,
-    renewer: RenewerRecord,
+    tangents: TangentUpdaterRecord,
     /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
     kept_matrix: Vec<f64>,
     pairs: Vec<Pair>,
@@ -58,8 +58,8 @@ impl Checkpointed for Solver<'_> {
             analysed: self.linear.is_analysed(),
             integrator: self.integrator.as_ref().map(Integrator::record),
             strains: self.points.previous_strains(),
-            renewer: self.renewer.record(),
-            kept_matrix: if self.renewer.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
+            tangents: self.tangents.record(),
+            kept_matrix: if self.tangents.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
         };
         archive.put(SECTION, VERSION, &record);
@@ -87,13 +87,13 @@ impl Checkpointed for Solver<'_> {
         self.tangent_asked = self.stage().strategy.tangent;
         self.body.settle();
         self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
-        self.renewer.restore(record.renewer);
+        self.tangents.restore(record.tangents);
         if !record.kept_matrix.is_empty() {
             let again = self.linear.factorize_again(&record.kept_matrix);
             if !again.map_err(|error| CheckpointError::unfit(SECTION, error))? {
                 return Err(CheckpointError::unfit(SECTION, "the kept stiffness is that of another mesh"));
             }
-            self.renewer.keep_factors();
+            self.tangents.keep_factors();
         }
         if let Some(memory) = &mut self.memory
             && !memory.restore(record.pairs, self.constraints.free().len())

@@ -6,7 +6,7 @@
 //! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
 //! cut back when it does not converge, and the run ends in an honest failure when the smallest step does not.
 
-use crate::checkpoint::{Keeper, Mark, NoKeeper, keep, resume};
+use crate::checkpoint::{CheckpointStore, Progress, NoCheckpoints, keep, resume};
 use crate::material::PointMaterial;
 use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
@@ -21,7 +21,7 @@ use crate::solve::linear_solver::{LinearSolver, norm};
 use crate::solve::newton::Converged;
 use crate::solve::newton::path::Constraint;
 use crate::solve::newton::quasi_newton::Memory;
-use crate::solve::newton::tangent_update::Renewer;
+use crate::solve::newton::tangent_update::TangentUpdater;
 use crate::solve::stage::Equations;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -34,23 +34,23 @@ use std::time::Instant;
 /// creep through a snap commits as it goes. Where it is broken off or comes to no balance, the material is left with the state
 /// after its last increment, which is not in balance, while everything that was reported or kept is that of the last accepted step.
 pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
-    solve_kept(problem, material, observer, &mut NoKeeper)
+    solve_with_checkpoints(problem, material, observer, &mut NoCheckpoints)
 }
 
-/// As [`solve`], from where `keeper` says, and saved by it after every accepted step. What an earlier process has saved
+/// As [`solve`], from where `store` says, and saved by it after every accepted step. What an earlier process has saved
 /// continues to the same bytes as if there had been no interruption.
-pub fn solve_kept(
+pub fn solve_with_checkpoints(
     problem: &Problem,
     material: &mut dyn PointMaterial,
     observer: &mut dyn Observer,
-    keeper: &mut dyn Keeper,
+    store: &mut dyn CheckpointStore,
 ) -> Run {
     let run = match Solver::new(problem) {
         Err(error) => {
             Run { outcome: Outcome::Refused(error), stage: 0, load: 0.0, statistics: Statistics::default() }
         }
         Ok(mut solver) => {
-            let session = &mut Session { material: &mut *material, observer: &mut *observer, keeper };
+            let session = &mut Session { material: &mut *material, observer: &mut *observer, store };
             let outcome = match solver.run(session) {
                 Ok(()) => Outcome::Completed,
                 Err(outcome) => outcome,
@@ -67,7 +67,7 @@ pub fn solve_kept(
 pub(super) struct Session<'a> {
     pub(super) material: &'a mut dyn PointMaterial,
     pub(super) observer: &'a mut dyn Observer,
-    pub(super) keeper: &'a mut dyn Keeper,
+    pub(super) store: &'a mut dyn CheckpointStore,
 }
 
 /// State of a run.
@@ -83,7 +83,7 @@ pub(super) struct Solver<'a> {
     pub(super) body: Body,
     pub(super) points: Points,
     pub(super) tangent_asked: TangentKind,
-    pub(super) renewer: Renewer,
+    pub(super) tangents: TangentUpdater,
     pub(super) memory: Option<Memory>,
     /// Of the latest iterate.
     pub(super) balance: Balance,
@@ -136,7 +136,7 @@ impl<'a> Solver<'a> {
             body,
             // No ramp has been seen yet that could tell which contacts slip.
             tangent_asked: TangentKind::TrussLike,
-            renewer: Renewer::new(first.strategy.renewal, first.strategy.secant.is_some()),
+            tangents: TangentUpdater::new(first.strategy.renewal, first.strategy.secant.is_some()),
             memory: first.strategy.quasi_newton.as_ref().map(Memory::new),
             balance: empty.clone(),
             committed_balance: empty,
@@ -157,7 +157,7 @@ impl<'a> Solver<'a> {
     fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
         let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
-        if !resume(session.keeper, self, session.material, session.observer).map_err(unfit)? {
+        if !resume(session.store, self, session.material, session.observer).map_err(unfit)? {
             session.observer.stage_started(self.stage, self.stage());
             if !matches!(self.stage().procedure, Procedure::Dynamic(_)) {
                 self.equilibrate(session)?;
@@ -197,8 +197,8 @@ impl<'a> Solver<'a> {
     }
 
     pub(super) fn keep(&self, session: &mut Session<'_>) {
-        let mark = Mark { step: self.step as u64, stage: self.stage as u64, load: self.load };
-        keep(session.keeper, mark, self, session.material, session.observer);
+        let mark = Progress { step: self.step as u64, stage: self.stage as u64, load: self.load };
+        keep(session.store, mark, self, session.material, session.observer);
     }
 
     /// Step 0. A start in balance is accepted as it is; its null trial is dropped, so committed states stay initial.
@@ -212,7 +212,7 @@ impl<'a> Solver<'a> {
         let still = self.body.zero();
         let start = self.evaluate(&still, 0.0, session).map_err(ended)?;
         self.check_initial_state(&start).map_err(explain)?;
-        self.renewer.started(self.tangent_asked == self.stage().strategy.tangent);
+        self.tangents.started(self.tangent_asked == self.stage().strategy.tangent);
         self.tangent_asked = self.stage().strategy.tangent;
         self.committed_balance.clone_from(&self.balance);
         session.material.rollback();

@@ -1,7 +1,7 @@
 //! The check of the stress that the points start with, before anything is moved.
 
 use super::driver::Solver;
-use super::newton::Evaluated;
+use super::newton::ResidualNorms;
 use crate::problem::{ForceMeasure, InitialState};
 
 impl Solver<'_> {
@@ -9,7 +9,7 @@ impl Solver<'_> {
     ///
     /// # Errors
     /// A limit of the problem is passed; the reason with its remedy.
-    pub(super) fn check_initial_state(&mut self, start: &Evaluated) -> Result<(), String> {
+    pub(super) fn check_initial_state(&mut self, start: &ResidualNorms) -> Result<(), String> {
         self.statistics.initial_imbalance = start.ratio(ForceMeasure::Largest);
         self.statistics.initial_deviation = self.initial_deviation();
         let InitialState { largest_deviation, largest_imbalance, .. } = self.problem.initial;

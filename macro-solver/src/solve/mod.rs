@@ -16,4 +16,4 @@ mod stage;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use driver::{solve, solve_kept};
+pub use driver::{solve, solve_with_checkpoints};

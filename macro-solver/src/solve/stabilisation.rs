@@ -36,10 +36,10 @@ const LARGEST_STRETCH: f64 = 32.0;
 const LARGEST_GROWTH: f64 = 2.0;
 
 /// Times that an increment is taken back: a jump of the material does not get smaller with the increment.
-const MOST_RETREATS: usize = 3;
+const MAX_BACKTRACKS: usize = 3;
 
 /// Factor on the drag for each.
-const RETREAT: f64 = 4.0;
+const BACKTRACK_FACTOR: f64 = 4.0;
 
 /// Share of the cap that the body may have to catch up with while supports and loads go on.
 const CATCHING_UP: f64 = 0.5;
@@ -62,7 +62,7 @@ struct Way {
     stretch: f64,
     drag_blocks: Vec<Block>,
     /// Increments taken back in a row.
-    retreats: usize,
+    backtracks: usize,
     /// Share of the stage's path at which supports and loads stand.
     reached: f64,
     /// Change of the displacements so far, m, by degree of freedom.
@@ -132,7 +132,7 @@ impl Solver<'_> {
             drag: first_drag,
             stretch: 1.0,
             drag_blocks: self.body.first_stiffness(|point| self.points.all()[point].first_moduli()),
-            retreats: 0,
+            backtracks: 0,
             reached: self.passed,
             increment: self.body.zero(),
             gradients: vec![Matrix3::zeros(); self.points.all().len()],
@@ -173,7 +173,7 @@ impl Solver<'_> {
                 continue;
             }
             let tolerances = &self.stage().tolerances;
-            if way.retreats > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
+            if way.backtracks > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
                 continue;
             }
             // Without the drag: what would Newton's method still correct?
@@ -200,7 +200,7 @@ impl Solver<'_> {
         Err(Failure::Attempt(format!("no balance after {} increments of creep: {last}", settings.most_increments)))
     }
 
-    /// One increment; the out-of-balance ratio that it leaves. It has not been committed if there are retreats.
+    /// One increment; the out-of-balance ratio that it leaves. It has not been committed if there are backtracks.
     fn creep_on(
         &mut self,
         way: &mut Way,
@@ -209,14 +209,14 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<f64, Failure> {
         let Move { increment, to, pull: before } = self.dragged_increment(way, passed).map_err(failed)?;
-        self.renewer.begin_attempt(true);
+        self.tangents.begin_attempt(true);
         let predicted = self.body.gradients(&increment);
         self.points.begin_attempt(&predicted);
         let mut report = self.blank_report(passed, iteration);
         let evaluated = match self.evaluate(&increment, to, session) {
             Err(Failure::Attempt(reason)) => {
-                self.turn_down(report, session);
-                if way.retreats >= MOST_RETREATS {
+                self.reject(report, session);
+                if way.backtracks >= MAX_BACKTRACKS {
                     return Err(Failure::Attempt(reason));
                 }
                 self.take_back(way, session);
@@ -224,14 +224,14 @@ impl Solver<'_> {
             }
             other => other?,
         };
-        self.statistics.creep_evaluations += evaluated.asked;
+        self.statistics.stabilisation_evaluations += evaluated.asked;
         way.event.evaluations += evaluated.asked;
         let after = self.constraints.restrict(&self.balance.residual());
         let (tolerances, worse) = (&self.stage().tolerances, norm(&after) / norm(&before));
         let force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
         (report.evaluations, report.force_ratio) = (evaluated.asked, force_ratio);
-        if worse > LARGEST_GROWTH && force_ratio > tolerances.force && way.retreats < MOST_RETREATS {
-            self.turn_down(report, session);
+        if worse > LARGEST_GROWTH && force_ratio > tolerances.force && way.backtracks < MAX_BACKTRACKS {
+            self.reject(report, session);
             self.take_back(way, session);
             return Ok(force_ratio);
         }
@@ -244,14 +244,14 @@ impl Solver<'_> {
         let gradients = self.settle(&increment);
         let moved = to > way.reached;
         way.reached = to;
-        way.retreats = 0;
+        way.backtracks = 0;
         way.adapt(worse, dot(&before, &after) < 0.0, moved);
         way.follow(&increment, &gradients, self.body.formulation());
         way.event.work += work;
-        self.statistics.creep_work += work;
+        self.statistics.stabilisation_work += work;
         way.event.largest_imbalance = way.event.largest_imbalance.max(force_ratio);
         way.event.increments += 1;
-        self.statistics.creep_increments += 1;
+        self.statistics.stabilisation_increments += 1;
         Ok(force_ratio)
     }
 
@@ -260,8 +260,8 @@ impl Solver<'_> {
         session.material.rollback();
         self.points.forget_trials();
         self.points.forget_corrections();
-        way.retreats += 1;
-        way.drag = (RETREAT * way.drag).max(way.first_drag);
+        way.backtracks += 1;
+        way.drag = (BACKTRACK_FACTOR * way.drag).max(way.first_drag);
         way.stretch = 1.0;
     }
 
@@ -281,7 +281,7 @@ impl Solver<'_> {
         let behind = self.largest_change(&at_rest);
         if way.reached < passed {
             // A motion that went too far is made smaller too.
-            let pace = cap / RETREAT.powi(i32::try_from(way.retreats).unwrap_or(i32::MAX));
+            let pace = cap / BACKTRACK_FACTOR.powi(i32::try_from(way.backtracks).unwrap_or(i32::MAX));
             if let Some(onwards) = self.onwards(way.reached, passed, &at_rest, behind, pace)? {
                 return Ok(onwards);
             }

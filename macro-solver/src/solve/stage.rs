@@ -4,7 +4,7 @@ use super::driver::{Session, Solver};
 use super::linear_solver::LinearSolver;
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
-use super::newton::tangent_update::Renewer;
+use super::newton::tangent_update::TangentUpdater;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
 use crate::model::loads::Loads;
@@ -83,7 +83,7 @@ impl<'a> Solver<'a> {
         let stage = &self.problem.stages[self.stage];
         self.points.choose(self.problem, stage);
         let strategy = &stage.strategy;
-        self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());
+        self.tangents = TangentUpdater::new(strategy.renewal, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);
         self.balance = self.body.balance(&self.body.zero(), self.points.all(), &self.loads, moment);

@@ -12,7 +12,7 @@ use super::linear_solver::{LinearSolverError, norm};
 use crate::model::failure::Failure;
 use crate::observer::IterationReport;
 use crate::problem::{DisplacementMeasure, ForceMeasure, Measured, Predictor};
-use globalisation::Safeguard;
+use globalisation::Globalisation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
@@ -39,7 +39,7 @@ pub(super) struct Converged {
 const LEAST_FORCES: f64 = 1e-2;
 
 /// What one evaluation of an iterate gives.
-pub(super) struct Evaluated {
+pub(super) struct ResidualNorms {
     /// Points evaluated.
     pub(super) asked: u64,
     /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
@@ -50,7 +50,7 @@ pub(super) struct Evaluated {
     pub(super) reactions: f64,
 }
 
-impl Evaluated {
+impl ResidualNorms {
     /// Out-of-balance over the forces that a measure names.
     pub(super) fn ratio(&self, measure: ForceMeasure) -> f64 {
         let scale = match measure {
@@ -70,7 +70,7 @@ impl Solver<'_> {
         again: bool,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
-        self.renewer.begin_attempt(again);
+        self.tangents.begin_attempt(again);
         if let Some(memory) = &mut self.memory {
             memory.begin_attempt(again);
         }
@@ -84,18 +84,18 @@ impl Solver<'_> {
         let gradients = self.body.gradients(&iterate);
         self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
-        let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
+        let mut globalisation = Globalisation::new(largest_component(&gradients).max(capped_change), capped_change);
         let tolerances = &self.stage().tolerances;
         let full_step = self.full_step(passed);
         let mut last = String::new();
         for iteration in 1..=self.stage().control.max_iterations {
             self.statistics.iterations += 1;
             let mut report = self.blank_report(load, iteration);
-            // The load factor is a part of the iterate: a retreat takes it back as well.
+            // The load factor is a part of the iterate: a backtrack takes it back as well.
             let joined: Vec<f64> = iterate.iter().copied().chain([load]).collect();
-            if let Err(reason) = self.try_iterate(&iterate, &joined, &mut safeguard, &mut report, session)? {
-                self.turn_down(report, session);
-                iterate = safeguard.retreat(&joined).ok_or(Failure::Attempt(reason))?;
+            if let Err(reason) = self.try_iterate(&iterate, &joined, &mut globalisation, &mut report, session)? {
+                self.reject(report, session);
+                iterate = globalisation.backtrack(&joined).ok_or(Failure::Attempt(reason))?;
                 load = iterate.pop().expect("the load factor was joined");
                 continue;
             }
@@ -122,10 +122,10 @@ impl Solver<'_> {
             if tolerances.criteria.energy {
                 last = format!("{last}, energy {:.2e}", measured.energy);
             }
-            if safeguard.stagnates(excess) {
+            if globalisation.stagnates(excess) {
                 return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
             }
-            let share = safeguard.share(largest_component(&self.body.gradients(&correction)));
+            let share = globalisation.share(largest_component(&self.body.gradients(&correction)));
             for (value, change) in iterate.iter_mut().zip(&correction) {
                 *value += share * change;
             }
@@ -167,23 +167,23 @@ impl Solver<'_> {
             evaluations: 0,
             force_ratio: f64::INFINITY,
             displacement_ratio: None,
-            turned_down: false,
+            rejected: false,
         }
     }
 
     /// Counts an iterate that is turned down, and tells the observer.
-    pub(super) fn turn_down(&mut self, report: IterationReport, session: &mut Session<'_>) {
-        self.statistics.turned_down += 1;
-        self.statistics.turned_down_evaluations += report.evaluations;
-        session.observer.iterated(&IterationReport { turned_down: true, ..report });
+    pub(super) fn reject(&mut self, report: IterationReport, session: &mut Session<'_>) {
+        self.statistics.rejected += 1;
+        self.statistics.rejected_evaluations += report.evaluations;
+        session.observer.iterated(&IterationReport { rejected: true, ..report });
     }
 
-    /// Evaluates an iterate, known to the safeguard together with its load factor, and fills its report; the inner result says why the iterate is turned down.
+    /// Evaluates an iterate, known to the globalisation together with its load factor, and fills its report; the inner result says why the iterate is turned down.
     fn try_iterate(
         &mut self,
         iterate: &[f64],
         joined: &[f64],
-        safeguard: &mut Safeguard,
+        globalisation: &mut Globalisation,
         report: &mut IterationReport,
         session: &mut Session<'_>,
     ) -> Result<Result<(), String>, Failure> {
@@ -196,8 +196,8 @@ impl Solver<'_> {
         let tolerances = &self.stage().tolerances;
         report.force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
         let settled = tolerances.force * evaluated.scale;
-        if safeguard.accepts(joined, evaluated.residual, settled) {
-            self.renewer.judge(evaluated.residual);
+        if globalisation.accepts(joined, evaluated.residual, settled) {
+            self.tangents.judge(evaluated.residual);
             return Ok(Ok(()));
         }
         Ok(Err(format!("the out-of-balance force grew to {:.2e}", report.force_ratio)))
@@ -209,10 +209,10 @@ impl Solver<'_> {
         increment: &[f64],
         load: f64,
         session: &mut Session<'_>,
-    ) -> Result<Evaluated, Failure> {
-        let kind = self.renewer.kind(self.tangent_asked);
+    ) -> Result<ResidualNorms, Failure> {
+        let kind = self.tangents.kind(self.tangent_asked);
         let asked = self.ask(increment, kind, session)?;
-        self.renewer.evaluated();
+        self.tangents.evaluated();
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
             self.body.balance(increment, self.points.all(), &self.loads, moment)
@@ -240,11 +240,11 @@ impl Solver<'_> {
     }
 
     /// How far the assembled balance is from zero.
-    pub(super) fn evaluated(&self, asked: u64) -> Evaluated {
+    pub(super) fn evaluated(&self, asked: u64) -> ResidualNorms {
         let residual = self.balance.residual();
         let reactions = self.reactions(&residual);
         let least = LEAST_FORCES * self.statistics.largest_forces;
-        Evaluated {
+        ResidualNorms {
             asked,
             residual: norm(&self.constraints.restrict(&residual)),
             scale: reactions.max(norm(&self.balance.external)).max(least),
@@ -271,7 +271,7 @@ impl Solver<'_> {
             let change = |step: &[f64]| largest_component(&self.body.gradients(&self.constraints.expand(step)));
             memory.learn(&self.constraints.select(iterate), &residual, change);
         }
-        if self.renewer.factorizes() {
+        if self.tangents.factorizes() {
             self.factorize()?;
         }
         self.solve_linear(&right)
@@ -281,7 +281,7 @@ impl Solver<'_> {
     pub(super) fn factorize(&mut self) -> Result<(), LinearSolverError> {
         let blocks = self.constraints.condense(&self.balance.blocks);
         timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&blocks))?;
-        self.renewer.factorized();
+        self.tangents.factorized();
         Ok(())
     }
 
@@ -318,7 +318,7 @@ impl Solver<'_> {
                 for (value, pulled) in right.iter_mut().zip(self.balance.stiffness_times(&increment)) {
                     *value = -(*value + pulled);
                 }
-                if self.renewer.factorizes() {
+                if self.tangents.factorizes() {
                     self.factorize().map_err(|error| Failure::Attempt(error.to_string()))?;
                 }
                 let free = self.solve_linear(&self.constraints.restrict(&right));

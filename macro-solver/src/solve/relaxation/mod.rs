@@ -7,7 +7,7 @@ mod motion;
 
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::norm;
-use super::newton::{Converged, Evaluated};
+use super::newton::{Converged, ResidualNorms};
 use crate::element::mass::{Lumping, lumped_masses};
 use crate::model::assembly::balance::Balance;
 use crate::model::assembly::forces::{ElementLaws, Motion};
@@ -132,7 +132,7 @@ impl Solver<'_> {
         iterate: &[f64],
         load: f64,
         session: &mut Session<'_>,
-    ) -> Result<Evaluated, Failure> {
+    ) -> Result<ResidualNorms, Failure> {
         let asked = self.ask(iterate, TangentKind::None, session)?;
         let positions = self.body.positions(iterate);
         let mut assembling = 0;
@@ -181,7 +181,7 @@ impl Solver<'_> {
             evaluations,
             force_ratio,
             displacement_ratio: Some(displacement_ratio),
-            turned_down: false,
+            rejected: false,
         });
     }
 }

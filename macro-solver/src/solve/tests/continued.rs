@@ -8,21 +8,21 @@ use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{Link, Platen, PressureKind, Procedure};
-use crate::solve::solve_kept;
+use crate::solve::solve_with_checkpoints;
 
 /// Continues a run after each of its steps.
 fn assert_continues(problem: &Problem, what: &str) {
     let law = DamageLaw { lambda: 2.0e7, shear: 1.0e7, threshold: 1e-2, softening: 5e-2 };
     let material = || DamageMaterial::new(vec![law; problem.point_count()]);
     let (mut whole, mut shelf) = (Recorder::default(), Shelf::default());
-    let undisturbed = solve_kept(problem, &mut material(), &mut whole, &mut shelf);
+    let undisturbed = solve_with_checkpoints(problem, &mut material(), &mut whole, &mut shelf);
     assert!(matches!(undisturbed.outcome, Outcome::Completed), "{what}: {:?}", undisturbed.outcome);
     assert!(shelf.kept.len() > 4 && whole.reactions.iter().flatten().any(|value| *value != 0.0), "{what}");
     let last = shelf.kept.len() - 1;
     for (mark, archive) in shelf.kept.into_iter().take(last) {
         let mut rest = Recorder::default();
         let mut shelf = Shelf { earlier: Some(archive), ..Shelf::default() };
-        let resumed = solve_kept(problem, &mut material(), &mut rest, &mut shelf);
+        let resumed = solve_with_checkpoints(problem, &mut material(), &mut rest, &mut shelf);
         let what = format!("{what}, continued after step {} of stage {}", mark.step, mark.stage);
         assert!(matches!(resumed.outcome, Outcome::Completed), "{what}: {:?}", resumed.outcome);
         assert!(rest.steps[..] == whole.steps[mark.step as usize + 1..], "{what}: the steps differ");

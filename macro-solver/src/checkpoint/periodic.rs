@@ -2,7 +2,7 @@
 
 use super::archive::Archive;
 use super::file::CheckpointFile;
-use super::{Keeper, Mark};
+use super::{CheckpointStore, Progress};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -45,12 +45,12 @@ pub struct CheckpointFigures {
 }
 
 /// Collects the state after every step and writes it when it is due.
-pub struct PeriodicKeeper<'a> {
+pub struct PeriodicCheckpoints<'a> {
     file: CheckpointFile,
     policy: CheckpointPolicy,
     earlier: Option<Archive>,
     /// Puts what the run as a whole needs into every archive, with the figures so far.
-    about: Box<dyn Fn(&mut Archive, Mark, &CheckpointFigures) + 'a>,
+    about: Box<dyn Fn(&mut Archive, Progress, &CheckpointFigures) + 'a>,
     /// State after the last accepted step, if it is not on the disk.
     pending: Option<Archive>,
     steps: u64,
@@ -59,14 +59,14 @@ pub struct PeriodicKeeper<'a> {
     figures: CheckpointFigures,
 }
 
-impl<'a> PeriodicKeeper<'a> {
-    /// A keeper that continues from `earlier`. `figures` are those of the processes before.
+impl<'a> PeriodicCheckpoints<'a> {
+    /// A store that continues from `earlier`. `figures` are those of the processes before.
     pub fn new(
         file: CheckpointFile,
         policy: CheckpointPolicy,
         earlier: Option<Archive>,
         figures: CheckpointFigures,
-        about: impl Fn(&mut Archive, Mark, &CheckpointFigures) + 'a,
+        about: impl Fn(&mut Archive, Progress, &CheckpointFigures) + 'a,
     ) -> Self {
         Self {
             file,
@@ -121,12 +121,12 @@ impl<'a> PeriodicKeeper<'a> {
     }
 }
 
-impl Keeper for PeriodicKeeper<'_> {
+impl CheckpointStore for PeriodicCheckpoints<'_> {
     fn earlier(&mut self) -> Option<Archive> {
         self.earlier.take()
     }
 
-    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+    fn keep(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         if !self.policy.enabled {
             return;
         }
