@@ -6,7 +6,7 @@
 //! Prints the curves and times; engines that cannot be started are printed as SKIPPED, and are an error where
 //! `GRAINSPAN_REQUIRE_ENGINES` names them.
 
-#[path = "engines_outside/foreign.rs"]
+#[path = "integration/engines_outside/foreign.rs"]
 mod foreign;
 mod harness;
 

@@ -5,10 +5,10 @@
 //! definition and takes the states of its points in turn.
 
 use protocol::{Ask, RveSolver, Tensor2};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::{Packing, PackingFile};
-use rve_server::space::Space;
+use rve_server::solver::SolverFor;
 use std::path::Path;
 
 /// Bytes of a page.
@@ -31,7 +31,7 @@ fn resident() -> f64 {
 }
 
 #[expect(clippy::print_stdout, reason = "a program for people")]
-fn measure<S: Space>(packing: PackingFile<S>, cells: usize) {
+fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize) {
     let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
     let grains = packing.grains.len();
     let definition = GrainDefinition { packing, contact, options: RveOptions::default() };

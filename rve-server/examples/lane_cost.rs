@@ -12,13 +12,14 @@ mod processor_time;
 
 use processor_time::processor_time;
 use protocol::{Ask, Question, RveSolver, Tensor2};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::lanes::backend::Backend;
-use rve_server::packing::PackingFile;
-use rve_server::space::{Discs, Space, Spheres};
+use rve_server::solver::SolverFor;
+use rve_server::solver::kernel::backend::Backend;
+use rve_server::space::{Discs, Spheres};
 
-fn measure<S: Space>(
+fn measure<S: SolverFor>(
     packing: PackingFile<S>,
     cells: usize,
     contact: ContactTable,

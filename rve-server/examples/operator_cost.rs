@@ -8,10 +8,10 @@ mod processor_time;
 
 use processor_time::processor_time;
 use protocol::{Ask, RveSolver, TangentKind, Tensor2};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::{Packing, PackingFile};
-use rve_server::space::Space;
+use rve_server::solver::SolverFor;
 use std::path::Path;
 
 /// Rounds of measurements.
@@ -42,7 +42,7 @@ fn main() {
 }
 
 #[expect(clippy::print_stdout, reason = "a program for people")]
-fn measure<S: Space>(
+fn measure<S: SolverFor>(
     packing: PackingFile<S>,
     contact: ContactTable,
     strain: f64,
@@ -77,7 +77,7 @@ fn measure<S: Space>(
     let mut outcomes = vec![None; kinds.len()];
     for round in 0..ROUNDS {
         for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(&mut outcomes) {
-            let is_probed = rve_server::probing::is_probed(*kind);
+            let is_probed = rve_server::tangent::perturbation::is_probed(*kind);
             if is_probed && round > 0 {
                 continue;
             }

@@ -4,9 +4,9 @@
 //! `cargo run --release -p grainspan-rve-server --example operator_sweep -- [PACKING]`.
 
 use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
-use rve_server::definition::{ContactTable, GrainDefinition, OperatorOptions, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
 use std::path::Path;
 
 fn main() {

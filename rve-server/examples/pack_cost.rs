@@ -6,7 +6,8 @@
 mod processor_time;
 
 use processor_time::processor_time;
-use rve_server::packing::{Packing, PackingRecipe, generate_any};
+use rve_server::definition::Packing;
+use rve_server::preparation::{PackingRecipe, generate_any};
 use std::collections::BTreeMap;
 
 #[expect(clippy::print_stdout, reason = "a program for people")]

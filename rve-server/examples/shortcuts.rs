@@ -9,9 +9,9 @@
 //! error over the change of stress, for increments onwards and back, of several sizes.
 
 use protocol::{Ask, RveSolver, TangentKind, Tensor2};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
 use rve_server::tangent;
 use std::path::Path;
 

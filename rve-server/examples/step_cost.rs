@@ -6,9 +6,9 @@
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
 use protocol::{Ask, Observables, RveSolver, Tensor2};
-use rve_server::definition::{Accuracy, ContactTable, Criterion, Damping, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, Criterion, Damping, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let packing: PackingFile = PackingFile::read(path.as_ref())?;
     let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options })?;
 
-    let given = cell.look(Observables::ALL);
+    let given = cell.observe(Observables::ALL).unwrap();
     println!("strain,s_xx,s_xy,s_yx,s_yy,unbalanced,coordination,steps,microseconds_per_step,flags");
     let ask = Ask { observables: Observables::ALL, ..Ask::default() };
     let report = |strain: f64, answer: &protocol::TrialAnswer| {

@@ -3,12 +3,13 @@
 //! start where its packing is, and account for its energy.
 
 use protocol::Observables;
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::{PackingFile, PackingRecipe, generate};
+use rve_server::preparation::{PackingRecipe, generate};
+use rve_server::programs::specimen::assembly::Joinable;
+use rve_server::programs::specimen::{SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen};
 use rve_server::space::{Discs, Spheres};
-use rve_server::specimen::assembly::Joinable;
-use rve_server::specimen::{SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
@@ -110,7 +111,7 @@ fn a_periodic_specimen_starts_with_the_stress_of_its_packing() {
     let law = "law = \"linear\"\nnormal_stiffness = 1e7\nstiffness_ratio = 0.2\nfriction = 0.4\ndensity = 2000.0\n";
     let contact: ContactTable = toml::from_str(law).unwrap();
     let definition = GrainDefinition { packing: packing.clone(), contact, options: RveOptions::default() };
-    let expected = GrainRve::<Discs>::new(&definition).unwrap().look(Observables::NONE);
+    let expected = GrainRve::<Discs>::new(&definition).unwrap().observe(Observables::NONE).unwrap();
     for tiles in ["[1, 1]", "[3, 2]"] {
         let one_step = "[[stage]]\nname = \"rest\"\nsteps = 1\nrows = 1\n";
         let test = test(&format!("tiles = {tiles}\nperiodic = [\"x\", \"y\"]"), law, one_step);
@@ -170,7 +171,7 @@ fn a_packing_with_rolling_resistance_is_at_rest_in_its_file() {
         let definition =
             GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
         let mut cell = GrainRve::<Discs>::new(&definition).unwrap();
-        (cell.look(Observables::NONE).scalars.unbalanced_force_ratio, cell.listed_forces())
+        (cell.observe(Observables::NONE).unwrap().scalars.unbalanced_force_ratio, cell.listed_forces())
     };
     let (ratio, kept) = unbalanced(&packing, &recipe.contact);
     assert!(ratio < 2e-4 && kept.warning().is_none(), "{ratio}");

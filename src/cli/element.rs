@@ -6,7 +6,7 @@ use super::replay;
 use super::stdout::{deliver, print};
 use crate::scene::{Document, InputError, Kind, read_packing};
 use protocol::TangentKind;
-use rve_server::element::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
 use std::cell::RefCell;
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -4,8 +4,9 @@ use super::exit::{Exit, Failure};
 use super::pulse::Pulse;
 use super::stdout::deliver;
 use crate::scene::{Document, Kind};
-use rve_server::definition::ContactLaw;
-use rve_server::packing::{Packing, PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
+use rve_server::contact::LawName;
+use rve_server::definition::Packing;
+use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use std::path::PathBuf;
 
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.
@@ -83,7 +84,7 @@ fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(),
 /// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says
 /// no pressure.
 fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
-    if recipe.contact.law != ContactLaw::Linear {
+    if recipe.contact.law != LawName::Linear {
         return None;
     }
     let target = recipe.stress_target().ok()?;

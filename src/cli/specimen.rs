@@ -5,8 +5,8 @@ use super::stdout::deliver;
 use crate::scene::{Document, Kind};
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
-use rve_server::packing::Packing;
-use rve_server::specimen::{
+use rve_server::definition::Packing;
+use rve_server::programs::specimen::{
     SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
     run_specimen,
 };

@@ -56,12 +56,12 @@ impl Carried {
             AnyDefinition::Discs(discs) => {
                 let mut cell = GrainRve::new(discs).map_err(refused)?;
                 let radii = discs.packing.grains.iter().map(|grain| grain[2]).collect();
-                (cell.look(Observables::ALL), cell.listed_forces(), radii)
+                (cell.observe(Observables::ALL).map_err(refused)?, cell.listed_forces(), radii)
             }
             AnyDefinition::Spheres(spheres) => {
                 let mut cell = GrainRve::new(spheres).map_err(refused)?;
                 let radii = spheres.packing.grains.iter().map(|grain| grain[3]).collect();
-                (cell.look(Observables::ALL), cell.listed_forces(), radii)
+                (cell.observe(Observables::ALL).map_err(refused)?, cell.listed_forces(), radii)
             }
         };
         let (smallest, largest) =

@@ -1,7 +1,7 @@
 //! Whether an engine can solve the points of a scene, judged before anything is started.
 
 use protocol::{Capabilities, SnapshotKind, TangentKind};
-use rve_server::definition::{AnyDefinition, ContactLaw};
+use rve_server::definition::AnyDefinition;
 
 /// What an engine means for a scene that it can run.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(crate) fn suitability(
                 capabilities.dimensions
             ));
         }
-        let law = law_keyword(definition.contact().law);
+        let law = definition.contact().law.keyword();
         if !capabilities.laws.iter().any(|served| served == law) {
             return Err(format!(
                 "engine `{engine}` serves the contact laws {:?}, not \"{law}\"; choose another engine or contact.law",
@@ -57,11 +57,4 @@ pub(crate) fn suitability(
             .push(format!("engine `{engine}` does not promise equal answers to equal questions: reruns may differ"));
     }
     Ok(Suitability { differences: lacks.is_some(), remarks })
-}
-
-fn law_keyword(law: ContactLaw) -> &'static str {
-    match law {
-        ContactLaw::Linear => "linear",
-        ContactLaw::HertzMindlin => "hertz_mindlin",
-    }
 }

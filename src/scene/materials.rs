@@ -7,8 +7,7 @@ use super::schema::{RegionTable, SceneFile, VaryKeyword};
 use super::sets::Sets;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
-use rve_server::definition::AnyDefinition;
-use rve_server::packing::Packing;
+use rve_server::definition::{AnyDefinition, Packing};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 

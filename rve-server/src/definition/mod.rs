@@ -1,37 +1,22 @@
 //! What an RVE is made of: the tables `[contact]` and `[rve]` of a scene, and the definition that workers receive.
 
-mod contact;
+mod listed_contact;
+mod model;
 mod operator_options;
 mod options;
+pub mod packing_file;
 
-pub use contact::{ContactLaw, ContactTable, NormalStiffness, Rotations, TangentialUnloading};
+pub use listed_contact::ListedContact;
+pub use model::GrainModel;
 pub use operator_options::OperatorOptions;
-pub use options::{Accuracy, AtStepCap, Criterion, Damping, RveOptions};
+pub use options::{Accuracy, AtStepCap, Criterion, Damping, RveOptions, SolverName};
+pub use packing_file::{Packing, PackingError, PackingFile};
 
-use crate::packing::{Packing, PackingFile};
+use crate::contact::ContactTable;
+use crate::error::DefinitionError;
 use crate::space::{Discs, Space, Spheres, Tensor};
 use protocol::Definition;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
-
-/// Why a table was refused.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct DefinitionError(pub String);
-
-fn positive(key: &str, value: f64) -> Result<(), DefinitionError> {
-    if value.is_finite() && value > 0.0 {
-        return Ok(());
-    }
-    Err(DefinitionError(format!("{key} = {value} must be a positive number")))
-}
-
-fn not_negative(key: &str, value: f64) -> Result<(), DefinitionError> {
-    if value.is_finite() && value >= 0.0 {
-        return Ok(());
-    }
-    Err(DefinitionError(format!("{key} = {value} must be zero or a positive number")))
-}
 
 /// All that this engine needs to build an RVE.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

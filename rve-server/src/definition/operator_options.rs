@@ -1,6 +1,6 @@
 //! The table `[rve.operator]`: how operators are probed, averaged and solved for.
 
-use super::{DefinitionError, positive};
+use crate::error::{DefinitionError, positive};
 use serde::{Deserialize, Serialize};
 
 /// The table `[rve.operator]`.

@@ -1,6 +1,7 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
-use super::{DefinitionError, OperatorOptions, positive};
+use super::operator_options::OperatorOptions;
+use crate::error::{DefinitionError, positive};
 use serde::{Deserialize, Serialize};
 
 /// Named accuracy: a strain per ramp step and a tolerance.
@@ -83,10 +84,29 @@ pub enum AtStepCap {
     Refuse,
 }
 
+/// Grain solvers by keyword.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SolverName {
+    /// Ramp in small strain increments, damped explicit motion to equilibrium.
+    #[default]
+    Relaxation,
+}
+
+impl SolverName {
+    /// Keys that are not used stay out of definitions.
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// The table `[rve]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RveOptions {
+    /// Grain solver.
+    #[serde(skip_serializing_if = "SolverName::is_default")]
+    pub solver: SolverName,
     /// Named accuracy; `strain_per_step` and `tolerance` override its two values.
     pub accuracy: Accuracy,
     /// Largest strain component applied in one ramp step, dimensionless.

@@ -1,6 +1,6 @@
 //! What the contact network looks like: coordination, fabric, overlap.
 
-use crate::network::ContactNetwork;
+use crate::cell::ContactNetwork;
 use crate::space::{Components, Space, Tensor};
 
 /// Contacts without those of rattlers, and the grains that carry them.

@@ -1,6 +1,6 @@
 //! From grains to a continuum: stress, fabric, coordination, energy of a frozen cell.
 //!
-//! All measures are functions of a [`ContactNetwork`](crate::network::ContactNetwork) and sums in contact order.
+//! All measures are functions of a [`ContactNetwork`](crate::cell::ContactNetwork) and sums in contact order.
 
 pub mod fabric;
 pub(crate) mod observation;

@@ -1,10 +1,9 @@
 //! What an answer reports beside stress and tangent.
 
-use crate::homogenization::fabric::anisotropy;
-use crate::homogenization::stress::first_piola;
-use crate::network::ContactNetwork;
+use super::fabric::anisotropy;
+use super::stress::first_piola;
+use crate::cell::{ContactNetwork, GrainState};
 use crate::space::{Space, Tensor};
-use crate::state::GrainState;
 use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
 
 /// Overlap over diameter from which an answer is flagged: units or stiffness are probably wrong.

@@ -1,7 +1,7 @@
 //! The homogenized stress, in three forms that agree at equilibrium.
 
 use crate::cell::translation;
-use crate::network::{ContactNetwork, NetworkContact};
+use crate::cell::{ContactNetwork, NetworkContact};
 use crate::space::{Components, Space, Tensor, determinant, inverse, product, scaled, transpose};
 
 impl<S: Space> ContactNetwork<S> {

@@ -4,12 +4,12 @@
 //! working on. Every successful reply therefore carries the snapshot of its trial state; a copy of 50 kB costs about
 //! 10 us against solves of a millisecond and more.
 
-mod bench;
-mod states;
+mod job_runner;
+mod state_cache;
 #[cfg(test)]
 mod tests;
 
-use bench::{Answer, Bench};
+use job_runner::{Answer, Bench};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use protocol::wire::TrialJob;

@@ -1,9 +1,7 @@
 //! Discs in a plane.
 
+use super::plane::{self, Plane};
 use super::{PolarParts, Space};
-use crate::definition::{ContactTable, DefinitionError};
-use crate::plane::{self, Plane};
-use crate::relaxation::{self, QuasiStatic};
 
 /// Discs in a plane. Rotations, moments and tangential forces are single numbers, counter-clockwise positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,7 +11,7 @@ impl Space for Discs {
     const DIMENSION: usize = 2;
     const GRAINS: &'static str = "discs";
     const INERTIA_FACTOR: f64 = 0.5;
-    type Kinematics = Self;
+    type Kernel = Self;
     /// A tangential force is the same number whichever way the contact points.
     type Carrier = ();
     type Vector = [f64; 2];
@@ -24,10 +22,6 @@ impl Space for Discs {
     type Grain = [f64; 3];
     /// Angle, rad.
     type Turn = f64;
-
-    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError> {
-        relaxation::for_contact(contact)
-    }
 
     fn grain([x, y]: [f64; 2], radius: f64) -> [f64; 3] {
         [x, y, radius]

@@ -6,19 +6,21 @@
 
 mod components;
 mod discs;
+mod kernel_space;
+pub mod plane;
+mod slip;
 mod spheres;
 mod tensor;
 
 pub use components::Components;
 pub use discs::Discs;
+pub use kernel_space::{KernelSpace, Shortened};
+pub use slip::{Slip, slip_of_spheres};
 pub use spheres::Spheres;
 pub use tensor::{
     Tensor, add_scaled, apply, determinant, inverse, largest_component, norm, product, rotated, scaled, transpose,
 };
 
-use crate::definition::{ContactTable, DefinitionError};
-use crate::lanes::Kinematics;
-use crate::relaxation::QuasiStatic;
 use bytemuck::Pod;
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
@@ -34,7 +36,7 @@ pub struct PolarParts<S: Space> {
 }
 
 /// Rotations, moments and tangential forces as the force kernel has them.
-pub type Axial<S> = <<S as Space>::Kinematics as Kinematics>::Axial<f64>;
+pub type Axial<S> = <<S as Space>::Kernel as KernelSpace>::Axial<f64>;
 
 /// A kind of grains with the space they live in.
 pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Send + Sync + Sized + 'static {
@@ -44,16 +46,8 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
     /// What the grains are called in messages.
     const GRAINS: &'static str;
 
-    /// The solver for a contact law. Not generic, unlike what it calls: the kernels are compiled once per dimension, here,
-    /// and not again in every program that uses this library.
-    ///
-    /// # Errors
-    /// A table that is not valid.
-    #[doc(hidden)]
-    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError>;
-
     /// What this dimension means to the force kernel.
-    type Kinematics: Kinematics<Coordinates<f64> = Self::Vector>;
+    type Kernel: KernelSpace<Coordinates<f64> = Self::Vector>;
 
     /// What carries a contact's history along in one step.
     type Carrier: Copy + Debug;

@@ -1,11 +1,9 @@
 //! Spheres in space.
 
 use super::components::Components;
-use super::tensor::{add_scaled, apply, cross, inverse, largest_component, product, scaled, transpose};
-use super::{PolarParts, Space, Tensor};
-use crate::definition::{ContactTable, DefinitionError};
-use crate::law::{Slip, slip_of_spheres};
-use crate::relaxation::{self, QuasiStatic};
+use super::slip::{Slip, slip_of_spheres};
+use super::tensor::{Tensor, add_scaled, apply, cross, inverse, largest_component, product, scaled, transpose};
+use super::{PolarParts, Space};
 
 /// Spheres in space. Rotations and moments are vectors; a tangential force is a vector normal to the branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,7 +74,7 @@ impl Space for Spheres {
     const DIMENSION: usize = 3;
     const GRAINS: &'static str = "spheres";
     const INERTIA_FACTOR: f64 = 0.4;
-    type Kinematics = Self;
+    type Kernel = Self;
     type Carrier = Slip<f64>;
     type Vector = [f64; 3];
     type Shift = [i32; 3];
@@ -85,10 +83,6 @@ impl Space for Spheres {
     type Tangential = [f64; 3];
     type Grain = [f64; 4];
     type Turn = Quaternion;
-
-    fn solver(contact: &ContactTable) -> Result<Box<dyn QuasiStatic<Self>>, DefinitionError> {
-        relaxation::for_contact(contact)
-    }
 
     fn grain([x, y, z]: [f64; 3], radius: f64) -> [f64; 4] {
         [x, y, z, radius]

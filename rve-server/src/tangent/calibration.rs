@@ -2,17 +2,8 @@
 
 use super::link::LinkedGrains;
 use super::uniform_strain::kruyt;
+use crate::cell::Calibration;
 use protocol::{TangentKind, Tensor4};
-use serde::{Deserialize, Serialize};
-
-/// Factors of UCKO and UCKO-2DOF.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Calibration {
-    /// The factor of both stiffnesses, UCKO; 0 if the consistent operator gives no positive one.
-    pub single: f64,
-    /// The factors of `k_n` and of `k_t`, UCKO-2DOF; 0 if the consistent operator does not give two positive ones.
-    pub pair: [f64; 2],
-}
 
 impl Calibration {
     /// The single factor of UCKO ([Argilaga2018] eq. 16) matches `C_1111` of the consistent operator, the two of

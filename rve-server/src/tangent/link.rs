@@ -3,10 +3,10 @@
 //! `D` is the number of space dimensions and `B` that of the unknowns of a grain: two displacements and one spin, or
 //! three and three. `B` is also the number of independent strains.
 
-use crate::network::ContactNetwork;
+use crate::cell::ContactNetwork;
 use crate::space::{Components, Space};
 
-/// One contact that carries force. Conventions as in [`crate::network`]; the force acts on the origin grain.
+/// One contact that carries force. Conventions as in [`crate::cell::network`]; the force acts on the origin grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link<const D: usize> {
     /// Origin grain.

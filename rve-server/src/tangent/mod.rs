@@ -6,26 +6,13 @@
 //! upon all grains. Operators that need the grain solver itself are in `probing`. What an operator cannot do honestly is
 //! reported in [`TangentOutcome`].
 
-mod aggregates;
-mod assembly;
-mod backbone;
-mod bicgstab;
-mod block_matrix;
 mod calibration;
-mod conjugate_gradients;
-mod elimination;
-mod factors;
 mod link;
-mod network_operator;
-mod network_solver;
-mod orderings;
-mod response;
-mod single;
+pub mod network;
+pub mod perturbation;
 mod sliding;
 mod strain;
-mod two_level;
 mod uniform_strain;
-mod vectorised;
 
 #[cfg(test)]
 mod probe_tests;
@@ -38,11 +25,10 @@ mod symmetry_tests;
 #[cfg(test)]
 mod tests;
 
-use crate::network::ContactNetwork;
+use crate::cell::{Calibration, ContactNetwork};
 use crate::space::Space;
-pub use calibration::Calibration;
 use link::LinkedGrains;
-pub use orderings::Orderings;
+pub use network::Orderings;
 use protocol::{TangentKind, Tensor4};
 use sliding::Sliding;
 use uniform_strain::{Factors, UNCALIBRATED};
@@ -135,7 +121,7 @@ fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
             _ => Tensor4::ZERO,
         });
     };
-    let solved = network_operator::solve::<D, B, P>(orderings, grains, sliding);
+    let solved = network::solve::<D, B, P>(orderings, grains, sliding);
     let uniform = uniform::<D, B>(grains, false, UNCALIBRATED);
     match solved {
         Some(solution) if is_credible(&solution.operator, &uniform) => {

@@ -2,9 +2,9 @@
 //! differences when nothing slides) and the gain of the slip operator in the direction of loading.
 
 use super::*;
-use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
-use crate::packing::PackingFile;
 use protocol::{Ask, RveSolver, Tensor2};
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Networks for tests: perfect lattices with closed-form moduli and random ones in exact balance.
 
-use crate::network::{ContactNetwork, NetworkContact};
+use crate::cell::{ContactNetwork, NetworkContact};
 use crate::space::Spheres;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};

@@ -3,9 +3,9 @@
 
 use super::sample_networks::{Springs, crystal, disordered};
 use super::*;
-use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
-use crate::packing::PackingFile;
 use crate::space::Spheres;
 use protocol::{Ask, RveSolver, Tensor2};
 
@@ -118,7 +118,7 @@ fn rattlers_change_nothing_in_space() {
         crowded.positions.push([0.3 + 0.01 * rattler as f64, 0.7, 0.2]);
         crowded.radii.push(0.2);
         if rattler % 2 == 0 {
-            crowded.contacts.push(crate::network::NetworkContact {
+            crowded.contacts.push(crate::cell::NetworkContact {
                 origin: rattler as u32,
                 end: (grains + rattler) as u32,
                 tangential_force: [0.0; 3],
@@ -136,7 +136,7 @@ fn rattlers_change_nothing_in_space() {
 fn error_of_iteration(network: &ContactNetwork<Spheres>, sliding: Sliding) -> f64 {
     let grains = LinkedGrains::<3>::of(network);
     let [direct, iterated] = [usize::MAX, 0].map(|most| {
-        let solved = network_operator::solve_within::<3, 6, 8>(&mut Orderings::default(), &grains, sliding, most);
+        let solved = network::solve_within::<3, 6, 8>(&mut Orderings::default(), &grains, sliding, most);
         let solved = solved.unwrap();
         assert!(!solved.regularised);
         solved.operator

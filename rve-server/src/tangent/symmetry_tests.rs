@@ -2,9 +2,9 @@
 
 use super::sample_networks::{random, stress};
 use super::*;
-use crate::definition::{ContactTable, GrainDefinition, RveOptions};
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
-use crate::packing::PackingFile;
 use crate::space::Discs;
 use nalgebra::Matrix4;
 use std::path::Path;

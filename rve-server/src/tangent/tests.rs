@@ -3,7 +3,7 @@
 
 use super::sample_networks::{Springs, random, square, stress, triangular};
 use super::*;
-use crate::network::NetworkContact;
+use crate::cell::NetworkContact;
 use nalgebra::Matrix3;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;

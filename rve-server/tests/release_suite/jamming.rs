@@ -3,8 +3,8 @@
 
 use super::{made, recipe};
 use protocol::TangentKind;
-use rve_server::element::{ElementRow, ElementTest, run_element};
-use rve_server::packing::PackingRecipe;
+use rve_server::preparation::PackingRecipe;
+use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use rve_server::space::{Discs, Spheres};
 use std::path::Path;
 

@@ -12,13 +12,14 @@ mod jamming;
 mod statistics;
 
 use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
-use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
-use rve_server::element::{ElementTest, run_element};
+use rve_server::cell::ContactNetwork;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::network::ContactNetwork;
-use rve_server::packing::{Grading, PackingFile, PackingRecipe, PackingReport, generate};
+use rve_server::preparation::{Grading, PackingRecipe, PackingReport, generate};
+use rve_server::programs::rve_test::{ElementTest, run_element};
+use rve_server::programs::specimen::{SpecimenEvent, SpecimenTest, run_specimen};
 use rve_server::space::{Discs, Space, Spheres};
-use rve_server::specimen::{SpecimenEvent, SpecimenTest, run_specimen};
 use std::path::Path;
 use std::time::Instant;
 

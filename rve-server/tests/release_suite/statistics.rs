@@ -2,9 +2,9 @@
 
 use super::{made, recipe};
 use protocol::TangentKind;
-use rve_server::definition::Rotations;
-use rve_server::element::{ElementRow, ElementTest, run_element};
-use rve_server::packing::PackingFile;
+use rve_server::contact::Rotations;
+use rve_server::definition::PackingFile;
+use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use rve_server::space::Discs;
 use std::path::Path;
 

@@ -1,9 +1,8 @@
 //! A gas of smooth elastic discs in a closed box.
 
-use rve_server::definition::NormalStiffness;
-use rve_server::law::{LinearSprings, PlainLinear};
+use rve_server::contact::{LinearSprings, NormalStiffness, PlainLinear};
+use rve_server::programs::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 use rve_server::space::Discs;
-use rve_server::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 
 /// Discs along a side of the grid that the gas starts from.
 const SIDE: usize = 6;

@@ -88,7 +88,7 @@ fn bad_targets_are_refused_and_leave_the_state_alone() {
 #[test]
 fn null_target_returns_the_committed_stress() {
     let mut cell = cell();
-    let given = cell.look(Observables::NONE).stress;
+    let given = cell.observe(Observables::NONE).unwrap().stress;
     let answer = trial(&mut cell, &[[0.0; 2]; 2]);
     assert_eq!(answer.stress, given);
     assert!(answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET));

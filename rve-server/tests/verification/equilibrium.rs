@@ -2,10 +2,10 @@
 
 use crate::samples::{TRIANGULAR, hundred_discs, lattice, trial};
 use protocol::{Ask, Question, RveError, RveSolver, Tensor2, TrialFlags};
-use rve_server::definition::{AtStepCap, ContactTable, Criterion, Damping, RveOptions};
+use rve_server::cell::ContactNetwork;
+use rve_server::contact::ContactTable;
+use rve_server::definition::{AtStepCap, Criterion, Damping, ListedContact, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::network::ContactNetwork;
-use rve_server::packing::ListedContact;
 
 const STRAIN: [[f64; 2]; 2] = [[2e-4, 1e-4], [1e-4, -4e-4]];
 

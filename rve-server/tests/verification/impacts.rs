@@ -1,8 +1,8 @@
 //! Spheres with dashpots thrown at planes and at each other in a specimen: published collision benchmarks with a restitution.
 
-use rve_server::law::{HertzSprings, PlainHertzMindlin, Unloading};
+use rve_server::contact::{HertzSprings, PlainHertzMindlin, Unloading};
+use rve_server::programs::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 use rve_server::space::Spheres;
-use rve_server::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 
 type Impact = Dynamics<Spheres, PlainHertzMindlin>;
 

@@ -2,11 +2,11 @@
 
 use crate::samples::{hundred_discs, packing, probed_operator, tight, trial};
 use protocol::{Observables, RveSolver};
+use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::homogenization::stress::first_piola;
-use rve_server::network::{ContactNetwork, NetworkContact};
-use rve_server::plane::{self, IDENTITY, Plane};
+use rve_server::space::plane::{self, IDENTITY, Plane};
 
 const PRESSURE: f64 = 1e5;
 
@@ -63,7 +63,7 @@ fn rotation_driven_in_steps_turns_the_stress() {
 /// Networks at the start and the end of one increment.
 fn before_and_after(h: &Plane, options: RveOptions) -> (ContactNetwork, ContactNetwork) {
     let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
-    let before = cell.committed_network();
+    let before = cell.committed_network().unwrap();
     trial(&mut cell, h);
     (before, cell.network().unwrap().clone())
 }
@@ -165,7 +165,7 @@ fn energy_is_accounted_for() {
         let volume = answer.scalars.volume_ratio;
         (answer.observed.elastic_energy * volume, answer.observed.frictional_dissipation * volume)
     };
-    let given = cell.look(Observables::ALL);
+    let given = cell.observe(Observables::ALL).unwrap();
     let (stored_before, lost_before) = energy(&given);
     assert_eq!(lost_before, 0.0);
     let mut stress = given.stress.plane();

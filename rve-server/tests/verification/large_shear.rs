@@ -4,7 +4,7 @@ use crate::samples::{hundred_discs, trial};
 use protocol::{Observables, RveSolver};
 use rve_server::definition::RveOptions;
 use rve_server::engine::GrainRve;
-use rve_server::plane::{add_scaled, largest_component};
+use rve_server::space::{add_scaled, largest_component};
 
 /// S-6: simple shear to 5. The answer before and the look after every reduction agree, the cell stays short, and the
 /// packing keeps a sound stress.
@@ -20,7 +20,7 @@ fn shear_to_five_reduces_the_cell_without_a_jump() {
         let rows = cell.committed().cell.rows;
         reductions += u32::from(rows[1][0] < corner);
         assert!(rows[1][0].abs() <= 1.2 * rows[0][0], "{rows:?}");
-        let seen = cell.look(Observables::NONE).stress.plane();
+        let seen = cell.observe(Observables::NONE).unwrap().stress.plane();
         let pressure = -0.5 * (seen[0][0] + seen[1][1]);
         let jump = largest_component(&add_scaled(&seen, -1.0, &answer.stress.plane())) / pressure;
         assert!(pressure > 0.0 && jump < 1e-9, "pressure {pressure}, jump {jump:e}");

@@ -2,7 +2,7 @@
 
 use crate::samples::{SQUARE, TRIANGULAR, assert_close, lattice, probed_operator, trial};
 use protocol::{Ask, RveSolver, TangentKind, Tensor2};
-use rve_server::definition::{ContactTable, Rotations};
+use rve_server::contact::{ContactTable, Rotations};
 use rve_server::engine::GrainRve;
 
 const NORMAL: f64 = 1.0;
@@ -19,7 +19,7 @@ fn sticking() -> ContactTable {
 fn triangular_lattice_has_its_moduli_with_and_without_pressure() {
     for overlap in [1e-6, 0.02] {
         let mut cell = GrainRve::new(&lattice(TRIANGULAR, overlap, sticking())).unwrap();
-        let pressure = -cell.look(protocol::Observables::NONE).stress.get(0, 0);
+        let pressure = -cell.observe(protocol::Observables::NONE).unwrap().stress.get(0, 0);
         assert_close(pressure, 3f64.sqrt() * NORMAL * overlap / (1.0 - overlap), 1e-12, "pressure");
         let operator = probed_operator(&mut cell, (overlap * 1e-2).min(1e-5));
         let quarter = 3f64.sqrt() / 4.0;
@@ -115,7 +115,7 @@ fn blocked_rotations_keep_grains_with_the_cell() {
     let skewed = [[1.0, 0.0], [0.45, 0.893_028_554_974_587_5]];
     let mut cell = GrainRve::new(&lattice(skewed, 1e-3, contact)).unwrap();
     let probed = probed_operator(&mut cell, 1e-7);
-    let stress = cell.look(protocol::Observables::NONE).stress.plane();
+    let stress = cell.observe(protocol::Observables::NONE).unwrap().stress.plane();
     assert_close(probed[1][2] - probed[1][1], stress[0][0] - stress[1][1], 1e-6, "objectivity");
     let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
     let tangent = cell.trial(&Tensor2::ZERO, &ask).unwrap().tangent.unwrap().plane();

@@ -1,22 +1,23 @@
 //! Tangent operators of random packings against probes of the grains and against closed forms of isotropic contacts.
 
 use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags};
-use rve_server::definition::{ContactTable, GrainDefinition, OperatorOptions, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
-use rve_server::space::{Components, Discs, Space, Spheres};
+use rve_server::solver::SolverFor;
+use rve_server::space::{Components, Discs, Spheres};
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-fn cell<S: Space>(file: &str, contact: ContactTable, options: RveOptions) -> GrainRve<S> {
+fn cell<S: SolverFor>(file: &str, contact: ContactTable, options: RveOptions) -> GrainRve<S> {
     let packing = PackingFile::<S>::read(&root().join(file)).unwrap();
     GrainRve::new(&GrainDefinition { packing, contact, options }).unwrap()
 }
 
-fn operator<S: Space>(cell: &mut GrainRve<S>, target: &Tensor2, kind: TangentKind) -> Tensor4 {
+fn operator<S: SolverFor>(cell: &mut GrainRve<S>, target: &Tensor2, kind: TangentKind) -> Tensor4 {
     let answer = cell.trial(target, &Ask { tangent: kind, ..Ask::default() }).unwrap();
     assert!(!answer.flags.contains(TrialFlags::TANGENT_FALLBACK), "{kind:?}");
     *answer.tangent.unwrap()
@@ -104,14 +105,14 @@ fn uniform_strain_moduli_of_spheres_follow_the_closed_form() {
     let contact = ContactTable::linear(normal, ratio, 0.5);
     let mut cell = cell::<Spheres>("tests/data/case-b/packing.json", contact, RveOptions::default());
     let found = moduli(&operator(&mut cell, &Tensor2::ZERO, TangentKind::Kruyt), 3);
-    let network = cell.committed_network();
+    let network = cell.committed_network().unwrap();
     let sum: f64 = network.contacts.iter().map(|contact| network.branch(contact).dot(network.branch(contact))).sum();
     let density = sum / network.volume().abs();
     let expected = [normal * density / 9.0, normal * (2.0 + 3.0 * ratio) * density / 30.0];
     for (found, expected) in found.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1e-12, "{found} instead of {expected}");
     }
-    let scalars = cell.look(Observables::NONE).scalars;
+    let scalars = cell.observe(Observables::NONE).unwrap().scalars;
     let solid = 1.0 / (1.0 + scalars.void_ratio);
     let mean = 2.0 * network.radii.iter().sum::<f64>() / network.radii.len() as f64;
     let statistical = 3.0 * scalars.coordination_number * solid / (std::f64::consts::PI * mean);
@@ -123,7 +124,7 @@ fn uniform_strain_moduli_of_spheres_follow_the_closed_form() {
 #[test]
 fn spheres_have_the_bulk_modulus_of_the_effective_medium() {
     let mut cell = cell::<Spheres>("packings/spheres-4096.json", glass("rescaled"), RveOptions::default());
-    let look = cell.look(Observables::NONE);
+    let look = cell.observe(Observables::NONE).unwrap();
     let pressure = -(0..3).map(|axis| look.stress.get(axis, axis)).sum::<f64>() / 3.0;
     let solid = 1.0 / (1.0 + look.scalars.void_ratio);
     let coordination = look.scalars.coordination_number;

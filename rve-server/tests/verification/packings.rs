@@ -2,7 +2,7 @@
 
 use crate::samples::assert_close;
 
-use rve_server::packing::{AnisotropyTarget, Grading, PackingRecipe, Removal, StateTarget, generate};
+use rve_server::preparation::{AnisotropyTarget, Grading, PackingRecipe, Removal, StateTarget, generate};
 use rve_server::space::Discs;
 use std::path::Path;
 
@@ -77,7 +77,7 @@ fn full_stress_tensor_is_reached_in_the_axes_of_the_file() {
         pressure: None,
         stress: Some(stress),
         aspect: Some(vec![2.0, 1.0]),
-        contact: rve_server::definition::ContactTable { friction: 0.3, ..coarse().contact },
+        contact: rve_server::contact::ContactTable { friction: 0.3, ..coarse().contact },
         ..coarse()
     };
     let (made, report) = generate::<Discs>(&asked, &mut |_| ()).unwrap();

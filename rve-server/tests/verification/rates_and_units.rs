@@ -6,7 +6,7 @@ use crate::spheres::{self, Matrix, thousand};
 use protocol::{Ask, RveSolver, Tensor2};
 use rve_server::definition::{Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::plane::{self, Plane};
+use rve_server::space::plane::{self, Plane};
 use rve_server::space::{Space, Tensor, add_scaled, inverse, largest_component, product, scaled};
 
 const PRESSURE: f64 = 1e5;

@@ -2,15 +2,17 @@
 
 use crate::samples::packing_of;
 use protocol::{Ask, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
-use rve_server::definition::{AtStepCap, ContactTable, Damping, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{AtStepCap, Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::space::{Discs, Space, Spheres};
+use rve_server::solver::SolverFor;
+use rve_server::space::{Discs, Spheres};
 
 fn options(damping: Damping) -> RveOptions {
     RveOptions { strain_per_step: Some(1e-5), tolerance: Some(1e-3), damping, ..RveOptions::default() }
 }
 
-fn cell<S: Space>(name: &str, contact: &ContactTable, options: RveOptions) -> GrainRve<S> {
+fn cell<S: SolverFor>(name: &str, contact: &ContactTable, options: RveOptions) -> GrainRve<S> {
     let definition = GrainDefinition { packing: packing_of::<S>(name), contact: contact.clone(), options };
     GrainRve::new(&definition).unwrap()
 }
@@ -29,7 +31,7 @@ fn pressure(answer: &TrialAnswer, dimension: usize) -> f64 {
 }
 
 /// Strains a cell in equal increments and returns how many of them did not end at rest, and the costliest.
-fn strained<S: Space>(cell: &mut GrainRve<S>, step: [f64; 4], increments: u32) -> (u32, u64) {
+fn strained<S: SolverFor>(cell: &mut GrainRve<S>, step: [f64; 4], increments: u32) -> (u32, u64) {
     let (mut restless, mut largest) = (0, 0);
     for _ in 0..increments {
         let answer = cell.trial(&target(step), &Ask::default()).unwrap();
@@ -75,9 +77,9 @@ fn a_cell_that_loses_its_load_says_so_at_once() {
     lost::<Spheres>("spheres-100.json", "frictionless Hertzian spheres", &hertz);
 }
 
-fn lost<S: Space>(packing: &str, name: &str, contact: &ContactTable) {
+fn lost<S: SolverFor>(packing: &str, name: &str, contact: &ContactTable) {
     let mut cell = cell::<S>(packing, contact, options(Damping::Fire));
-    let before = pressure(&cell.look(protocol::Observables::NONE), S::DIMENSION);
+    let before = pressure(&cell.observe(protocol::Observables::NONE).unwrap(), S::DIMENSION);
     // A little room, then sheared at constant volume.
     let mut out = [0.0; 4];
     out[..S::DIMENSION].fill(4e-3);

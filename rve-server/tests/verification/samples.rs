@@ -1,10 +1,10 @@
 //! Cells that the checks share.
 
 use protocol::{Ask, RveSolver, Tensor2, TrialAnswer};
-use rve_server::definition::{Accuracy, ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::PackingFile;
-use rve_server::plane::{self, Plane};
+use rve_server::space::plane::{self, Plane};
 use rve_server::space::{Discs, Space};
 use std::path::Path;
 

@@ -2,11 +2,11 @@
 
 use crate::samples::{assert_close, tight};
 use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::cell::{ContactNetwork, NetworkContact};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::homogenization::stress::first_piola;
-use rve_server::network::{ContactNetwork, NetworkContact};
-use rve_server::packing::PackingFile;
 use rve_server::space::{
     Components, Space, Spheres, Tensor, add_scaled, largest_component, product, rotated, scaled, transpose,
 };
@@ -69,7 +69,7 @@ fn cubic_crystals_have_their_moduli() {
     ];
     for (name, rows, coordination, expected) in cases {
         let mut cell = GrainRve::new(&crystal(rows, 1e-6, sticking())).unwrap();
-        assert_eq!(cell.look(Observables::NONE).scalars.coordination_number, coordination, "{name}");
+        assert_eq!(cell.observe(Observables::NONE).unwrap().scalars.coordination_number, coordination, "{name}");
         for (found, wanted) in cubic_moduli(&mut cell, 1e-8).iter().zip(expected) {
             assert_close(*found, wanted, 1e-4, name);
         }
@@ -108,7 +108,7 @@ fn hertzian_stiffness_grows_with_the_cube_root_of_the_pressure() {
     let found = [1e-6, 1e-5].map(|overlap: f64| {
         let contact = ContactTable::hertz_mindlin(1.0, 0.2, 1e9);
         let mut cell = GrainRve::new(&crystal(face_centred(), overlap, contact)).unwrap();
-        let pressure = -cell.look(Observables::NONE).stress.get(0, 0);
+        let pressure = -cell.observe(Observables::NONE).unwrap().stress.get(0, 0);
         let [c11, c12, c44] = cubic_moduli(&mut cell, 1e-3 * overlap);
         [pressure, c11 + 2.0 * c12, c44]
     });
@@ -192,7 +192,7 @@ fn cells_smaller_than_the_contact_range_are_exact() {
         assert!(miss < 1e-9, "{miss:e}");
     }
     let mut deep = GrainRve::new(&crystal(SIMPLE, 0.12, sticking())).unwrap();
-    assert!(deep.look(Observables::NONE).flags.contains(TrialFlags::LARGE_OVERLAP));
+    assert!(deep.observe(Observables::NONE).unwrap().flags.contains(TrialFlags::LARGE_OVERLAP));
 }
 
 /// A thousand spheres at unit pressure, `(E* / p)^(2/3) = 300`.
@@ -273,7 +273,7 @@ fn basis_origin_and_numbering_do_not_matter_to_spheres() {
 fn contact_work_of_spheres_is_stress_work() {
     let mut cell = GrainRve::new(&thousand(RveOptions { strain_per_step: Some(1e-6), ..coarse() })).unwrap();
     let small = scaled(&STRAIN, 0.1);
-    let before = cell.committed_network();
+    let before = cell.committed_network().unwrap();
     trial(&mut cell, &small);
     let after = cell.network().unwrap();
     let key = |contact: &NetworkContact<Spheres>| (contact.origin, contact.end, contact.shift);

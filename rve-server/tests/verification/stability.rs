@@ -2,11 +2,12 @@
 
 use crate::samples::{TRIANGULAR, assert_close, hundred_discs, lattice, tight, trial};
 use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
-use rve_server::definition::{ContactTable, GrainDefinition, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
-use rve_server::packing::{Grading, PackingRecipe, generate};
-use rve_server::plane::{self, Plane};
+use rve_server::preparation::{Grading, PackingRecipe, generate};
 use rve_server::space::Discs;
+use rve_server::space::plane::{self, Plane};
 
 const PRESSURE: f64 = 1e5;
 
@@ -60,7 +61,7 @@ fn tiny_and_huge_targets_are_answered_or_refused() {
     for direction in [[[0.0, 0.0], [0.0, -1.0]], [[0.0, 1.0], [0.0, 0.0]]] {
         let at = |size: f64| plane::add_scaled(&[[0.0; 2]; 2], size, &direction);
         let mut cell = GrainRve::new(&hundred_discs(options.clone())).unwrap();
-        let before = cell.look(Observables::NONE).stress.plane();
+        let before = cell.observe(Observables::NONE).unwrap().stress.plane();
         let small = trial(&mut cell, &at(1e-6));
         let change = difference(&small.stress.plane(), &before);
         assert!(change > 0.0 && change < 5e-3, "{change:e}");
@@ -104,7 +105,7 @@ fn a_cell_that_came_apart_is_a_fluid_until_it_is_pressed_together() {
     assert!(!pressed[1].flags.contains(TrialFlags::FLUID) && pressed[1].tangent.is_some());
     let network = cell.network();
     assert!(network.is_none(), "committed");
-    let frozen = cell.committed_network();
+    let frozen = cell.committed_network().unwrap();
     for contact in &frozen.contacts {
         let limit = frozen.friction * contact.normal_force.abs();
         assert!(contact.tangential_force.abs() <= limit * (1.0 + 1e-12));
@@ -226,7 +227,7 @@ fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
     for flag in [TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED, TrialFlags::NOT_EQUILIBRATED] {
         assert!(!answer.flags.contains(flag), "{:?}", answer.flags);
     }
-    let rattlers = cell.committed_network();
+    let rattlers = cell.committed_network().unwrap();
     assert_eq!(rattlers.contacts.len(), 25 * 3 - 5 * 6);
     let network = cell.network().unwrap();
     let scale = plane::largest_component(&network.stress());

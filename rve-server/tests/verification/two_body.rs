@@ -1,11 +1,11 @@
 //! Two grains against closed forms and published benchmarks of collisions.
 
-use rve_server::definition::NormalStiffness;
-use rve_server::law::{
-    ContactLaw, ExtendedLinear, HertzSprings, LinearSprings, PlainHertzMindlin, RollingSpring, Unloading,
+use rve_server::contact::two_body::{Body, TwoBody};
+use rve_server::contact::{
+    ContactLaw, ExtendedLinear, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, RollingSpring,
+    Unloading,
 };
 use rve_server::space::{Components, Spheres};
-use rve_server::two_body::{Body, TwoBody};
 
 /// A plane is a sphere this many times larger than the grain that hits it.
 const PLANE: f64 = 1e5;

@@ -11,9 +11,11 @@ use macro_solver::output::{Field, FieldSeries, OutputError, RecordPlan, write_pa
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
 use protocol::{RveError, RveSolver, TrialAnswer};
+use rve_server::cell::ContactNetwork;
 use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
-use rve_server::space::{Components, Space};
+use rve_server::solver::SolverFor;
+use rve_server::space::Components;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
@@ -170,27 +172,31 @@ fn artist(definition: &AnyDefinition) -> Result<Box<dyn Draw>, RveError> {
 }
 
 /// A cell of the packing as given.
-struct Artist<S: Space>(GrainRve<S>);
+struct Artist<S: SolverFor>(GrainRve<S>);
 
-impl<S: Space> Artist<S> {
+impl<S: SolverFor> Artist<S> {
     fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
         GrainRve::new(definition).map(Self)
     }
 }
 
-impl<S: Space> Draw for Artist<S> {
+impl<S: SolverFor> Draw for Artist<S> {
     fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest> {
         let mut cell = self.0.clone();
         if !snapshot.is_empty() {
             cell.restore(snapshot).map_err(stop)?;
         }
-        write_grains(path, &mut cell).map_err(stop)
+        let network = cell.committed_network().map_err(stop)?;
+        write_grains(path, &cell, &network).map_err(stop)
     }
 }
 
 /// One cloud: centres as they are (not wrapped into the cell), radius, rotation, number of contacts, rattler or not.
-fn write_grains<S: Space>(path: &Path, cell: &mut GrainRve<S>) -> Result<(), OutputError> {
-    let network = cell.committed_network();
+fn write_grains<S: SolverFor>(
+    path: &Path,
+    cell: &GrainRve<S>,
+    network: &ContactNetwork<S>,
+) -> Result<(), OutputError> {
     let mut contacts = vec![0.0; network.positions.len()];
     for contact in &network.contacts {
         contacts[contact.origin as usize] += 1.0;

@@ -8,10 +8,9 @@ use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStat
 use macro_solver::problem::{Problem, Stabilisation};
 use protocol::Definition;
 use protocol::transport::in_process::channel;
-use rve_server::definition::{Accuracy, GrainDefinition, RveOptions};
+use rve_server::definition::{Accuracy, GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
-use rve_server::packing::recipe::PackingRecipe;
-use rve_server::packing::{Packing, PackingFile, generate_any};
+use rve_server::preparation::{PackingRecipe, generate_any};
 use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
 use std::sync::Mutex;

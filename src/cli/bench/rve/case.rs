@@ -1,7 +1,7 @@
 //! What is strained, and along which path.
 
 use super::window::Window;
-use rve_server::definition::ContactTable;
+use rve_server::contact::ContactTable;
 
 /// One packing, law and path. Paths have strain control only, so that all settings answer the same question.
 #[derive(Clone, Debug)]

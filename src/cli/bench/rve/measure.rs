@@ -6,9 +6,8 @@ use anyhow::Context;
 use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rve_server::definition::{AnyDefinition, RveOptions};
+use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use rve_server::engine::GrainEngine;
-use rve_server::packing::Packing;
 use std::fs;
 use std::time::Instant;
 

@@ -3,10 +3,9 @@
 use super::draw::{Draw, Purpose};
 use super::path::{Course, Kind, segments};
 use super::shelf::Slot;
-use rve_server::definition::{
-    Accuracy, ContactLaw, ContactTable, NormalStiffness, Rotations, RveOptions, TangentialUnloading,
-};
-use rve_server::element::ElementTest;
+use rve_server::contact::{ContactTable, LawName, NormalStiffness, Rotations, TangentialUnloading};
+use rve_server::definition::{Accuracy, RveOptions};
+use rve_server::programs::rve_test::ElementTest;
 use std::path::PathBuf;
 
 /// Every fifth case is one of spheres.
@@ -103,11 +102,11 @@ pub(super) fn drawn_contact(range: Range, slot: &Slot, draw: &mut Draw) -> Conta
         contact.friction = draw.between(0.0, 2.0);
     }
     match contact.law {
-        ContactLaw::Linear => {
+        LawName::Linear => {
             let ratio = if is_everyday { draw.between(0.2, 1.0) } else { draw.between(0.0, 1.3) };
             contact.stiffness_ratio = Some(if !is_everyday && draw.chance(0.05) { 0.0 } else { ratio });
         }
-        ContactLaw::HertzMindlin => {
+        LawName::HertzMindlin => {
             let poisson = if is_everyday { draw.between(0.05, 0.4) } else { draw.between(-0.3, 0.5) };
             // The normal springs stay as they are: G / (1 - nu).
             let before = contact.poisson_ratio.unwrap_or(0.0);

@@ -8,9 +8,8 @@
 use super::draw::{Draw, Purpose};
 use super::outcome::{BUDGET, Class, Increment, Outcome, run};
 use super::shelf::Slot;
-use rve_server::definition::{Accuracy, RveOptions};
-use rve_server::element::ElementTest;
-use rve_server::packing::Packing;
+use rve_server::definition::{Accuracy, Packing, RveOptions};
+use rve_server::programs::rve_test::ElementTest;
 
 /// Cases that took at most this share of their budget are all checked.
 const CHEAP: f64 = 0.1;

@@ -24,7 +24,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub(crate) use options::Options;
 use outcome::{Class, Outcome};
 use rayon::prelude::*;
-use rve_server::element::ElementTest;
+use rve_server::programs::rve_test::ElementTest;
 
 /// Small scenes, thorough and quick.
 const SCENES: [u64; 2] = [12, 2];

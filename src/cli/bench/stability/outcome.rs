@@ -2,8 +2,8 @@
 
 use super::shelf::Slot;
 use protocol::{RveError, TangentKind, TrialFlags};
-use rve_server::element::{ElementError, ElementRow, ElementTest, run_element_on};
-use rve_server::packing::Packing;
+use rve_server::definition::Packing;
+use rve_server::programs::rve_test::{ElementError, ElementRow, ElementTest, run_element_on};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;

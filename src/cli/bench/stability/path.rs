@@ -1,7 +1,7 @@
 //! Kinds of paths, and the segments that a case of a kind follows.
 
 use super::draw::Draw;
-use rve_server::element::{Components, Segment};
+use rve_server::programs::rve_test::{Components, Segment};
 
 /// A kind of path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

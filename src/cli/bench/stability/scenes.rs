@@ -12,8 +12,7 @@ use macro_solver::mesh::block::Block;
 use macro_solver::observer::Outcome;
 use macro_solver::problem::{Axis, Condition, Criteria, Platen, PressureKind, Problem, Tolerances};
 use protocol::Definition;
-use rve_server::definition::{Accuracy, GrainDefinition, RveOptions};
-use rve_server::packing::Packing;
+use rve_server::definition::{Accuracy, GrainDefinition, Packing, RveOptions};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Grains of the largest packing behind a Gauss point.

@@ -2,8 +2,9 @@
 
 use super::draw::{Draw, Purpose};
 use anyhow::{Context, bail};
-use rve_server::definition::ContactTable;
-use rve_server::packing::{Grading, Packing, PackingFile, PackingRecipe, generate_any};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Packing, PackingFile};
+use rve_server::preparation::{Grading, PackingRecipe, generate_any};
 use rve_server::space::{Discs, Spheres};
 
 /// A shipped packing, the law it was made with and the pressure it is at rest under.

@@ -9,7 +9,7 @@ use crate::cli::bench::table::{Table, short};
 use anyhow::{Context, anyhow};
 use macro_solver::output::write_atomically;
 use protocol::TrialFlags;
-use rve_server::packing::Packing;
+use rve_server::definition::Packing;
 use std::path::Path;
 
 /// Runs the one case of a campaign and shows its increments, or writes it as an element test.

@@ -7,7 +7,8 @@ use super::outcome::{Class, Outcome};
 use super::path::Kind;
 use crate::cli::bench::report::Report;
 use crate::cli::bench::table::Table;
-use rve_server::definition::{Accuracy, ContactLaw, ContactTable, Rotations};
+use rve_server::contact::{ContactTable, LawName, Rotations};
+use rve_server::definition::Accuracy;
 
 /// Writes `cases.csv`: one row per case.
 ///
@@ -89,8 +90,8 @@ pub(super) fn cases(
 
 fn law(contact: &ContactTable) -> &'static str {
     match contact.law {
-        ContactLaw::Linear => "linear",
-        ContactLaw::HertzMindlin => "hertz_mindlin",
+        LawName::Linear => "linear",
+        LawName::HertzMindlin => "hertz_mindlin",
     }
 }
 

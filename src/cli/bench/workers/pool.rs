@@ -6,8 +6,7 @@ use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, Waiting};
 use protocol::{Ask, Definition, TangentKind, Tensor2};
-use rve_server::definition::{GrainDefinition, RveOptions};
-use rve_server::packing::PackingFile;
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 

@@ -1,0 +1,292 @@
+//! Everything that a committed or trial state of one cell consists of, and its bytes.
+//!
+//! A state is complete: two solvers with equal states give equal answers. The pair list is a cache and therefore not
+//! part of it, and positions are never wrapped back into the cell because the cell shift is part of a contact's key.
+
+use super::neighbours::PairKey;
+use super::operator_memory::OperatorMemory;
+use super::periodic::Cell;
+use crate::space::{Components, Discs, Space};
+use bytemuck::Pod;
+use protocol::{ContentId, DefinitionId};
+use serde::{Deserialize, Serialize};
+
+/// A touching pair and its tangential force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactRecord<S: Space = Discs> {
+    /// Origin grain.
+    pub origin: u32,
+    /// End grain.
+    pub end: u32,
+    /// Cell shifts of the end grain along the periodicity vectors.
+    pub shift: S::Shift,
+    /// Tangential force on the origin grain, N: along t in the plane, a vector normal to the branch in space.
+    pub tangential_force: S::Tangential,
+}
+
+impl<S: Space> ContactRecord<S> {
+    /// Bytes of one record: both grains, the shifts, the force, without padding.
+    const SIZE: usize = 8 + size_of::<S::Shift>() + size_of::<S::Tangential>();
+
+    /// Key of the pair.
+    pub fn key(&self) -> PairKey<S> {
+        PairKey { origin: self.origin, end: self.end, shift: self.shift }
+    }
+
+    fn write(&self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(bytemuck::bytes_of(&[self.origin, self.end]));
+        bytes.extend_from_slice(bytemuck::bytes_of(&self.shift));
+        bytes.extend_from_slice(bytemuck::bytes_of(&self.tangential_force));
+    }
+
+    /// Reads a record of [`SIZE`](Self::SIZE) bytes.
+    fn read(bytes: &[u8]) -> Self {
+        let (grains, rest) = bytes.split_at(8);
+        let (shift, force) = rest.split_at(size_of::<S::Shift>());
+        let [origin, end]: [u32; 2] = bytemuck::pod_read_unaligned(grains);
+        Self {
+            origin,
+            end,
+            shift: bytemuck::pod_read_unaligned(shift),
+            tangential_force: bytemuck::pod_read_unaligned(force),
+        }
+    }
+}
+
+/// State of one cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GrainState<S: Space = Discs> {
+    /// Periodic cell.
+    pub cell: Cell<S>,
+    /// Grain centres, m; not wrapped.
+    pub positions: Vec<S::Vector>,
+    /// Spin of each grain added up since the initial state, rad; counter-clockwise in the plane. In space this is the
+    /// time integral of the rotation velocity, a vector that no number of turns makes ambiguous.
+    pub rotations: Vec<S::Spin>,
+    /// Touching pairs, sorted by key.
+    pub contacts: Vec<ContactRecord<S>>,
+    /// Moment that each contact transmits onto its origin grain by rolling resistance, N m; empty for laws without.
+    pub rolling_moments: Vec<S::Spin>,
+    /// What operators that learn have learnt on the way here.
+    pub operators: OperatorMemory,
+    /// Stored energy lost since the initial state, to friction above all, J.
+    pub dissipation: f64,
+    /// Area (m2) or volume (m3) of the cell in the initial state.
+    pub initial_measure: f64,
+    /// Value of the equilibrium criterion when the state was reached.
+    pub unbalanced: f64,
+    /// Largest sum of the normal contact forces that the cell has carried at rest, N: what little load is measured by.
+    pub largest_load: f64,
+    /// Whether the contacts carry load. Grains that merely graze each other, without being in equilibrium, do not.
+    pub bears_load: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Payload<'a, T> {
+    definition: ContentId,
+    cell: T,
+    dissipation: f64,
+    initial_measure: f64,
+    unbalanced: f64,
+    largest_load: f64,
+    bears_load: bool,
+    operators: OperatorMemory,
+    #[serde(with = "serde_bytes")]
+    positions: &'a [u8],
+    #[serde(with = "serde_bytes")]
+    rotations: &'a [u8],
+    #[serde(with = "serde_bytes")]
+    contacts: &'a [u8],
+    #[serde(with = "serde_bytes")]
+    rolling_moments: &'a [u8],
+}
+
+impl<S: Space> GrainState<S> {
+    /// The bytes of the state, naming the definition it belongs to.
+    pub fn to_bytes(&self, definition: DefinitionId) -> Vec<u8> {
+        let mut contacts = Vec::with_capacity(self.contacts.len() * ContactRecord::<S>::SIZE);
+        for contact in &self.contacts {
+            contact.write(&mut contacts);
+        }
+        let payload = Payload {
+            definition,
+            cell: self.cell.rows,
+            dissipation: self.dissipation,
+            initial_measure: self.initial_measure,
+            unbalanced: self.unbalanced,
+            largest_load: self.largest_load,
+            bears_load: self.bears_load,
+            operators: self.operators.clone(),
+            positions: bytemuck::cast_slice(&self.positions),
+            rotations: bytemuck::cast_slice(&self.rotations),
+            contacts: &contacts,
+            rolling_moments: bytemuck::cast_slice(&self.rolling_moments),
+        };
+        rmp_serde::to_vec(&payload).expect("writing MessagePack to memory cannot fail")
+    }
+
+    /// Reads a state of `grain_count` grains back.
+    ///
+    /// # Errors
+    /// Bytes that are not a state, or a state of another definition.
+    pub fn from_bytes(bytes: &[u8], definition: DefinitionId, grain_count: usize) -> Result<Self, String> {
+        let payload: Payload<'_, S::Tensor> = rmp_serde::from_slice(bytes)
+            .map_err(|error| format!("not a state of a cell of {}: {error}", S::GRAINS))?;
+        if payload.definition != definition {
+            return Err(format!("state of definition {}, but this RVE is {definition}", payload.definition));
+        }
+        whole_records(payload.contacts, ContactRecord::<S>::SIZE)?;
+        let state = Self {
+            cell: Cell { rows: payload.cell },
+            positions: copied(payload.positions)?,
+            rotations: copied(payload.rotations)?,
+            contacts: payload.contacts.chunks_exact(ContactRecord::<S>::SIZE).map(ContactRecord::read).collect(),
+            rolling_moments: copied(payload.rolling_moments)?,
+            operators: payload.operators,
+            dissipation: payload.dissipation,
+            initial_measure: payload.initial_measure,
+            unbalanced: payload.unbalanced,
+            largest_load: payload.largest_load,
+            bears_load: payload.bears_load,
+        };
+        if state.positions.len() != grain_count || state.rotations.len() != grain_count {
+            return Err(format!("state of {} grains, but this RVE has {grain_count}", state.positions.len()));
+        }
+        let known = |contact: &ContactRecord<S>| (contact.origin.max(contact.end) as usize) < grain_count;
+        let moments = [0, state.contacts.len()].contains(&state.rolling_moments.len());
+        if !moments || !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
+            return Err("state with a contact list that is not sound".into());
+        }
+        if !state.operators.is_sound() {
+            return Err("state with an operator that is not sound".into());
+        }
+        Ok(state)
+    }
+
+    /// Mean over the grains of the spin added up since the initial state, rad.
+    pub fn mean_rotation(&self) -> S::Spin {
+        let mut sum = S::Spin::ZERO;
+        for rotation in &self.rotations {
+            sum = sum.plus(*rotation);
+        }
+        let count = self.rotations.len() as f64;
+        S::Spin::from_fn(|axis| sum.components()[axis] / count)
+    }
+
+    /// The state turned as a whole.
+    #[must_use]
+    pub fn turned(mut self, turn: S::Turn) -> Self {
+        if turn == S::Turn::default() {
+            return self;
+        }
+        let (matrix, vector) = (S::rotation_matrix(turn), S::rotation_vector(turn));
+        self.cell = self.cell.deformed(&matrix);
+        for position in &mut self.positions {
+            *position = crate::space::apply(&matrix, *position);
+        }
+        for rotation in &mut self.rotations {
+            *rotation = rotation.plus(vector);
+        }
+        for contact in &mut self.contacts {
+            contact.tangential_force = S::turned_tangential(contact.tangential_force, &matrix);
+        }
+        for moment in &mut self.rolling_moments {
+            *moment = S::turned_spin(*moment, &matrix);
+        }
+        self
+    }
+}
+
+/// Refuses bytes that do not hold a whole number of records.
+fn whole_records(bytes: &[u8], size: usize) -> Result<(), String> {
+    if bytes.len().is_multiple_of(size) {
+        return Ok(());
+    }
+    Err(format!("{} bytes do not hold a whole number of records", bytes.len()))
+}
+
+/// Copies unaligned bytes into values.
+fn copied<T: Pod>(bytes: &[u8]) -> Result<Vec<T>, String> {
+    whole_records(bytes, size_of::<T>())?;
+    let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    bytemuck::cast_slice_mut(&mut values).copy_from_slice(bytes);
+    Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::Spheres;
+
+    fn state() -> GrainState {
+        GrainState {
+            cell: Cell { rows: [[1.0, 0.1], [-0.3, 2.0]] },
+            positions: vec![[0.1, 0.2], [f64::MIN_POSITIVE, -1.0 / 3.0]],
+            rotations: vec![0.0, -1e-17],
+            contacts: vec![ContactRecord { origin: 0, end: 1, shift: [-1, 2], tangential_force: 0.1 + 0.2 }],
+            rolling_moments: vec![],
+            operators: OperatorMemory::default(),
+            dissipation: 1e-30,
+            initial_measure: 2.03,
+            unbalanced: 1e-4,
+            largest_load: 3.5,
+            bears_load: true,
+        }
+    }
+
+    #[test]
+    fn bytes_restore_every_bit() {
+        let id = ContentId::of(b"definition");
+        let bytes = state().to_bytes(id);
+        let restored = GrainState::<Discs>::from_bytes(&bytes, id, 2).unwrap();
+        assert_eq!(restored.to_bytes(id), bytes);
+        assert_eq!(restored, state());
+    }
+
+    #[test]
+    fn foreign_or_damaged_states_are_refused() {
+        let id = ContentId::of(b"definition");
+        let bytes = state().to_bytes(id);
+        assert!(
+            GrainState::<Discs>::from_bytes(&bytes, ContentId::of(b"other"), 2).unwrap_err().contains("definition")
+        );
+        assert!(GrainState::<Discs>::from_bytes(&bytes, id, 3).unwrap_err().contains("2 grains"));
+        assert!(GrainState::<Discs>::from_bytes(&bytes[1..], id, 2).is_err());
+        let mut unsound = state();
+        unsound.contacts[0].end = 5;
+        assert!(GrainState::<Discs>::from_bytes(&unsound.to_bytes(id), id, 2).unwrap_err().contains("not sound"));
+    }
+
+    #[test]
+    fn state_of_spheres_is_restored_and_turned() {
+        let state = GrainState::<Spheres> {
+            cell: Cell { rows: [[1.0, 0.1, 0.0], [-0.3, 2.0, 0.0], [0.0, 0.2, 1.5]] },
+            positions: vec![[0.1, 0.2, 0.3]],
+            rotations: vec![[0.0, -1e-17, 0.4]],
+            contacts: vec![ContactRecord {
+                origin: 0,
+                end: 0,
+                shift: [0, 1, -1],
+                tangential_force: [0.1, 0.2, -0.3],
+            }],
+            rolling_moments: vec![],
+            operators: OperatorMemory::default(),
+            dissipation: 0.0,
+            initial_measure: 3.0,
+            unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: false,
+        };
+        let id = ContentId::of(b"definition");
+        let restored = GrainState::<Spheres>::from_bytes(&state.to_bytes(id), id, 1).unwrap();
+        assert_eq!(restored, state);
+        assert!(GrainState::<Discs>::from_bytes(&state.to_bytes(id), id, 1).is_err());
+
+        let quarter = Spheres::polar(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0; 3]]).turn;
+        let turned = state.turned(quarter);
+        let near = |a: [f64; 3], b: [f64; 3]| a.minus(b).norm() < 1e-15;
+        assert!(near(turned.positions[0], [-0.2, 0.1, 0.3]) && near(turned.cell.rows[0], [-0.1, 1.0, 0.0]));
+        assert!(near(turned.contacts[0].tangential_force, [-0.2, 0.1, -0.3]));
+        assert!(near(turned.rotations[0], [0.0, -1e-17, 0.4 + std::f64::consts::FRAC_PI_2]));
+    }
+}

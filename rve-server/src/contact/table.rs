@@ -1,0 +1,313 @@
+//! The table `[contact]`: the law between grains.
+
+use super::linear::NormalStiffness;
+use crate::error::{DefinitionError, not_negative, positive};
+use serde::{Deserialize, Serialize};
+
+/// Contact laws by keyword.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LawName {
+    /// Linear springs with Coulomb friction, [Argilaga2018] appendix A.
+    #[default]
+    Linear,
+    /// Elastic spheres: Hertz along the normal, Mindlin without slip across it; for packings in space only.
+    HertzMindlin,
+}
+
+impl LawName {
+    /// All of them: what this program serves.
+    pub const ALL: [Self; 2] = [Self::Linear, Self::HertzMindlin];
+
+    /// As scenes and capabilities spell it.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::HertzMindlin => "hertz_mindlin",
+        }
+    }
+}
+
+/// What unloading does to the tangential force of Hertz-Mindlin contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TangentialUnloading {
+    /// The force shrinks with the tangential stiffness: no cycle gains energy.
+    #[default]
+    Rescaled,
+    /// The purely incremental law, as other programs have it; cycles can gain energy.
+    Incremental,
+}
+
+/// Whether grains may rotate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rotations {
+    /// Grains rotate.
+    #[default]
+    Free,
+    /// Grains only translate.
+    Blocked,
+}
+
+/// The table `[contact]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactTable {
+    /// Contact law.
+    #[serde(default)]
+    pub law: LawName,
+    /// Normal stiffness k_n of every contact, N/m. Exactly one of this and `modulus`.
+    #[serde(default)]
+    pub normal_stiffness: Option<f64>,
+    /// Modulus E, Pa: k_n = 2 E R1 R2 / (R1 + R2).
+    #[serde(default)]
+    pub modulus: Option<f64>,
+    /// k_t / k_n, dimensionless.
+    #[serde(default)]
+    pub stiffness_ratio: Option<f64>,
+    /// Grain shear modulus of Hertz-Mindlin contacts, Pa.
+    #[serde(default)]
+    pub shear_modulus: Option<f64>,
+    /// Grain Poisson ratio of Hertz-Mindlin contacts, dimensionless.
+    #[serde(default)]
+    pub poisson_ratio: Option<f64>,
+    /// Coulomb coefficient mu, dimensionless.
+    pub friction: f64,
+    /// Cohesive overlap C of f_n = -k_n (h - C), m.
+    #[serde(default)]
+    pub cohesion: f64,
+    /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
+    /// elastic force it causes. It acts while grains move and on them alone; no quasi-static result depends on it.
+    #[serde(default)]
+    pub damping: f64,
+    /// What unloading does to the tangential force of Hertz-Mindlin contacts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unloading: Option<TangentialUnloading>,
+    /// Rolling stiffness over k_t R1 R2, dimensionless; 0 = none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling_stiffness: f64,
+    /// Largest rolling moment over min(R1, R2) times the normal force, dimensionless; 0 = none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling_friction: f64,
+    /// Whether grains may rotate.
+    #[serde(default)]
+    pub rotations: Rotations,
+    /// Density of the grain material, kg/m3; quasi-static results do not depend on it.
+    #[serde(default = "quartz_density")]
+    pub density: f64,
+}
+
+/// Keys that are not used stay out of recipes and definitions.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn quartz_density() -> f64 {
+    2650.0
+}
+
+impl ContactTable {
+    /// A linear law with a constant normal stiffness and everything else at its default.
+    pub fn linear(normal_stiffness: f64, stiffness_ratio: f64, friction: f64) -> Self {
+        Self {
+            law: LawName::Linear,
+            normal_stiffness: Some(normal_stiffness),
+            modulus: None,
+            stiffness_ratio: Some(stiffness_ratio),
+            shear_modulus: None,
+            poisson_ratio: None,
+            friction,
+            cohesion: 0.0,
+            damping: 0.0,
+            unloading: None,
+            rolling_stiffness: 0.0,
+            rolling_friction: 0.0,
+            rotations: Rotations::Free,
+            density: quartz_density(),
+        }
+    }
+
+    /// Elastic spheres with friction and everything else at its default.
+    pub fn hertz_mindlin(shear_modulus: f64, poisson_ratio: f64, friction: f64) -> Self {
+        Self {
+            law: LawName::HertzMindlin,
+            normal_stiffness: None,
+            stiffness_ratio: None,
+            shear_modulus: Some(shear_modulus),
+            poisson_ratio: Some(poisson_ratio),
+            ..Self::linear(1.0, 1.0, friction)
+        }
+    }
+
+    /// Whether contacts resist sliding before they slide. Hertz-Mindlin contacts always do.
+    pub fn has_tangential_springs(&self) -> bool {
+        self.law != LawName::Linear || self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0)
+    }
+
+    /// Checks every key.
+    ///
+    /// # Errors
+    /// The first offending key with the remedy.
+    pub fn validate(&self) -> Result<(), DefinitionError> {
+        match self.law {
+            LawName::Linear => self.validate_linear()?,
+            LawName::HertzMindlin => self.validate_hertz_mindlin()?,
+        }
+        not_negative("contact.friction", self.friction)?;
+        not_negative("contact.cohesion", self.cohesion)?;
+        not_negative("contact.damping", self.damping)?;
+        not_negative("contact.rolling_stiffness", self.rolling_stiffness)?;
+        not_negative("contact.rolling_friction", self.rolling_friction)?;
+        if (self.rolling_stiffness > 0.0) != (self.rolling_friction > 0.0) {
+            return Err(DefinitionError(
+                "contact.rolling_stiffness and contact.rolling_friction need each other; give both or none".into(),
+            ));
+        }
+        if self.rolling_stiffness > 0.0 && self.rotations == Rotations::Blocked {
+            return Err(DefinitionError(
+                "contact.rolling_stiffness has no effect with rotations = \"blocked\"; remove one of them".into(),
+            ));
+        }
+        positive("contact.density", self.density)
+    }
+
+    fn validate_linear(&self) -> Result<(), DefinitionError> {
+        let given = [
+            ("shear_modulus", self.shear_modulus.is_some()),
+            ("poisson_ratio", self.poisson_ratio.is_some()),
+            ("unloading", self.unloading.is_some()),
+        ];
+        refuse_given(&given, "hertz_mindlin")?;
+        self.normal()?;
+        self.ratio()?;
+        Ok(())
+    }
+
+    fn validate_hertz_mindlin(&self) -> Result<(), DefinitionError> {
+        let given = [
+            ("normal_stiffness", self.normal_stiffness.is_some()),
+            ("modulus", self.modulus.is_some()),
+            ("stiffness_ratio", self.stiffness_ratio.is_some()),
+        ];
+        refuse_given(&given, "linear")?;
+        positive("contact.shear_modulus", self.grain_shear_modulus()?)?;
+        let ratio = self.grain_poisson_ratio()?;
+        if !(ratio > -1.0 && ratio <= 0.5) {
+            return Err(DefinitionError(format!("contact.poisson_ratio = {ratio} must lie in (-1, 0.5]")));
+        }
+        Ok(())
+    }
+
+    /// Shear modulus of the grains, Pa.
+    pub(super) fn grain_shear_modulus(&self) -> Result<f64, DefinitionError> {
+        self.shear_modulus.ok_or_else(|| missing("shear_modulus", "Pa"))
+    }
+
+    /// Poisson ratio of the grains.
+    pub(super) fn grain_poisson_ratio(&self) -> Result<f64, DefinitionError> {
+        self.poisson_ratio.ok_or_else(|| missing("poisson_ratio", "dimensionless"))
+    }
+
+    /// Checks what depends on the dimension of the packing.
+    ///
+    /// # Errors
+    /// Hertz-Mindlin spheres in a plane.
+    pub fn validate_for(&self, dimension: usize) -> Result<(), DefinitionError> {
+        if self.law == LawName::HertzMindlin && dimension != 3 {
+            return Err(DefinitionError(
+                "contact.law = \"hertz_mindlin\" is a law of spheres and the packing holds discs; use law = \"linear\"".into(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The normal stiffness rule.
+    ///
+    /// # Errors
+    /// Neither or both of `normal_stiffness` and `modulus`, or not a positive number.
+    pub fn normal(&self) -> Result<NormalStiffness, DefinitionError> {
+        match (self.normal_stiffness, self.modulus) {
+            (Some(stiffness), None) => {
+                positive("contact.normal_stiffness", stiffness)?;
+                Ok(NormalStiffness::Constant(stiffness))
+            }
+            (None, Some(modulus)) => {
+                positive("contact.modulus", modulus)?;
+                Ok(NormalStiffness::Modulus(modulus))
+            }
+            (Some(_), Some(_)) => Err(DefinitionError("contact: give normal_stiffness or modulus, not both".into())),
+            (None, None) => Err(DefinitionError("contact: normal_stiffness (N/m) or modulus (Pa) is missing".into())),
+        }
+    }
+
+    fn ratio(&self) -> Result<f64, DefinitionError> {
+        let ratio = self
+            .stiffness_ratio
+            .ok_or_else(|| DefinitionError("contact.stiffness_ratio (k_t / k_n) is missing".into()))?;
+        not_negative("contact.stiffness_ratio", ratio)?;
+        Ok(ratio)
+    }
+
+    /// k_t / k_n of a validated table.
+    pub fn tangential_ratio(&self) -> f64 {
+        self.stiffness_ratio.unwrap_or(0.0)
+    }
+}
+
+/// A number of the grains that a law needs.
+fn missing(key: &str, unit: &str) -> DefinitionError {
+    DefinitionError(format!("contact.{key} ({unit}) of the grains is missing"))
+}
+
+/// Refuses keys of another law.
+fn refuse_given(keys: &[(&str, bool)], law: &str) -> Result<(), DefinitionError> {
+    match keys.iter().find(|(_, given)| *given) {
+        Some((key, _)) => Err(DefinitionError(format!("contact.{key} belongs to law = \"{law}\"; remove it"))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn contact(text: &str) -> Result<(), String> {
+        let table: ContactTable = toml::from_str(text).map_err(|error| error.message().to_owned())?;
+        table.validate().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn contact_tables_of_the_documentation_are_accepted() {
+        contact("law = \"linear\"\nmodulus = 6.0e8\nstiffness_ratio = 0.8\nfriction = 0.5463").unwrap();
+        contact("normal_stiffness = 1e7\nstiffness_ratio = 0\nfriction = 0\nrotations = \"blocked\"").unwrap();
+        let spheres = "law = \"hertz_mindlin\"\nshear_modulus = 2.9e10\npoisson_ratio = 0.15\nfriction = 0.5\n";
+        contact(&format!("{spheres}unloading = \"incremental\"\nrolling_stiffness = 1\nrolling_friction = 0.1"))
+            .unwrap();
+        let table: ContactTable = toml::from_str(spheres).unwrap();
+        assert!(table.validate_for(2).unwrap_err().to_string().contains("use law = \"linear\""));
+        table.validate_for(3).unwrap();
+    }
+
+    #[test]
+    fn keywords_are_those_of_scenes() {
+        for law in LawName::ALL {
+            assert_eq!(serde_json::to_value(law).unwrap(), law.keyword());
+        }
+    }
+
+    #[test]
+    fn contact_defects_name_their_key() {
+        let base = "stiffness_ratio = 0.5\nfriction = 0.5\n";
+        let refused = |text: &str| contact(&format!("{base}{text}")).unwrap_err();
+        assert!(refused("").contains("normal_stiffness (N/m) or modulus (Pa) is missing"));
+        assert!(refused("modulus = 1e8\nnormal_stiffness = 1").contains("not both"));
+        assert!(refused("modulus = -1e8").contains("contact.modulus = -100000000 must be a positive"));
+        assert!(refused("modulus = 1e8\ncohesion = -1").contains("contact.cohesion"));
+        assert!(refused("modulus = 1e8\ndamping = -0.1").contains("contact.damping"));
+        assert!(refused("modulus = 1e8\nrolling_friction = 0.1").contains("need each other"));
+        assert!(refused("modulus = 1e8\nfrictoin = 0.1").contains("frictoin"));
+        assert!(refused("modulus = 1e8\nlaw = \"hertz_mindlin\"").contains("belongs to law = \"linear\""));
+        assert!(refused("modulus = nan").contains("contact.modulus"));
+    }
+}

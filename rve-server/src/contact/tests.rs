@@ -1,0 +1,262 @@
+//! Formulas of the laws against closed forms.
+
+use super::linear::NormalStiffness;
+use super::*;
+use crate::space::{Components, KernelSpace, Spheres};
+use proptest::prelude::*;
+
+fn hertz(unloading: Unloading) -> PlainHertzMindlin {
+    PlainHertzMindlin {
+        springs: HertzSprings { shear_modulus: 29.0e9, poisson_ratio: 0.15 },
+        friction: 1e9,
+        cohesion: 0.0,
+        unloading,
+        rolling: RollingSpring::default(),
+        viscosity: 0.0,
+    }
+}
+
+fn constants<L: ContactLaw<Spheres>>(law: &L, radii: [f64; 2]) -> L::Constants<f64> {
+    law.constants(radii)
+}
+
+/// C-1: force, slope and energy of two spheres; the ratio of the stiffnesses is that of Mindlin.
+#[test]
+fn hertz_force_slope_and_energy_are_the_closed_forms() {
+    let law = hertz(Unloading::Rescaled);
+    let (first, second, overlap): (f64, f64, f64) = (0.4e-3, 0.9e-3, 3e-7);
+    let constants = constants(&law, [first, second]);
+    let (shear, nu) = (29.0e9, 0.15);
+    let young = 2.0 * shear * (1.0 + nu);
+    let effective_modulus = 0.5 * young / (1.0 - nu * nu);
+    let effective_radius: f64 = 1.0 / (1.0 / first + 1.0 / second);
+    let force = 4.0 / 3.0 * effective_modulus * effective_radius.sqrt() * overlap.powf(1.5);
+    let slope = 2.0 * effective_modulus * (effective_radius * overlap).sqrt();
+    let tangential = 8.0 * shear / (2.0 * (2.0 - nu)) * (effective_radius * overlap).sqrt();
+    let found = ContactLaw::<Spheres>::normal_force(&law, &constants, overlap);
+    assert!((found / -force - 1.0).abs() < 1e-12);
+    let [k_n, k_t, _] = ContactLaw::<Spheres>::stiffness(&law, &constants, overlap);
+    assert!((k_n / slope - 1.0).abs() < 1e-12 && (k_t / tangential - 1.0).abs() < 1e-12);
+    assert!((k_t / k_n - 2.0 * (1.0 - nu) / (2.0 - nu)).abs() < 1e-12);
+    // [Liu2015] eq. 54 with its effective radius, twice the usual one, and a factor square root of 2.
+    let printed = 2f64.sqrt() * shear * (2.0 * effective_radius).sqrt() / (1.0 - nu) * overlap.sqrt();
+    assert!((k_n / printed - 1.0).abs() < 1e-12);
+    let energy = ContactLaw::<Spheres>::energy(&law, &constants, overlap, 0.0, &[overlap]);
+    assert!((energy / (0.4 * force * overlap) - 1.0).abs() < 1e-12);
+}
+
+/// A contact of two spheres at rest against turning, moved along prescribed overlaps and slips.
+struct Cycle<L: ContactLaw<Spheres>> {
+    law: L,
+    constants: L::Constants<f64>,
+    memory: L::Memory<f64>,
+    force: [f64; 3],
+    overlap: f64,
+    work: f64,
+    dissipation: f64,
+}
+
+impl<L: ContactLaw<Spheres>> Cycle<L> {
+    fn new(law: L, radii: [f64; 2], overlap: f64) -> Self {
+        let constants = law.constants(radii);
+        let memory = law.resumed(overlap, [0.0; 3]);
+        Self { law, constants, memory, force: [0.0; 3], overlap, work: 0.0, dissipation: 0.0 }
+    }
+
+    fn step(&mut self, overlap: f64, slip: f64) {
+        let before = (self.law.normal_force(&self.constants, self.overlap), self.force);
+        let motion = ContactMotion::<Spheres, f64> {
+            overlap,
+            touched: true,
+            carried: self.force,
+            slip: [0.0, slip, 0.0],
+            rolling: [0.0; 3],
+        };
+        let response = self.law.respond(&self.constants, &motion, &mut self.memory);
+        self.force = response.tangential_force;
+        self.dissipation += response.dissipation;
+        self.work -= 0.5 * (before.0 + response.normal_force) * (overlap - self.overlap);
+        self.work += 0.5 * (before.1[1] + self.force[1]) * slip;
+        self.overlap = overlap;
+    }
+
+    fn go(&mut self, overlap: f64, slip: f64, steps: u32) {
+        let start = self.overlap;
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            self.step(start + share * (overlap - start), slip / f64::from(steps));
+        }
+    }
+
+    fn normal_force(&self, overlap: f64) -> f64 {
+        self.law.normal_force(&self.constants, overlap)
+    }
+
+    fn energy(&self, overlap: f64) -> f64 {
+        self.law.energy(&self.constants, overlap, 0.0, &self.memory)
+    }
+
+    fn tangential_stiffness(&self, overlap: f64) -> f64 {
+        self.law.stiffness(&self.constants, overlap)[1]
+    }
+}
+
+/// C-9: press, slip, release, slip back. The incremental law gains `1/2 (k_1 - k_0) s^2` and keeps a force; with rescaling
+/// the same energy is lost, the force returns to zero, and the ledger knows.
+#[test]
+fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
+    let (low, high, slip) = (1e-7, 4e-7, 2e-8);
+    for unloading in [Unloading::Incremental, Unloading::Rescaled] {
+        let mut cycle = Cycle::new(hertz(unloading), [1e-3, 1e-3], low);
+        let stiffness = [cycle.tangential_stiffness(low), cycle.tangential_stiffness(high)];
+        let expected = 0.5 * (stiffness[1] - stiffness[0]) * slip * slip;
+        // Loading and unloading do equal and opposite normal work only with the trapezoid on equal steps.
+        cycle.go(high, 0.0, 50);
+        cycle.go(high, slip, 50);
+        cycle.go(low, 0.0, 50);
+        cycle.go(low, -slip, 50);
+        let normal_scale = cycle.energy(high);
+        let work = cycle.work;
+        match unloading {
+            Unloading::Incremental => {
+                let kept = (stiffness[1] - stiffness[0]) * slip;
+                assert!((cycle.force[1] / kept - 1.0).abs() < 1e-10);
+                assert!((work + expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
+            }
+            Unloading::Rescaled => {
+                assert!(cycle.force[1].abs() < 1e-10 * stiffness[1] * slip);
+                assert!((work - expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
+                assert!((cycle.dissipation - expected).abs() < 1e-10 * expected);
+            }
+        }
+    }
+}
+
+/// C-12 in space: at constant normal force a cycle below the Coulomb limit stores and returns; above it loses
+/// `4 mu N (s - mu N / k_t)`, Mindlin's loop for a law without partial slip.
+#[test]
+fn tangential_cycle_of_spheres_loses_what_friction_takes() {
+    let law = PlainHertzMindlin { friction: 0.3, ..hertz(Unloading::Rescaled) };
+    let overlap = 2e-7;
+    let reference = Cycle::new(law, [1e-3, 2e-3], overlap);
+    let limit = 0.3 * -reference.normal_force(overlap);
+    let limit_slip = limit / reference.tangential_stiffness(overlap);
+    for (amplitude, expected) in [(0.75 * limit_slip, 0.0), (2.5 * limit_slip, 4.0 * limit * 1.5 * limit_slip)] {
+        let mut cycle = Cycle::new(law, [1e-3, 2e-3], overlap);
+        cycle.go(overlap, amplitude, 40);
+        (cycle.work, cycle.dissipation) = (0.0, 0.0);
+        cycle.go(overlap, -2.0 * amplitude, 80);
+        cycle.go(overlap, 2.0 * amplitude, 80);
+        let scale = limit * amplitude;
+        assert!((cycle.work - expected).abs() < 1e-10 * scale, "{} {expected}", cycle.work / scale);
+        assert!((cycle.dissipation - expected).abs() < 1e-10 * scale);
+    }
+}
+
+/// Cohesion: free of force at the cohesive overlap, pulls just before it opens, and the friction limit counts the pull.
+#[test]
+fn cohesive_contacts_pull_until_they_open() {
+    let springs = LinearSprings { normal: NormalStiffness::Constant(5.0), stiffness_ratio: 0.5 };
+    let linear = PlainLinear {
+        springs,
+        friction: 0.5,
+        cohesion: 0.02,
+        unloading: Unloading::Rescaled,
+        rolling: RollingSpring::default(),
+        viscosity: 0.0,
+    };
+    let linear_constants = constants(&linear, [1.0, 1.0]);
+    let force = |overlap| ContactLaw::<Spheres>::normal_force(&linear, &linear_constants, overlap);
+    assert!(force(0.02).abs() < 1e-17 && (force(1e-12) - 0.1).abs() < 1e-11 && (force(0.05) + 0.15).abs() < 1e-15);
+    let limit = ContactLaw::<Spheres>::friction_limit(&linear, &linear_constants, 0.03);
+    assert!((limit - 0.5 * (0.1 - force(0.03))).abs() < 1e-15);
+    let sticky = PlainHertzMindlin { cohesion: 2e-7, ..hertz(Unloading::Rescaled) };
+    let sticky_constants = constants(&sticky, [1e-3, 1e-3]);
+    let at = |overlap| ContactLaw::<Spheres>::normal_force(&sticky, &sticky_constants, overlap);
+    assert!(at(2e-7).abs() < 1e-12 && at(1e-9) > 0.0 && at(3e-7) < 0.0);
+}
+
+/// Rolling: elastic up to the largest moment, constant beyond, and the ledger takes the difference.
+#[test]
+fn rolling_spring_is_elastic_and_then_plastic() {
+    let law = ExtendedHertzMindlin {
+        springs: HertzSprings { shear_modulus: 29.0e9, poisson_ratio: 0.15 },
+        friction: 0.5,
+        cohesion: 0.0,
+        unloading: Unloading::Rescaled,
+        rolling: RollingSpring { stiffness: 1.5, friction: 0.2 },
+        viscosity: 0.0,
+    };
+    let radii = [1e-3, 2e-3];
+    let overlap = 2e-7;
+    let constants = constants(&law, radii);
+    let force = -ContactLaw::<Spheres>::normal_force(&law, &constants, overlap);
+    let [_, k_t, k_r] = ContactLaw::<Spheres>::stiffness(&law, &constants, overlap);
+    assert!((k_r / (1.5 * k_t * radii[0] * radii[1]) - 1.0).abs() < 1e-14);
+    let largest = 0.2 * radii[0] * force;
+    let mut memory = ContactLaw::<Spheres>::resumed(&law, overlap, [0.0; 3]);
+    let mut roll = |angle: f64| {
+        let motion = ContactMotion::<Spheres, f64> {
+            overlap,
+            touched: true,
+            carried: [0.0; 3],
+            slip: [0.0; 3],
+            rolling: [angle, 0.0, 0.0],
+        };
+        let response = law.respond(&constants, &motion, &mut memory);
+        (response.couple.unwrap()[0], response.dissipation)
+    };
+    let yield_angle = largest / k_r;
+    let (moment, lost) = roll(0.5 * yield_angle);
+    assert!((moment / largest + 0.5).abs() < 1e-13 && lost.abs() < 1e-15 * largest);
+    let (moment, lost) = roll(1.5 * yield_angle);
+    assert!((moment / largest + 1.0).abs() < 1e-13);
+    assert!((lost / (largest * yield_angle) - 1.0).abs() < 1e-12);
+    let (moment, _) = roll(-0.5 * yield_angle);
+    assert!((moment / largest + 0.5).abs() < 1e-12);
+}
+
+proptest! {
+    /// A pair that rotates rigidly about any axis slips by nothing and carries its force along exactly.
+    #[test]
+    fn rigid_rotation_is_no_slip(
+        axis in proptest::array::uniform3(-1.0..1.0f64), angle in -0.02..0.02f64,
+        start in proptest::array::uniform3(-1.0..1.0f64), across in proptest::array::uniform3(-1.0..1.0f64),
+    ) {
+        prop_assume!(axis.norm() > 0.1 && start.norm() > 0.1);
+        let axis = axis.times(1.0 / axis.norm());
+        let before = start.times(1.0 / start.norm());
+        let turn = |v: [f64; 3]| {
+            let cross = Spheres::cross(axis, v);
+            let twice = Spheres::cross(axis, cross);
+            v.plus(cross.times(angle.sin())).plus(twice.times(2.0 * (0.5 * angle).sin().powi(2)))
+        };
+        let force = Spheres::cross(before, across);
+        let spin = axis.times(angle);
+        let (length, arms) = (1.9, [0.7, 1.2]);
+        let slip = slip_of_spheres(before, turn(before), 1.0 / length, length, arms, [spin, spin]);
+        prop_assert!(slip.slip.norm() < 1e-15, "{:?}", slip.slip);
+        prop_assert!(slip.carried(force).minus(turn(force)).norm() < 1e-15);
+    }
+
+    /// To first order the slip is that of the two surfaces; the order of the grains does not matter.
+    #[test]
+    fn slip_is_the_motion_of_the_surfaces(
+        motion in proptest::array::uniform3(-1e-6..1e-6f64), spins in proptest::array::uniform6(-1e-6..1e-6f64),
+    ) {
+        let before = [0.6, 0.0, 0.8];
+        let (length, arms) = (1.9, [0.7, 1.2]);
+        let branch = before.times(length).plus(motion);
+        let after = branch.times(1.0 / branch.norm());
+        let spins = [[spins[0], spins[1], spins[2]], [spins[3], spins[4], spins[5]]];
+        let slip = slip_of_spheres(before, after, 1.0 / length, length, arms, spins).slip;
+        let surface = motion
+            .minus(Spheres::cross(spins[0], before.times(arms[0])))
+            .minus(Spheres::cross(spins[1], before.times(arms[1])));
+        let across = surface.minus(before.times(surface.dot(before)));
+        prop_assert!(Spheres::cross(slip, before).minus(across).norm() < 1e-11);
+        let swapped =
+            slip_of_spheres(before.times(-1.0), after.times(-1.0), 1.0 / length, length, [arms[1], arms[0]], [spins[1], spins[0]]);
+        prop_assert!(swapped.slip.minus(slip).norm() < 1e-15);
+    }
+}

@@ -1,0 +1,466 @@
+//! The packing file: grains in a periodic cell, optionally with the tangential forces that a start needs.
+//!
+//! [`PackingFile`] is typed by its dimension; [`Packing`] is whichever a file holds.
+//! A packing from any source is accepted if it can be understood; what cannot is refused with the grain or contact
+//! named. Centres are wrapped into the cell when the file is read.
+
+use super::listed_contact::ListedContact;
+use crate::cell::{Cell, ContactRecord, PairKey};
+use crate::space::{Components, Discs, Space, Spheres, Tensor};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use thiserror::Error;
+
+/// Why a packing was refused or could not be read or written.
+#[derive(Debug, Error)]
+pub enum PackingError {
+    /// The file could not be read or written.
+    #[error("packing file {path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is not JSON of the expected shape.
+    #[error("packing file {path}: {source}")]
+    Json {
+        /// The file.
+        path: String,
+        /// The parser's reason, with line and column.
+        source: serde_json::Error,
+    },
+    /// The content does not describe a usable packing.
+    #[error("{0}")]
+    Content(String),
+}
+
+/// The packing file, field by field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, bound = "")]
+pub struct PackingFile<S: Space = Discs> {
+    /// Always `grainspan-packing`.
+    pub format: String,
+    /// 1, or 2 for files with rolling moments.
+    pub version: u32,
+    /// Space dimension, 2 or 3; that of the type.
+    pub dimension: u32,
+    /// Out-of-plane thickness of a plane packing, m; 1 in space.
+    #[serde(default = "unit_thickness")]
+    pub thickness: f64,
+    /// Periodicity vectors, each a row, m.
+    pub periodicity: S::Tensor,
+    /// Centre coordinates and radius of each grain, m.
+    pub grains: Vec<S::Grain>,
+    /// Contacts with history; others start with zero tangential force.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<ListedContact<S>>,
+    /// Moment of rolling resistance on grain i of each row of `contacts`, N m: about z in the plane, a vector in space. Empty
+    /// if there are none; files that hold them are of version 2.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rolling_moments: Vec<S::Spin>,
+    /// Where the packing came from; free form, never read.
+    #[serde(default, skip_serializing_if = "serde_json::Value::is_null")]
+    pub provenance: serde_json::Value,
+}
+
+/// A packing of either dimension.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Packing {
+    /// Discs in a plane.
+    Discs(PackingFile<Discs>),
+    /// Spheres in space.
+    Spheres(PackingFile<Spheres>),
+}
+
+impl Packing {
+    /// Reads and checks a packing file of either dimension; centres are wrapped into the cell.
+    ///
+    /// # Errors
+    /// See [`PackingError`]; the file is named.
+    pub fn read(path: &Path) -> Result<Self, PackingError> {
+        let (name, text) = text_of(path)?;
+        match dimension_of(&name, &text)? {
+            3 => PackingFile::from_json(&name, &text).map(Self::Spheres),
+            _ => PackingFile::from_json(&name, &text).map(Self::Discs),
+        }
+    }
+
+    /// 2 or 3.
+    pub fn dimension(&self) -> u32 {
+        match self {
+            Self::Discs(_) => 2,
+            Self::Spheres(_) => 3,
+        }
+    }
+
+    /// Number of grains.
+    pub fn number(&self) -> usize {
+        match self {
+            Self::Discs(packing) => packing.grains.len(),
+            Self::Spheres(packing) => packing.grains.len(),
+        }
+    }
+}
+
+/// Name and text of a file.
+fn text_of(path: &Path) -> Result<(String, String), PackingError> {
+    let name = path.display().to_string();
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok((name, text)),
+        Err(source) => Err(PackingError::Io { path: name, source }),
+    }
+}
+
+/// The key `dimension` alone.
+fn dimension_of(name: &str, text: &str) -> Result<u32, PackingError> {
+    #[derive(Deserialize)]
+    struct DimensionOnly {
+        dimension: u32,
+    }
+    let only: DimensionOnly =
+        serde_json::from_str(text).map_err(|source| PackingError::Json { path: name.to_owned(), source })?;
+    Ok(only.dimension)
+}
+
+fn unit_thickness() -> f64 {
+    1.0
+}
+
+impl PackingFile {
+    /// Name of the format.
+    pub const FORMAT: &'static str = "grainspan-packing";
+    /// Version of the format.
+    pub const VERSION: u32 = 1;
+    /// Version of files that hold rolling moments: readers that do not know them refuse such a file.
+    pub const VERSION_WITH_MOMENTS: u32 = 2;
+}
+
+impl<S: Space> PackingFile<S> {
+    /// Grains in a cell, without contact history, thickness 1.
+    pub fn new(periodicity: S::Tensor, grains: Vec<S::Grain>) -> Self {
+        Self {
+            format: PackingFile::FORMAT.into(),
+            version: PackingFile::VERSION,
+            dimension: S::DIMENSION as u32,
+            thickness: unit_thickness(),
+            periodicity,
+            grains,
+            contacts: Vec::new(),
+            rolling_moments: Vec::new(),
+            provenance: serde_json::Value::Null,
+        }
+    }
+
+    /// Reads and checks a packing file; centres are wrapped into the cell.
+    ///
+    /// # Errors
+    /// See [`PackingError`]; the file is named.
+    pub fn read(path: &Path) -> Result<Self, PackingError> {
+        let (name, text) = text_of(path)?;
+        let dimension = dimension_of(&name, &text)?;
+        if dimension as usize != S::DIMENSION {
+            return Err(PackingError::Content(format!("packing file {name}: {}", wrong_dimension::<S>(dimension))));
+        }
+        Self::from_json(&name, &text)
+    }
+
+    fn from_json(name: &str, text: &str) -> Result<Self, PackingError> {
+        let packing: Self =
+            serde_json::from_str(text).map_err(|source| PackingError::Json { path: name.to_owned(), source })?;
+        packing.checked().map_err(|error| PackingError::Content(format!("packing file {name}: {error}")))
+    }
+
+    /// Writes the packing, one grain and one contact per line so that differences can be read.
+    ///
+    /// # Errors
+    /// [`PackingError::Io`].
+    pub fn write(&self, path: &Path) -> Result<(), PackingError> {
+        let name = path.display().to_string();
+        // A rename is atomic: a reader or a full disk never leaves half a packing under the final name.
+        let partial = path.with_extension("partial");
+        std::fs::write(&partial, self.to_json())
+            .and_then(|()| std::fs::rename(&partial, path))
+            .map_err(|source| PackingError::Io { path: name, source })
+    }
+
+    /// The JSON text of the file; numbers are written so that they read back to the same bits.
+    pub fn to_json(&self) -> String {
+        let list = |rows: Vec<String>| {
+            if rows.is_empty() { "[]".to_owned() } else { format!("[\n    {}\n  ]", rows.join(",\n    ")) }
+        };
+        let mut text = format!(
+            "{{\n  \"format\": {},\n  \"version\": {},\n  \"dimension\": {},\n",
+            json(&self.format),
+            self.version,
+            self.dimension,
+        );
+        if S::DIMENSION == 2 {
+            text += &format!("  \"thickness\": {},\n", json(&self.thickness));
+        }
+        text += &format!("  \"periodicity\": {},\n", json(&self.periodicity));
+        text += &format!("  \"grains\": {}", list(self.grains.iter().map(json).collect()));
+        if !self.contacts.is_empty() {
+            let rows = self.contacts.iter().map(json).collect();
+            text += &format!(",\n  \"contacts\": {}", list(rows));
+        }
+        if !self.rolling_moments.is_empty() {
+            let rows = self.rolling_moments.iter().map(json).collect();
+            text += &format!(",\n  \"rolling_moments\": {}", list(rows));
+        }
+        if !self.provenance.is_null() {
+            text += &format!(",\n  \"provenance\": {}", json(&self.provenance));
+        }
+        text + "\n}\n"
+    }
+
+    /// Checks everything that can be wrong and wraps the centres, adjusting the shifts of listed contacts.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] naming the grain or contact and the remedy.
+    pub fn checked(mut self) -> Result<Self, PackingError> {
+        let refuse = |reason: String| Err(PackingError::Content(reason));
+        if self.format != PackingFile::FORMAT {
+            return refuse(format!("format is `{}`, but `{}` was expected", self.format, PackingFile::FORMAT));
+        }
+        if ![PackingFile::VERSION, PackingFile::VERSION_WITH_MOMENTS].contains(&self.version) {
+            return refuse(format!(
+                "version {} is not known; this program reads versions {} and {}",
+                self.version,
+                PackingFile::VERSION,
+                PackingFile::VERSION_WITH_MOMENTS
+            ));
+        }
+        if !self.rolling_moments.is_empty() && self.version != PackingFile::VERSION_WITH_MOMENTS {
+            return refuse(format!(
+                "rolling_moments belong to version {}; this file says version {}",
+                PackingFile::VERSION_WITH_MOMENTS,
+                self.version
+            ));
+        }
+        if self.dimension as usize != S::DIMENSION {
+            return refuse(wrong_dimension::<S>(self.dimension));
+        }
+        if !(self.thickness.is_finite() && self.thickness > 0.0) {
+            return refuse(format!("thickness = {} must be a positive length in m", self.thickness));
+        }
+        if S::DIMENSION == 3 && self.thickness != 1.0 {
+            return refuse("thickness belongs to plane packings; remove it".into());
+        }
+        let cell = Cell::<S> { rows: self.periodicity };
+        if !self.periodicity.components().all(f64::is_finite) {
+            return refuse("periodicity holds a number that is not finite".into());
+        }
+        let measure = cell.measure();
+        if measure <= 0.0 {
+            return refuse(match S::DIMENSION {
+                2 => format!(
+                    "periodicity spans an area of {measure:e} m2; Y2 must lie counter-clockwise of Y1 (swap the two rows)"
+                ),
+                _ => format!(
+                    "periodicity spans a volume of {measure:e} m3; Y1, Y2, Y3 must be right-handed (swap two rows)"
+                ),
+            });
+        }
+        if self.grains.is_empty() {
+            return refuse("a packing needs at least one grain".into());
+        }
+        self.check_grains(&cell)?;
+        let wraps = self.wrap_centres(&cell);
+        self.check_contacts(&wraps)?;
+        Ok(self)
+    }
+
+    /// The listed contacts under their canonical names, in the order of the file, with their rolling moments if there are any.
+    pub(crate) fn histories(&self) -> impl Iterator<Item = (ContactRecord<S>, Option<S::Spin>)> + '_ {
+        self.contacts.iter().enumerate().map(|(place, listed)| {
+            let PairKey { origin, end, shift } = PairKey::<S>::canonical(listed.origin, listed.end, listed.shift);
+            let is_swapped = (origin, shift) != (listed.origin, listed.shift);
+            let tangential_force = S::seen_from(listed.tangential_force, is_swapped);
+            let moment =
+                self.rolling_moments.get(place).map(|moment| moment.times(if is_swapped { -1.0 } else { 1.0 }));
+            (ContactRecord { origin, end, shift, tangential_force }, moment)
+        })
+    }
+
+    fn check_grains(&self, cell: &Cell<S>) -> Result<(), PackingError> {
+        let refuse = |reason: String| Err(PackingError::Content(reason));
+        let shortest = shortest_translation(cell);
+        for (index, grain) in self.grains.iter().enumerate() {
+            let radius = S::radius(grain);
+            if !grain.as_ref().iter().all(|value| value.is_finite()) {
+                return refuse(format!("grain {index}: {:?} holds a number that is not finite", grain.as_ref()));
+            }
+            if radius <= 0.0 {
+                return refuse(format!("grain {index}: radius {radius} must be positive"));
+            }
+            // A lattice of one grain per cell overlaps its own images a little; beyond that it is a mistake in units.
+            if 2.0 * radius > 1.15 * shortest {
+                return refuse(format!(
+                    "grain {index}: diameter {} exceeds the distance {shortest} to its own image; \
+                     the grain is larger than the cell",
+                    2.0 * radius
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn wrap_centres(&mut self, cell: &Cell<S>) -> Vec<S::Shift> {
+        self.grains
+            .iter_mut()
+            .map(|grain| {
+                let (inside, shift) = cell.wrapped(S::centre(grain));
+                if shift != S::Shift::default() {
+                    *grain = S::grain(inside, S::radius(grain));
+                }
+                shift
+            })
+            .collect()
+    }
+
+    fn check_contacts(&mut self, wraps: &[S::Shift]) -> Result<(), PackingError> {
+        let refuse = |reason: String| Err(PackingError::Content(reason));
+        let count = self.grains.len();
+        if ![0, self.contacts.len()].contains(&self.rolling_moments.len()) {
+            return refuse(format!(
+                "{} rolling_moments for {} contacts: one for each row of contacts is needed, or none at all",
+                self.rolling_moments.len(),
+                self.contacts.len()
+            ));
+        }
+        if let Some(index) = self.rolling_moments.iter().position(|moment| !moment.is_finite()) {
+            return refuse(format!("rolling moment {index}: {:?} is not finite", self.rolling_moments[index]));
+        }
+        let mut keys = Vec::with_capacity(self.contacts.len());
+        for (index, contact) in self.contacts.iter_mut().enumerate() {
+            let (i, j) = (contact.origin as usize, contact.end as usize);
+            if i >= count || j >= count {
+                return refuse(format!("contact {index}: grain {} does not exist; there are {count}", i.max(j)));
+            }
+            if !contact.tangential_force.is_finite() {
+                let force = contact.tangential_force;
+                return refuse(format!("contact {index}: tangential force {force:?} is not finite"));
+            }
+            let (from, to, shift) = (wraps[i], wraps[j], contact.shift);
+            contact.shift = S::shift(|axis| shift[axis] + (to[axis] - from[axis]));
+            if i == j && contact.shift == S::Shift::default() {
+                return refuse(format!("contact {index}: grain {i} cannot touch itself without a cell shift"));
+            }
+            keys.push((PairKey::<S>::canonical(contact.origin, contact.end, contact.shift), index));
+        }
+        keys.sort_unstable();
+        if let Some(twice) = keys.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+            return refuse(format!("contacts {} and {} name the same pair", twice[0].1, twice[1].1));
+        }
+        Ok(())
+    }
+}
+
+/// Why a file of `dimension` cannot be a packing of this type.
+fn wrong_dimension<S: Space>(dimension: u32) -> String {
+    format!("dimension {dimension} was found, but {} ({} dimensions) are needed here", S::GRAINS, S::DIMENSION)
+}
+
+/// Length of the shortest sum of periodicity vectors, each taken -1, 0 or 1 times, m.
+fn shortest_translation<S: Space>(cell: &Cell<S>) -> f64 {
+    (0..27)
+        .map(|number| [number % 3 - 1, number / 3 % 3 - 1, number / 9 - 1])
+        .filter(|shift| shift[..S::DIMENSION].iter().any(|step| *step != 0))
+        .map(|shift| cell.translation(S::shift(|axis| shift[axis])).norm())
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// JSON text of numbers, lists and JSON values.
+fn json<T: Serialize + ?Sized>(value: &T) -> String {
+    serde_json::to_string(value).expect("numbers, lists and JSON values always serialise")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listed(origin: u32, end: u32, shift: [i32; 2]) -> ListedContact {
+        ListedContact { origin, end, shift, tangential_force: 0.1 }
+    }
+
+    fn square() -> PackingFile {
+        PackingFile::<Discs> {
+            format: PackingFile::FORMAT.into(),
+            version: 1,
+            dimension: 2,
+            thickness: 1.0,
+            periodicity: [[4.0, 0.0], [1.0, 4.0]],
+            grains: vec![[0.5, 0.5, 0.5], [1.45, 0.5, 0.5], [2.0, 3.0, 0.7]],
+            contacts: vec![listed(0, 1, [0, 0])],
+            rolling_moments: vec![],
+            provenance: serde_json::json!({ "by": "hand" }),
+        }
+    }
+
+    fn reason(packing: PackingFile) -> String {
+        packing.checked().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn file_reads_back_to_the_same_bits() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.json");
+        let mut packing = square();
+        packing.grains[2] = [0.1 + 0.2, 1.0 / 3.0, 0.7000000000000001];
+        packing.write(&path).unwrap();
+        assert_eq!(PackingFile::read(&path).unwrap(), packing);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no partial file stays behind");
+    }
+
+    #[test]
+    fn centres_outside_are_wrapped_with_their_contacts() {
+        let mut packing = square();
+        packing.grains[1][0] += 4.0 + 1.0;
+        packing.grains[1][1] += 4.0;
+        packing.contacts[0] = listed(0, 1, [-1, -1]);
+        let wrapped = packing.checked().unwrap();
+        assert!((wrapped.grains[1][0] - 1.45).abs() < 1e-14);
+        assert_eq!(wrapped.contacts[0], listed(0, 1, [0, 0]));
+    }
+
+    #[test]
+    fn every_defect_names_its_grain_or_contact() {
+        let with = |change: &dyn Fn(&mut PackingFile)| {
+            let mut packing = square();
+            change(&mut packing);
+            reason(packing)
+        };
+        assert!(with(&|p| p.grains[1][2] = -0.5).contains("grain 1: radius -0.5 must be positive"));
+        assert!(with(&|p| p.grains[2][0] = f64::NAN).contains("grain 2"));
+        assert!(with(&|p| p.grains[2][2] = 2.4).contains("larger than the cell"));
+        assert!(with(&|p| p.contacts[0].end = 9).contains("grain 9 does not exist"));
+        assert!(with(&|p| p.contacts.push(listed(1, 0, [0, 0]))).contains("name the same pair"));
+        assert!(with(&|p| p.contacts[0] = listed(0, 0, [0, 0])).contains("cannot touch itself"));
+        assert!(with(&|p| p.periodicity.swap(0, 1)).contains("swap the two rows"));
+        assert!(with(&|p| p.grains.clear()).contains("at least one grain"));
+        assert!(with(&|p| p.dimension = 3).contains("dimension 3 was found"));
+        assert!(with(&|p| p.thickness = 0.0).contains("thickness"));
+        assert!(with(&|p| p.format = "yade".into()).contains("grainspan-packing"));
+    }
+
+    #[test]
+    fn either_dimension_is_read_and_a_contact_in_space_carries_a_vector() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.json");
+        let text = r#"{ "format": "grainspan-packing", "version": 1, "dimension": 3,
+            "periodicity": [[2.0, 0.0, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 2.0]],
+            "grains": [[0.5, 0.5, 0.5, 0.5], [1.45, 0.5, 2.5, 0.5]],
+            "contacts": [[0, 1, 0, 0, 1, [0.0, 0.1, -0.2]]] }"#;
+        std::fs::write(&path, text).unwrap();
+        let Packing::Spheres(packing) = Packing::read(&path).unwrap() else { panic!("three axes") };
+        assert_eq!(packing.grains[1], [1.45, 0.5, 0.5, 0.5]);
+        assert_eq!((packing.contacts[0].shift, packing.contacts[0].tangential_force), ([0, 0, 2], [0.0, 0.1, -0.2]));
+        packing.write(&path).unwrap();
+        assert_eq!(PackingFile::<Spheres>::read(&path).unwrap(), packing);
+        assert!(PackingFile::<Discs>::read(&path).unwrap_err().to_string().contains("dimension 3 was found"));
+        let mut thick = packing;
+        thick.thickness = 2.0;
+        assert!(thick.checked().unwrap_err().to_string().contains("thickness belongs to plane packings"));
+    }
+}

@@ -1,0 +1,45 @@
+//! The engine: what it offers, and cells from definitions.
+
+use super::listed_forces::ListedForces;
+use super::rve::{GrainRve, refused};
+use super::snapshot::ENGINE_NAME;
+use crate::contact::LawName;
+use crate::definition::AnyDefinition;
+use protocol::{Capabilities, Definition, RveEngine, RveError, RveSolver, SnapshotKind, TangentKind};
+
+/// Builds cells of discs and of spheres.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GrainEngine;
+
+impl RveEngine for GrainEngine {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            engine: ENGINE_NAME.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            dimensions: vec![2, 3],
+            tangents: TangentKind::ALL.to_vec(),
+            laws: LawName::ALL.map(|law| law.keyword().into()).to_vec(),
+            snapshot: SnapshotKind::State,
+            deterministic: true,
+        }
+    }
+
+    fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
+        let id = definition.id();
+        Ok(match AnyDefinition::from_protocol(definition).map_err(refused)? {
+            AnyDefinition::Discs(parsed) => Box::new(GrainRve::build(&parsed, id)?),
+            AnyDefinition::Spheres(parsed) => Box::new(GrainRve::build(&parsed, id)?),
+        })
+    }
+}
+
+/// What becomes of the tangential forces that the packing of a definition lists.
+///
+/// # Errors
+/// [`RveError::Definition`].
+pub fn listed_forces(definition: &AnyDefinition) -> Result<ListedForces, RveError> {
+    match definition {
+        AnyDefinition::Discs(definition) => GrainRve::new(definition).map(|cell| cell.listed_forces()),
+        AnyDefinition::Spheres(definition) => GrainRve::new(definition).map(|cell| cell.listed_forces()),
+    }
+}

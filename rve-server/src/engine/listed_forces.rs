@@ -1,0 +1,67 @@
+//! What becomes of the tangential forces and rolling moments that a packing lists.
+
+use crate::cell::{ContactRecord, GrainState};
+use crate::space::{Components, Space};
+
+/// What became of the tangential forces that a packing lists. Both counts are zero for a packing that was written in
+/// equilibrium and is read with the contact law it was made with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ListedForces {
+    /// Forces on pairs that do not touch: dropped.
+    pub dropped: usize,
+    /// Forces above the Coulomb limit: cut to it.
+    pub cut: usize,
+    /// Forces of a packing whose contact law has no tangential springs: dropped.
+    pub springless: usize,
+    /// Rolling moments that the contact law cannot bear, or not in full: dropped or cut to its limit.
+    pub moments_cut: usize,
+}
+
+impl ListedForces {
+    /// Compares a packing's listed forces with what one evaluation has left of them.
+    pub(super) fn compare<S: Space>(given: &GrainState<S>, found: &GrainState<S>) -> Self {
+        let mut counts = Self::default();
+        for listed in given.contacts.iter().filter(|contact| contact.tangential_force.norm() > 0.0) {
+            match found.contacts.binary_search_by_key(&listed.key(), ContactRecord::key) {
+                Err(_) => counts.dropped += 1,
+                Ok(place) => {
+                    let (before, after) =
+                        (listed.tangential_force.norm(), found.contacts[place].tangential_force.norm());
+                    counts.cut += usize::from(after < before * (1.0 - CUT_MARGIN));
+                }
+            }
+        }
+        for (listed, moment) in given.contacts.iter().zip(&given.rolling_moments).filter(|(_, m)| m.norm() > 0.0) {
+            let place = found.contacts.binary_search_by_key(&listed.key(), ContactRecord::key).ok();
+            let after = place.and_then(|place| found.rolling_moments.get(place)).map_or(0.0, |moment| moment.norm());
+            counts.moments_cut += usize::from(after < moment.norm() * (1.0 - CUT_MARGIN));
+        }
+        counts
+    }
+
+    /// A sentence for people, or nothing if all forces were taken over.
+    pub fn warning(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        if self.dropped > 0 {
+            parts.push(format!("{} listed on pairs that do not touch were dropped", self.dropped));
+        }
+        if self.cut > 0 {
+            parts.push(format!("{} above the Coulomb limit of this contact law were cut to it", self.cut));
+        }
+        if self.springless > 0 {
+            parts.push(format!(
+                "{} were dropped because stiffness_ratio = 0 leaves no tangential springs",
+                self.springless
+            ));
+        }
+        let forces =
+            (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")));
+        let moments = (self.moments_cut > 0)
+            .then(|| format!("of its rolling moments, {} are more than this contact law bears", self.moments_cut));
+        let sentences: Vec<String> = forces.into_iter().chain(moments).collect();
+        (!sentences.is_empty()).then(|| sentences.join("; "))
+    }
+}
+
+/// Share by which a listed force may shrink before it counts as cut: forces exactly at the limit are rounded.
+const CUT_MARGIN: f64 = 1e-9;

@@ -1,0 +1,445 @@
+//! One cell of grains with a committed state and at most one trial state.
+
+use super::listed_forces::ListedForces;
+use super::snapshot::{ENGINE_NAME, opened};
+use crate::cell::{ContactNetwork, GrainState, reduced};
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, GrainModel, RveOptions};
+use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
+use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
+use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
+use crate::tangent::network::Orderings;
+use crate::tangent::perturbation::{self, Probed};
+use crate::tangent::{self, TangentOutcome};
+use protocol::{
+    Ask, Cost, Definition, DefinitionId, Observables, Question, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
+    TrialAnswer, TrialFlags, answer_alone, snapshot,
+};
+use std::time::Instant;
+
+/// One cell of grains with a committed and at most one trial state.
+#[derive(Debug)]
+pub struct GrainRve<S: SolverFor = Discs> {
+    id: DefinitionId,
+    model: GrainModel,
+    contact: ContactTable,
+    committed: GrainState<S>,
+    trial: Option<Trial<S>>,
+    solver: Box<dyn GrainSolver<S>>,
+    orderings: Orderings,
+    listed_forces: ListedForces,
+}
+
+#[derive(Clone, Debug)]
+struct Trial<S: Space> {
+    state: GrainState<S>,
+    network: ContactNetwork<S>,
+    /// Its target and ramp.
+    h: S::Tensor,
+    ramp_steps: u32,
+    /// Its stress, Pa.
+    stress: S::Tensor,
+}
+
+/// A cell at rest as an answer describes it.
+struct View<S: Space> {
+    network: ContactNetwork<S>,
+    state: GrainState<S>,
+    /// Cauchy stress, Pa.
+    stress: S::Tensor,
+    /// Deformation gradient since the committed state.
+    f: S::Tensor,
+}
+
+impl<S: Space> View<S> {
+    /// A cell that has not moved.
+    fn still(network: ContactNetwork<S>, state: GrainState<S>) -> Self {
+        Self { stress: network.stress(), f: S::Tensor::IDENTITY, network, state }
+    }
+}
+
+/// What a target asks of the solver.
+#[derive(Clone, Copy, Debug)]
+struct Stretch<S: Space> {
+    h: S::Tensor,
+    polar: PolarParts<S>,
+    ramp_steps: u32,
+}
+
+/// A question whose state has been read.
+struct Opened<S: Space> {
+    /// Its place among the questions.
+    place: usize,
+    state: GrainState<S>,
+    stretch: Stretch<S>,
+    ask: Ask,
+}
+
+/// An answer with the sealed snapshot of its trial state.
+type Answered = Result<(TrialAnswer, Vec<u8>), RveError>;
+
+impl<S: SolverFor> Clone for GrainRve<S> {
+    /// The same cell; working memory is not copied, it cannot reach a result.
+    fn clone(&self) -> Self {
+        Self {
+            id: self.id,
+            model: self.model.clone(),
+            contact: self.contact.clone(),
+            committed: self.committed.clone(),
+            trial: self.trial.clone(),
+            solver: self.solver.new_instance(),
+            orderings: Orderings::default(),
+            listed_forces: self.listed_forces,
+        }
+    }
+}
+
+impl<S: SolverFor> GrainRve<S> {
+    /// Builds the cell that a definition's bytes describe.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`].
+    pub fn from_protocol(definition: &Definition) -> Result<Self, RveError> {
+        let parsed = GrainDefinition::<S>::from_protocol(definition).map_err(refused)?;
+        Self::build(&parsed, definition.id())
+    }
+
+    /// Builds the cell that a definition describes.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`].
+    pub fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
+        Self::from_protocol(&definition.to_protocol())
+    }
+
+    pub(super) fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
+        let model = GrainModel::new(definition)?;
+        let mut solver = S::solver(definition.options.solver, &definition.contact).map_err(refused)?;
+        let given = model.initial_state(definition);
+        // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
+        let found = solver.evaluate_state(&model, &given).ok().filter(|end| end.solved.unbalanced.is_finite());
+        let Some(end) = found else {
+            return Err(RveError::Definition("the packing gives contact forces that are not finite".into()));
+        };
+        let committed = GrainState { dissipation: 0.0, ..end.state };
+        let mut listed_forces = ListedForces::compare(&given, &committed);
+        if !model.has_tangential_springs {
+            let forces = definition.packing.contacts.iter().filter(|listed| listed.tangential_force.norm() > 0.0);
+            listed_forces.springless = forces.count();
+        }
+        let contact = definition.contact.clone();
+        Ok(Self {
+            id,
+            model,
+            contact,
+            committed,
+            trial: None,
+            solver,
+            orderings: Orderings::default(),
+            listed_forces,
+        })
+    }
+
+    /// What became of the tangential forces that the packing lists.
+    pub fn listed_forces(&self) -> ListedForces {
+        self.listed_forces
+    }
+
+    /// The committed state.
+    pub fn committed(&self) -> &GrainState<S> {
+        &self.committed
+    }
+
+    /// The unchanging part of the cell.
+    pub fn model(&self) -> &GrainModel {
+        &self.model
+    }
+
+    /// Changes the solver options between trials. For preparations that tighten as they go: a cell that answers jobs
+    /// keeps the options of its definition.
+    pub(crate) fn set_options(&mut self, options: RveOptions) {
+        self.model.options = options;
+    }
+
+    /// The contact network of the trial state, with the contacts that slid during its ramp marked.
+    pub fn network(&self) -> Option<&ContactNetwork<S>> {
+        self.trial.as_ref().map(|trial| &trial.network)
+    }
+
+    /// The contact network of the committed state; no contact is marked as having slid.
+    ///
+    /// # Errors
+    /// [`RveError::NotFinite`] for a state from elsewhere whose forces are not finite.
+    pub fn committed_network(&mut self) -> Result<ContactNetwork<S>, RveError> {
+        let end = self.solver.evaluate_state(&self.model, &self.committed)?;
+        Ok(self.solver.network(&self.model, &end))
+    }
+
+    /// Everything that can be said about the committed state without moving a grain. For a fresh cell this is the
+    /// packing as given: forces from its geometry and its listed contacts.
+    ///
+    /// # Errors
+    /// As [`committed_network`](Self::committed_network).
+    pub fn observe(&mut self, observables: Observables) -> Result<TrialAnswer, RveError> {
+        let end = self.solver.evaluate_state(&self.model, &self.committed)?;
+        let cost = Cost { force_evaluations: 1, ..Cost::default() };
+        let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
+        Ok(self.answer(&view, &end.state, observables, cost, TrialFlags::default()))
+    }
+
+    /// Whether several trials are solved side by side; no result depends on it.
+    pub fn use_lanes(&mut self, uses_lanes: bool) {
+        self.solver.use_lanes(uses_lanes);
+    }
+
+    fn solve(&mut self, h: &S::Tensor, ask: &Ask) -> Result<TrialAnswer, RveError> {
+        let started = Instant::now();
+        let stretch = self.stretch(h, ask)?;
+        let job = Job { state: &self.committed, strain: stretch.polar.strain, ramp_steps: stretch.ramp_steps };
+        let end = self.solver.solve_one(&self.model, job)?;
+        Ok(self.conclude(end, &stretch, ask, nanoseconds_since(started)))
+    }
+
+    /// What a target asks of the solver.
+    fn stretch(&self, h: &S::Tensor, ask: &Ask) -> Result<Stretch<S>, RveError> {
+        let polar = S::polar(h);
+        // Only the stretch is solved for; a rotation costs nothing and needs no limit.
+        let (norm, limit) = (norm(&polar.strain), self.model.options.largest_target());
+        if norm > limit {
+            return Err(RveError::TargetTooLarge { norm, limit });
+        }
+        let ramp_steps = match ask.ramp_steps {
+            0 => chosen_ramp_steps(&polar.strain, self.model.options.strain_per_step()),
+            given => given,
+        };
+        Ok(Stretch { h: *h, polar, ramp_steps })
+    }
+
+    /// Makes the end of a solve from the committed state the trial state, and answers.
+    fn conclude(&mut self, end: End<S>, stretch: &Stretch<S>, ask: &Ask, nanoseconds: u64) -> TrialAnswer {
+        let solved = end.solved;
+        let network = self.solver.network(&self.model, &end);
+        let stress = network.stress();
+        // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
+        let turn = stretch.polar.turn;
+        let state = end.state.clone().turned(turn);
+        let network = network.turned_to(&state);
+        let stress = rotated(&stress, &S::rotation_matrix(turn));
+        let mut flags = TrialFlags::default();
+        if !solved.equilibrated {
+            flags.insert(TrialFlags::NOT_EQUILIBRATED);
+        }
+        if solved.changed_damping {
+            flags.insert(TrialFlags::DAMPING_CHANGED);
+        }
+        let cost = Cost {
+            force_evaluations: solved.force_evaluations,
+            ramp_steps: u64::from(solved.ramp_steps),
+            solve_nanoseconds: nanoseconds,
+            tangent_nanoseconds: 0,
+        };
+        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
+        let view = View { network, state, stress, f };
+        let mut answer = self.answer(&view, &end.state, ask.observables, cost, flags);
+        let View { network, state, stress, .. } = view;
+        // The network keeps the names of the contacts that the answer was computed with.
+        let state = reduced(state);
+        self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps: solved.ramp_steps, stress });
+        self.add_tangent(&mut answer, ask.tangent);
+        answer
+    }
+
+    /// Answers several questions whose states have been read and whose targets are stretches, side by side.
+    fn solve_side_by_side(&mut self, opened: Vec<Opened<S>>) -> Vec<Answered> {
+        let started = Instant::now();
+        let jobs: Vec<Job<'_, S>> = opened
+            .iter()
+            .map(|one| Job {
+                state: &one.state,
+                strain: one.stretch.polar.strain,
+                ramp_steps: one.stretch.ramp_steps,
+            })
+            .collect();
+        let ends = self.solver.solve(&self.model, &jobs);
+        // Nobody can tell whose time it was; evaluations are a fair key.
+        let evaluations = |end: &Result<End<S>, RveError>| end.as_ref().map_or(0, |end| end.solved.force_evaluations);
+        let all = ends.iter().map(evaluations).sum::<u64>().max(1) as f64;
+        let spent = nanoseconds_since(started) as f64;
+        let mut answers = Vec::with_capacity(opened.len());
+        for (end, one) in ends.into_iter().zip(opened) {
+            let share = (spent * evaluations(&end) as f64 / all) as u64;
+            answers.push(end.and_then(|end| {
+                self.committed = one.state;
+                let answer = self.conclude(end, &one.stretch, &one.ask, share);
+                let mut state = Vec::new();
+                self.snapshot_trial(&mut state)?;
+                self.trial = None;
+                Ok((answer, state))
+            }));
+        }
+        answers
+    }
+
+    /// A target of exactly zero: the committed state is the answer.
+    fn stay(&mut self, ask: &Ask) -> Result<TrialAnswer, RveError> {
+        let started = Instant::now();
+        let end = self.solver.evaluate_state(&self.model, &self.committed)?;
+        let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
+        let flags = TrialFlags::SKIPPED_NULL_TARGET;
+        let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
+        let mut answer = self.answer(&view, &end.state, ask.observables, cost, flags);
+        let View { network, state, stress, .. } = view;
+        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps: ask.ramp_steps.max(1), stress });
+        self.add_tangent(&mut answer, ask.tangent);
+        Ok(answer)
+    }
+
+    /// Everything but the tangent. The stored energy is that of `unrotated`, the state as the solver left it.
+    fn answer(
+        &self,
+        view: &View<S>,
+        unrotated: &GrainState<S>,
+        wanted: Observables,
+        cost: Cost,
+        mut flags: TrialFlags,
+    ) -> TrialAnswer {
+        let View { network, state, stress, f } = view;
+        let scalars = scalars(network, state);
+        note_condition(state, scalars.max_overlap_ratio, &mut flags);
+        let elastic_energy = || self.solver.elastic_energy(&self.model, unrotated);
+        TrialAnswer {
+            stress: in_space(stress),
+            tangent: None,
+            scalars,
+            observed: observe(elastic_energy, network, state, stress, f, wanted),
+            cost,
+            flags,
+        }
+    }
+
+    /// Adds the tangent asked for, its cost and the shortcuts it took.
+    fn add_tangent(&mut self, answer: &mut TrialAnswer, kind: TangentKind) {
+        if kind == TangentKind::None {
+            return;
+        }
+        let started = Instant::now();
+        let Probed { outcome, force_evaluations } = self.operator(kind).expect("the trial has just been made");
+        answer.cost.force_evaluations += force_evaluations;
+        if outcome.fallback {
+            answer.flags.insert(TrialFlags::TANGENT_FALLBACK);
+        }
+        if outcome.regularised {
+            answer.flags.insert(TrialFlags::TANGENT_REGULARISED);
+        }
+        answer.cost.tangent_nanoseconds = nanoseconds_since(started);
+        answer.tangent = Some(Box::new(outcome.operator));
+    }
+
+    /// An operator of the present trial, as the trial itself would have returned it; `None` without a trial. What the
+    /// operator learns goes into the trial state.
+    pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
+        let trial = self.trial.as_mut()?;
+        if !trial.state.bears_load {
+            let outcome = TangentOutcome::exact(Tensor4::ZERO);
+            return Some(Probed { outcome, force_evaluations: 0 });
+        }
+        if !perturbation::is_probed(kind) {
+            return Some(Probed {
+                outcome: tangent::evaluate_with(&mut self.orderings, &trial.network, kind),
+                force_evaluations: 0,
+            });
+        }
+        let question = perturbation::Trial {
+            model: &self.model,
+            contact: &self.contact,
+            start: &self.committed,
+            h: &trial.h,
+            ramp_steps: trial.ramp_steps,
+            network: &trial.network,
+            stress: &trial.stress,
+        };
+        Some(question.operator(kind, &mut *self.solver, &mut trial.state))
+    }
+}
+
+impl<S: SolverFor> RveSolver for GrainRve<S> {
+    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
+        self.trial = None;
+        let h = checked_target(target)?;
+        if h == S::Tensor::ZERO { self.stay(ask) } else { self.solve(&h, ask) }
+    }
+
+    fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
+        let mut answers: Vec<Option<Answered>> = questions.iter().map(|_| None).collect();
+        let mut opened = Vec::new();
+        for (place, question) in questions.iter().enumerate() {
+            let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
+                if h == S::Tensor::ZERO {
+                    return Ok(None);
+                }
+                let state = self::opened(question.state, self.id, self.model.radii.len())?;
+                Ok(Some((state, self.stretch(&h, &question.ask)?)))
+            });
+            match stretched {
+                Ok(Some((state, stretch))) => opened.push(Opened { place, state, stretch, ask: question.ask }),
+                Ok(None) => answers[place] = Some(answer_alone(self, question)),
+                Err(error) => answers[place] = Some(Err(error)),
+            }
+        }
+        let places: Vec<usize> = opened.iter().map(|one| one.place).collect();
+        for (answer, place) in self.solve_side_by_side(opened).into_iter().zip(places) {
+            answers[place] = Some(answer);
+        }
+        answers.into_iter().map(|answer| answer.expect("every question has been answered")).collect()
+    }
+
+    fn commit(&mut self) -> Result<(), RveError> {
+        let trial = self.trial.take().ok_or(RveError::NothingToCommit)?;
+        self.committed = trial.state;
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.trial = None;
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        snapshot::seal(ENGINE_NAME, &self.committed.to_bytes(self.id), out);
+    }
+
+    fn snapshot_trial(&self, out: &mut Vec<u8>) -> Result<(), RveError> {
+        let trial = self.trial.as_ref().ok_or(RveError::NothingToCommit)?;
+        snapshot::seal(ENGINE_NAME, &trial.state.to_bytes(self.id), out);
+        Ok(())
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError> {
+        self.committed = opened(bytes, self.id, self.model.radii.len())?;
+        self.trial = None;
+        Ok(())
+    }
+}
+
+/// The displacement gradient of an acceptable target.
+fn checked_target<T: Tensor>(target: &Tensor2) -> Result<T, RveError> {
+    if !target.is_finite() {
+        return Err(RveError::TargetNotFinite);
+    }
+    let h = of_space(target);
+    if *target != in_space(&h) {
+        return Err(RveError::Unsupported("deformation out of the plane".into()));
+    }
+    let determinant = determinant(&add_scaled(&T::IDENTITY, 1.0, &h));
+    if determinant <= 0.0 {
+        return Err(RveError::TargetInverted { determinant });
+    }
+    Ok(h)
+}
+
+fn nanoseconds_since(started: Instant) -> u64 {
+    u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX)
+}
+
+pub(super) fn refused(error: impl ToString) -> RveError {
+    RveError::Definition(error.to_string())
+}

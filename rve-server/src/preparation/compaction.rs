@@ -1,0 +1,420 @@
+//! A cell in preparation: compressed, sheared, brought to a stress and written as a packing.
+
+use super::progress::{Journal, PackingProgress};
+use super::servo::{CircleWatch, LARGEST_STRAIN, Response, aim, pressure};
+use super::stress_target::{Matrix, StressTarget, turned_in, turned_out};
+use crate::cell::ContactRecord;
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFile, RveOptions};
+use crate::engine::GrainRve;
+use crate::solver::SolverFor;
+use crate::space::{Components, Tensor, apply};
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+
+/// First isotropic compression per increment; grains move by a hundredth of a radius or so.
+const FIRST_COMPRESSION: f64 = 5e-3;
+
+/// No increment is halved below this.
+const LEAST_COMPRESSION: f64 = 1e-8;
+
+/// After an increment that was taken the next one is at least this: halving must not bring the compression to a stop.
+const CREEPING_COMPRESSION: f64 = 1e-6;
+
+/// Share of the target pressure at which the compression hands over to the servo.
+const HANDOVER: [f64; 2] = [0.02, 0.2];
+
+/// Most times that a cell of spheres that carries load is given more time to come to rest in one increment.
+const MOST_SETTLINGS: u32 = 10;
+
+/// Stress error over pressure below which the servo on spheres learns from its steps: the network's own operator knows no
+/// sliding, is much too stiff for shear, and would creep towards the target by a hundredth of the way a step.
+const CLOSE: f64 = 0.5;
+
+/// Steps without a smaller error after which the servo on spheres looks at the network again.
+const PATIENCE: u32 = 12;
+
+/// What a careful step leaves of the distance to the stress it aims at, above which the step is taken back and shortened.
+const WORTHWHILE: f64 = 0.95;
+
+/// Careful steps in a row before the servo tries plain ones again.
+const CAREFUL_STEPS: u32 = 10;
+
+/// Most times that a careful step is halved; what is left then is taken as it is, so that a cell that snaps can go on.
+const MOST_HALVINGS: u32 = 8;
+
+/// Share of the target pressure below which a cell is simply compressed further, by this strain: spheres at once, discs after
+/// so many steps in a row and by up to so many times twice as much.
+const SLACK_PRESSURE: f64 = 0.005;
+const SLACK_STRAIN: f64 = 1e-4;
+const SLACK_STEPS: i32 = 40;
+const SLACK_DOUBLINGS: i32 = 4;
+
+/// Largest strain component of a servo step on spheres while the stress is far from the target: a network of few contacts
+/// says that it is soft, and is not after half of the step.
+const FAR_STRAIN: f64 = 2e-4;
+
+/// Most increments of either stage.
+const MOST_INCREMENTS: u32 = 5_000;
+
+/// Strain whose only purpose is that the grains are brought to rest.
+const TOUCH: f64 = 1e-9;
+
+/// How far from the target a bed may end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tolerances {
+    /// Largest unbalanced force over mean normal contact force.
+    pub(crate) force: f64,
+    /// Largest deviation of a stress component over the target pressure.
+    pub(crate) stress: f64,
+}
+
+/// A cell with a target stress.
+pub(crate) struct Bed<'a, S: SolverFor> {
+    cell: GrainRve<S>,
+    target: StressTarget,
+    tolerances: Tolerances,
+    journal: &'a Journal<'a>,
+}
+
+impl<'a, S: SolverFor> Bed<'a, S> {
+    /// Takes grains over, wherever they are.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn new(
+        packing: PackingFile<S>,
+        contact: &ContactTable,
+        target: StressTarget,
+        tolerances: Tolerances,
+        journal: &'a Journal<'a>,
+    ) -> Result<Self, PackingError> {
+        let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
+        let cell = GrainRve::<S>::new(&definition).map_err(content)?;
+        Ok(Self { cell, target, tolerances, journal })
+    }
+
+    /// Isotropic compression until the grains carry load; increments that overshoot are taken back and halved.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] if no pressure is reached.
+    pub(crate) fn compress(&mut self) -> Result<(), PackingError> {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(2e-4),
+            tolerance: Some(1e-2),
+            max_steps: Some(2_000),
+            ..RveOptions::default()
+        });
+        let mut compression = FIRST_COMPRESSION;
+        for increment in 0..MOST_INCREMENTS {
+            let before = (S::DIMENSION == 3).then(|| self.cell.clone());
+            let mut answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
+            if before.is_some() {
+                answer = self.settled(answer)?;
+            }
+            let share = self.pressure_share(&answer);
+            // Grains that snap across the window at the smallest increment are taken as they lie.
+            if share > HANDOVER[1] && compression > LEAST_COMPRESSION {
+                match before {
+                    Some(before) => self.cell = before,
+                    None => self.cell.rollback(),
+                }
+                compression *= 0.5;
+                continue;
+            }
+            self.cell.commit().map_err(content)?;
+            self.report("compression", increment, &answer);
+            if share > HANDOVER[0] {
+                return Ok(());
+            }
+            compression = compression.max(CREEPING_COMPRESSION);
+        }
+        Err(PackingError::Content(format!("compression did not reach a pressure in {MOST_INCREMENTS} increments")))
+    }
+
+    /// A trial of a cell that carries load, given time to come to rest: near jamming forces die away slowly, and would be
+    /// taken for the pressure of a packing.
+    fn settled(&mut self, mut answer: TrialAnswer) -> Result<TrialAnswer, PackingError> {
+        for _ in 0..MOST_SETTLINGS {
+            let is_at_rest = !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+            if is_at_rest || self.pressure_share(&answer) < HANDOVER[0] {
+                break;
+            }
+            self.cell.commit().map_err(content)?;
+            answer = self.trial(&self.isotropic(-TOUCH), TangentKind::None)?;
+        }
+        Ok(answer)
+    }
+
+    fn pressure_share(&self, answer: &TrialAnswer) -> f64 {
+        pressure(&answer.stress, self.target.dimension) / self.target.pressure
+    }
+
+    /// Newton steps on all stress components with the network's own tangent, or with what the steps have taught.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] if the target is not reached.
+    pub(crate) fn servo(&mut self) -> Result<(), PackingError> {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(2e-6),
+            tolerance: Some(1e-4),
+            max_steps: Some(20_000),
+            ..RveOptions::default()
+        });
+        let mut response = Response::isotropic(100.0 * self.target.pressure, self.target.dimension);
+        let mut answer = self.trial(&self.isotropic(-TOUCH), self.tangent())?;
+        let mut refined = false;
+        // Discs keep to the network's own operator in every step: committed packings come out again to the bit.
+        let learns = S::DIMENSION == 3;
+        let (mut best, mut since_best) = (f64::INFINITY, 0);
+        let (mut watch, mut careful_steps, mut slack) = (CircleWatch::new(), 0, 0);
+        for increment in 0..MOST_INCREMENTS {
+            self.cell.commit().map_err(content)?;
+            self.report("servo", increment, &answer);
+            let error = self.stress_error(&answer.stress);
+            if refined
+                && error <= self.tolerances.stress
+                && answer.scalars.unbalanced_force_ratio <= self.tolerances.force
+            {
+                return Ok(());
+            }
+            if error < 1e-2 && !refined {
+                refined = true;
+                self.refine(1e-6);
+            }
+            if let Some(operator) = &answer.tangent {
+                response.adopt(operator);
+            }
+            slack = if self.pressure_share(&answer) < SLACK_PRESSURE { slack + 1 } else { 0 };
+            if !learns && slack > SLACK_STEPS {
+                // What few contacts there are say nothing about where load will be found.
+                let strain = SLACK_STRAIN * 2f64.powi((slack - SLACK_STEPS).min(SLACK_DOUBLINGS));
+                answer = self.trial(&self.isotropic(-strain), self.tangent())?;
+                continue;
+            }
+            if slack > 0 {
+                watch = CircleWatch::new();
+            } else if !learns && watch.is_circling(error) {
+                (watch, careful_steps) = (CircleWatch::new(), CAREFUL_STEPS);
+            }
+            if careful_steps > 0 && slack == 0 && error > self.tolerances.stress {
+                careful_steps -= 1;
+                answer = self.careful_step(&mut response, &answer)?;
+                continue;
+            }
+            let deviator = turned_out(&self.target.deviator, &self.axes());
+            let aimed = aim(&self.target, &deviator, &answer.stress);
+            let mut strain = response.strain(&aimed, &answer.stress, LARGEST_STRAIN);
+            let mut kind = self.tangent();
+            if learns {
+                if error >= CLOSE {
+                    strain = limited(&strain, FAR_STRAIN);
+                }
+                since_best = if error < best { 0 } else { since_best + 1 };
+                best = best.min(error);
+                if self.pressure_share(&answer) < SLACK_PRESSURE {
+                    strain = self.isotropic(-SLACK_STRAIN);
+                } else if error < CLOSE && since_best < PATIENCE {
+                    kind = TangentKind::None;
+                } else if since_best >= PATIENCE {
+                    (best, since_best) = (error, 0);
+                }
+            }
+            let next = self.trial(&strain, kind)?;
+            if next.tangent.is_none() {
+                response.learn(&strain, &difference(&next.stress, &answer.stress));
+            }
+            answer = next;
+        }
+        Err(PackingError::Content(format!(
+            "the stress did not reach the target in {MOST_INCREMENTS} servo steps; loosen tolerance or stress_tolerance"
+        )))
+    }
+
+    /// A step that is taken back and shortened until it brings the stress nearer to the target. Every miss teaches the
+    /// response what lies between the two states that a plain servo jumps to and fro.
+    fn careful_step(&mut self, response: &mut Response, before: &TrialAnswer) -> Result<TrialAnswer, PackingError> {
+        let deviator = turned_out(&self.target.deviator, &self.axes());
+        let aimed = aim(&self.target, &deviator, &before.stress);
+        let missing = |stress: &Tensor2| {
+            let stress = rows(stress);
+            largest(&std::array::from_fn(|i| std::array::from_fn(|j| stress[i][j] - aimed[i][j])))
+        };
+        let mut most = LARGEST_STRAIN;
+        for _ in 0..MOST_HALVINGS {
+            let strain = response.strain(&aimed, &before.stress, most);
+            let answer = self.trial(&strain, self.tangent())?;
+            if missing(&answer.stress) < WORTHWHILE * missing(&before.stress) {
+                return Ok(answer);
+            }
+            self.cell.rollback();
+            response.learn(&strain, &difference(&answer.stress, &before.stress));
+            most = 0.5 * largest(&strain);
+        }
+        let strain = response.strain(&aimed, &before.stress, most);
+        self.trial(&strain, self.tangent())
+    }
+
+    /// Strains the cell by a symmetric tensor given in the cell's own axes.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn strain(&mut self, strain: &Matrix) -> Result<(), PackingError> {
+        self.refine(2e-6);
+        let answer = self.trial(&turned_out(strain, &self.axes()), TangentKind::None)?;
+        self.cell.commit().map_err(content)?;
+        self.report("shear", 0, &answer);
+        Ok(())
+    }
+
+    /// Contact fabric minus its mean part, in the cell's own axes.
+    ///
+    /// # Errors
+    /// Contact forces that are not finite.
+    pub(crate) fn fabric_deviator(&mut self) -> Result<Matrix, PackingError> {
+        let fabric = self.cell.observe(Observables::FABRIC).map_err(content)?.observed.fabric;
+        let mut deviator = turned_in(&rows(&fabric), &self.axes());
+        let mean = (0..self.target.dimension).map(|i| deviator[i][i]).sum::<f64>() / self.target.dimension as f64;
+        for (i, row) in deviator.iter_mut().enumerate().take(self.target.dimension) {
+            row[i] -= mean;
+        }
+        Ok(deviator)
+    }
+
+    /// The committed state as a file, turned so that Y1 points along axis 1.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`].
+    pub(crate) fn packing(&self, provenance: serde_json::Value) -> Result<PackingFile<S>, PackingError> {
+        let state = self.cell.committed();
+        let axes = self.axes();
+        let back = S::Tensor::from_fn(|i, j| axes[i][j]);
+        let turned = state.cell.deformed(&back).rows;
+        // Y1 along axis 1, Y2 in the plane of axes 1 and 2: what rounding has left elsewhere is taken out.
+        let rows = S::Tensor::from_fn(|row, axis| if axis > row { 0.0 } else { turned[row][axis] });
+        let radii = &self.cell.model().radii;
+        let grains =
+            state.positions.iter().zip(radii).map(|(position, radius)| S::grain(apply(&back, *position), *radius));
+        let (mut contacts, mut rolling_moments) = (Vec::new(), Vec::new());
+        for (place, contact) in state.contacts.iter().enumerate() {
+            let moment = state.rolling_moments.get(place).copied();
+            if contact.tangential_force.norm() == 0.0 && moment.is_none_or(|moment| moment.norm() == 0.0) {
+                continue;
+            }
+            let ContactRecord { origin, end, shift, tangential_force } = *contact;
+            let tangential_force = S::turned_tangential(tangential_force, &back);
+            contacts.push(ListedContact { origin, end, shift, tangential_force });
+            rolling_moments.extend(moment.map(|moment| S::turned_spin(moment, &back)));
+        }
+        if rolling_moments.iter().all(|moment| moment.norm() == 0.0) {
+            rolling_moments.clear();
+        }
+        let version =
+            if rolling_moments.is_empty() { PackingFile::VERSION } else { PackingFile::VERSION_WITH_MOMENTS };
+        PackingFile {
+            version,
+            thickness: self.cell.model().thickness,
+            contacts,
+            rolling_moments,
+            provenance,
+            ..PackingFile::<S>::new(rows, grains.collect())
+        }
+        .checked()
+    }
+
+    /// Largest deviation of a stress component from the target, over the target pressure.
+    fn stress_error(&self, stress: &Tensor2) -> f64 {
+        let deviator = turned_out(&self.target.deviator, &self.axes());
+        let mut largest = 0.0f64;
+        for (i, row) in deviator.iter().enumerate().take(self.target.dimension) {
+            for (j, value) in row.iter().enumerate().take(self.target.dimension) {
+                let mean = if i == j { self.target.pressure } else { 0.0 };
+                largest = largest.max((stress.get(i, j) + mean - value).abs());
+            }
+        }
+        largest / self.target.pressure
+    }
+
+    /// Axes of the committed cell as rows: the first along Y1, the second in the plane of Y1 and Y2.
+    fn axes(&self) -> Matrix {
+        let rows = &self.cell.committed().cell.rows;
+        let unit = |v: [f64; 3]| {
+            let length = v.dot(v).sqrt();
+            v.map(|component| component / length)
+        };
+        let row = |i: usize| std::array::from_fn(|axis| if axis < S::DIMENSION { rows[i][axis] } else { 0.0 });
+        let first: [f64; 3] = unit(row(0));
+        let third = if S::DIMENSION == 2 { [0.0, 0.0, 1.0] } else { unit(cross(first, row(1))) };
+        [first, cross(third, first), third]
+    }
+
+    fn isotropic(&self, strain: f64) -> Matrix {
+        let mut matrix = [[0.0; 3]; 3];
+        for (i, row) in matrix.iter_mut().enumerate().take(self.target.dimension) {
+            row[i] = strain;
+        }
+        matrix
+    }
+
+    fn refine(&mut self, strain_per_step: f64) {
+        self.cell.set_options(RveOptions {
+            strain_per_step: Some(strain_per_step),
+            tolerance: Some(self.tolerances.force),
+            max_steps: Some(100_000),
+            ..RveOptions::default()
+        });
+    }
+
+    fn tangent(&self) -> TangentKind {
+        TangentKind::TrussLike
+    }
+
+    fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialAnswer, PackingError> {
+        let target = Tensor2(std::array::from_fn(|index| strain[index / 3][index % 3]));
+        let ask = Ask { tangent, ..Ask::default() };
+        let answer = self.cell.trial(&target, &ask).map_err(content)?;
+        self.journal.spend(answer.cost.force_evaluations);
+        Ok(answer)
+    }
+
+    fn report(&self, stage: &'static str, increment: u32, answer: &TrialAnswer) {
+        let stress_error = self.stress_error(&answer.stress);
+        self.journal.tell(PackingProgress {
+            attempt: 0,
+            stage,
+            increment,
+            solid_fraction: 1.0 / (1.0 + answer.scalars.void_ratio),
+            pressure: pressure(&answer.stress, self.target.dimension),
+            stress_error,
+            unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
+        });
+    }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A strain cut to a largest component.
+fn limited(strain: &Matrix, most: f64) -> Matrix {
+    let largest = largest(strain);
+    let share = if largest > most { most / largest } else { 1.0 };
+    strain.map(|row| row.map(|value| share * value))
+}
+
+/// Size of the largest component.
+fn largest(matrix: &Matrix) -> f64 {
+    matrix.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
+}
+
+/// A tensor by its rows.
+pub(crate) fn rows(tensor: &Tensor2) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| tensor.get(i, j)))
+}
+
+fn difference(after: &Tensor2, before: &Tensor2) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| after.get(i, j) - before.get(i, j)))
+}
+
+pub(crate) fn content(error: RveError) -> PackingError {
+    PackingError::Content(error.to_string())
+}

@@ -1,0 +1,165 @@
+//! Makes a packing: random places at low density, isotropic compression until the grains carry load, then a servo on all
+//! stress components until the stress is the target and the grains are at rest. Around that, where asked for: a search
+//! of the preparation friction, a shear that leaves an anisotropic fabric behind, and the removal of random grains.
+
+use super::compaction::{Bed, Tolerances};
+use super::friction_search::{FrictionAttempt, search};
+use super::preshear::{ShearAttempt, presheared};
+use super::progress::{Journal, PackingProgress};
+use super::random_placement::scattered;
+use super::recipe::{PackingRecipe, Removal, StateQuantity};
+use super::removal::weakened;
+use super::report::{PackingReport, measured};
+use super::stress_target::StressTarget;
+use crate::contact::ContactTable;
+use crate::definition::{Packing, PackingError, PackingFile};
+use crate::solver::SolverFor;
+use serde::Serialize;
+
+/// What the searches of a preparation tried; the last try is the one that was taken.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Searches {
+    /// Preparation frictions and what they gave.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub friction: Vec<FrictionAttempt>,
+    /// Shear strains and what they gave.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shear: Vec<ShearAttempt>,
+}
+
+/// Makes the packing that a recipe describes, of discs or of spheres.
+///
+/// # Errors
+/// As [`generate`].
+pub fn generate_any(
+    recipe: &PackingRecipe,
+    progress: &mut dyn FnMut(&PackingProgress),
+) -> Result<(Packing, PackingReport), PackingError> {
+    if recipe.dimension == 3 {
+        let (packing, report) = generate(recipe, progress)?;
+        Ok((Packing::Spheres(packing), report))
+    } else {
+        let (packing, report) = generate(recipe, progress)?;
+        Ok((Packing::Discs(packing), report))
+    }
+}
+
+/// Makes the packing that a recipe describes. Equal recipes give equal bits.
+///
+/// # Errors
+/// [`PackingError::Content`] when the recipe is refused or something it asks for is not reached.
+pub fn generate<S: SolverFor>(
+    recipe: &PackingRecipe,
+    progress: &mut dyn FnMut(&PackingProgress),
+) -> Result<(PackingFile<S>, PackingReport), PackingError> {
+    recipe.validate()?;
+    if recipe.dimension as usize != S::DIMENSION {
+        return Err(PackingError::Content(format!(
+            "dimension = {}, but {} were asked for",
+            recipe.dimension,
+            S::GRAINS
+        )));
+    }
+    let target = recipe.stress_target()?;
+    let journal = Journal::new(progress);
+    let workshop = Workshop { recipe, target, journal: &journal };
+    let (mut packing, contact, searches) = workshop.prepare::<S>()?;
+    if let Some(removal) = &recipe.removal {
+        packing = workshop.weakened(&packing, &contact, removal)?;
+    }
+    packing.provenance = provenance(recipe, &searches);
+    let packing = packing.checked()?;
+    let report = measured(recipe, &target, &packing, &contact, searches, journal.spent())?;
+    report.refuse_misses()?;
+    Ok((packing, report))
+}
+
+fn provenance(recipe: &PackingRecipe, searches: &Searches) -> serde_json::Value {
+    let mut provenance = serde_json::json!({
+        "made_by": concat!("grainspan pack ", env!("CARGO_PKG_VERSION")),
+        "recipe": recipe,
+    });
+    if *searches != Searches::default() {
+        provenance["searches"] = serde_json::json!(searches);
+    }
+    provenance
+}
+
+/// What all stages of one preparation share.
+struct Workshop<'a> {
+    recipe: &'a PackingRecipe,
+    target: StressTarget,
+    journal: &'a Journal<'a>,
+}
+
+impl<'a> Workshop<'a> {
+    /// A packing at its target stress with the density and anisotropy asked for, and the law it is at rest under.
+    fn prepare<S: SolverFor>(&self) -> Result<(PackingFile<S>, ContactTable, Searches), PackingError> {
+        let mut contact = self.recipe.contact.clone();
+        let mut searches = Searches::default();
+        let mut packing = match &self.recipe.target {
+            None => self.compacted(&contact)?,
+            Some(target) => {
+                let (quantity, wanted) = target.quantity()?;
+                let mut make = |friction: f64| {
+                    let contact = ContactTable { friction, ..contact.clone() };
+                    let packing = self.compacted(&contact)?;
+                    self.journal.next_attempt();
+                    let report = measured(self.recipe, &self.target, &packing, &contact, Searches::default(), 0)?;
+                    Ok((packing, value_of(&report, quantity)))
+                };
+                let (packing, attempts) = search(wanted, target.tolerance, target.friction, &mut make)?;
+                contact.friction = attempts.last().map_or(contact.friction, |attempt| attempt.friction);
+                searches.friction = attempts;
+                packing
+            }
+        };
+        if let Some(anisotropy) = &self.recipe.anisotropy {
+            contact.friction = anisotropy.friction;
+            let mut prepared = || {
+                self.journal.next_attempt();
+                self.bed(packing.clone(), &contact)
+            };
+            let (bed, attempts) = presheared(anisotropy, self.target.dimension, &mut prepared)?;
+            packing = bed.packing(serde_json::Value::Null)?;
+            searches.shear = attempts;
+        }
+        Ok((packing, contact, searches))
+    }
+
+    /// Random places, compressed and brought to the target stress.
+    fn compacted<S: SolverFor>(&self, contact: &ContactTable) -> Result<PackingFile<S>, PackingError> {
+        let mut bed = self.bed(scattered(self.recipe)?, contact)?;
+        bed.compress()?;
+        bed.servo()?;
+        bed.packing(serde_json::Value::Null)
+    }
+
+    /// The packing without some of its grains, at rest again.
+    fn weakened<S: SolverFor>(
+        &self,
+        packing: &PackingFile<S>,
+        contact: &ContactTable,
+        removal: &Removal,
+    ) -> Result<PackingFile<S>, PackingError> {
+        weakened(packing, contact, removal, self.target, self.tolerances(), self.journal)
+    }
+
+    fn bed<S: SolverFor>(&self, packing: PackingFile<S>, contact: &ContactTable) -> Result<Bed<'a, S>, PackingError> {
+        Bed::new(packing, contact, self.target, self.tolerances(), self.journal)
+    }
+
+    fn tolerances(&self) -> Tolerances {
+        Tolerances { force: self.recipe.tolerance, stress: self.recipe.stress_tolerance }
+    }
+}
+
+/// The value of a named quantity.
+pub(crate) fn value_of(report: &PackingReport, quantity: StateQuantity) -> f64 {
+    match quantity {
+        StateQuantity::VoidRatio => report.void_ratio,
+        StateQuantity::Porosity => report.porosity,
+        StateQuantity::CoordinationNumber => report.coordination_number,
+        StateQuantity::CoordinationNumberNoRattlers => report.coordination_number_no_rattlers,
+    }
+}

@@ -1,0 +1,27 @@
+//! Preparation of packings: from a recipe to a packing in equilibrium at its stress.
+
+mod compaction;
+#[cfg(test)]
+mod compaction_tests;
+mod friction_search;
+pub mod generate;
+pub mod grading;
+mod preshear;
+mod progress;
+mod random_placement;
+pub mod recipe;
+mod removal;
+pub mod report;
+mod rotation;
+mod servo;
+mod stress_target;
+
+pub use friction_search::FrictionAttempt;
+pub use generate::{Searches, generate, generate_any};
+pub use grading::Grading;
+pub use preshear::ShearAttempt;
+pub use progress::PackingProgress;
+pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
+pub(crate) use report::anisotropy_of_fabric;
+pub use report::{PackingReport, Requirement};
+pub use stress_target::StressTarget;

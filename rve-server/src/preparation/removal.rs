@@ -1,0 +1,138 @@
+//! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
+
+use super::compaction::{Bed, Tolerances, content, rows};
+use super::progress::Journal;
+use super::random_placement::chosen;
+use super::recipe::Removal;
+use super::stress_target::StressTarget;
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, ListedContact, Packing, PackingError, PackingFile, RveOptions};
+use crate::engine::GrainRve;
+use crate::solver::SolverFor;
+use crate::space::Space;
+use protocol::Observables;
+
+/// How far from its stress before, and from rest, a weakened packing may end.
+const TOLERANCES: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
+
+/// Largest angle between Y1 and the first axis, rad, that is taken for none.
+const ALIGNED: f64 = 1e-9;
+
+impl Packing {
+    /// The packing without `removal.number` random grains, brought back under this contact law to the stress that it had.
+    /// Equal removals give equal bits.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] if too many grains are to be removed, the packing bears tension, its vector Y1 does not
+    /// point along the first axis, or the stress is not reached.
+    pub fn weakened(&self, contact: &ContactTable, removal: &Removal) -> Result<Self, PackingError> {
+        Ok(match self {
+            Self::Discs(packing) => Self::Discs(at_its_stress(packing, contact, removal)?),
+            Self::Spheres(packing) => Self::Spheres(at_its_stress(packing, contact, removal)?),
+        })
+    }
+}
+
+fn at_its_stress<S: SolverFor>(
+    packing: &PackingFile<S>,
+    contact: &ContactTable,
+    removal: &Removal,
+) -> Result<PackingFile<S>, PackingError> {
+    let refuse = |reason: String| Err(PackingError::Content(reason));
+    if removal.number == 0 || removal.number > packing.grains.len() / 4 {
+        return refuse(format!(
+            "{} grains are to be removed; that must be at least 1 and at most a quarter of the {}",
+            removal.number,
+            packing.grains.len()
+        ));
+    }
+    let first = packing.periodicity[0];
+    if (1..S::DIMENSION).any(|axis| first[axis].abs() > ALIGNED * first[0].abs()) || first[0] < 0.0 {
+        return refuse(
+            "grains can only be removed from a packing whose vector Y1 points along the first axis".into(),
+        );
+    }
+    let definition =
+        GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
+    let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| cell.observe(Observables::NONE));
+    let stress = rows(&answer.map_err(content)?.stress);
+    let symmetric: Vec<Vec<f64>> =
+        (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
+    let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;
+    let mut nobody = |_: &_| {};
+    weakened(packing, contact, removal, target, TOLERANCES, &Journal::new(&mut nobody))
+}
+
+/// The packing without some of its grains, brought to its target stress.
+///
+/// # Errors
+/// [`PackingError::Content`] if the stress is not reached.
+pub(crate) fn weakened<'a, S: SolverFor>(
+    packing: &PackingFile<S>,
+    contact: &ContactTable,
+    removal: &Removal,
+    target: StressTarget,
+    tolerances: Tolerances,
+    journal: &'a Journal<'a>,
+) -> Result<PackingFile<S>, PackingError> {
+    let removed = chosen(packing.grains.len(), removal.number, removal.seed);
+    let mut bed = Bed::new(without(packing, &removed), contact, target, tolerances, journal)?;
+    bed.servo()?;
+    bed.packing(serde_json::Value::Null)
+}
+
+/// The packing without the grains `removed` (ascending) and their contacts; the others are numbered anew, in order.
+fn without<S: Space>(packing: &PackingFile<S>, removed: &[usize]) -> PackingFile<S> {
+    let mut numbers = vec![None; packing.grains.len()];
+    let mut next = 0u32;
+    for (grain, number) in numbers.iter_mut().enumerate() {
+        if removed.binary_search(&grain).is_err() {
+            *number = Some(next);
+            next += 1;
+        }
+    }
+    let kept = |grain: usize| numbers[grain].is_some();
+    let grains = packing.grains.iter().enumerate().filter(|(grain, _)| kept(*grain)).map(|(_, grain)| *grain);
+    let (mut contacts, mut rolling_moments) = (Vec::new(), Vec::new());
+    for (place, contact) in packing.contacts.iter().enumerate() {
+        if let (Some(origin), Some(end)) = (numbers[contact.origin as usize], numbers[contact.end as usize]) {
+            contacts.push(ListedContact { origin, end, ..*contact });
+            rolling_moments.extend(packing.rolling_moments.get(place));
+        }
+    }
+    PackingFile { grains: grains.collect(), contacts, rolling_moments, ..packing.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_weakened_packing_has_fewer_grains_and_the_stress_that_it_had() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let whole = Packing::read(&path).unwrap();
+        let contact =
+            ContactTable { modulus: Some(1e8), normal_stiffness: None, ..ContactTable::linear(1.0, 0.5, 0.5) };
+        let removal = Removal { number: 6, seed: 3 };
+        let Packing::Discs(weak) = whole.weakened(&contact, &removal).unwrap() else { panic!("discs stay discs") };
+        assert_eq!(weak.grains.len(), 94);
+        let stress = |packing: &PackingFile| {
+            let definition = GrainDefinition {
+                packing: packing.clone(),
+                contact: contact.clone(),
+                options: RveOptions::default(),
+            };
+            rows(&GrainRve::new(&definition).unwrap().observe(Observables::NONE).unwrap().stress)
+        };
+        let Packing::Discs(whole_discs) = &whole else { panic!("the file holds discs") };
+        let (before, after) = (stress(whole_discs), stress(&weak));
+        for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+            assert!((before[i][j] - after[i][j]).abs() < 2e-6 * 1e5, "{before:?} {after:?}");
+        }
+        assert!(weak.periodicity[0][0] < whole_discs.periodicity[0][0], "the holes have closed a little");
+        assert_eq!(whole.weakened(&contact, &removal).unwrap(), Packing::Discs(weak), "the same bits again");
+        let reason = |number| whole.weakened(&contact, &Removal { number, seed: 3 }).unwrap_err().to_string();
+        assert!(reason(0).contains("at least 1") && reason(26).contains("a quarter of the 100"));
+    }
+}

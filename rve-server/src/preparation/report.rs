@@ -1,0 +1,194 @@
+//! The acceptance report: what was asked of a packing against what it has, measured on the packing as written.
+
+use super::compaction::{content, rows};
+use super::generate::Searches;
+use super::preshear::anisotropy_of;
+use super::recipe::PackingRecipe;
+use super::stress_target::{Matrix, StressTarget, symmetric_pairs};
+use crate::contact::ContactTable;
+use crate::definition::{GrainDefinition, PackingError, PackingFile, RveOptions};
+use crate::engine::GrainRve;
+use crate::solver::SolverFor;
+use protocol::Observables;
+use serde::Serialize;
+
+/// Overlap over diameter above which grains are no longer grains: units or stiffness are wrong.
+const LARGEST_OVERLAP: f64 = 0.1;
+
+/// Turning a packing into the axes of its file and wrapping its grains moves them by rounding; the forces follow.
+const ROUNDING: f64 = 1e-7;
+
+/// One thing that was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Requirement {
+    /// What was asked for.
+    pub quantity: String,
+    /// Value asked for.
+    pub asked: f64,
+    /// Value of the packing.
+    pub got: f64,
+    /// Largest accepted difference, same unit.
+    pub tolerance: f64,
+}
+
+impl Requirement {
+    /// Whether the packing has what was asked for.
+    pub fn is_met(&self) -> bool {
+        (self.got - self.asked).abs() <= self.tolerance
+    }
+}
+
+/// What a preparation has achieved, measured on the packing as written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PackingReport {
+    /// 2 for discs, 3 for spheres.
+    pub dimension: usize,
+    /// Number of grains.
+    pub grains: usize,
+    /// Stress, Pa, tension positive.
+    pub stress: [[f64; 3]; 3],
+    /// Void volume over grain volume.
+    pub void_ratio: f64,
+    /// Void volume over cell volume.
+    pub porosity: f64,
+    /// 2 x contacts over grains.
+    pub coordination_number: f64,
+    /// The same without rattlers.
+    pub coordination_number_no_rattlers: f64,
+    /// Contact fabric, mean of n x n.
+    pub fabric: [[f64; 3]; 3],
+    /// Major over minor principal fabric, minus 1.
+    pub fabric_anisotropy: f64,
+    /// Largest deviation of a stress component from the target over the target pressure.
+    pub stress_error: f64,
+    /// Unbalanced force over mean normal force.
+    pub unbalanced_force_ratio: f64,
+    /// Largest overlap over grain diameter.
+    pub max_overlap_ratio: f64,
+    /// Friction under which the packing is at rest.
+    pub friction: f64,
+    /// What was searched.
+    pub searches: Searches,
+    /// Asked against got.
+    pub requirements: Vec<Requirement>,
+    /// DEM steps spent on all packings that were made.
+    pub force_evaluations: u64,
+}
+
+impl PackingReport {
+    /// Refuses a packing that misses what was asked for.
+    ///
+    /// # Errors
+    /// [`PackingError::Content`] naming what is missed and by how much.
+    pub fn refuse_misses(&self) -> Result<(), PackingError> {
+        let missed: Vec<String> = self
+            .requirements
+            .iter()
+            .filter(|requirement| !requirement.is_met())
+            .map(|missed| {
+                format!(
+                    "{} is {:e} instead of {:e} +- {:e}",
+                    missed.quantity, missed.got, missed.asked, missed.tolerance
+                )
+            })
+            .collect();
+        if missed.is_empty() { Ok(()) } else { Err(PackingError::Content(missed.join("; "))) }
+    }
+}
+
+/// Measures a packing as a user of the file would find it.
+///
+/// # Errors
+/// [`PackingError::Content`] if the packing cannot be read as a cell.
+pub(crate) fn measured<S: SolverFor>(
+    recipe: &PackingRecipe,
+    target: &StressTarget,
+    packing: &PackingFile<S>,
+    contact: &ContactTable,
+    searches: Searches,
+    force_evaluations: u64,
+) -> Result<PackingReport, PackingError> {
+    let definition =
+        GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
+    let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
+    let answer = cell.observe(Observables::ALL).map_err(content)?;
+    let (stress, fabric) = (rows(&answer.stress), rows(&answer.observed.fabric));
+    let mut report = PackingReport {
+        dimension: target.dimension,
+        grains: packing.grains.len(),
+        stress,
+        void_ratio: answer.scalars.void_ratio,
+        porosity: answer.scalars.void_ratio / (1.0 + answer.scalars.void_ratio),
+        coordination_number: answer.scalars.coordination_number,
+        coordination_number_no_rattlers: answer.observed.coordination_number_no_rattlers,
+        fabric,
+        fabric_anisotropy: anisotropy_of_fabric(&fabric, target.dimension),
+        stress_error: stress_error(&stress, target),
+        unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
+        max_overlap_ratio: answer.scalars.max_overlap_ratio,
+        friction: contact.friction,
+        searches,
+        requirements: Vec::new(),
+        force_evaluations,
+    };
+    report.requirements = requirements(recipe, target, &report)?;
+    Ok(report)
+}
+
+fn requirements(
+    recipe: &PackingRecipe,
+    target: &StressTarget,
+    report: &PackingReport,
+) -> Result<Vec<Requirement>, PackingError> {
+    let mut list = Vec::new();
+    let mut ask = |quantity: String, asked: f64, got: f64, tolerance: f64| {
+        list.push(Requirement { quantity, asked, got, tolerance });
+    };
+    for &(i, j) in symmetric_pairs(target.dimension) {
+        let tolerance = (recipe.stress_tolerance + ROUNDING) * target.pressure;
+        let got = 0.5 * (report.stress[i][j] + report.stress[j][i]);
+        ask(format!("stress_{}{}, Pa", i + 1, j + 1), target.component(i, j), got, tolerance);
+    }
+    ask("unbalanced_force_ratio".into(), 0.0, report.unbalanced_force_ratio, recipe.tolerance + ROUNDING);
+    ask("max_overlap_ratio (wrong units?)".into(), 0.0, report.max_overlap_ratio, LARGEST_OVERLAP);
+    // A density or an anisotropy is that of the packing before grains are taken out.
+    if recipe.removal.is_none() {
+        if let Some(state) = &recipe.target
+            && recipe.anisotropy.is_none()
+        {
+            let (quantity, asked) = state.quantity()?;
+            ask(quantity.keyword().into(), asked, super::generate::value_of(report, quantity), state.tolerance);
+        }
+        if let Some(anisotropy) = &recipe.anisotropy {
+            ask("fabric_anisotropy".into(), anisotropy.value, report.fabric_anisotropy, anisotropy.tolerance);
+        }
+    }
+    if let Some((deviation, tolerance)) = recipe.grading.sieve_deviation(&recipe.radii(), recipe.dimension) {
+        ask("sieve curve, largest deviation".into(), 0.0, deviation, tolerance);
+    }
+    Ok(list)
+}
+
+fn stress_error(stress: &Matrix, target: &StressTarget) -> f64 {
+    let mut largest = 0.0f64;
+    for (i, row) in stress.iter().enumerate().take(target.dimension) {
+        for (j, value) in row.iter().enumerate().take(target.dimension) {
+            largest = largest.max((value - target.component(i, j)).abs());
+        }
+    }
+    largest / target.pressure
+}
+
+/// Major over minor principal value of a contact fabric, minus 1.
+pub(crate) fn anisotropy_of_fabric(fabric: &Matrix, dimension: usize) -> f64 {
+    anisotropy_of(&without_mean(fabric, dimension), dimension)
+}
+
+fn without_mean(fabric: &Matrix, dimension: usize) -> Matrix {
+    let mean = (0..dimension).map(|i| fabric[i][i]).sum::<f64>() / dimension as f64;
+    let mut deviator = *fabric;
+    for (i, row) in deviator.iter_mut().enumerate().take(dimension) {
+        row[i] -= mean;
+    }
+    deviator
+}

@@ -1,0 +1,489 @@
+//! A frame as an RVE: trials, commits and snapshots like those of a periodic cell.
+
+use super::geometry::FrameGeometry;
+use super::options::FrameOptions;
+use super::relaxation::{FrameRelaxation, Relaxed};
+use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
+use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
+use crate::definition::PackingFile;
+use crate::homogenization::fabric::anisotropy;
+use crate::homogenization::stress::first_piola;
+use crate::programs::specimen::{Body, ContactSums, Grain};
+use crate::simd::Tuple;
+use crate::space::plane::{self, Plane};
+use crate::space::{Discs, Space};
+use protocol::{
+    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Observed, RveEngine, RveError, RveSolver,
+    Scalars, SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, snapshot,
+};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Name of this engine in snapshots and capabilities.
+pub const FRAME_ENGINE_NAME: &str = "grainspan-frame";
+
+/// Largest |H| of one trial.
+const LARGEST_TARGET: f64 = 0.2;
+
+/// Fewest ramp steps that the engine chooses by itself.
+const FEWEST_RAMP_STEPS: u32 = 5;
+
+/// Overlap over radius from which an answer is flagged.
+const LARGE_OVERLAP: f64 = 0.2;
+
+/// All that is needed to build a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameDefinition {
+    /// Periodic packing that the frame is cut out of.
+    pub packing: PackingFile<Discs>,
+    /// Contact law.
+    pub contact: ContactTable,
+    /// How it is solved.
+    pub frame: FrameOptions,
+}
+
+impl FrameDefinition {
+    /// The bytes that travel to workers; the packing's provenance is left out.
+    pub fn to_protocol(&self) -> Definition {
+        let packing = PackingFile { provenance: serde_json::Value::Null, ..self.packing.clone() };
+        let bare = Self { packing, ..self.clone() };
+        Definition { bytes: rmp_serde::to_vec_named(&bare).expect("writing MessagePack to memory cannot fail") }
+    }
+}
+
+/// Builds frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrameEngine;
+
+impl RveEngine for FrameEngine {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            engine: FRAME_ENGINE_NAME.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            dimensions: vec![2],
+            tangents: Vec::new(),
+            laws: vec![LawName::Linear.keyword().into()],
+            snapshot: SnapshotKind::State,
+            deterministic: true,
+        }
+    }
+
+    fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
+        let parsed: FrameDefinition = rmp_serde::from_slice(&definition.bytes)
+            .map_err(|error| RveError::Definition(format!("these bytes are not a definition of a frame: {error}")))?;
+        Ok(Box::new(FrameRve::new(&parsed)?))
+    }
+}
+
+/// A frame of discs with a committed and at most one trial state.
+#[derive(Clone, Debug)]
+pub struct FrameRve {
+    id: DefinitionId,
+    geometry: FrameGeometry,
+    options: FrameOptions,
+    law: PlainLinear,
+    thickness: f64,
+    rotations_free: bool,
+    reference: Cell<Discs>,
+    committed: GrainState<Discs>,
+    trial: Option<Trial>,
+}
+
+#[derive(Clone, Debug)]
+struct Trial {
+    state: GrainState<Discs>,
+    network: ContactNetwork<Discs>,
+    boundary_residual: f64,
+}
+
+impl FrameRve {
+    /// Cuts the frame out of the packing. Its grains stay where they are: loads appear with the first trial.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`] if a table is not sound or no frame can be cut.
+    pub fn new(definition: &FrameDefinition) -> Result<Self, RveError> {
+        let refuse = |reason: String| RveError::Definition(reason);
+        let contact = &definition.contact;
+        contact.validate().and_then(|()| contact.validate_for(2)).map_err(|error| refuse(error.to_string()))?;
+        definition.frame.validate().map_err(refuse)?;
+        let packing = definition.packing.clone().checked().map_err(|error| refuse(error.to_string()))?;
+        let geometry = FrameGeometry::of(&packing).map_err(|error| refuse(error.to_string()))?;
+        if contact.is_extended() {
+            return Err(refuse(
+                "contact: a frame serves springs and friction, no damping and no rolling resistance".into(),
+            ));
+        }
+        let law = contact.plain_linear().map_err(|error| refuse(error.to_string()))?;
+        let reference = Cell { rows: packing.periodicity };
+        let committed = GrainState {
+            cell: reference,
+            positions: geometry.positions.clone(),
+            rotations: vec![0.0; geometry.places.len()],
+            contacts: listed_contacts(&packing, &geometry),
+            rolling_moments: Vec::new(),
+            operators: Default::default(),
+            dissipation: 0.0,
+            initial_measure: reference.measure(),
+            unbalanced: 0.0,
+            largest_load: 0.0,
+            bears_load: true,
+        };
+        let mut frame = Self {
+            id: definition.to_protocol().id(),
+            geometry,
+            options: definition.frame.clone(),
+            law,
+            thickness: packing.thickness,
+            rotations_free: contact.rotations == Rotations::Free,
+            reference,
+            committed,
+            trial: None,
+        };
+        // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
+        let start = frame.committed.clone();
+        frame.committed = GrainState { dissipation: 0.0, ..frame.relaxation(&start).end_state(&start, 0.0) };
+        Ok(frame)
+    }
+
+    /// The frame that was cut out.
+    pub fn geometry(&self) -> &FrameGeometry {
+        &self.geometry
+    }
+
+    /// The committed state; positions and contacts are numbered as in the geometry.
+    pub fn committed(&self) -> &GrainState<Discs> {
+        &self.committed
+    }
+
+    /// The contact network of the latest trial; cell vectors are those of the frame, no contact crosses it.
+    pub fn network(&self) -> Option<&ContactNetwork<Discs>> {
+        self.trial.as_ref().map(|trial| &trial.network)
+    }
+
+    /// How far opposite boundary loads of the latest trial are from cancelling, in mean contact forces.
+    pub fn boundary_residual(&self) -> Option<f64> {
+        self.trial.as_ref().map(|trial| trial.boundary_residual)
+    }
+
+    /// Everything about the committed state, without moving a grain.
+    pub fn observe(&mut self, observables: Observables) -> TrialAnswer {
+        let state = self.committed.clone();
+        self.answer_for(&state, &plane::IDENTITY, observables, Cost { force_evaluations: 1, ..Cost::default() }).0
+    }
+
+    fn relaxation<'a>(&'a self, state: &GrainState<Discs>) -> FrameRelaxation<'a, PlainLinear> {
+        let grains = state.positions.iter().zip(&self.geometry.radii).map(|(position, radius)| Grain {
+            position: *position,
+            velocity: Tuple::zero(),
+            spin: Tuple::zero(),
+            radius: *radius,
+        });
+        let masses = vec![1.0; state.positions.len()];
+        let mut body = Body::new(self.law, grains.collect(), masses, 0.0, [None; 3]);
+        if self.options.shared_sides {
+            body.share_sides(self.geometry.sides.clone(), 0.5);
+        }
+        body.adopt(
+            state.contacts.iter().map(|contact| (contact.key(), move |_| [[contact.tangential_force], [0.0]])),
+        );
+        let (geometry, options) = (&self.geometry, &self.options);
+        let constraint = options.constraint;
+        FrameRelaxation::new(geometry, options, constraint, self.rotations_free, body, state.rotations.clone())
+    }
+
+    fn solve(&mut self, h: &Plane, ask: &Ask) -> Result<TrialAnswer, RveError> {
+        let started = Instant::now();
+        let polar = plane::polar(h);
+        let norm = plane::norm(&polar.strain);
+        if norm > LARGEST_TARGET {
+            return Err(RveError::TargetTooLarge { norm, limit: LARGEST_TARGET });
+        }
+        let steps = (plane::largest_component(&polar.strain) / self.options.strain_per_step()).ceil();
+        let ramp_steps = match ask.ramp_steps {
+            0 => (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS),
+            given => given,
+        };
+        let start = self.committed.clone();
+        let mut relaxation = self.relaxation(&start);
+        let relaxed = relaxation.solve(&polar.strain, ramp_steps);
+        let stretch = plane::add_scaled(&plane::IDENTITY, 1.0, &polar.strain);
+        let mut state = relaxation.end_state(&start, relaxed.unbalanced);
+        state.cell = start.cell.deformed(&stretch);
+        state.dissipation += relaxed.dissipation;
+        if !state.positions.iter().flatten().all(|value| value.is_finite()) {
+            return Err(RveError::NotFinite { force_evaluations: relaxed.force_evaluations });
+        }
+        turn(&mut state, polar.angle);
+        Ok(self.finish(state, h, ask, &relaxed, started))
+    }
+
+    fn finish(
+        &mut self,
+        state: GrainState<Discs>,
+        h: &Plane,
+        ask: &Ask,
+        relaxed: &Relaxed,
+        started: Instant,
+    ) -> TrialAnswer {
+        let cost = Cost {
+            force_evaluations: relaxed.force_evaluations,
+            ramp_steps: u64::from(relaxed.ramp_steps),
+            solve_nanoseconds: u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX),
+            tangent_nanoseconds: 0,
+        };
+        let f = plane::add_scaled(&plane::IDENTITY, 1.0, h);
+        let (mut answer, network) = self.answer_for(&state, &f, ask.observables, cost);
+        if !relaxed.equilibrated {
+            answer.flags.insert(TrialFlags::NOT_EQUILIBRATED);
+        }
+        self.trial = Some(Trial { state, network, boundary_residual: relaxed.boundary_residual });
+        answer
+    }
+
+    /// Stress, scalars and whatever else was asked for, of one state.
+    fn answer_for(
+        &self,
+        state: &GrainState<Discs>,
+        f: &Plane,
+        observables: Observables,
+        cost: Cost,
+    ) -> (TrialAnswer, ContactNetwork<Discs>) {
+        let mut relaxation = self.relaxation(state);
+        let sums = relaxation.contacts();
+        let network = relaxation.network(state, self.thickness, self.law.friction);
+        let nominal = relaxation.first_piola(self.thickness);
+        // F of the committed state relative to the frame as cut: Y = F Y0 for both cell vectors.
+        let total = plane::product(
+            &plane::transpose(&state.cell.rows),
+            &plane::inverse(&plane::transpose(&self.reference.rows)),
+        );
+        let scaled = plane::product(&nominal, &plane::transpose(&total));
+        let stress = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / plane::determinant(&total), &scaled);
+        let mut flags = TrialFlags::default();
+        if network.contacts.is_empty() {
+            flags.insert(TrialFlags::FLUID);
+        }
+        if network.max_overlap_ratio() > 0.5 * LARGE_OVERLAP {
+            flags.insert(TrialFlags::LARGE_OVERLAP);
+        }
+        let answer = TrialAnswer {
+            stress: Tensor2::from_plane(stress),
+            tangent: None,
+            scalars: Scalars {
+                void_ratio: self.void_ratio(state),
+                coordination_number: network.coordination_number(),
+                unbalanced_force_ratio: state.unbalanced,
+                max_overlap_ratio: network.max_overlap_ratio(),
+                volume_ratio: state.cell.measure() / state.initial_measure,
+            },
+            observed: self.observed(state, &network, sums, &stress, f, observables),
+            cost,
+            flags,
+        };
+        (answer, network)
+    }
+
+    /// Void area over grain area of one period: grains on the boundary count once.
+    fn void_ratio(&self, state: &GrainState<Discs>) -> f64 {
+        let mut seen = vec![false; self.geometry.period];
+        let mut solid = 0.0;
+        for (place, radius) in self.geometry.places.iter().zip(&self.geometry.radii) {
+            if !std::mem::replace(&mut seen[place.0 as usize], true) {
+                solid += Discs::grain_measure(*radius);
+            }
+        }
+        (state.cell.measure() - solid) / solid
+    }
+
+    fn observed(
+        &self,
+        state: &GrainState<Discs>,
+        network: &ContactNetwork<Discs>,
+        sums: ContactSums,
+        stress: &Plane,
+        f: &Plane,
+        wanted: Observables,
+    ) -> Observed {
+        let mut observed = Observed::default();
+        let volume = state.cell.measure() * self.thickness;
+        if wanted.contains(Observables::FIRST_PIOLA) {
+            observed.first_piola = Tensor2::from_plane(first_piola(stress, f));
+        }
+        if wanted.contains(Observables::COORDINATION_NO_RATTLERS) {
+            observed.coordination_number_no_rattlers = network.coordination_number_no_rattlers();
+        }
+        if wanted.contains(Observables::FABRIC) {
+            let fabric = network.fabric();
+            observed.fabric = Tensor2::from_plane(fabric);
+            observed.fabric_anisotropy = anisotropy(&fabric);
+        }
+        if wanted.contains(Observables::SLIDING_FRACTION) {
+            observed.sliding_fraction = sums.sliding as f64 / sums.contacts.max(1) as f64;
+        }
+        if wanted.contains(Observables::ENERGY) {
+            observed.elastic_energy = sums.elastic_energy / volume;
+            observed.frictional_dissipation = state.dissipation / volume;
+        }
+        if wanted.contains(Observables::ROTATION) {
+            let mean = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
+            observed.mean_rotation = [0.0, 0.0, mean];
+        }
+        observed
+    }
+}
+
+impl FrameRelaxation<'_, PlainLinear> {
+    /// The present state; `start` is the one it came from.
+    fn end_state(&self, start: &GrainState<Discs>, unbalanced: f64) -> GrainState<Discs> {
+        let contacts = self.body.touching().map(|index| {
+            let PairKey { origin, end, shift } = *self.body.key(index);
+            ContactRecord { origin, end, shift, tangential_force: self.body.slots[index].tangential_force[0] }
+        });
+        GrainState {
+            positions: self.body.grains.iter().map(|grain| grain.position).collect(),
+            rotations: self.rotations.clone(),
+            contacts: contacts.collect(),
+            unbalanced,
+            ..start.clone()
+        }
+    }
+
+    /// The present contacts, each with its share.
+    fn network(&self, state: &GrainState<Discs>, thickness: f64, friction: f64) -> ContactNetwork<Discs> {
+        let contacts = self.body.touching().map(|index| {
+            let (key, slot) = (self.body.key(index), &self.body.slots[index]);
+            let [normal_stiffness, tangential_stiffness, _] =
+                slot.stiffness(self.body.law()).map(|stiffness| slot.weight * stiffness);
+            let normal_force = slot.weight * slot.normal_force;
+            let tangential_force = slot.weight * slot.tangential_force[0];
+            let (origin, end, shift) = (key.origin, key.end, key.shift);
+            let limit = self.body.law().friction * slot.normal_force.abs() * slot.weight;
+            NetworkContact {
+                origin,
+                end,
+                shift,
+                normal_stiffness,
+                tangential_stiffness,
+                rolling_stiffness: 0.0,
+                normal_force,
+                tangential_force,
+                slid: false,
+                at_limit: tangential_force.abs() >= AT_LIMIT * limit,
+            }
+        });
+        ContactNetwork {
+            cell: state.cell.rows,
+            thickness,
+            positions: state.positions.clone(),
+            radii: self.geometry.radii.clone(),
+            rotations_free: self.rotations_free,
+            friction,
+            contacts: contacts.collect(),
+        }
+    }
+
+    /// `(1/V) sum a_q x X_q` over the boundary grains, [Liu2018] eq. 14: first Piola stress relative to the frame as cut,
+    /// Pa. The boundary forces balance the contact forces.
+    fn first_piola(&mut self, thickness: f64) -> Plane {
+        let mut sum = [[0.0; 2]; 2];
+        let scale = -1.0 / (self.geometry.area * thickness);
+        for (load, place) in self.body.loads.iter().zip(&self.geometry.positions).take(self.geometry.boundary) {
+            for (row, force) in sum.iter_mut().zip(load.force) {
+                for (value, x) in row.iter_mut().zip(place) {
+                    *value += scale * force * x;
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// Listed contacts of the packing on every pair of frame grains that shows the same contact.
+fn listed_contacts(packing: &PackingFile<Discs>, geometry: &FrameGeometry) -> Vec<ContactRecord<Discs>> {
+    let mut contacts = Vec::new();
+    for listed in &packing.contacts {
+        let of = |grain: u32| geometry.places.iter().enumerate().filter(move |(_, place)| place.0 == grain);
+        for (first, from) in of(listed.origin) {
+            let wanted = [from.1[0] + listed.shift[0], from.1[1] + listed.shift[1]];
+            for (second, _) in of(listed.end).filter(|(_, to)| to.1 == wanted) {
+                let key = PairKey::<Discs>::canonical(first as u32, second as u32, [0, 0]);
+                let PairKey { origin, end, shift } = key;
+                contacts.push(ContactRecord { origin, end, shift, tangential_force: listed.tangential_force });
+            }
+        }
+    }
+    contacts.sort_unstable_by_key(ContactRecord::key);
+    contacts
+}
+
+/// Turns a state as a whole.
+fn turn(state: &mut GrainState<Discs>, angle: f64) {
+    if angle == 0.0 {
+        return;
+    }
+    let rotation = plane::rotation(angle);
+    state.cell = state.cell.deformed(&rotation);
+    for position in &mut state.positions {
+        *position = plane::apply(&rotation, *position);
+    }
+    for grain_angle in &mut state.rotations {
+        *grain_angle += angle;
+    }
+}
+
+impl RveSolver for FrameRve {
+    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
+        self.trial = None;
+        if !target.is_finite() {
+            return Err(RveError::TargetNotFinite);
+        }
+        if ask.tangent != TangentKind::None {
+            return Err(RveError::Unsupported("tangent operators of a frame; ask for none".into()));
+        }
+        let h = target.plane();
+        if *target != Tensor2::from_plane(h) {
+            return Err(RveError::Unsupported("deformation out of the plane".into()));
+        }
+        let determinant = plane::determinant(&plane::add_scaled(&plane::IDENTITY, 1.0, &h));
+        if determinant <= 0.0 {
+            return Err(RveError::TargetInverted { determinant });
+        }
+        if h != [[0.0; 2]; 2] {
+            return self.solve(&h, ask);
+        }
+        let state = self.committed.clone();
+        let cost = Cost { force_evaluations: 1, ..Cost::default() };
+        let (mut answer, network) = self.answer_for(&state, &plane::IDENTITY, ask.observables, cost);
+        answer.flags.insert(TrialFlags::SKIPPED_NULL_TARGET);
+        self.trial = Some(Trial { state, network, boundary_residual: 0.0 });
+        Ok(answer)
+    }
+
+    fn commit(&mut self) -> Result<(), RveError> {
+        self.committed = self.trial.take().ok_or(RveError::NothingToCommit)?.state;
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.trial = None;
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        snapshot::seal(FRAME_ENGINE_NAME, &self.committed.to_bytes(self.id), out);
+    }
+
+    fn snapshot_trial(&self, out: &mut Vec<u8>) -> Result<(), RveError> {
+        let trial = self.trial.as_ref().ok_or(RveError::NothingToCommit)?;
+        snapshot::seal(FRAME_ENGINE_NAME, &trial.state.to_bytes(self.id), out);
+        Ok(())
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError> {
+        let refuse = |reason: String| RveError::Snapshot(reason);
+        let payload = snapshot::open(FRAME_ENGINE_NAME, bytes).map_err(|error| refuse(error.to_string()))?;
+        self.committed = GrainState::from_bytes(payload, self.id, self.geometry.places.len()).map_err(refuse)?;
+        self.trial = None;
+        Ok(())
+    }
+}

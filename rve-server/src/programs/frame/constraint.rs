@@ -1,0 +1,80 @@
+//! What binds the boundary grains of a frame to the deformation, and the loads that are left to move them.
+
+use super::geometry::FrameGeometry;
+use crate::programs::specimen::Load;
+use crate::simd::Tuple;
+use crate::space::Discs;
+use serde::{Deserialize, Serialize};
+
+/// Boundary conditions of a frame by keyword, from the stiffest to the softest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameConstraint {
+    /// `x_q = F X_q`, no rotation: a linear displacement of all boundary grains.
+    Linear,
+    /// `x+ - x- = F (X+ - X-)`, equal rotations of opposite grains, corners on their places: [Liu2018] eq. 12.
+    Periodic,
+    /// Boundary forces of one stress, `a_q = P A_q`, no moments; only the mean deformation is given.
+    Traction,
+}
+
+impl FrameConstraint {
+    /// The keyword.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Periodic => "periodic",
+            Self::Traction => "traction",
+        }
+    }
+
+    /// Turns contact loads into the loads that may move the grains: whatever the constraint takes up is removed, tied
+    /// grains share theirs. All grains have the same inertia of translation; `inertias` are those of rotation.
+    pub(crate) fn project(self, geometry: &FrameGeometry, inertias: &[f64], loads: &mut [Load<Discs>]) {
+        match self {
+            Self::Linear => {
+                for load in &mut loads[..geometry.boundary] {
+                    *load = Load::none();
+                }
+            }
+            Self::Periodic => tie(geometry, inertias, loads),
+            Self::Traction => spread(geometry, loads),
+        }
+    }
+}
+
+/// Opposite grains move and turn as one; corners turn as one and move with the deformation alone.
+fn tie(geometry: &FrameGeometry, inertias: &[f64], loads: &mut [Load<Discs>]) {
+    for &[minus, plus] in &geometry.pairs {
+        let force = loads[minus].force.plus(loads[plus].force).scaled(0.5);
+        let moment = loads[minus].moment.plus(loads[plus].moment);
+        let inertia = inertias[minus] + inertias[plus];
+        for grain in [minus, plus] {
+            let share = inertias[grain] / inertia;
+            loads[grain] = Load { force, moment: moment.scaled(share) };
+        }
+    }
+    let moment = geometry.corners.iter().fold([0.0], |sum: [f64; 1], corner| sum.plus(loads[*corner].moment));
+    for corner in geometry.corners {
+        // Corners are images of one grain: equal inertias, equal shares.
+        loads[corner] = Load { force: Tuple::zero(), moment: moment.scaled(0.25) };
+    }
+}
+
+/// Adds the boundary forces `P A_q` for which the mean deformation does not accelerate.
+fn spread(geometry: &FrameGeometry, loads: &mut [Load<Discs>]) {
+    let (mut pull, mut areas) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+    for (load, area) in loads.iter().zip(&geometry.areas) {
+        for i in 0..2 {
+            for j in 0..2 {
+                pull[i][j] += load.force[i] * area[j];
+                areas[i][j] += area[i] * area[j];
+            }
+        }
+    }
+    let stress = crate::space::product(&pull, &crate::space::inverse(&areas));
+    for (load, area) in loads.iter_mut().zip(&geometry.areas) {
+        let traction = crate::space::apply(&stress, *area);
+        load.force = load.force.minus(traction);
+    }
+}

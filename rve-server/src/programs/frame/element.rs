@@ -1,0 +1,207 @@
+//! The driver of element tests on a frame: strains prescribed, stresses found by a secant search.
+
+use super::cell::{FrameDefinition, FrameRve};
+use super::options::FrameOptions;
+use crate::definition::PackingFile;
+use crate::programs::rve_test::{Components, ElementError, ElementRow, ElementSummary, ElementTest, Segment};
+use crate::space::plane::{self, Plane};
+use nalgebra::{DMatrix, DVector};
+use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
+
+/// Most trials of one increment under stress control.
+const MOST_TRIALS: u32 = 30;
+
+/// Strain of the probes that give the first response of a segment.
+const PROBE: f64 = 1e-6;
+
+/// Largest strain component of one correction.
+const LARGEST_CORRECTION: f64 = 2e-3;
+
+const KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
+
+/// Runs an element test on the frame that is cut out of `packing`; every row is given to `on_row`.
+///
+/// # Errors
+/// See [`ElementError`]; rows delivered before stay valid.
+pub(crate) fn run_frame_element(
+    test: &ElementTest,
+    options: &FrameOptions,
+    packing: PackingFile,
+    on_row: &mut dyn FnMut(&ElementRow),
+) -> Result<ElementSummary, ElementError> {
+    let definition = FrameDefinition { packing, contact: test.contact.clone(), frame: options.clone() };
+    let mut cell = FrameRve::new(&definition).map_err(ElementError::Definition)?;
+    test.check_dimension(2)?;
+    let first = cell.observe(Observables::ALL);
+    let mut run = Run {
+        stress: flat(&first.stress.plane()),
+        cell,
+        stress_tolerance: test.stress_tolerance,
+        deformation: plane::IDENTITY,
+        summary: ElementSummary::default(),
+        on_row,
+    };
+    run.deliver(&first, 0, 0);
+    for segment in &test.path {
+        for _ in 0..segment.repeat {
+            run.follow(segment)?;
+        }
+    }
+    Ok(run.summary)
+}
+
+struct Run<'a> {
+    cell: FrameRve,
+    stress_tolerance: f64,
+    /// F of the committed state, relative to the frame as cut.
+    deformation: Plane,
+    stress: [f64; 4],
+    summary: ElementSummary,
+    on_row: &'a mut dyn FnMut(&ElementRow),
+}
+
+impl Run<'_> {
+    fn follow(&mut self, segment: &Segment) -> Result<(), ElementError> {
+        let (start, start_stress) = (self.deformation, self.stress);
+        let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
+        let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
+        let mut gradient = [0.0; 4];
+        let mut response = self.probed(&start, &gradient, &places)?;
+        let mut last_change = [0.0; 4];
+        for increment in 1..=segment.increments {
+            let share = f64::from(increment) / f64::from(segment.increments);
+            let committed = gradient;
+            for place in 0..4 {
+                match stresses[place] {
+                    // Going on as before is the first guess.
+                    Some(_) => gradient[place] += last_change[place],
+                    None => gradient[place] = share * strains[place].unwrap_or(0.0),
+                }
+            }
+            let targets: Vec<f64> = places
+                .iter()
+                .map(|place| {
+                    let end = stresses[*place].unwrap_or_default();
+                    start_stress[*place] + share * (end - start_stress[*place])
+                })
+                .collect();
+            self.reach(&start, &mut gradient, &places, &targets, &mut response)?;
+            self.cell.commit().expect("the accepted trial is the latest");
+            self.deformation = deformed(&start, &gradient);
+            last_change = std::array::from_fn(|place| gradient[place] - committed[place]);
+        }
+        Ok(())
+    }
+
+    /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, and delivers the row.
+    fn reach(
+        &mut self,
+        start: &Plane,
+        gradient: &mut [f64; 4],
+        places: &[usize],
+        targets: &[f64],
+        response: &mut DMatrix<f64>,
+    ) -> Result<(), ElementError> {
+        let (mut steps, mut last): (u64, Option<(DVector<f64>, DVector<f64>)>) = (0, None);
+        for trial in 1..=MOST_TRIALS {
+            let answer = self.attempt(start, gradient)?;
+            steps += answer.cost.force_evaluations;
+            let stress = flat(&answer.stress.plane());
+            let miss = DVector::from_iterator(
+                places.len(),
+                places.iter().zip(targets).map(|(place, target)| target - stress[*place]),
+            );
+            let pressure = 0.5 * (stress[0] + stress[3]).abs();
+            let scale = targets.iter().fold(pressure, |largest, target| largest.max(target.abs()));
+            let tolerance = self.stress_tolerance * scale;
+            if miss.iter().all(|miss| miss.abs() <= tolerance) {
+                self.stress = stress;
+                self.deformation = deformed(start, gradient);
+                self.deliver(&answer, trial, steps);
+                return Ok(());
+            }
+            if trial == MOST_TRIALS {
+                let worst = miss.iamax();
+                return Err(ElementError::StressNotReached {
+                    increment: self.summary.rows,
+                    component: KEYS[places[worst]],
+                    reached: stress[places[worst]],
+                    target: targets[worst],
+                    tolerance,
+                    iterations: trial,
+                });
+            }
+            if let Some((step, before)) = &last {
+                let surprise = (before - &miss) - &*response * step;
+                *response += surprise * step.transpose() / step.norm_squared();
+            }
+            let step = response.clone().lu().solve(&miss).unwrap_or_else(|| miss.map(|_| -PROBE));
+            let step = &step * (LARGEST_CORRECTION / step.amax()).min(1.0);
+            for (place, part) in places.iter().zip(step.iter()) {
+                gradient[*place] += part;
+            }
+            last = Some((step, miss));
+        }
+        Ok(())
+    }
+
+    /// Derivative of the controlled stresses by the free strains, from small probes.
+    fn probed(&mut self, start: &Plane, gradient: &[f64; 4], places: &[usize]) -> Result<DMatrix<f64>, ElementError> {
+        let mut response = DMatrix::zeros(places.len(), places.len());
+        for (column, place) in places.iter().enumerate() {
+            let mut stresses = [[0.0; 4]; 2];
+            for (stress, sign) in stresses.iter_mut().zip([1.0, -1.0]) {
+                let mut probe = *gradient;
+                probe[*place] += sign * PROBE;
+                let answer = self.attempt(start, &probe)?;
+                self.summary.dem_steps += answer.cost.force_evaluations;
+                *stress = flat(&answer.stress.plane());
+            }
+            for (row, place) in places.iter().enumerate() {
+                response[(row, column)] = (stresses[0][*place] - stresses[1][*place]) / (2.0 * PROBE);
+            }
+        }
+        Ok(response)
+    }
+
+    fn attempt(&mut self, start: &Plane, gradient: &[f64; 4]) -> Result<TrialAnswer, ElementError> {
+        let target = plane::product(&deformed(start, gradient), &plane::inverse(&self.deformation));
+        let h = plane::add_scaled(&target, -1.0, &plane::IDENTITY);
+        let ask = Ask { observables: Observables::ALL, ..Ask::default() };
+        let answer = self.cell.trial(&Tensor2::from_plane(h), &ask);
+        answer.map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })
+    }
+
+    fn deliver(&mut self, answer: &TrialAnswer, trials: u32, dem_steps: u64) {
+        let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
+        row.trials = trials;
+        row.dem_steps = dem_steps;
+        self.summary.rows += 1;
+        self.summary.trials += u64::from(trials);
+        self.summary.dem_steps += dem_steps;
+        self.summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        self.summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        (self.on_row)(&row);
+    }
+}
+
+/// `F = (I + G) F0`.
+fn deformed(start: &Plane, gradient: &[f64; 4]) -> Plane {
+    let [xx, xy, yx, yy] = *gradient;
+    plane::product(&[[1.0 + xx, xy], [yx, 1.0 + yy]], start)
+}
+
+fn flat(tensor: &Plane) -> [f64; 4] {
+    [tensor[0][0], tensor[0][1], tensor[1][0], tensor[1][1]]
+}
+
+/// The components 11, 12, 21, 22 of a table.
+fn in_plane(table: &Components) -> [Option<f64>; 4] {
+    [table.xx, table.xy, table.yx, table.yy]
+}
+
+/// The plane tensor with a unit component out of the plane.
+fn in_space(tensor: &Plane) -> [[f64; 3]; 3] {
+    let [[xx, xy], [yx, yy]] = *tensor;
+    [[xx, xy, 0.0], [yx, yy, 0.0], [0.0, 0.0, 1.0]]
+}

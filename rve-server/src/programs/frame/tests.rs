@@ -1,0 +1,201 @@
+//! The frame against the periodic cell, against itself, and against what [Liu2018] says of it.
+
+use super::cell::{FrameDefinition, FrameRve};
+use super::constraint::FrameConstraint;
+use super::options::{FrameControl, FrameDamping, FrameOptions};
+use crate::contact::ContactTable;
+use crate::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
+use crate::engine::GrainRve;
+use crate::space::plane::{self, Plane};
+use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
+use std::path::Path;
+
+fn packing() -> PackingFile {
+    PackingFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json")).unwrap()
+}
+
+fn sand() -> ContactTable {
+    ContactTable { normal_stiffness: None, modulus: Some(1.0e8), ..ContactTable::linear(1.0, 0.5, 0.5) }
+}
+
+fn options(constraint: FrameConstraint) -> FrameOptions {
+    FrameOptions { tolerance: Some(1e-7), strain_per_step: Some(2e-6), ..FrameOptions::new(constraint) }
+}
+
+fn frame(options: FrameOptions) -> FrameRve {
+    FrameRve::new(&FrameDefinition { packing: packing(), contact: sand(), frame: options }).unwrap()
+}
+
+fn trial(frame: &mut FrameRve, h: Plane) -> TrialAnswer {
+    let ask = Ask { observables: Observables::ALL, ..Ask::default() };
+    frame.trial(&Tensor2::from_plane(h), &ask).unwrap()
+}
+
+fn worst(a: &Plane, b: &Plane) -> f64 {
+    plane::largest_component(&plane::add_scaled(a, -1.0, b))
+}
+
+/// With the contacts of its sides shared, a periodic frame is the periodic cell that it was cut out of.
+#[test]
+fn periodic_frame_with_shared_sides_is_the_periodic_cell() {
+    let definition = GrainDefinition {
+        packing: packing(),
+        contact: sand(),
+        options: RveOptions { accuracy: Accuracy::Tight, strain_per_step: Some(2e-6), ..RveOptions::default() },
+    };
+    let mut cell = GrainRve::new(&definition).unwrap();
+    let mut frame = frame(FrameOptions { shared_sides: true, ..options(FrameConstraint::Periodic) });
+    let as_cut = worst(
+        &frame.observe(Observables::NONE).stress.plane(),
+        &cell.observe(Observables::NONE).unwrap().stress.plane(),
+    );
+    assert!(as_cut < 1e-7 * 1e5, "stress of the frame as cut is off by {as_cut}");
+    for h in [[[2e-4, 1e-4], [0.0, -4e-4]], [[1e-4, 0.0], [2e-4, -3e-4]]] {
+        let ours = trial(&mut frame, h);
+        let theirs = cell.trial(&Tensor2::from_plane(h), &Ask::default()).unwrap();
+        let error = worst(&ours.stress.plane(), &theirs.stress.plane());
+        assert!(error < 2e-3 * 1e5, "stress differs by {error} Pa");
+        assert!((ours.scalars.void_ratio - theirs.scalars.void_ratio).abs() < 1e-12);
+        frame.commit().unwrap();
+        cell.commit().unwrap();
+    }
+}
+
+/// The two forms of the stress agree, moments of the boundary cancel and the stress is symmetric.
+#[test]
+fn boundary_forces_give_the_stress_of_the_contacts() {
+    for constraint in [FrameConstraint::Linear, FrameConstraint::Periodic, FrameConstraint::Traction] {
+        let mut frame = frame(options(constraint));
+        let answer = trial(&mut frame, [[2e-4, 1e-4], [1e-4, -4e-4]]);
+        assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{}", constraint.keyword());
+        let stress = answer.stress.plane();
+        let inside = frame.network().unwrap().stress();
+        let error = worst(&stress, &inside);
+        assert!(error < 1e-5 * 1e5, "{}: {stress:?} against {inside:?}", constraint.keyword());
+        if constraint != FrameConstraint::Linear {
+            let skew = (stress[0][1] - stress[1][0]).abs();
+            assert!(skew < 1e-4 * 1e5, "{}: couple of {skew} Pa", constraint.keyword());
+        }
+    }
+}
+
+/// E-9: every constraint allows the motions of the stiffer ones.
+#[test]
+fn linear_is_stiffer_than_periodic_is_stiffer_than_traction() {
+    let shear_modulus = |constraint: FrameConstraint| {
+        let stick = ContactTable { friction: 1e9, ..sand() };
+        let definition = FrameDefinition { packing: packing(), contact: stick, frame: options(constraint) };
+        let mut frame = FrameRve::new(&definition).unwrap();
+        // All frames start from their own rest.
+        trial(&mut frame, [[0.0, 1e-12], [1e-12, 0.0]]);
+        frame.commit().unwrap();
+        let before = frame.observe(Observables::NONE).stress.plane()[0][1];
+        let after = trial(&mut frame, [[0.0, 1e-5], [1e-5, 0.0]]).stress.plane()[0][1];
+        (after - before) / 2e-5
+    };
+    let [linear, periodic, traction] =
+        [FrameConstraint::Linear, FrameConstraint::Periodic, FrameConstraint::Traction].map(shear_modulus);
+    assert!(linear > periodic && periodic > traction && traction > 0.0, "{linear} {periodic} {traction}");
+}
+
+/// The nested servo of the paper, with its sign corrected, ends where moving both grains at once ends, if no contact slides:
+/// the two take different ways, and friction remembers the way (measured with friction 0.5: 0.8 % of the pressure).
+#[test]
+fn servo_finds_the_periodic_equilibrium() {
+    let h = [[1e-4, 0.0], [0.0, -2e-4]];
+    let sticking = |frame| {
+        let contact = ContactTable { friction: 1e3, ..sand() };
+        FrameRve::new(&FrameDefinition { packing: packing(), contact, frame }).unwrap()
+    };
+    let mut direct = sticking(options(FrameConstraint::Periodic));
+    let expected = trial(&mut direct, h).stress.plane();
+    let servo = FrameOptions {
+        control: FrameControl::Servo { gain: 1.0 },
+        servo_tolerance: Some(5e-3),
+        most_corrections: Some(3000),
+        ..options(FrameConstraint::Periodic)
+    };
+    let mut nested = sticking(servo);
+    let answer = trial(&mut nested, h);
+    assert!(nested.boundary_residual().unwrap() <= 5e-3, "residual {:?}", nested.boundary_residual());
+    assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+    let error = worst(&answer.stress.plane(), &expected);
+    assert!(error < 5e-3 * 1e5, "{error} Pa from {expected:?}");
+}
+
+/// Local damping with the energy criterion of the paper.
+#[test]
+fn local_damping_ends_at_the_energy_criterion() {
+    let local = FrameOptions {
+        damping: FrameDamping::Local { coefficient: 0.7 },
+        energy_tolerance: Some(1e-10),
+        servo_tolerance: Some(5e-2),
+        ..options(FrameConstraint::Periodic)
+    };
+    let mut damped = frame(local);
+    let answer = trial(&mut damped, [[1e-4, 0.0], [0.0, -2e-4]]);
+    assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+    assert!(answer.scalars.unbalanced_force_ratio < 2e-2, "{}", answer.scalars.unbalanced_force_ratio);
+    let mut fire = frame(options(FrameConstraint::Periodic));
+    let expected = trial(&mut fire, [[1e-4, 0.0], [0.0, -2e-4]]).stress.plane();
+    assert!(worst(&answer.stress.plane(), &expected) < 1e-2 * 1e5);
+}
+
+/// Rotation costs nothing, rollback and snapshots restore every bit.
+#[test]
+fn frame_keeps_the_contract_of_an_rve() {
+    let mut frame = frame(FrameOptions { tolerance: Some(1e-4), ..options(FrameConstraint::Periodic) });
+    let h = [[1e-4, 2e-5], [0.0, -2e-4]];
+    let first = trial(&mut frame, h);
+    let mut bytes = Vec::new();
+    frame.snapshot_trial(&mut bytes).unwrap();
+    frame.rollback();
+    trial(&mut frame, [[0.0, 0.0], [0.0, 1e-4]]);
+    frame.rollback();
+    assert_eq!(trial(&mut frame, h).stress, first.stress);
+    let (sine, cosine) = 0.7f64.sin_cos();
+    let rotation = [[cosine, -sine], [sine, cosine]];
+    let f = plane::product(&rotation, &plane::add_scaled(&plane::IDENTITY, 1.0, &plane::polar(&h).strain));
+    let turned = trial(&mut frame, plane::add_scaled(&f, -1.0, &plane::IDENTITY)).stress.plane();
+    let straight = trial(&mut frame, plane::polar(&h).strain).stress.plane();
+    assert!(worst(&turned, &plane::rotated(&straight, &rotation)) < 1e-6 * 1e5);
+    frame.restore(&bytes).unwrap();
+    assert_eq!(frame.observe(Observables::NONE).stress.plane(), first.stress.plane());
+    let next = trial(&mut frame, h).stress;
+    frame.restore(&bytes).unwrap();
+    assert_eq!(trial(&mut frame, h).stress, next);
+}
+
+/// The element test of [Liu2018]'s frame: compression at constant lateral stress.
+#[test]
+fn element_tests_run_on_frames() {
+    let text = r#"
+        packing = "../packings/discs-100.json"
+        stress_tolerance = 1e-3
+        [contact]
+        law = "linear"
+        modulus = 1.0e8
+        stiffness_ratio = 0.5
+        friction = 0.5
+        [frame]
+        constraint = "periodic"
+        strain_per_step = 5e-6
+        [[path]]
+        increments = 3
+        strain = { yy = -6e-4 }
+        stress = { xx = -1e5 }
+    "#;
+    let test = crate::programs::rve_test::ElementTest::from_toml(text).unwrap();
+    let mut rows = Vec::new();
+    let base = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let kind = protocol::TangentKind::None;
+    crate::programs::rve_test::run_element(&test, base, kind, &mut |row| rows.push(row.clone())).unwrap();
+    assert_eq!(rows.len(), 4);
+    let last = &rows[3];
+    assert!((last.stress[0][0] + 1e5).abs() < 2e-3 * 2e5, "{:?}", last.stress);
+    assert!(last.stress[1][1] < rows[0].stress[1][1] - 1e4, "the axial stress has grown");
+    assert!((last.deformation[1][1] - (1.0 - 6e-4)).abs() < 1e-15);
+    let refused =
+        crate::programs::rve_test::ElementTest::from_toml(&text.replace("5e-6", "-1.0")).unwrap_err().to_string();
+    assert!(refused.contains("frame.strain_per_step"));
+}

@@ -1,0 +1,99 @@
+//! Rows of an element test as CSV. Equal rows give equal bytes; no column holds a time.
+
+use super::path::flat;
+use super::row::ElementRow;
+use super::test_file::{COMPONENT_KEYS, is_in_plane};
+use protocol::TangentKind;
+use std::io::Write;
+
+const SCALARS: [&str; 8] = [
+    "void_ratio",
+    "coordination_number",
+    "coordination_number_no_rattlers",
+    "fabric_anisotropy",
+    "sliding_fraction",
+    "unbalanced_force_ratio",
+    "max_overlap_ratio",
+    "dem_steps",
+];
+
+/// Writes the header and then one line per row, each as soon as it is given.
+pub struct ElementCsv<W: Write> {
+    writer: csv::Writer<W>,
+    tangent: TangentKind,
+    has_header: bool,
+}
+
+impl<W: Write> ElementCsv<W> {
+    /// Starts a table; operator columns appear unless `tangent` is [`TangentKind::None`]. The header is written with the
+    /// first row, whose dimension tells the components.
+    ///
+    /// # Errors
+    /// Whatever the output reports.
+    pub fn new(output: W, tangent: TangentKind) -> csv::Result<Self> {
+        Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false })
+    }
+
+    fn write_header(&mut self, dimension: u32) -> csv::Result<()> {
+        let mut names = vec!["increment".to_owned()];
+        for quantity in ["F", "sigma"] {
+            names.extend(places(dimension).map(|place| format!("{quantity}_{}", COMPONENT_KEYS[place])));
+        }
+        names.extend(SCALARS.map(str::to_owned));
+        if self.tangent != TangentKind::None {
+            let pair = |place: usize| format!("{}{}", place / 3 + 1, place % 3 + 1);
+            names.extend(
+                places(dimension)
+                    .flat_map(|row| places(dimension).map(move |column| format!("C_{}{}", pair(row), pair(column)))),
+            );
+        }
+        self.has_header = true;
+        self.writer.write_record(&names)
+    }
+
+    /// Writes one row.
+    ///
+    /// # Errors
+    /// Whatever the output reports.
+    pub fn write(&mut self, row: &ElementRow) -> csv::Result<()> {
+        if !self.has_header {
+            self.write_header(row.dimension)?;
+        }
+        let mut numbers: Vec<f64> = Vec::new();
+        for tensor in [&row.deformation, &row.stress] {
+            numbers.extend(places(row.dimension).map(|place| flat(tensor)[place]));
+        }
+        numbers.extend([
+            row.void_ratio,
+            row.coordination_number,
+            row.coordination_number_no_rattlers,
+            row.fabric_anisotropy,
+            row.sliding_fraction,
+            row.unbalanced_force_ratio,
+            row.max_overlap_ratio,
+        ]);
+        let mut fields = vec![row.increment.to_string()];
+        fields.extend(numbers.iter().map(|value| shortest(*value)));
+        fields.push(row.dem_steps.to_string());
+        if let Some(outcome) = &row.tangent {
+            let operator = &outcome.operator;
+            fields.extend(places(row.dimension).flat_map(|line| {
+                places(row.dimension)
+                    .map(move |column| shortest(operator.get(line / 3, line % 3, column / 3, column % 3)))
+            }));
+        }
+        self.writer.write_record(&fields)?;
+        self.writer.flush()?;
+        Ok(())
+    }
+}
+
+/// Numbers of the components that a cell of this dimension has.
+fn places(dimension: u32) -> impl Iterator<Item = usize> {
+    (0..9).filter(move |place| dimension == 3 || is_in_plane(*place))
+}
+
+/// The shortest text that reads back to the same bits.
+fn shortest(value: f64) -> String {
+    format!("{value:e}")
+}

@@ -1,0 +1,53 @@
+//! Why an element test was refused or stopped.
+
+use crate::definition::PackingError;
+use protocol::RveError;
+use thiserror::Error;
+
+/// Why an element test was refused or stopped. Rows already delivered stay valid.
+#[derive(Debug, Error)]
+pub enum ElementError {
+    /// The test file is not what it should be; names the key.
+    #[error("{0}")]
+    Test(String),
+    /// The packing file cannot be used.
+    #[error(transparent)]
+    Packing(#[from] PackingError),
+    /// The packing, contact law and options make no cell.
+    #[error(transparent)]
+    Definition(RveError),
+    /// The cell refused or failed.
+    #[error("increment {increment}: {reason}")]
+    Cell {
+        /// Row that was being computed.
+        increment: u64,
+        /// The cell's reason.
+        reason: RveError,
+    },
+    /// The prescribed stress was not reached.
+    #[error(
+        "increment {increment}: sigma_{component} = {reached:.6e} Pa did not reach {target:.6e} Pa within {tolerance:.1e} Pa \
+         in {iterations} iterations; use more increments, or prescribe the strain where the packing softens"
+    )]
+    StressNotReached {
+        /// Row that was being computed.
+        increment: u64,
+        /// Component farthest from its target.
+        component: &'static str,
+        /// Value in the best iteration, Pa.
+        reached: f64,
+        /// Value wanted, Pa.
+        target: f64,
+        /// Largest difference allowed, Pa.
+        tolerance: f64,
+        /// Trials made.
+        iterations: u32,
+    },
+}
+
+impl ElementError {
+    /// Whether the input is to blame (exit code 2) and not the course of the test (exit code 1).
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::Test(_) | Self::Packing(_) | Self::Definition(_))
+    }
+}

@@ -1,0 +1,439 @@
+//! The driver: increment by increment along the path.
+
+use super::error::ElementError;
+use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, flat, tensor_of};
+use super::row::ElementRow;
+use super::servo::{Miss, Servo};
+use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
+use crate::cell::ContactNetwork;
+use crate::definition::{GrainDefinition, Packing, PackingFile};
+use crate::engine::{GrainRve, ListedForces};
+use crate::programs::frame::element::run_frame_element;
+use crate::solver::SolverFor;
+use crate::space::{Tensor, add_scaled};
+use crate::tangent;
+use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Most trials of one increment under stress control.
+const MOST_TRIALS: u32 = 30;
+
+/// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
+/// target, relative to the mean pressure.
+const LARGEST_JUMP: f64 = 0.05;
+
+/// Most times that an increment is halved for the sake of the controlled stresses.
+const MOST_HALVINGS: u32 = 5;
+
+/// What a whole element test cost and where it fell short.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElementSummary {
+    /// Rows delivered, row 0 included.
+    pub rows: u64,
+    /// Trials made, rejected ones included.
+    pub trials: u64,
+    /// DEM steps of all trials.
+    pub dem_steps: u64,
+    /// DEM steps of the probes of all operators.
+    pub operator_steps: u64,
+    /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
+    pub stress_jumps: u64,
+    /// Rows whose increment was cut because no strain was found for the controlled stresses.
+    pub cut_increments: u64,
+    /// Rows whose relaxation ended before the grains were at rest.
+    pub not_equilibrated: u64,
+    /// Rows of a cell without load-bearing contacts.
+    pub no_load: u64,
+    /// Rows whose relaxation made no headway and went on with another damping and smaller steps.
+    pub damping_changed: u64,
+    /// Rows with an overlap above 10 % of a grain diameter.
+    pub large_overlap: u64,
+    /// Rows whose operator columns hold the uniform-strain operator because the one asked for failed.
+    pub tangent_fallbacks: u64,
+    /// Rows whose operator needed mechanisms to be held.
+    pub tangent_regularised: u64,
+    /// What became of the tangential forces that the packing lists.
+    pub listed_forces: ListedForces,
+}
+
+/// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
+/// the operator `tangent` unless that is [`TangentKind::None`].
+///
+/// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma|` over the
+/// dimension of the trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
+///
+/// # Errors
+/// See [`ElementError`]; rows delivered before stay valid.
+pub fn run_element(
+    test: &ElementTest,
+    base_dir: &Path,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow),
+) -> Result<ElementSummary, ElementError> {
+    let packing = Packing::read(&base_dir.join(&test.packing))?;
+    run_element_on(test, packing, tangent, &mut |row| {
+        on_row(row);
+        ControlFlow::Continue(())
+    })
+}
+
+/// Runs `test` on a packing in memory, which has been checked; `test.packing` is not read. `on_row` may end the test after
+/// any row of a cell; frames go on to their end.
+///
+/// # Errors
+/// As [`run_element`].
+pub fn run_element_on(
+    test: &ElementTest,
+    packing: Packing,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+) -> Result<ElementSummary, ElementError> {
+    match packing {
+        Packing::Discs(packing) => match &test.frame {
+            Some(options) => run_frame_element(test, options, packing, &mut |row| {
+                let _ = on_row(row);
+            }),
+            None => run_in_space(test, packing, tangent, on_row),
+        },
+        Packing::Spheres(_) if test.frame.is_some() => {
+            Err(ElementError::Test("frame: boundary-particle frames are for plane packings; remove the table".into()))
+        }
+        Packing::Spheres(packing) => run_in_space(test, packing, tangent, on_row),
+    }
+}
+
+fn run_in_space<S: SolverFor>(
+    test: &ElementTest,
+    packing: PackingFile<S>,
+    tangent: TangentKind,
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+) -> Result<ElementSummary, ElementError> {
+    test.check_dimension(S::DIMENSION)?;
+    let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
+    let cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
+    let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
+    let mut run = Run {
+        cell,
+        stress_tolerance: test.stress_tolerance,
+        tangent,
+        summary,
+        deformation: Matrix::IDENTITY,
+        stress: Matrix::ZERO,
+        network: None,
+        last_change: None,
+        spent: Spent::default(),
+    };
+    if run.begin(on_row).map_err(ElementError::Definition)?.is_break() {
+        return Ok(run.summary);
+    }
+    for segment in &test.path {
+        run.last_change = None;
+        for _ in 0..segment.repeat {
+            if run.follow(segment, on_row)?.is_break() {
+                return Ok(run.summary);
+            }
+        }
+    }
+    Ok(run.summary)
+}
+
+struct Run<S: SolverFor> {
+    cell: GrainRve<S>,
+    stress_tolerance: f64,
+    tangent: TangentKind,
+    summary: ElementSummary,
+    /// F of the committed state, relative to the packing as given.
+    deformation: Matrix,
+    /// Stress of the committed state, Pa.
+    stress: Matrix,
+    /// Network of the committed state with the contacts that slid on the way to it.
+    network: Option<ContactNetwork<S>>,
+    /// Change of G in the last increment of the same segment.
+    last_change: Option<Matrix>,
+    /// What the present increment has taken so far.
+    spent: Spent,
+}
+
+/// Trials and their DEM steps, those of searches that failed included.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
+    trials: u32,
+    dem_steps: u64,
+}
+
+/// An accepted trial and what it took.
+struct Accepted {
+    gradient: Matrix,
+    answer: TrialAnswer,
+    trials: u32,
+    dem_steps: u64,
+}
+
+impl<S: SolverFor> Run<S> {
+    fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>) -> Result<ControlFlow<()>, RveError> {
+        let answer = self.cell.observe(Observables::ALL)?;
+        self.network = Some(self.cell.committed_network()?);
+        let operator = (self.tangent != TangentKind::None).then(|| {
+            // Nothing moves in a null trial; it is dropped, so that the first step starts as without an operator.
+            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a null target cannot be refused");
+            let operator = self.operator();
+            self.cell.rollback();
+            operator.expect("one was asked for")
+        });
+        let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
+        Ok(self.deliver(&row, on_row))
+    }
+
+    fn follow(
+        &mut self,
+        segment: &Segment,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, ElementError> {
+        let kinematics_at_start = self.deformation;
+        let start_stress = flat(&self.stress);
+        let mut committed_gradient = Matrix::ZERO;
+        for increment in 1..=segment.increments {
+            let share = |number: u32| f64::from(number) / f64::from(segment.increments);
+            let (mut reached, end) = (share(increment - 1), share(increment));
+            let mut stride = end - reached;
+            let smallest = stride / f64::from(1 << MOST_HALVINGS);
+            let (mut trials, mut dem_steps) = (0, 0);
+            let accepted = loop {
+                // The end itself, to the bit, unless the increment had to be cut.
+                let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
+                let aim = if is_last { end } else { reached + stride };
+                let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
+                let mut gradient = flat(&committed_gradient);
+                let mut targets = segment.stress.values();
+                for place in 0..COMPONENTS {
+                    match &mut targets[place] {
+                        Some(target) => *target = start_stress[place] + aim * (*target - start_stress[place]),
+                        None => gradient[place] = aim * segment.strain.values()[place].unwrap_or(0.0),
+                    }
+                }
+                let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
+                let is_smallest = stride <= smallest;
+                let attempt = if targets.iter().all(Option::is_none) {
+                    self.prescribed(&step)
+                } else {
+                    self.controlled(&step, is_smallest)
+                };
+                trials += std::mem::take(&mut self.spent.trials);
+                dem_steps += std::mem::take(&mut self.spent.dem_steps);
+                let accepted = match attempt {
+                    Err(ElementError::StressNotReached { .. }) if !is_smallest => {
+                        self.cell.rollback();
+                        self.last_change = None;
+                        stride *= 0.5;
+                        continue;
+                    }
+                    attempt => attempt?,
+                };
+                if is_last {
+                    break accepted;
+                }
+                self.take_up(&step.kinematics, &accepted, &mut committed_gradient);
+                reached = aim;
+            };
+            let operator = self.operator();
+            let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
+            self.take_up(&kinematics, &accepted, &mut committed_gradient);
+            if stride < 0.75 * (end - share(increment - 1)) {
+                self.summary.cut_increments += 1;
+                self.last_change = None;
+            }
+            if self.accept(&Accepted { trials, dem_steps, ..accepted }, operator, on_row).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Makes the accepted trial the committed state.
+    fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
+        self.cell.commit().expect("the accepted trial is the latest");
+        self.last_change = Some(add_scaled(&accepted.gradient, -1.0, committed_gradient));
+        *committed_gradient = accepted.gradient;
+        self.deformation = kinematics.deformation(&accepted.gradient);
+        self.stress = tensor_of(&accepted.answer.stress.0);
+    }
+
+    fn accept(
+        &mut self,
+        accepted: &Accepted,
+        operator: Option<tangent::TangentOutcome>,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let mut row =
+            ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
+        row.trials = accepted.trials;
+        row.dem_steps = accepted.dem_steps;
+        self.deliver(&row, on_row)
+    }
+
+    fn deliver(
+        &mut self,
+        row: &ElementRow,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        self.stress = row.stress;
+        let summary = &mut self.summary;
+        summary.rows += 1;
+        summary.trials += u64::from(row.trials);
+        summary.dem_steps += row.dem_steps;
+        summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        summary.no_load += u64::from(row.flags.contains(TrialFlags::FLUID));
+        summary.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
+        summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        if let Some(outcome) = &row.tangent {
+            summary.tangent_fallbacks += u64::from(outcome.fallback);
+            summary.tangent_regularised += u64::from(outcome.regularised);
+        }
+        on_row(row)
+    }
+
+    /// The operator asked for, of the present trial.
+    fn operator(&mut self) -> Option<tangent::TangentOutcome> {
+        if self.tangent == TangentKind::None {
+            return None;
+        }
+        let probed = self.cell.operator(self.tangent).expect("there is a trial");
+        self.summary.operator_steps += probed.force_evaluations;
+        Some(probed.outcome)
+    }
+
+    /// One trial; keeps its network.
+    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
+        let ask = Ask { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
+        let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
+        let answer = self
+            .cell
+            .trial(&target, &ask)
+            .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
+        self.spent.trials += 1;
+        self.spent.dem_steps += answer.cost.force_evaluations;
+        Ok(answer)
+    }
+
+    fn keep_network(&mut self) {
+        self.network = self.cell.network().cloned();
+    }
+
+    fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
+        let answer = self.attempt(step, &step.gradient, 0)?;
+        self.keep_network();
+        let dem_steps = answer.cost.force_evaluations;
+        Ok(Accepted { gradient: step.gradient, answer, trials: 1, dem_steps })
+    }
+
+    /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
+    /// may leave it.
+    fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
+        let by_operator = |kind| -> Operator {
+            let network = self.network.as_ref().expect("row 0 sets the network");
+            by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
+        };
+        let (sliding, elastic) = (by_operator(TangentKind::TrussLikeSlip), by_operator(TangentKind::TrussLike));
+        let mut servo = Servo::new(&step.targets, &sliding, &elastic);
+        let mut gradient = match &self.last_change {
+            // Going on as before beats every operator while the path is smooth.
+            Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
+            None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
+        };
+        let (mut ramp_steps, mut dem_steps, mut trials) = (0, 0, 0);
+        let mut closest: Option<(Miss, f64, Matrix)> = None;
+        while trials < MOST_TRIALS {
+            trials += 1;
+            let answer = match self.attempt(step, &gradient, ramp_steps) {
+                // The search has left the range of one trial: the target lies beyond what the cell can carry.
+                Err(ElementError::Cell { reason, .. }) if closest.is_some() && is_out_of_range(&reason) => break,
+                answer => answer?,
+            };
+            // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
+            ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
+            dem_steps += answer.cost.force_evaluations;
+            let stress = tensor_of(&answer.stress.0);
+            let scale = step.stress_scale(&stress, S::DIMENSION);
+            let miss = servo.miss(&stress);
+            let tolerance = self.stress_tolerance * scale;
+            let is_reached = miss.distance() <= tolerance;
+            let is_at_jump = servo.has_pinned_a_jump(tolerance) && gradient == servo.best(&gradient);
+            if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
+                self.summary.stress_jumps += u64::from(!is_reached);
+                self.keep_network();
+                return Ok(Accepted { gradient, answer, trials, dem_steps });
+            }
+            if closest.is_none_or(|(best, ..)| miss.distance() < best.distance()) {
+                closest = Some((miss, tolerance, gradient));
+            }
+            if is_at_jump {
+                break;
+            }
+            gradient = servo.improve(&gradient, &stress);
+            if servo.has_pinned_a_jump(tolerance) {
+                gradient = servo.best(&gradient);
+            }
+        }
+        let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
+        if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
+            let answer = self.attempt(step, &gradient, ramp_steps)?;
+            dem_steps += answer.cost.force_evaluations;
+            self.summary.stress_jumps += 1;
+            self.keep_network();
+            return Ok(Accepted { gradient, answer, trials: trials + 1, dem_steps });
+        }
+        Err(ElementError::StressNotReached {
+            increment: self.summary.rows,
+            component: COMPONENT_KEYS[miss.component],
+            reached: miss.reached,
+            target: miss.target,
+            tolerance,
+            iterations: trials,
+        })
+    }
+}
+
+fn is_out_of_range(reason: &RveError) -> bool {
+    matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
+}
+
+/// What one increment asks for.
+struct Step {
+    kinematics: SegmentKinematics,
+    /// G of the committed state.
+    committed_gradient: Matrix,
+    /// G with its prescribed components at their new values and its unknown ones as committed.
+    gradient: Matrix,
+    /// Stress targets of the controlled components, Pa.
+    targets: [Option<f64>; COMPONENTS],
+}
+
+impl Step {
+    /// `gradient` with its unknown components taken from `source`.
+    fn with_unknowns(&self, source: &Matrix) -> Matrix {
+        let (mut values, source) = (flat(&self.gradient), flat(source));
+        for place in 0..COMPONENTS {
+            if self.targets[place].is_some() {
+                values[place] = source[place];
+            }
+        }
+        tensor_of(&values)
+    }
+
+    /// Stress to first order if only the prescribed components move.
+    fn expected_stress(&self, stress: &Matrix, derivative: &Operator) -> Matrix {
+        let change = flat(&add_scaled(&self.gradient, -1.0, &self.committed_gradient));
+        let mut expected = flat(stress);
+        for (value, row) in expected.iter_mut().zip(derivative) {
+            *value += row.iter().zip(&change).map(|(coefficient, part)| coefficient * part).sum::<f64>();
+        }
+        tensor_of(&expected)
+    }
+
+    /// What the stress tolerance is relative to, Pa.
+    fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
+        let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
+        self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
+    }
+}

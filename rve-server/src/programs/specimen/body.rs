@@ -1,0 +1,396 @@
+//! Grains and all forces between them: what a specimen and a frame have in common.
+//!
+//! The forces are the same bits for any number of threads. Pairs are evaluated in blocks of fixed size, each pair writes
+//! its own record, every grain then collects the records of its own pairs in pair order, and sums of blocks are added in
+//! block order: no sum depends on who computed what.
+
+use super::SpecimenSpace;
+use super::block::Block;
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
+use crate::cell::{Cell, PairFinder, PairKey};
+use crate::contact::ContactLaw;
+use crate::simd::Tuple;
+use crate::space::{Components, Tensor};
+use rayon::prelude::*;
+
+/// Pairs evaluated as one unit of work.
+const PAIRS_PER_BLOCK: usize = 2048;
+
+/// Grains that collect their loads as one unit of work.
+const GRAINS_PER_BLOCK: usize = 2048;
+
+/// Listed pairs from which on threads are worth their cost.
+const FEWEST_FOR_THREADS: usize = 8192;
+
+/// Pair ends beyond reach, in mean radii, that are listed as well, so that a list lasts.
+const SKIN: f64 = 0.1;
+
+/// A listed pair as the search for contacts sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Listed {
+    pub(crate) origin: u32,
+    pub(crate) end: u32,
+    /// Row of the table of image translations.
+    pub(crate) image: u32,
+    /// Square of the distance below which the pair touches, m2.
+    pub(crate) near_square: f64,
+}
+
+/// Which contacts a body shares with its neighbours; see [`Body::share_sides`].
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Sides {
+    masks: Vec<u8>,
+    weight: f64,
+}
+
+/// Grains, the pairs between them and the loads that result.
+#[derive(Clone, Debug)]
+pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
+    law: C,
+    /// Translations to the next image along the periodic axes, m; nothing where a body ends.
+    periods: [Option<S::Vector>; 3],
+    /// The grains.
+    pub grains: Vec<Grain<S>>,
+    /// Loads of the last evaluation.
+    pub loads: Vec<Load<S>>,
+    masses: Vec<f64>,
+    damping_ratio: f64,
+    sides: Sides,
+    keys: Vec<PairKey<S>>,
+    pub(crate) pairs: Vec<Listed>,
+    pub(crate) slots: Vec<Slot<S, C>>,
+    pair_loads: Vec<PairLoad<S>>,
+    images: Vec<S::Coordinates<f64>>,
+    /// Pairs of each grain: `2 pair + 1` where the grain is the end; grain `i` has entries `starts[i]..starts[i + 1]`.
+    members: Vec<u32>,
+    starts: Vec<u32>,
+    finder: PairFinder<S>,
+    skin: f64,
+    listed_at: Vec<S::Coordinates<f64>>,
+    /// Renewals of the pair list so far.
+    pub renewals: u64,
+}
+
+impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
+    /// A body of grains with these masses, kg. `damping_ratio` is that of every contact's viscosity, 0 for none; `periods`
+    /// are the translations to the next image along the periodic axes, which have no part along the other axes.
+    pub fn new(
+        law: C,
+        grains: Vec<Grain<S>>,
+        masses: Vec<f64>,
+        damping_ratio: f64,
+        periods: [Option<S::Vector>; 3],
+    ) -> Self {
+        let mean = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len().max(1) as f64;
+        let mut body = Self {
+            law,
+            periods,
+            loads: vec![Load::none(); grains.len()],
+            grains,
+            masses,
+            damping_ratio,
+            sides: Sides { masks: Vec::new(), weight: 1.0 },
+            keys: Vec::new(),
+            pairs: Vec::new(),
+            slots: Vec::new(),
+            pair_loads: Vec::new(),
+            images: Vec::new(),
+            members: Vec::new(),
+            starts: Vec::new(),
+            finder: PairFinder::default(),
+            skin: SKIN * mean,
+            listed_at: Vec::new(),
+            renewals: 0,
+        };
+        body.list_pairs();
+        body
+    }
+
+    /// Contacts between two grains of the same side count with `weight`: they belong to the neighbouring body as well.
+    /// `masks` has a bit per side for every grain.
+    pub fn share_sides(&mut self, masks: Vec<u8>, weight: f64) {
+        self.sides = Sides { masks, weight };
+        self.list_pairs();
+    }
+
+    /// The contact law.
+    pub fn law(&self) -> &C {
+        &self.law
+    }
+
+    /// Another law for all contacts, as when friction changes between two stages; histories are kept.
+    pub fn change_law(&mut self, law: C) {
+        if law == self.law {
+            return;
+        }
+        self.law = law;
+        for slot in &mut self.slots {
+            slot.constants = law.constants(slot.radii);
+        }
+    }
+
+    /// Mass of a grain, kg.
+    pub fn mass(&self, grain: usize) -> f64 {
+        self.masses[grain]
+    }
+
+    /// Masses of the grains in the motion, kg: contact viscosity follows them.
+    pub(crate) fn change_masses(&mut self, masses: &[f64]) {
+        self.masses.copy_from_slice(masses);
+        if self.damping_ratio == 0.0 {
+            return;
+        }
+        for (pair, slot) in self.pairs.iter().zip(&mut self.slots) {
+            let [first, second] = [masses[pair.origin as usize], masses[pair.end as usize]];
+            slot.change_mass(first * second / (first + second), self.damping_ratio);
+        }
+    }
+
+    /// Damping ratio of every contact's viscosity.
+    pub(crate) fn damping_ratio(&self) -> f64 {
+        self.damping_ratio
+    }
+
+    /// Gives contacts the tangential forces and rolling moments that they have, as axial vectors on their origin grain,
+    /// computed from the branch. Returns the number of those that do not touch: they are passed over.
+    pub(crate) fn adopt<F>(&mut self, histories: impl Iterator<Item = (PairKey<S>, F)>) -> usize
+    where
+        F: FnOnce(S::Coordinates<f64>) -> [S::Axial<f64>; 2],
+    {
+        let mut passed_over = 0;
+        for (key, history) in histories {
+            let adopted = self.keys.binary_search(&key).is_ok_and(|index| {
+                let branch = self.branch(index);
+                let [force, moment] = history(branch);
+                self.slots[index].adopt(&self.law, branch, force, moment)
+            });
+            passed_over += usize::from(!adopted);
+        }
+        passed_over
+    }
+
+    /// Key of a listed pair.
+    pub(crate) fn key(&self, index: usize) -> &PairKey<S> {
+        &self.keys[index]
+    }
+
+    /// Numbers of the touching pairs, in key order.
+    pub(crate) fn touching(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.slots.len()).filter(|index| self.slots[*index].touches)
+    }
+
+    /// Branch vector of a listed pair, m.
+    pub(crate) fn branch(&self, index: usize) -> S::Coordinates<f64> {
+        let pair = &self.pairs[index];
+        let (origin, end) = (&self.grains[pair.origin as usize], &self.grains[pair.end as usize]);
+        end.position.minus(origin.position).plus(self.images[pair.image as usize])
+    }
+
+    /// Love-Weber sum `sum f x b` over all contacts, J, tension positive: stress times volume. Row-major, 3 x 3.
+    pub fn stress_sum(&self) -> [[f64; 3]; 3] {
+        let mut sum = [[0.0; 3]; 3];
+        for index in self.touching() {
+            let (branch, force) = (self.branch(index), self.pair_loads[index].force);
+            for (row, component) in sum.iter_mut().zip(force.as_ref()) {
+                for (value, arm) in row.iter_mut().zip(branch.as_ref()) {
+                    *value += component * arm;
+                }
+            }
+        }
+        sum
+    }
+
+    /// Contact fabric `1/C sum n x n`, row-major, 3 x 3; zero without contacts.
+    pub fn fabric(&self) -> [[f64; 3]; 3] {
+        let (mut sum, mut count) = ([[0.0; 3]; 3], 0.0f64);
+        for index in self.touching() {
+            let direction = self.slots[index].direction;
+            for (row, first) in sum.iter_mut().zip(direction.as_ref()) {
+                for (value, second) in row.iter_mut().zip(direction.as_ref()) {
+                    *value += first * second;
+                }
+            }
+            count += 1.0;
+        }
+        sum.map(|row| row.map(|value| value / count.max(1.0)))
+    }
+
+    /// Renews the pair list if some unlisted pair may touch by now.
+    ///
+    /// Returns whether it was renewed.
+    pub fn keep_list_complete(&mut self) -> bool {
+        let limit = 0.25 * self.skin * self.skin;
+        let has_wandered = |(grain, listed): (&Grain<S>, &S::Coordinates<f64>)| {
+            let way = grain.position.minus(*listed);
+            let covered = way.dot(way);
+            // A position that is not a number has moved as well.
+            covered.is_nan() || covered >= limit
+        };
+        let renew = if self.grains.len() >= FEWEST_FOR_THREADS {
+            self.grains.par_iter().zip(&self.listed_at).any(has_wandered)
+        } else {
+            self.grains.iter().zip(&self.listed_at).any(has_wandered)
+        };
+        if renew {
+            self.list_pairs();
+        }
+        renew
+    }
+
+    /// All contact forces after a motion of `step` seconds; loads hold contact forces alone afterwards.
+    pub fn evaluate(&mut self, step: f64) -> ContactSums {
+        let (law, grains, images) = (&self.law, &self.grains, &self.images);
+        let blocks = self.pairs.len().div_ceil(PAIRS_PER_BLOCK);
+        let threaded = self.pairs.len() >= FEWEST_FOR_THREADS;
+        let mut sums = vec![ContactSums::default(); blocks];
+        if threaded {
+            self.pairs
+                .par_chunks(PAIRS_PER_BLOCK)
+                .zip(self.slots.par_chunks_mut(PAIRS_PER_BLOCK))
+                .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
+                .zip(sums.par_iter_mut())
+                .for_each(|(((pairs, slots), loads), sums)| {
+                    *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
+                });
+        } else {
+            let blocks = self
+                .pairs
+                .chunks(PAIRS_PER_BLOCK)
+                .zip(self.slots.chunks_mut(PAIRS_PER_BLOCK))
+                .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
+            for (((pairs, slots), loads), sums) in blocks.zip(&mut sums) {
+                *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
+            }
+        }
+        self.collect(threaded);
+        sums.iter().fold(ContactSums::default(), |mut whole, block| {
+            whole.add(block);
+            whole
+        })
+    }
+
+    /// Every grain sums the loads of its own pairs.
+    fn collect(&mut self, threaded: bool) {
+        let (starts, members, slots, pair_loads) = (&self.starts, &self.members, &self.slots, &self.pair_loads);
+        let gather = |first: usize, loads: &mut [Load<S>]| {
+            for (offset, load) in loads.iter_mut().enumerate() {
+                let grain = first + offset;
+                *load = Load::none();
+                for &member in &members[starts[grain] as usize..starts[grain + 1] as usize] {
+                    let pair = (member >> 1) as usize;
+                    if !slots[pair].touches {
+                        continue;
+                    }
+                    let is_end = (member & 1) as usize;
+                    let record = &pair_loads[pair];
+                    let force = if is_end == 1 { record.force.scaled(-1.0) } else { record.force };
+                    load.force = load.force.plus(force);
+                    load.moment = load.moment.plus(record.moments[is_end]);
+                }
+            }
+        };
+        if threaded {
+            let blocks = self.loads.par_chunks_mut(GRAINS_PER_BLOCK).enumerate();
+            blocks.for_each(|(block, loads)| gather(block * GRAINS_PER_BLOCK, loads));
+        } else {
+            gather(0, &mut self.loads);
+        }
+    }
+
+    /// Per grain, what its contacts add up to in the stability bound; `inertia_factor` is the moment of inertia over mass
+    /// times radius squared. Twice the stiffness over the mass bounds every squared frequency.
+    pub fn own_stiffness(&self, inertia_factor: f64) -> Vec<OwnStiffness> {
+        let mut sums = vec![OwnStiffness::default(); self.grains.len()];
+        for index in self.touching() {
+            for grain in [self.pairs[index].origin as usize, self.pairs[index].end as usize] {
+                sums[grain].add(&self.slots[index].own(&self.law, self.grains[grain].radius, inertia_factor));
+            }
+        }
+        sums
+    }
+
+    fn list_pairs(&mut self) {
+        let cell = self.enclosing_cell();
+        let radii: Vec<f64> = self.grains.iter().map(|grain| grain.radius).collect();
+        let positions = self.grains.iter().map(|grain| S::Vector::from_fn(|axis| grain.position.as_ref()[axis]));
+        let mut keys = Vec::new();
+        self.finder.find(&cell, positions, &radii, self.skin, &mut keys);
+        let mut shifts: Vec<S::Shift> = keys.iter().map(|key| key.shift).collect();
+        shifts.sort_unstable();
+        shifts.dedup();
+        self.images.clear();
+        self.images.extend(shifts.iter().map(|shift| {
+            let translation = cell.translation(*shift);
+            <S::Coordinates<f64>>::build(|axis| translation[axis])
+        }));
+        let (mut pairs, mut slots) = (Vec::with_capacity(keys.len()), Vec::with_capacity(keys.len()));
+        let mut old = self.keys.iter().zip(&self.slots).peekable();
+        for key in &keys {
+            while old.next_if(|(old_key, _)| *old_key < key).is_some() {}
+            let (origin, end) = (key.origin as usize, key.end as usize);
+            let sides = (self.sides.masks.get(origin), self.sides.masks.get(end));
+            let is_shared = matches!(sides, (Some(first), Some(second)) if first & second != 0);
+            let weight = if is_shared { self.sides.weight } else { 1.0 };
+            let slot = match old.next_if(|(old_key, _)| *old_key == key) {
+                Some((_, slot)) => Slot { weight, ..*slot },
+                None => Slot::new(
+                    &self.law,
+                    [radii[origin], radii[end]],
+                    [self.masses[origin], self.masses[end]],
+                    self.damping_ratio,
+                    weight,
+                ),
+            };
+            let range = radii[origin] + radii[end];
+            let image = shifts.binary_search(&key.shift).expect("every shift was collected") as u32;
+            pairs.push(Listed { origin: key.origin, end: key.end, image, near_square: range * range });
+            slots.push(slot);
+        }
+        drop(old);
+        (self.keys, self.pairs, self.slots) = (keys, pairs, slots);
+        self.pair_loads.clear();
+        self.pair_loads.resize(self.pairs.len(), PairLoad::none());
+        self.list_members();
+        self.listed_at.clear();
+        self.listed_at.extend(self.grains.iter().map(|grain| grain.position));
+        self.renewals += 1;
+    }
+
+    fn list_members(&mut self) {
+        self.starts.clear();
+        self.starts.resize(self.grains.len() + 1, 0);
+        for pair in &self.pairs {
+            self.starts[pair.origin as usize + 1] += 1;
+            self.starts[pair.end as usize + 1] += 1;
+        }
+        for grain in 1..self.starts.len() {
+            self.starts[grain] += self.starts[grain - 1];
+        }
+        let mut next = self.starts.clone();
+        self.members.clear();
+        self.members.resize(2 * self.pairs.len(), 0);
+        for (index, pair) in self.pairs.iter().enumerate() {
+            for (end, grain) in [pair.origin, pair.end].into_iter().enumerate() {
+                self.members[next[grain as usize] as usize] = (2 * index + end) as u32;
+                next[grain as usize] += 1;
+            }
+        }
+    }
+
+    /// A box around all grains; along axes that are not periodic it is so wide that no image is ever near.
+    fn enclosing_cell(&self) -> Cell<S> {
+        let reach = 2.0 * self.grains.iter().fold(0.0, |largest: f64, grain| largest.max(grain.radius)) + self.skin;
+        let along = |axis: usize| {
+            let places = || self.grains.iter().map(|grain| grain.position.as_ref()[axis]).filter(|x| x.is_finite());
+            let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+            (high - low).max(0.0) + 2.0 * reach
+        };
+        Cell {
+            rows: S::Tensor::from_fn(|i, j| match &self.periods[i] {
+                Some(period) => period[j],
+                None if i == j => along(i),
+                None => 0.0,
+            }),
+        }
+    }
+}

@@ -1,0 +1,397 @@
+//! One contact of a body: between two grains, or between a grain and a plane wall.
+//!
+//! The forces come from the same laws as in periodic cells; conventions of one contact: see [`crate::cell::network`].
+
+use super::SpecimenSpace;
+use crate::contact::{ContactLaw, ContactMotion};
+use crate::simd::Tuple;
+use crate::space::Components;
+
+/// A grain as contacts see it. Rates are per second, or per step where the step is the unit of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grain<S: SpecimenSpace> {
+    /// Centre, m.
+    pub position: S::Coordinates<f64>,
+    /// Velocity, m/s.
+    pub velocity: S::Coordinates<f64>,
+    /// Rotation velocity, rad/s.
+    pub spin: S::Axial<f64>,
+    /// Radius, m.
+    pub radius: f64,
+}
+
+/// What acts on a grain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load<S: SpecimenSpace> {
+    /// Force, N.
+    pub force: S::Coordinates<f64>,
+    /// Moment about the centre, N m.
+    pub moment: S::Axial<f64>,
+}
+
+impl<S: SpecimenSpace> Load<S> {
+    /// Nothing.
+    pub fn none() -> Self {
+        Self { force: Tuple::zero(), moment: Tuple::zero() }
+    }
+}
+
+/// What a contact does to its two grains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PairLoad<S: SpecimenSpace> {
+    /// Force on the origin grain, N; the opposite acts on the end grain.
+    pub(crate) force: S::Coordinates<f64>,
+    /// Moments on origin and end grain, N m.
+    pub(crate) moments: [S::Axial<f64>; 2],
+}
+
+impl<S: SpecimenSpace> PairLoad<S> {
+    pub(crate) fn none() -> Self {
+        Self { force: Tuple::zero(), moments: [Tuple::zero(); 2] }
+    }
+}
+
+/// Sums over contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactSums {
+    /// Number of touching pairs.
+    pub contacts: u64,
+    /// Sum of |f_n|, N.
+    pub normal_force: f64,
+    /// Work lost to friction since the last evaluation, J.
+    pub dissipation: f64,
+    /// Work lost to contact viscosity since the last evaluation, J.
+    pub viscous_work: f64,
+    /// Stored energy, J.
+    pub elastic_energy: f64,
+    /// Contacts at their friction limit.
+    pub sliding: u64,
+    /// Largest overlap over the smaller radius.
+    pub largest_overlap: f64,
+}
+
+impl ContactSums {
+    /// Adds those of other contacts.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.contacts += other.contacts;
+        self.normal_force += other.normal_force;
+        self.dissipation += other.dissipation;
+        self.viscous_work += other.viscous_work;
+        self.elastic_energy += other.elastic_energy;
+        self.sliding += other.sliding;
+        self.largest_overlap = self.largest_overlap.max(other.largest_overlap);
+    }
+}
+
+/// History and constants of one listed pair, or of a grain near a wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Slot<S: SpecimenSpace, C: ContactLaw<S>> {
+    pub(crate) radii: [f64; 2],
+    pub(super) constants: C::Constants<f64>,
+    /// Share of the contact that belongs to this body, 1 unless it is shared with a neighbour.
+    pub(crate) weight: f64,
+    /// Twice the damping ratio times the square root of the reduced mass; 0 without contact viscosity.
+    pub(super) viscosity: f64,
+    /// Viscous part of the normal force at the last evaluation, N, positive while the grains approach.
+    pub(super) viscous_force: f64,
+    pub(crate) touches: bool,
+    pub(crate) direction: S::Coordinates<f64>,
+    pub(crate) tangential_force: S::Axial<f64>,
+    pub(super) memory: C::Memory<f64>,
+    /// At the last evaluation, if it touched then, m.
+    pub(crate) overlap: f64,
+    /// Elastic normal force at the last evaluation, N, negative in compression.
+    pub(crate) normal_force: f64,
+}
+
+/// Relative motion of the two surfaces since the last evaluation.
+struct Approach<S: SpecimenSpace> {
+    direction: S::Coordinates<f64>,
+    overlap: f64,
+    arms: [f64; 2],
+    slip: S::Axial<f64>,
+    carried: S::Axial<f64>,
+    rolling: S::Axial<f64>,
+    /// Rate at which the overlap grows, m/s.
+    closing: f64,
+    step: f64,
+}
+
+impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
+    /// A pair that does not touch yet. `masses` matter for contact viscosity alone.
+    pub(crate) fn new(law: &C, radii: [f64; 2], masses: [f64; 2], damping_ratio: f64, weight: f64) -> Self {
+        let reduced = masses[0] * masses[1] / (masses[0] + masses[1]);
+        Self::with(radii, law.constants(radii), viscosity(reduced, damping_ratio), weight)
+    }
+
+    /// A grain that does not touch its wall yet.
+    pub(crate) fn at_wall(law: &C, radius: f64, mass: f64, damping_ratio: f64) -> Self {
+        Self::with([radius, f64::INFINITY], law.wall_constants(radius), viscosity(mass, damping_ratio), 1.0)
+    }
+
+    fn with(radii: [f64; 2], constants: C::Constants<f64>, viscosity: f64, weight: f64) -> Self {
+        Self {
+            radii,
+            constants,
+            weight,
+            viscosity,
+            viscous_force: 0.0,
+            touches: false,
+            direction: Tuple::zero(),
+            tangential_force: Tuple::zero(),
+            memory: Tuple::zero(),
+            overlap: 0.0,
+            normal_force: 0.0,
+        }
+    }
+
+    /// Normal, tangential and rolling stiffness at the last overlap, N/m and N m.
+    pub(crate) fn stiffness(&self, law: &C) -> [f64; 3] {
+        law.stiffness(&self.constants, self.overlap)
+    }
+
+    /// What the contact adds to the stability bound of its grain of radius `radius`.
+    pub(super) fn own(&self, law: &C, radius: f64, inertia_factor: f64) -> OwnStiffness {
+        let stiffness = self.stiffness(law);
+        let root = self.weight * stiffness[0].sqrt();
+        OwnStiffness {
+            stiffness: self.weight * bound(stiffness, radius, inertia_factor),
+            root,
+            dashpot: self.viscosity * root,
+        }
+    }
+
+    /// Viscosity for other masses: `reduced` is the reduced mass of the pair, kg.
+    pub(super) fn change_mass(&mut self, reduced: f64, damping_ratio: f64) {
+        self.viscosity = viscosity(reduced, damping_ratio);
+    }
+
+    /// Restores tangential force and rolling moment along a branch that the contact has at this moment. Returns whether the
+    /// grains touch; nothing is restored if they do not.
+    pub(crate) fn adopt(
+        &mut self,
+        law: &C,
+        branch: S::Coordinates<f64>,
+        tangential_force: S::Axial<f64>,
+        moment: S::Axial<f64>,
+    ) -> bool {
+        let length = branch.dot(branch).sqrt();
+        let overlap = (self.radii[0] + self.radii[1]) - length;
+        if overlap <= 0.0 {
+            return false;
+        }
+        self.direction = branch.scaled(1.0 / length);
+        self.tangential_force = tangential_force;
+        self.memory = law.resumed(overlap, moment);
+        self.touches = true;
+        true
+    }
+
+    /// The pair has come apart.
+    #[inline(always)]
+    pub(crate) fn open(&mut self, law: &C, sums: &mut ContactSums) {
+        sums.dissipation += self.weight * law.opening_loss(&self.constants, self.tangential_force, &self.memory);
+        self.touches = false;
+        self.direction = Tuple::zero();
+        self.tangential_force = Tuple::zero();
+        self.memory = Tuple::zero();
+        self.overlap = 0.0;
+        self.normal_force = 0.0;
+        self.viscous_force = 0.0;
+    }
+
+    /// Forces of two touching grains `branch` apart after a motion of `step` seconds.
+    #[inline(always)]
+    pub(crate) fn press(
+        &mut self,
+        law: &C,
+        branch: S::Coordinates<f64>,
+        grains: [&Grain<S>; 2],
+        step: f64,
+        sums: &mut ContactSums,
+    ) -> PairLoad<S> {
+        let length = branch.dot(branch).sqrt();
+        let direction = branch.scaled(1.0 / length);
+        let overlap = (self.radii[0] + self.radii[1]) - length;
+        let arms = [self.radii[0] - 0.5 * overlap, self.radii[1] - 0.5 * overlap];
+        let [origin, end] = grains.map(|grain| grain.spin.scaled(step));
+        let (slip, carrier) = S::slip(
+            vector::<S>(self.direction),
+            vector::<S>(direction),
+            length,
+            arms,
+            [S::spin(origin), S::spin(end)],
+        );
+        law.carry(&mut self.memory, |moment| S::carry(&carrier, moment));
+        let approach = Approach {
+            direction,
+            overlap,
+            arms,
+            slip,
+            carried: S::carry(&carrier, self.tangential_force),
+            rolling: if C::ROLLS { S::across(origin.minus(end), direction) } else { Tuple::zero() },
+            closing: if self.viscosity > 0.0 {
+                direction.dot(grains[0].velocity.minus(grains[1].velocity))
+            } else {
+                0.0
+            },
+            step,
+        };
+        self.answer(law, &approach, sums)
+    }
+
+    /// Forces of a grain that overlaps a wall with the inward unit normal `normal`, after a motion of `step` seconds.
+    #[expect(clippy::too_many_arguments, reason = "the parts of one contact with a wall, put together in one place")]
+    pub(crate) fn press_wall(
+        &mut self,
+        law: &C,
+        overlap: f64,
+        normal: S::Coordinates<f64>,
+        wall_velocity: S::Coordinates<f64>,
+        grain: &Grain<S>,
+        step: f64,
+        sums: &mut ContactSums,
+    ) -> PairLoad<S> {
+        let direction = normal.scaled(-1.0);
+        let arm = grain.radius - 0.5 * overlap;
+        let relative = wall_velocity.minus(grain.velocity);
+        let spin = grain.spin.scaled(step);
+        let moved = S::cross(direction, relative.scaled(step));
+        let approach = Approach {
+            direction,
+            overlap,
+            arms: [arm, 0.0],
+            slip: S::across(moved.minus(spin.scaled(arm)), direction),
+            carried: self.tangential_force,
+            rolling: S::across(spin, direction),
+            closing: -direction.dot(relative),
+            step,
+        };
+        self.answer(law, &approach, sums)
+    }
+
+    #[inline(always)]
+    fn answer(&mut self, law: &C, approach: &Approach<S>, sums: &mut ContactSums) -> PairLoad<S> {
+        let motion = ContactMotion {
+            overlap: approach.overlap,
+            touched: self.touches,
+            carried: approach.carried,
+            slip: approach.slip,
+            rolling: approach.rolling,
+        };
+        let elastic = law.normal_force(&self.constants, approach.overlap);
+        let [stiffness, tangential_stiffness, _] = law.stiffness(&self.constants, approach.overlap);
+        // Viscosity brakes the approach and the parting, but never pulls grains together.
+        let viscous = -self.viscosity * stiffness.sqrt() * approach.closing;
+        let normal =
+            if viscous > 0.0 && elastic + viscous > elastic.max(0.0) { elastic.max(0.0) } else { elastic + viscous };
+        // Friction goes with all that presses the surfaces together, the dashpot included.
+        let constants = if self.viscosity > 0.0 {
+            let repulsion = law.normal_force(&self.constants, 0.0) - elastic;
+            law.limits_scaled(&self.constants, ((repulsion + elastic - normal) / repulsion).max(0.0))
+        } else {
+            self.constants
+        };
+        let response = law.respond(&constants, &motion, &mut self.memory);
+        let tangential = response.tangential_force;
+        if motion.touched && response.at_limit && tangential_stiffness > 0.0 {
+            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing: with the
+            // force of the dashpot, or at the beginning of a stage with less friction.
+            let attempt = motion.carried.plus(motion.slip.scaled(tangential_stiffness));
+            let cut = attempt.minus(tangential).dot(motion.carried.minus(tangential));
+            sums.dissipation += self.weight * 0.5 * cut / tangential_stiffness;
+        }
+        self.touches = true;
+        self.direction = approach.direction;
+        self.tangential_force = tangential;
+        self.overlap = approach.overlap;
+        self.normal_force = elastic;
+
+        sums.contacts += 1;
+        sums.normal_force += self.weight * elastic.abs();
+        sums.dissipation += self.weight * response.dissipation;
+        // The velocity between two evaluations meets the mean of both forces: so the energy of leap-frog steps adds up.
+        let viscous = elastic - normal;
+        sums.viscous_work += self.weight * 0.5 * (self.viscous_force + viscous) * approach.closing * approach.step;
+        self.viscous_force = viscous;
+        let stored = law.energy(&self.constants, approach.overlap, S::length(tangential), &self.memory);
+        sums.elastic_energy += self.weight * stored;
+        sums.sliding += u64::from(response.at_limit);
+        sums.largest_overlap = sums.largest_overlap.max(approach.overlap / self.radii[0].min(self.radii[1]));
+
+        let force = approach.direction.scaled_plus(normal, S::turn(tangential, approach.direction));
+        let mut moments = approach.arms.map(|arm| tangential.scaled(arm));
+        if let Some(couple) = response.couple {
+            moments = [moments[0].plus(couple), moments[1].minus(couple)];
+        }
+        PairLoad { force: force.scaled(self.weight), moments: moments.map(|moment| moment.scaled(self.weight)) }
+    }
+}
+
+/// What all contacts of a grain add up to where the stability of the motion is judged. A mode of squared frequency
+/// `omega^2` and viscous rate `c / m` is stable in leap-frog steps `dt`, whose dashpots see the velocity half a step ago,
+/// while `dt^2 omega^2 + 2 dt c / m < 4`. Both sums bound their share because the energy, and the loss, of a contact is at
+/// most that of both grains moving against each other: `dt^2 stiffness + 2 dt dashpot < 2 m` for every grain is enough.
+/// Erratum of [Liu2015] eq. 64: the frequency of a single contact bounds nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OwnStiffness {
+    /// Sum of the largest stiffness of each contact, N/m.
+    pub stiffness: f64,
+    /// Sum of the roots of the normal stiffnesses, (N/m)^(1/2).
+    pub root: f64,
+    /// Sum of the viscosities, N s/m.
+    pub dashpot: f64,
+}
+
+impl OwnStiffness {
+    pub(super) fn add(&mut self, other: &Self) {
+        self.stiffness += other.stiffness;
+        self.root += other.root;
+        self.dashpot += other.dashpot;
+    }
+
+    /// Longest stable step, s, of a grain of this mass, kg; infinite where nothing holds it.
+    pub(super) fn longest_step(&self, mass: f64) -> f64 {
+        let Self { stiffness, dashpot, .. } = *self;
+        if stiffness == 0.0 {
+            f64::INFINITY
+        } else if dashpot == 0.0 {
+            2.0 / (2.0 * stiffness / mass).sqrt()
+        } else {
+            2.0 * mass / (dashpot + (dashpot * dashpot + 2.0 * stiffness * mass).sqrt())
+        }
+    }
+
+    /// Mass for which a step of 1 is this share of the longest stable one, with contacts of this damping ratio. The reduced
+    /// mass of a contact is below that of either grain, so a dashpot is at most `2 ratio sqrt(mass) root`.
+    pub(super) fn mass_for(&self, safety: f64, damping_ratio: f64) -> f64 {
+        if damping_ratio == 0.0 {
+            return 2.0 * self.stiffness / (4.0 * safety * safety);
+        }
+        let dashpot = damping_ratio * self.root;
+        let root = (dashpot + (dashpot * dashpot + 0.5 * self.stiffness).sqrt()) / safety;
+        root * root
+    }
+}
+
+/// Largest stiffness of one contact for the motion of one grain of mass 1 and inertia `inertia_factor radius^2`, N/m. The
+/// tangential spring couples translation and spin, the rolling one adds to the spin alone: the larger eigenvalue of both.
+pub(super) fn bound([normal, tangential, rolling]: [f64; 3], radius: f64, inertia_factor: f64) -> f64 {
+    if rolling == 0.0 {
+        return normal.max(tangential * (1.0 + 1.0 / inertia_factor));
+    }
+    let turning = (tangential + rolling / (radius * radius)) / inertia_factor;
+    let coupling = tangential / inertia_factor.sqrt();
+    normal.max(0.5 * (tangential + turning) + (0.5 * (tangential - turning)).hypot(coupling))
+}
+
+/// Twice the damping ratio times the root of the reduced mass: times the root of a stiffness it is a dashpot.
+fn viscosity(reduced_mass: f64, damping_ratio: f64) -> f64 {
+    if damping_ratio > 0.0 { 2.0 * damping_ratio * reduced_mass.sqrt() } else { 0.0 }
+}
+
+/// The same components as a vector of the space.
+#[inline(always)]
+fn vector<S: SpecimenSpace>(coordinates: S::Coordinates<f64>) -> S::Vector {
+    S::Vector::from_fn(|axis| coordinates.as_ref()[axis])
+}

@@ -1,0 +1,365 @@
+//! Newton's equations of a specimen, explicitly: contact and wall forces, gravity, local damping.
+//!
+//! Velocities live half a step before the positions (leap-frog, second order). The step is a fixed share of the stability
+//! limit; it is looked at whenever the pair list is renewed and shortened if contacts have become stiffer, which is
+//! counted.
+
+use super::SpecimenSpace;
+use super::body::Body;
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, bound};
+use super::wall::Wall;
+use crate::contact::ContactLaw;
+use crate::simd::Tuple;
+use rayon::prelude::*;
+
+/// Grains from which on threads are worth their cost.
+const FEWEST_FOR_THREADS: usize = 8192;
+
+/// Grains moved as one unit of work.
+const GRAINS_PER_BLOCK: usize = 2048;
+
+/// What moves the grains beside their contacts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Acceleration of gravity, m/s2, per axis.
+    pub gravity: [f64; 3],
+    /// Coefficient of local damping, 0 for none: every load component loses this share of its size against the motion.
+    pub local_damping: f64,
+    /// Share of the stability limit that a step takes, in (0, 1).
+    pub safety: f64,
+    /// Step, s; chosen from the stability limit if absent.
+    pub step: Option<f64>,
+    /// Whether grains rotate.
+    pub rotations_free: bool,
+    /// Whether every grain gets the mass that makes its own stability limit that of all others, instead of its physical
+    /// mass. For quasi-static runs: results then depend on the loading rate alone.
+    pub scaled_masses: bool,
+}
+
+/// Sums over the grains of one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GrainSums {
+    /// Kinetic energy of translation and rotation, J.
+    pub kinetic_energy: f64,
+    /// Largest unbalanced force, N.
+    pub largest_force: f64,
+    /// Work of gravity in this step, J.
+    pub gravity_work: f64,
+    /// Work lost to local damping in this step, J.
+    pub damping_work: f64,
+}
+
+/// A specimen in motion.
+#[derive(Clone, Debug)]
+pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
+    /// Grains and their contacts.
+    pub body: Body<S, C>,
+    /// Walls.
+    pub walls: Vec<Wall<S, C>>,
+    /// Grains whose velocity is prescribed: they keep it whatever acts on them.
+    pub driven: Vec<bool>,
+    /// Motion settings.
+    pub motion: Motion,
+    /// Rotations added up, rad.
+    pub rotations: Vec<S::Axial<f64>>,
+    /// Time, s.
+    pub time: f64,
+    /// Steps so far.
+    pub steps: u64,
+    /// Step in use, s.
+    pub step: f64,
+    /// How often the step had to be shortened.
+    pub shortenings: u64,
+    /// Sums of the last evaluation.
+    pub contacts: ContactSums,
+    /// Work lost to friction, to contact viscosity and to local damping, and work of gravity, J.
+    pub works: [f64; 4],
+    /// Work that the walls have done on the grains, J.
+    pub wall_work: f64,
+    /// Kinetic energy that came with masses that were raised on the way, J.
+    pub raised: f64,
+    /// Stored and kinetic energy at the first evaluation, J.
+    pub first_energy: f64,
+    inertia_factor: f64,
+    masses: Vec<f64>,
+    skin: f64,
+}
+
+impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
+    /// A specimen whose forces have been evaluated once.
+    pub fn new(body: Body<S, C>, walls: Vec<Wall<S, C>>, motion: Motion) -> Self {
+        let count = body.grains.len();
+        let mean = body.grains.iter().map(|grain| grain.radius).sum::<f64>() / count.max(1) as f64;
+        let masses: Vec<f64> = (0..count).map(|grain| body.mass(grain)).collect();
+        let mut dynamics = Self {
+            body,
+            walls,
+            driven: vec![false; count],
+            motion,
+            rotations: vec![Tuple::zero(); count],
+            time: 0.0,
+            steps: 0,
+            step: 0.0,
+            shortenings: 0,
+            contacts: ContactSums::default(),
+            works: [0.0; 4],
+            wall_work: 0.0,
+            raised: 0.0,
+            first_energy: 0.0,
+            inertia_factor: S::INERTIA_FACTOR,
+            masses,
+            skin: 0.1 * mean,
+        };
+        dynamics.list_walls();
+        dynamics.evaluate(0.0);
+        // Histories above the Coulomb limit have been cut to it: that is no part of the motion.
+        dynamics.works = [0.0; 4];
+        dynamics.choose_step();
+        dynamics.first_energy = dynamics.contacts.elastic_energy + dynamics.kinetic_energy();
+        dynamics
+    }
+
+    /// Kinetic energy at the time of the positions, J: velocities are half a step old and are brought up to them.
+    pub fn kinetic_energy(&self) -> f64 {
+        let half = 0.5 * self.step;
+        let mut sum = 0.0;
+        for (index, (grain, load)) in self.body.grains.iter().zip(&self.body.loads).enumerate() {
+            let mass = self.masses[index];
+            let inertia = self.inertia_factor * mass * grain.radius * grain.radius;
+            sum += 0.5 * (mass * grain.velocity.dot(grain.velocity) + inertia * grain.spin.dot(grain.spin));
+            sum += half * (load.force.dot(grain.velocity) + load.moment.dot(grain.spin));
+        }
+        sum
+    }
+
+    /// What was put in less what is stored and what was lost, J: 0 but for rounding and for what steps of finite length leave
+    /// out. Grains with prescribed velocities are not accounted for.
+    pub fn missing_energy(&self) -> f64 {
+        let [friction, viscosity, damping, gravity] = self.works;
+        let given = self.first_energy + self.wall_work + gravity + self.raised;
+        given - (self.contacts.elastic_energy + self.kinetic_energy() + friction + viscosity + damping)
+    }
+
+    /// What [`missing_energy`](Self::missing_energy) is to be measured by, J: the sum of all its parts.
+    pub fn energy_turnover(&self) -> f64 {
+        let works: f64 = self.works.iter().map(|work| work.abs()).sum();
+        works
+            + self.first_energy.abs()
+            + self.wall_work.abs()
+            + self.contacts.elastic_energy
+            + self.kinetic_energy().abs()
+    }
+
+    /// Mass of a grain in the motion, kg.
+    pub fn mass(&self, grain: usize) -> f64 {
+        self.masses[grain]
+    }
+
+    /// Advances by one step.
+    pub fn advance(&mut self) -> GrainSums {
+        let step = self.step;
+        let sums = self.kick_and_move(step);
+        for wall in &mut self.walls {
+            // Half of the work of this way is done by the forces at its start, half by those at its end.
+            let force = wall.normal_force();
+            wall.advance(step);
+            self.wall_work += 0.5 * force * wall.velocity() * step;
+        }
+        if self.body.keep_list_complete() {
+            self.list_walls();
+            self.choose_step();
+        } else if self.walls.iter().any(|wall| wall.has_travelled(self.skin)) {
+            self.list_walls();
+        }
+        self.evaluate(step);
+        for wall in &self.walls {
+            self.wall_work += 0.5 * wall.normal_force() * wall.velocity() * step;
+        }
+        self.time += step;
+        self.steps += 1;
+        self.works[2] += sums.damping_work;
+        self.works[3] += sums.gravity_work;
+        sums
+    }
+
+    fn evaluate(&mut self, step: f64) {
+        self.contacts = self.body.evaluate(step);
+        for wall in &mut self.walls {
+            wall.press(&self.body.grains, &self.masses, step, &mut self.body.loads, &mut self.contacts);
+        }
+        self.works[0] += self.contacts.dissipation;
+        self.works[1] += self.contacts.viscous_work;
+    }
+
+    fn list_walls(&mut self) {
+        for wall in &mut self.walls {
+            wall.list(&self.body.grains, self.skin);
+        }
+    }
+
+    fn kick_and_move(&mut self, step: f64) -> GrainSums {
+        let (motion, factor) = (self.motion, self.inertia_factor);
+        let gravity = <S::Coordinates<f64>>::build(|axis| motion.gravity[axis]);
+        let (loads, masses, driven) = (&self.body.loads, &self.masses, &self.driven);
+        let work = |first: usize, grains: &mut [Grain<S>], rotations: &mut [S::Axial<f64>]| {
+            let mut sums = GrainSums::default();
+            for (offset, (grain, rotation)) in grains.iter_mut().zip(rotations).enumerate() {
+                let index = first + offset;
+                if !driven[index] {
+                    kick(grain, &loads[index], masses[index], factor, &motion, gravity, step, &mut sums);
+                }
+                grain.position = grain.velocity.scaled_plus(step, grain.position);
+                *rotation = grain.spin.scaled_plus(step, *rotation);
+            }
+            sums
+        };
+        let count = self.body.grains.len();
+        let sums: Vec<GrainSums> = if count >= FEWEST_FOR_THREADS {
+            let blocks = self.body.grains.par_chunks_mut(GRAINS_PER_BLOCK).enumerate();
+            blocks
+                .zip(self.rotations.par_chunks_mut(GRAINS_PER_BLOCK))
+                .map(|((block, grains), rotations)| work(block * GRAINS_PER_BLOCK, grains, rotations))
+                .collect()
+        } else {
+            let blocks = self.body.grains.chunks_mut(GRAINS_PER_BLOCK).enumerate();
+            blocks
+                .zip(self.rotations.chunks_mut(GRAINS_PER_BLOCK))
+                .map(|((block, grains), rotations)| work(block * GRAINS_PER_BLOCK, grains, rotations))
+                .collect()
+        };
+        sums.iter().fold(GrainSums::default(), |whole, block| GrainSums {
+            kinetic_energy: whole.kinetic_energy + block.kinetic_energy,
+            largest_force: whole.largest_force.max(block.largest_force),
+            gravity_work: whole.gravity_work + block.gravity_work,
+            damping_work: whole.damping_work + block.damping_work,
+        })
+    }
+
+    /// Takes the step, or the masses, from the present contacts.
+    fn choose_step(&mut self) {
+        let own = self.own_stiffness();
+        let safety = self.motion.safety;
+        if self.motion.scaled_masses {
+            self.scale_masses(&own);
+            self.step = 1.0;
+            return;
+        }
+        let longest = |(own, mass): (&OwnStiffness, &f64)| own.longest_step(*mass);
+        let limit = own.iter().zip(&self.masses).map(longest).fold(f64::INFINITY, f64::min);
+        let wanted = self.motion.step.unwrap_or(safety * limit);
+        if self.step == 0.0 {
+            self.step = if wanted.is_finite() { wanted } else { self.free_step() };
+        }
+        if self.step > 0.98 * limit {
+            self.step = safety * limit;
+            self.shortenings += 1;
+        }
+    }
+
+    /// The unit of time is the step: every grain gets the mass that makes it the wanted share of its longest stable step.
+    fn scale_masses(&mut self, own: &[OwnStiffness]) {
+        let mut mean = OwnStiffness::default();
+        own.iter().for_each(|own| mean.add(own));
+        let count = own.len().max(1) as f64;
+        let ratio = self.body.damping_ratio();
+        for (index, own) in own.iter().enumerate() {
+            let own = OwnStiffness {
+                stiffness: own.stiffness.max(mean.stiffness / count),
+                root: own.root.max(mean.root / count),
+                dashpot: 0.0,
+            };
+            let before = if self.steps == 0 { 0.0 } else { self.masses[index] };
+            let after = before.max(own.mass_for(self.motion.safety, ratio)).max(f64::MIN_POSITIVE);
+            let grain = &self.body.grains[index];
+            let turning = self.inertia_factor * grain.radius * grain.radius * grain.spin.dot(grain.spin);
+            self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
+            self.masses[index] = after;
+        }
+        self.body.change_masses(&self.masses);
+        for wall in &mut self.walls {
+            wall.change_masses(&self.masses);
+        }
+    }
+
+    /// Step while nothing touches: as if every grain had one contact with its like at a tenth of a per cent overlap.
+    fn free_step(&self) -> f64 {
+        let law = self.body.law();
+        let ratio = self.body.damping_ratio();
+        let limit = self.body.grains.iter().zip(&self.masses).fold(f64::INFINITY, |shortest: f64, (grain, mass)| {
+            let constants = law.constants([grain.radius, grain.radius]);
+            let stiffness = law.stiffness(&constants, 2e-3 * grain.radius);
+            let own = OwnStiffness {
+                stiffness: 2.0 * bound(stiffness, grain.radius, self.inertia_factor),
+                root: 0.0,
+                dashpot: 2.0 * 2.0 * ratio * (0.5 * mass * stiffness[0]).sqrt(),
+            };
+            shortest.min(own.longest_step(*mass))
+        });
+        if limit.is_finite() { self.motion.safety * limit } else { 1.0 }
+    }
+
+    /// Per grain, what its contacts with grains and walls add up to: see [`Body::own_stiffness`].
+    fn own_stiffness(&self) -> Vec<OwnStiffness> {
+        let mut sums = self.body.own_stiffness(self.inertia_factor);
+        for wall in &self.walls {
+            for (grain, own) in wall.own_stiffnesses(&self.body.grains, self.inertia_factor) {
+                sums[grain].add(&own);
+            }
+        }
+        sums
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "the innermost loop's body; a struct would only rename the arguments")]
+#[inline(always)]
+fn kick<S: SpecimenSpace>(
+    grain: &mut Grain<S>,
+    load: &Load<S>,
+    mass: f64,
+    inertia_factor: f64,
+    motion: &Motion,
+    gravity: S::Coordinates<f64>,
+    step: f64,
+    sums: &mut GrainSums,
+) {
+    let inertia = inertia_factor * mass * grain.radius * grain.radius;
+    let weight = gravity.scaled(mass);
+    let force = load.force.plus(weight);
+    sums.largest_force = sums.largest_force.max(force.dot(force).sqrt());
+    let damped = damped(motion.local_damping, force, grain.velocity);
+    let turning = damped_moment::<S>(motion, load.moment, grain.spin);
+    let (old, old_spin) = (grain.velocity, grain.spin);
+    grain.velocity = damped.scaled_plus(step / mass, old);
+    grain.spin = if motion.rotations_free { turning.scaled_plus(step / inertia, old_spin) } else { Tuple::zero() };
+    sums.kinetic_energy += 0.5 * (mass * grain.velocity.dot(grain.velocity) + inertia * grain.spin.dot(grain.spin));
+    // The mean of the velocities before and after the kick is the velocity at the time of the forces.
+    let mean = old.plus(grain.velocity).scaled(0.5 * step);
+    sums.gravity_work += weight.dot(mean);
+    if motion.local_damping > 0.0 {
+        let mean_spin = old_spin.plus(grain.spin).scaled(0.5 * step);
+        sums.damping_work += force.minus(damped).dot(mean) + load.moment.minus(turning).dot(mean_spin);
+    }
+}
+
+#[inline(always)]
+fn damped_moment<S: SpecimenSpace>(motion: &Motion, moment: S::Axial<f64>, spin: S::Axial<f64>) -> S::Axial<f64> {
+    damped(motion.local_damping, moment, spin)
+}
+
+/// Each component loses a share of its size against the sign of its velocity.
+#[inline(always)]
+fn damped<T: Tuple<f64>>(coefficient: f64, load: T, velocity: T) -> T {
+    if coefficient == 0.0 {
+        return load;
+    }
+    load.zip(velocity, |force, motion| {
+        let sign = if motion > 0.0 {
+            1.0
+        } else if motion < 0.0 {
+            -1.0
+        } else {
+            0.0
+        };
+        force - coefficient * force.abs() * sign
+    })
+}

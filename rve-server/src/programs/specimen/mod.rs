@@ -1,0 +1,39 @@
+//! Single-scale grain dynamics: a whole specimen of grains between walls, on the contact laws of the periodic cells.
+
+pub mod assembly;
+mod block;
+pub mod body;
+#[cfg(test)]
+mod collision_tests;
+#[cfg(test)]
+mod conservation_tests;
+pub mod contact;
+pub mod csv_table;
+#[cfg(test)]
+mod damping_tests;
+pub mod dynamics;
+#[cfg(test)]
+#[path = "../../../tests/support/gas.rs"]
+mod gas;
+pub mod run;
+pub mod test_file;
+#[cfg(test)]
+mod tests;
+pub mod wall;
+#[cfg(test)]
+mod wave_tests;
+
+pub use body::Body;
+pub use contact::{ContactSums, Grain, Load, OwnStiffness};
+pub use csv_table::SpecimenCsv;
+pub use dynamics::{Dynamics, GrainSums, Motion};
+pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen};
+pub use test_file::SpecimenTest;
+pub use wall::{Wall, WallDrive};
+
+use crate::space::{KernelSpace, Space};
+
+/// Discs or spheres, seen as both a space and what the force kernel makes of it.
+pub trait SpecimenSpace: KernelSpace + Space<Kernel = Self> {}
+
+impl<S: KernelSpace + Space<Kernel = Self>> SpecimenSpace for S {}

@@ -1,0 +1,478 @@
+//! The driver of a specimen test: stages of wall motion, rows of results.
+
+use super::assembly::{Joinable, assembled};
+use super::body::Body;
+use super::dynamics::{Dynamics, GrainSums, Motion};
+use super::test_file::{SpecimenTest, Stage};
+use super::wall::{Wall, WallDrive};
+use crate::contact::{ContactLaw, LawVisitor, Rotations};
+use crate::definition::PackingFile;
+use crate::simd::Tuple;
+
+/// Default speed of the servo per missing force, relative to the walls' stiffness.
+const SERVO_GAIN: f64 = 0.02;
+
+/// Default largest strain of one step of a servo-controlled wall.
+const LARGEST_STRAIN_PER_STEP: f64 = 1e-5;
+
+/// Steps between two looks at whether a stage has come to balance, and at the energy.
+const BALANCE_INTERVAL: u64 = 100;
+
+/// Energy that is missing, or too much, over the energy turned over: from here on a row is counted, and a run stops.
+const ENERGY_COUNTED: f64 = 0.01;
+const ENERGY_STOP: f64 = 0.1;
+
+/// Distance of a controlled wall stress from its target, over the mean target, from which on a row is counted.
+const SERVO_COUNTED: f64 = 0.01;
+
+/// One row of results. Stresses in Pa, tension positive; axes that are periodic or do not exist have zero wall stress.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpecimenRow {
+    /// Name of the stage.
+    pub stage: String,
+    /// Steps since the start.
+    pub step: u64,
+    /// Time since the start, s; steps where masses are scaled.
+    pub time: f64,
+    /// Distance of opposite walls over that at the start, minus 1.
+    pub strain: [f64; 3],
+    /// Mean of both walls' forces over their area, per axis.
+    pub wall_stress: [f64; 3],
+    /// Love-Weber stress of all contacts between grains over the box, components xx, yy, zz, xy, xz, yz.
+    pub contact_stress: [f64; 6],
+    /// Void volume over grain volume.
+    pub void_ratio: f64,
+    /// 2 x contacts over grains, contacts with walls left out.
+    pub coordination_number: f64,
+    /// Major over minor principal value of the contact fabric, minus 1.
+    pub fabric_anisotropy: f64,
+    /// Share of contacts at the friction limit.
+    pub sliding_fraction: f64,
+    /// Largest unbalanced force over mean contact force.
+    pub unbalanced_force_ratio: f64,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Stored contact energy, J.
+    pub elastic_energy: f64,
+    /// Work lost to friction since the start, J.
+    pub friction_work: f64,
+    /// Work lost to contact viscosity since the start, J.
+    pub viscous_work: f64,
+    /// Work lost to local damping since the start, J.
+    pub damping_work: f64,
+    /// Largest overlap over the smaller diameter.
+    pub max_overlap_ratio: f64,
+    /// Work of the walls on the grains since the start, J.
+    pub wall_work: f64,
+    /// Energy put in since the start that is neither stored nor booked as lost, J; negative if there is more than was put in.
+    pub missing_energy: f64,
+}
+
+/// The specimen before anything has moved: how far it is from what the packing was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpecimenStart {
+    /// Love-Weber stress of the contacts between grains, Pa, tension positive: xx, yy, zz, xy, xz, yz.
+    pub stress: [f64; 6],
+    /// Largest unbalanced force over mean contact force.
+    pub unbalanced_force_ratio: f64,
+    /// Contacts of all copies whose tangential force or rolling moment was taken over.
+    pub histories: usize,
+    /// Those that the walls cut through.
+    pub cut_through: usize,
+    /// Those of pairs that do not touch.
+    pub dropped: usize,
+    /// Displacement over height by which the copies lean against the walls.
+    pub slant: f64,
+}
+
+/// What a test cost and where it fell short.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpecimenSummary {
+    /// The specimen before anything has moved.
+    pub start: SpecimenStart,
+    /// Number of grains.
+    pub grains: usize,
+    /// Steps.
+    pub steps: u64,
+    /// Renewals of the pair list.
+    pub renewals: u64,
+    /// How often the step had to be shortened.
+    pub shortenings: u64,
+    /// Stages that ended at their step cap before they came to balance.
+    pub unbalanced_stages: u64,
+    /// Rows of stages without `until_balance` whose controlled wall stresses are more than 1 % of the mean target off.
+    pub servo_misses: u64,
+    /// The largest such distance, over the mean target.
+    pub largest_servo_error: f64,
+    /// Rows that miss more than 1 % of the energy turned over.
+    pub energy_misses: u64,
+    /// Largest share of the energy turned over that was missing, or too much, at any look.
+    pub largest_energy_error: f64,
+}
+
+/// Grains as pictures need them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpecimenPicture {
+    /// Centres, m.
+    pub centres: Vec<[f64; 3]>,
+    /// Radii, m.
+    pub radii: Vec<f64>,
+    /// Rotations since the start, rad; about z in the plane.
+    pub rotations: Vec<[f64; 3]>,
+    /// Velocities, m/s.
+    pub velocities: Vec<[f64; 3]>,
+}
+
+/// What a run tells while it goes.
+pub enum SpecimenEvent<'a> {
+    /// A step of `steps` in stage `stage` of the test is done; called every hundred steps.
+    Progress {
+        /// Number of the stage, from 0.
+        stage: usize,
+        /// Steps done in it.
+        step: u64,
+    },
+    /// A row, with a picture of the grains at this moment on request.
+    Row(&'a SpecimenRow, &'a dyn Fn() -> SpecimenPicture),
+}
+
+/// Runs a test on a packing. Equal input gives equal bits for any number of threads.
+///
+/// # Errors
+/// A test or packing that is not sound, or a motion that went out of control.
+pub fn run_specimen<S: Joinable>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+) -> Result<SpecimenSummary, String> {
+    test.validate(S::DIMENSION)?;
+    let contact = test.contact_without_damping();
+    contact.compile::<S, _>(Stages { test, packing, listener }).map_err(|error| error.to_string())?
+}
+
+/// All stages of a test, with whichever law its contact table chooses.
+struct Stages<'a, S: Joinable> {
+    test: &'a SpecimenTest,
+    packing: &'a PackingFile<S>,
+    listener: &'a mut dyn FnMut(&SpecimenEvent<'_>),
+}
+
+impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
+    type Output = Result<SpecimenSummary, String>;
+
+    fn visit<C: ContactLaw<S>>(self, law: C) -> Self::Output {
+        let mut run = Run::new(self.test, self.packing, law)?;
+        for (number, stage) in self.test.stage.iter().enumerate() {
+            run.follow(number, stage, self.listener)?;
+        }
+        Ok(SpecimenSummary {
+            grains: run.dynamics.body.grains.len(),
+            steps: run.dynamics.steps,
+            renewals: run.dynamics.body.renewals,
+            shortenings: run.dynamics.shortenings,
+            ..run.summary
+        })
+    }
+}
+
+struct Run<'a, S: Joinable, C: ContactLaw<S>> {
+    test: &'a SpecimenTest,
+    dynamics: Dynamics<S, C>,
+    /// Numbers of the lower and upper wall of every walled axis.
+    walls: [Option<[usize; 2]>; 3],
+    /// Side lengths of the box at the start, m.
+    sides: [f64; 3],
+    thickness: f64,
+    solid: f64,
+    /// What is counted on the way.
+    summary: SpecimenSummary,
+    last: GrainSums,
+}
+
+impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
+    fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: C) -> Result<Self, String> {
+        let periodic = test.periodic_axes(S::DIMENSION)?;
+        let assembled = assembled(packing, &test.tiles, test.cut, periodic)?;
+        let wall_law = law.with_friction(test.walls.friction);
+        let thickness = packing.thickness;
+        let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
+        let masses: Vec<f64> =
+            assembled.grains.iter().map(|grain| test.contact.density * measure(grain.radius)).collect();
+        let solid = assembled.grains.iter().map(|grain| measure(grain.radius)).sum();
+        let mut sides = assembled.sides;
+        let mut walls = Vec::new();
+        let mut numbers = [None; 3];
+        for axis in (0..S::DIMENSION).filter(|axis| !periodic[*axis]) {
+            let surfaces = |sign: f64| {
+                let far = |grain: &super::Grain<S>| sign * grain.position.as_ref()[axis] + grain.radius;
+                sign * assembled.grains.iter().map(far).fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (low, high) = (surfaces(-1.0), surfaces(1.0));
+            sides[axis] = high - low;
+            numbers[axis] = Some([walls.len(), walls.len() + 1]);
+            for (place, sign, end) in [(low, 1.0, "low"), (high, -1.0, "high")] {
+                let unit = <S::Coordinates<f64>>::build(|i| if i == axis { 1.0 } else { 0.0 });
+                let name = format!("{} {end}", ["x", "y", "z"][axis]);
+                let drive = WallDrive::Velocity(0.0);
+                walls.push(Wall::new(
+                    &name,
+                    unit.scaled(place),
+                    unit.scaled(sign),
+                    wall_law,
+                    drive,
+                    test.contact.damping,
+                ));
+            }
+        }
+        let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
+        let histories = assembled.histories.iter();
+        let dropped =
+            body.adopt(histories.map(|history| (history.contact.key(), move |branch| history.axial(branch))));
+        let motion = Motion {
+            gravity: std::array::from_fn(|axis| test.motion.gravity.get(axis).copied().unwrap_or(0.0)),
+            local_damping: test.motion.local_damping,
+            safety: test.motion.safety,
+            step: test.motion.step,
+            rotations_free: test.contact.rotations == Rotations::Free,
+            scaled_masses: test.motion.scaled_masses,
+        };
+        let dynamics = Dynamics::new(body, walls, motion);
+        let mut run = Self {
+            test,
+            dynamics,
+            walls: numbers,
+            sides,
+            thickness: if S::DIMENSION == 2 { thickness } else { 1.0 },
+            solid,
+            summary: SpecimenSummary::default(),
+            last: GrainSums::default(),
+        };
+        let forces = run.dynamics.body.loads.iter().map(|load| load.force.dot(load.force).sqrt());
+        run.last.largest_force = forces.fold(0.0, f64::max);
+        run.summary.start = SpecimenStart {
+            stress: run.contact_stress(),
+            unbalanced_force_ratio: run.unbalanced(),
+            histories: assembled.histories.len() - dropped,
+            cut_through: assembled.cut_through,
+            dropped,
+            slant: assembled.slant,
+        };
+        Ok(run)
+    }
+
+    fn follow(
+        &mut self,
+        number: usize,
+        stage: &Stage,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<(), String> {
+        let friction = stage.friction.unwrap_or(self.test.contact.friction);
+        let law = self.dynamics.body.law().with_friction(friction);
+        self.dynamics.body.change_law(law);
+        let lengths: [f64; 3] = std::array::from_fn(|axis| self.length(axis));
+        let mut balanced = stage.until_balance.is_none();
+        let mut row = 0;
+        for step in 0..stage.steps {
+            self.drive(stage, &lengths);
+            self.last = self.dynamics.advance();
+            let done = step + 1;
+            if !self.last.kinetic_energy.is_finite() {
+                return Err(format!(
+                    "stage \"{}\": the motion went out of control at step {done}; lower motion.safety or the strain \
+                     per step",
+                    stage.name
+                ));
+            }
+            if done.is_multiple_of(BALANCE_INTERVAL) || done == stage.steps {
+                self.check_energy(stage, done)?;
+            }
+            let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
+                && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
+            if done.is_multiple_of(BALANCE_INTERVAL) {
+                listener(&SpecimenEvent::Progress { stage: number, step: done });
+            }
+            // Row k of n is due when k / n of the stage is done.
+            if done * stage.rows >= (row + 1) * stage.steps || at_balance || done == stage.steps {
+                row = done * stage.rows / stage.steps;
+                let result = self.row(stage);
+                self.count(stage, &result);
+                listener(&SpecimenEvent::Row(&result, &|| self.picture()));
+            }
+            if at_balance {
+                balanced = true;
+                break;
+            }
+        }
+        self.summary.unbalanced_stages += u64::from(!balanced);
+        Ok(())
+    }
+
+    /// Energy that is missing over the energy turned over.
+    fn energy_error(&self) -> f64 {
+        let turnover = self.dynamics.energy_turnover();
+        if turnover > 0.0 { self.dynamics.missing_energy().abs() / turnover } else { 0.0 }
+    }
+
+    fn check_energy(&mut self, stage: &Stage, step: u64) -> Result<(), String> {
+        let error = self.energy_error();
+        self.summary.largest_energy_error = self.summary.largest_energy_error.max(error);
+        if error <= ENERGY_STOP {
+            return Ok(());
+        }
+        Err(format!(
+            "stage \"{}\": at step {step} {:.2e} J, {:.0} % of the energy turned over, are not accounted for: the motion is not \
+             what the laws say; lower motion.safety or the strain per step",
+            stage.name,
+            self.dynamics.missing_energy(),
+            100.0 * error
+        ))
+    }
+
+    /// Counts what a row falls short in.
+    fn count(&mut self, stage: &Stage, row: &SpecimenRow) {
+        self.summary.energy_misses += u64::from(self.energy_error() > ENERGY_COUNTED);
+        if stage.until_balance.is_some() {
+            return;
+        }
+        let error = self.servo_error(stage, &row.wall_stress);
+        self.summary.largest_servo_error = self.summary.largest_servo_error.max(error);
+        self.summary.servo_misses += u64::from(error > SERVO_COUNTED);
+    }
+
+    /// Largest distance of a controlled wall stress from its target over the mean target.
+    fn servo_error(&self, stage: &Stage, stress: &[f64; 3]) -> f64 {
+        let targets = stage.stress.values();
+        let sizes = targets.iter().flatten().map(|stress| stress.abs());
+        let mean = sizes.clone().sum::<f64>() / sizes.count().max(1) as f64;
+        let distances = targets.iter().zip(stress).filter_map(|(target, found)| Some((found - (*target)?).abs()));
+        distances.fold(0.0, f64::max) / mean.max(f64::MIN_POSITIVE)
+    }
+
+    /// Sets every wall's drive for the next step.
+    fn drive(&mut self, stage: &Stage, lengths: &[f64; 3]) {
+        let step = self.dynamics.step;
+        let (strains, stresses) = (stage.strain.values(), stage.stress.values());
+        for axis in 0..S::DIMENSION {
+            let Some(pair) = self.walls[axis] else { continue };
+            let drive = match (strains[axis], stresses[axis]) {
+                (Some(strain), _) => {
+                    // Both walls move, so that the middle of the specimen stays where it is.
+                    let way = 0.5 * strain * lengths[axis] / stage.steps as f64;
+                    WallDrive::Velocity(-way / step)
+                }
+                (None, Some(stress)) => {
+                    let largest = self.test.walls.largest_strain_per_step.unwrap_or(LARGEST_STRAIN_PER_STEP);
+                    WallDrive::Force {
+                        target: -stress * self.area(axis),
+                        gain: self.test.walls.servo_gain.unwrap_or(SERVO_GAIN),
+                        largest_speed: 0.5 * largest * self.length(axis) / step,
+                    }
+                }
+                (None, None) => WallDrive::Velocity(0.0),
+            };
+            for wall in pair {
+                self.dynamics.walls[wall].drive = drive;
+            }
+        }
+    }
+
+    fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
+        let stress = std::array::from_fn(|axis| self.wall_stress(axis));
+        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit
+    }
+
+    /// Distance of the walls of an axis, or its period, m.
+    fn length(&self, axis: usize) -> f64 {
+        match self.walls[axis] {
+            Some([low, high]) => {
+                let place = |wall: usize| self.dynamics.walls[wall].point.as_ref()[axis];
+                place(high) - place(low)
+            }
+            None => self.sides[axis],
+        }
+    }
+
+    /// Area of a wall, m2.
+    fn area(&self, axis: usize) -> f64 {
+        (0..S::DIMENSION).filter(|other| *other != axis).map(|other| self.length(other)).product::<f64>()
+            * self.thickness
+    }
+
+    fn wall_stress(&self, axis: usize) -> f64 {
+        self.walls[axis].map_or(0.0, |[low, high]| {
+            let force = |wall: usize| self.dynamics.walls[wall].normal_force();
+            -0.5 * (force(low) + force(high)) / self.area(axis)
+        })
+    }
+
+    fn unbalanced(&self) -> f64 {
+        let contacts = &self.dynamics.contacts;
+        if contacts.contacts == 0 {
+            return 0.0;
+        }
+        self.last.largest_force / (contacts.normal_force / contacts.contacts as f64)
+    }
+
+    /// Volume of the box, m3.
+    fn volume(&self) -> f64 {
+        (0..S::DIMENSION).map(|axis| self.length(axis)).product::<f64>() * self.thickness
+    }
+
+    fn contact_stress(&self) -> [f64; 6] {
+        let (sum, volume) = (self.dynamics.body.stress_sum(), self.volume());
+        [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+            .map(|(i, j): (usize, usize)| 0.5 * (sum[i][j] + sum[j][i]) / volume)
+    }
+
+    fn row(&self, stage: &Stage) -> SpecimenRow {
+        let body = &self.dynamics.body;
+        let contacts = &self.dynamics.contacts;
+        let volume = self.volume();
+        let at_walls: usize = self.dynamics.walls.iter().map(Wall::contacts).sum();
+        let inside = contacts.contacts.saturating_sub(at_walls as u64) as f64;
+        SpecimenRow {
+            stage: stage.name.clone(),
+            step: self.dynamics.steps,
+            time: self.dynamics.time,
+            strain: std::array::from_fn(|axis| self.length(axis) / self.sides[axis] - 1.0),
+            wall_stress: std::array::from_fn(|axis| self.wall_stress(axis)),
+            contact_stress: self.contact_stress(),
+            void_ratio: (volume - self.solid) / self.solid,
+            coordination_number: 2.0 * inside / body.grains.len() as f64,
+            fabric_anisotropy: crate::preparation::anisotropy_of_fabric(&body.fabric(), S::DIMENSION),
+            sliding_fraction: contacts.sliding as f64 / contacts.contacts.max(1) as f64,
+            unbalanced_force_ratio: self.unbalanced(),
+            kinetic_energy: self.last.kinetic_energy,
+            elastic_energy: contacts.elastic_energy,
+            friction_work: self.dynamics.works[0],
+            viscous_work: self.dynamics.works[1],
+            damping_work: self.dynamics.works[2],
+            max_overlap_ratio: 0.5 * contacts.largest_overlap,
+            wall_work: self.dynamics.wall_work,
+            missing_energy: self.dynamics.missing_energy(),
+        }
+    }
+
+    fn picture(&self) -> SpecimenPicture {
+        let spread = |components: &[f64]| {
+            let mut all = [0.0; 3];
+            all[..components.len()].copy_from_slice(components);
+            all
+        };
+        let grains = &self.dynamics.body.grains;
+        SpecimenPicture {
+            centres: grains.iter().map(|grain| spread(grain.position.as_ref())).collect(),
+            radii: grains.iter().map(|grain| grain.radius).collect(),
+            rotations: self
+                .dynamics
+                .rotations
+                .iter()
+                .map(|rotation| match rotation.as_ref() {
+                    [about_z] => [0.0, 0.0, *about_z],
+                    components => spread(components),
+                })
+                .collect(),
+            velocities: grains.iter().map(|grain| spread(grain.velocity.as_ref())).collect(),
+        }
+    }
+}

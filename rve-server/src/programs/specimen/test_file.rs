@@ -1,0 +1,239 @@
+//! A specimen test: the TOML document that `grainspan specimen` runs.
+
+use crate::contact::ContactTable;
+use serde::{Deserialize, Serialize};
+
+/// The document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpecimenTest {
+    /// Packing file, relative to this one. Its cell must be a rectangle or box; it is repeated `tiles` times.
+    pub packing: String,
+    /// Repetitions along the axes.
+    pub tiles: Vec<usize>,
+    /// What becomes of the grains at the border.
+    #[serde(default)]
+    pub cut: Cut,
+    /// Contact law; `damping` is a damping ratio of every contact here, `density` the grains' own.
+    pub contact: ContactTable,
+    /// Axes along which the specimen is periodic (`"x"`, `"y"`, `"z"`) instead of walled.
+    #[serde(default)]
+    pub periodic: Vec<String>,
+    /// Motion.
+    #[serde(default)]
+    pub motion: MotionTable,
+    /// Walls.
+    #[serde(default)]
+    pub walls: WallTable,
+    /// Stages, one after the other.
+    pub stage: Vec<Stage>,
+}
+
+/// Which grains of the repeated packing a specimen consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cut {
+    /// Every grain of every tile.
+    #[default]
+    Tiles,
+    /// As [Liu2018] copies its frame: tiles joined at their boundary grains, which the outer border keeps on both sides.
+    /// Plane packings only.
+    Frames,
+}
+
+/// The table `[motion]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MotionTable {
+    /// Acceleration of gravity, m/s2, one number per axis; none if empty.
+    pub gravity: Vec<f64>,
+    /// Coefficient of local damping; 0 for none.
+    pub local_damping: f64,
+    /// Share of the stability limit that a step takes.
+    pub safety: f64,
+    /// Step, s; from the stability limit if absent.
+    pub step: Option<f64>,
+    /// Whether masses are scaled so that all grains have the same stability limit; the unit of time is the step then.
+    pub scaled_masses: bool,
+}
+
+impl Default for MotionTable {
+    fn default() -> Self {
+        Self { gravity: Vec::new(), local_damping: 0.7, safety: 0.5, step: None, scaled_masses: true }
+    }
+}
+
+/// The table `[walls]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WallTable {
+    /// Friction of the walls; 0 (default) makes them smooth.
+    pub friction: f64,
+    /// Speed of the servo per missing force, relative to the walls' stiffness; default 0.02.
+    pub servo_gain: Option<f64>,
+    /// Largest strain of one step of a servo-controlled wall; default 1e-5.
+    pub largest_strain_per_step: Option<f64>,
+}
+
+/// One stage. Each axis has at most one of a strain and a stress; axes with neither keep their walls.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Name in the table of results.
+    pub name: String,
+    /// Steps of the stage, or the most of them if `until_balance` is given.
+    pub steps: u64,
+    /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
+    /// targets over the mean target, are below this.
+    #[serde(default)]
+    pub until_balance: Option<f64>,
+    /// Strain over the stage per axis, relative to its start, extension positive.
+    #[serde(default)]
+    pub strain: AxisTable,
+    /// Stress on the walls per axis, Pa, tension positive.
+    #[serde(default)]
+    pub stress: AxisTable,
+    /// Rows of the result table in this stage.
+    #[serde(default = "some_rows")]
+    pub rows: u64,
+    /// Friction between the grains in this stage, if not that of `[contact]`.
+    #[serde(default)]
+    pub friction: Option<f64>,
+}
+
+fn some_rows() -> u64 {
+    20
+}
+
+/// Values by axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AxisTable {
+    /// Along x.
+    pub xx: Option<f64>,
+    /// Along y.
+    pub yy: Option<f64>,
+    /// Along z.
+    pub zz: Option<f64>,
+}
+
+impl AxisTable {
+    /// In axis order.
+    pub fn values(&self) -> [Option<f64>; 3] {
+        [self.xx, self.yy, self.zz]
+    }
+}
+
+impl SpecimenTest {
+    /// Checks every key; `dimension` is that of the packing.
+    ///
+    /// # Errors
+    /// The key and the remedy.
+    pub fn validate(&self, dimension: usize) -> Result<(), String> {
+        let contact = self.contact_without_damping();
+        contact.validate().and_then(|()| contact.validate_for(dimension)).map_err(|error| error.to_string())?;
+        if !(0.0..=10.0).contains(&self.contact.damping) {
+            return Err(format!("contact.damping = {} is a damping ratio, 0 to 10", self.contact.damping));
+        }
+        if self.tiles.len() != dimension || self.tiles.iter().any(|count| *count == 0 || *count > 1000) {
+            return Err(format!("tiles = {:?} needs {dimension} whole numbers from 1 to 1000", self.tiles));
+        }
+        if self.cut == Cut::Frames && (dimension == 3 || !self.periodic.is_empty()) {
+            return Err("cut = \"frames\" is for plane specimens without periodic axes".into());
+        }
+        self.periodic_axes(dimension)?;
+        self.check_motion(dimension)?;
+        if !(self.walls.friction.is_finite() && self.walls.friction >= 0.0) {
+            return Err(format!("walls.friction = {} must be zero or positive", self.walls.friction));
+        }
+        for (key, value) in
+            [("servo_gain", self.walls.servo_gain), ("largest_strain_per_step", self.walls.largest_strain_per_step)]
+        {
+            if value.is_some_and(|value| !(value.is_finite() && value > 0.0 && value <= 1.0)) {
+                return Err(format!("walls.{key} must lie between 0 and 1"));
+            }
+        }
+        if self.stage.is_empty() {
+            return Err("at least one [[stage]] is needed".into());
+        }
+        let periodic = self.periodic_axes(dimension)?;
+        self.stage.iter().enumerate().try_for_each(|(number, stage)| {
+            stage.validate(dimension, periodic).map_err(|reason| format!("stage {}: {reason}", number + 1))
+        })
+    }
+
+    fn check_motion(&self, dimension: usize) -> Result<(), String> {
+        let motion = &self.motion;
+        let gravity_is_sound = (motion.gravity.is_empty() || motion.gravity.len() == dimension)
+            && motion.gravity.iter().all(|value| value.is_finite());
+        if !gravity_is_sound {
+            return Err(format!("motion.gravity needs {dimension} numbers, m/s2"));
+        }
+        if motion.scaled_masses && motion.gravity.iter().any(|value| *value != 0.0) {
+            return Err("motion.gravity needs physical masses: set motion.scaled_masses = false".into());
+        }
+        if !(0.0..1.0).contains(&motion.local_damping) {
+            return Err(format!("motion.local_damping = {} must be at least 0 and below 1", motion.local_damping));
+        }
+        if !(motion.safety > 0.0 && motion.safety < 1.0) {
+            return Err(format!("motion.safety = {} must lie between 0 and 1", motion.safety));
+        }
+        if motion.step.is_some_and(|step| !(step.is_finite() && step > 0.0)) {
+            return Err("motion.step must be a positive time, s".into());
+        }
+        if motion.scaled_masses && motion.step.is_some() {
+            return Err("motion.step has no meaning with scaled masses; remove it".into());
+        }
+        Ok(())
+    }
+
+    /// Which axes are periodic.
+    ///
+    /// # Errors
+    /// An axis that does not exist.
+    pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], String> {
+        let mut periodic = [false; 3];
+        for name in &self.periodic {
+            match ["x", "y", "z"].iter().position(|axis| axis == name) {
+                Some(axis) if axis < dimension => periodic[axis] = true,
+                _ => return Err(format!("periodic = \"{name}\" is no axis of a specimen of {dimension} dimensions")),
+            }
+        }
+        Ok(periodic)
+    }
+
+    /// The contact table with its viscosity taken out, as periodic cells know it.
+    pub fn contact_without_damping(&self) -> ContactTable {
+        ContactTable { damping: 0.0, ..self.contact.clone() }
+    }
+}
+
+impl Stage {
+    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), String> {
+        if self.steps == 0 || self.rows == 0 {
+            return Err("steps and rows must be at least 1".into());
+        }
+        if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
+            return Err("until_balance must be a positive number".into());
+        }
+        if self.friction.is_some_and(|value| !(value.is_finite() && value >= 0.0)) {
+            return Err("friction must be zero or positive".into());
+        }
+        for (axis, (strain, stress)) in self.strain.values().into_iter().zip(self.stress.values()).enumerate() {
+            let name = ["xx", "yy", "zz"][axis];
+            if (strain.is_some() || stress.is_some()) && (axis >= dimension || periodic[axis]) {
+                return Err(format!("{name} has no walls in this specimen"));
+            }
+            if strain.is_some() && stress.is_some() {
+                return Err(format!("{name}: give strain or stress, not both"));
+            }
+            if strain.is_some_and(|value| !(value > -0.9 && value < 10.0)) {
+                return Err(format!("strain.{name} must lie between -0.9 and 10"));
+            }
+            if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
+                return Err(format!("stress.{name} must be compressive (negative): grains bear no tension"));
+            }
+        }
+        Ok(())
+    }
+}

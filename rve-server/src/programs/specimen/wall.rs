@@ -1,0 +1,179 @@
+//! Plane walls: rigid, smooth or rough, held, driven at a velocity or servo-controlled to a stress.
+
+use super::SpecimenSpace;
+use super::contact::{ContactSums, Grain, Load, OwnStiffness, Slot};
+use crate::contact::ContactLaw;
+use crate::simd::Tuple;
+use std::collections::BTreeMap;
+
+/// How a wall moves along its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WallDrive {
+    /// At this velocity along the inward normal, m/s; 0 holds it.
+    Velocity(f64),
+    /// So that the grains press on it with this force, N. The area that a stress refers to is the caller's.
+    Force {
+        /// Force of the grains on the wall along its outward normal, N.
+        target: f64,
+        /// Speed per force that is missing, relative to the wall's contact stiffness per second, dimensionless.
+        gain: f64,
+        /// Largest speed, m/s.
+        largest_speed: f64,
+    },
+}
+
+/// One wall.
+#[derive(Clone, Debug)]
+pub struct Wall<S: SpecimenSpace, C: ContactLaw<S>> {
+    /// Name in tables.
+    pub name: String,
+    /// A point on the wall, m.
+    pub point: S::Coordinates<f64>,
+    /// Unit normal into the specimen.
+    pub normal: S::Coordinates<f64>,
+    /// Law of its contacts; a smooth wall has one without friction.
+    pub law: C,
+    /// How it moves.
+    pub drive: WallDrive,
+    /// Contact force of the grains on the wall at the last evaluation, N.
+    pub force: S::Coordinates<f64>,
+    /// Sum of the normal stiffnesses of its contacts, N/m.
+    pub stiffness: f64,
+    velocity: f64,
+    damping_ratio: f64,
+    slots: BTreeMap<u32, Slot<S, C>>,
+    near: Vec<u32>,
+    travelled: f64,
+}
+
+impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
+    /// A wall through `point` with the inward unit normal `normal`.
+    pub fn new(
+        name: &str,
+        point: S::Coordinates<f64>,
+        normal: S::Coordinates<f64>,
+        law: C,
+        drive: WallDrive,
+        damping_ratio: f64,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            point,
+            normal,
+            law,
+            drive,
+            force: Tuple::zero(),
+            stiffness: 0.0,
+            velocity: 0.0,
+            damping_ratio,
+            slots: BTreeMap::new(),
+            near: Vec::new(),
+            travelled: 0.0,
+        }
+    }
+
+    /// Force of the grains along the outward normal, N.
+    pub fn normal_force(&self) -> f64 {
+        -self.force.dot(self.normal)
+    }
+
+    /// Velocity along the inward normal, m/s.
+    pub fn velocity(&self) -> f64 {
+        self.velocity
+    }
+
+    /// Number of grains that touch it.
+    pub fn contacts(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Moves the wall for one step.
+    pub(crate) fn advance(&mut self, step: f64) {
+        self.velocity = match self.drive {
+            WallDrive::Velocity(velocity) => velocity,
+            WallDrive::Force { target, gain, largest_speed } => {
+                let missing = target - self.normal_force();
+                // Without contacts there is no stiffness to judge by: approach at the largest speed.
+                let wanted = if self.stiffness > 0.0 {
+                    gain * missing / (self.stiffness * step)
+                } else {
+                    missing.signum() * largest_speed
+                };
+                wanted.clamp(-largest_speed, largest_speed)
+            }
+        };
+        let way = self.velocity * step;
+        self.point = self.normal.scaled_plus(way, self.point);
+        self.travelled += way.abs();
+    }
+
+    /// Lists the grains that may touch before the next renewal: those within `skin`.
+    pub(crate) fn list(&mut self, grains: &[Grain<S>], skin: f64) {
+        self.near.clear();
+        for (index, grain) in grains.iter().enumerate() {
+            if grain.position.minus(self.point).dot(self.normal) < grain.radius + skin {
+                self.near.push(index as u32);
+            }
+        }
+        self.travelled = 0.0;
+    }
+
+    /// Whether the list must be renewed although no grain has gone far.
+    pub(crate) fn has_travelled(&self, skin: f64) -> bool {
+        self.travelled >= 0.5 * skin
+    }
+
+    /// Adds the loads of all contacts with this wall, in grain order.
+    pub(crate) fn press(
+        &mut self,
+        grains: &[Grain<S>],
+        masses: &[f64],
+        step: f64,
+        loads: &mut [Load<S>],
+        sums: &mut ContactSums,
+    ) {
+        self.force = Tuple::zero();
+        self.stiffness = 0.0;
+        let velocity = self.normal.scaled(self.velocity);
+        for &index in &self.near {
+            let grain = &grains[index as usize];
+            let overlap = grain.radius - grain.position.minus(self.point).dot(self.normal);
+            if overlap <= 0.0 {
+                if let Some(mut slot) = self.slots.remove(&index) {
+                    slot.open(&self.law, sums);
+                }
+                continue;
+            }
+            let law = &self.law;
+            let slot = self
+                .slots
+                .entry(index)
+                .or_insert_with(|| Slot::at_wall(law, grain.radius, masses[index as usize], self.damping_ratio));
+            let load = slot.press_wall(law, overlap, self.normal, velocity, grain, step, sums);
+            self.stiffness += slot.stiffness(law)[0];
+            self.force = self.force.minus(load.force);
+            let total = &mut loads[index as usize];
+            total.force = total.force.plus(load.force);
+            total.moment = total.moment.plus(load.moments[0]);
+        }
+    }
+
+    /// What each grain's contact with this wall adds to its stability bound.
+    pub(crate) fn own_stiffnesses<'a>(
+        &'a self,
+        grains: &'a [Grain<S>],
+        inertia_factor: f64,
+    ) -> impl Iterator<Item = (usize, OwnStiffness)> + 'a {
+        self.slots.iter().map(move |(grain, slot)| {
+            let grain = *grain as usize;
+            (grain, slot.own(&self.law, grains[grain].radius, inertia_factor))
+        })
+    }
+
+    /// Contact viscosity for other masses of the grains, kg.
+    pub(crate) fn change_masses(&mut self, masses: &[f64]) {
+        for (grain, slot) in &mut self.slots {
+            slot.change_mass(masses[*grain as usize], self.damping_ratio);
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Where jobs are done: the RVEs built so far, the states at hand, and the engine behind a guard.
+//!
+//! Invariants: an answer depends on the job alone, never on what was done before it; an engine that panics costs one
+//! failed answer, not the worker; no number that is not finite leaves.
+
+use super::state_cache::StateCache;
+use protocol::transport::LoadedReply;
+use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
+use protocol::{
+    Ask, ContentId, Definition, DefinitionId, Question, RveEngine, RveError, RveSolver, StateId, TrialAnswer,
+};
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Instant;
+
+/// An answer that owns its snapshot and error text.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub(super) reply: TrialReply,
+    pub(super) state: Vec<u8>,
+    pub(super) error: Vec<u8>,
+}
+
+impl Answer {
+    fn bare(job: &TrialJob, status: ReplyStatus) -> Self {
+        Self { reply: TrialReply::bare(job, status), state: Vec::new(), error: Vec::new() }
+    }
+
+    /// A failure with its reason.
+    pub(super) fn failed(job: &TrialJob, error: &RveError) -> Self {
+        let error = rmp_serde::to_vec(error).expect("error values have no unserialisable parts");
+        let mut reply = TrialReply::bare(job, ReplyStatus::Failed);
+        reply.error_length = error.len() as u64;
+        Self { reply, state: Vec::new(), error }
+    }
+
+    /// Borrowed, as a port sends it.
+    pub(super) fn loaded(&self) -> LoadedReply<'_> {
+        LoadedReply { reply: self.reply, state: &self.state, error: &self.error }
+    }
+}
+
+/// One RVE that was defined.
+struct Rve {
+    definition: Definition,
+    /// Snapshot of the state in which the engine creates it.
+    initial: Vec<u8>,
+    initial_id: StateId,
+    /// None after a panic: what is left of a solver then is not trusted.
+    solver: Option<Box<dyn RveSolver>>,
+    /// Name of the solver's committed state.
+    committed: StateId,
+}
+
+/// Does jobs with one engine.
+pub(super) struct Bench<'a> {
+    engine: &'a mut dyn RveEngine,
+    rves: BTreeMap<DefinitionId, Rve>,
+    states: StateCache,
+}
+
+impl<'a> Bench<'a> {
+    /// An empty bench that keeps at most `state_cache` snapshots.
+    pub(super) fn new(engine: &'a mut dyn RveEngine, state_cache: usize) -> Self {
+        Self { engine, rves: BTreeMap::new(), states: StateCache::new(state_cache) }
+    }
+
+    /// Builds an RVE; a definition that is already known is left alone.
+    ///
+    /// # Errors
+    /// The engine's refusal.
+    pub(super) fn define(&mut self, definition: Definition) -> Result<(), RveError> {
+        let id = definition.id();
+        if self.rves.contains_key(&id) {
+            return Ok(());
+        }
+        let (solver, initial) = build(self.engine, &definition)?;
+        let initial_id = StateId::of(&initial);
+        let rve = Rve { definition, initial, initial_id, solver: Some(solver), committed: initial_id };
+        self.rves.insert(id, rve);
+        Ok(())
+    }
+
+    /// Does the jobs of one message; jobs on the same RVE side by side, if its engine can. `carried` beside each job is
+    /// the snapshot that came with it, or empty.
+    pub(super) fn answer_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<Answer> {
+        let begin = Instant::now();
+        let mut answers: Vec<Option<Answer>> = slice.iter().map(|_| None).collect();
+        let mut ready: BTreeMap<DefinitionId, Vec<Ready>> = BTreeMap::new();
+        for (place, (job, carried)) in slice.iter().enumerate() {
+            match self.prepare(job, carried) {
+                Ok(Prepared::Ready { ask, wanted, start }) => {
+                    ready.entry(job.definition).or_default().push(Ready { place, ask, wanted, start });
+                }
+                Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
+                Err(error) => answers[place] = Some(Answer::failed(job, &error)),
+            }
+        }
+        for (definition, group) in ready {
+            if let [one] = group.as_slice() {
+                answers[one.place] = Some(self.do_alone(&slice[one.place].0, one));
+                continue;
+            }
+            for (one, answer) in group.iter().zip(self.do_together(definition, slice, &group)) {
+                answers[one.place] = Some(answer);
+            }
+        }
+        let mut answers: Vec<Answer> =
+            answers.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
+        let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let worked = answers.iter().map(|answer| &answer.reply.cost);
+        let worked = worked.fold(0u64, |sum, cost| {
+            sum.saturating_add(cost.solve_nanoseconds).saturating_add(cost.tangent_nanoseconds)
+        });
+        let overhead = total.saturating_sub(worked) / answers.len().max(1) as u64;
+        for answer in &mut answers {
+            answer.reply.overhead_nanoseconds = overhead;
+        }
+        answers
+    }
+
+    /// Checks a job and finds the state it starts from.
+    fn prepare(&mut self, job: &TrialJob, carried: &[u8]) -> Result<Prepared, RveError> {
+        let ask = job.ask()?;
+        if !job.target.is_finite() {
+            return Err(RveError::TargetNotFinite);
+        }
+        if !carried.is_empty() {
+            check_name(job.state, carried)?;
+            self.states.keep(job.state, carried);
+        }
+        let Some(rve) = self.rves.get(&job.definition) else {
+            return Ok(Prepared::Answered(Answer::bare(job, ReplyStatus::NeedDefinition)));
+        };
+        let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
+        let start = if wanted == rve.initial_id { Some(rve.initial.as_slice()) } else { self.states.get(wanted) };
+        Ok(match start {
+            Some(start) => Prepared::Ready { ask, wanted, start: start.to_vec() },
+            None => Prepared::Answered(Answer::bare(job, ReplyStatus::NeedState)),
+        })
+    }
+
+    /// The solver of a known RVE; whoever takes it puts it back whole.
+    fn solver(&mut self, definition: DefinitionId) -> Result<Box<dyn RveSolver>, RveError> {
+        let rve = self.rves.get_mut(&definition).expect("the RVE has been found before");
+        match rve.solver.take() {
+            Some(solver) => Ok(solver),
+            None => {
+                rve.committed = rve.initial_id;
+                Ok(build(self.engine, &rve.definition)?.0)
+            }
+        }
+    }
+
+    fn put_back(&mut self, definition: DefinitionId, solver: Box<dyn RveSolver>, committed: StateId) {
+        let rve = self.rves.get_mut(&definition).expect("the RVE has been found before");
+        rve.solver = Some(solver);
+        rve.committed = committed;
+    }
+
+    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> Answer {
+        self.try_alone(job, ready).unwrap_or_else(|error| Answer::failed(job, &error))
+    }
+
+    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<Answer, RveError> {
+        let Ready { ask, wanted, start, .. } = ready;
+        let mut solver = self.solver(job.definition)?;
+        let committed = self.rves[&job.definition].committed;
+        // The solver moves into the guarded call and only comes back from it whole.
+        let (solver, outcome) = guarded(move || {
+            let outcome = try_trial(solver.as_mut(), committed == *wanted, start, job, ask);
+            solver.rollback();
+            (solver, outcome)
+        })?;
+        let after = if matches!(outcome, Outcome::NotRestored(_)) { committed } else { *wanted };
+        self.put_back(job.definition, solver, after);
+        match outcome {
+            Outcome::NotRestored(error) | Outcome::NotSolved(error) => Err(error),
+            Outcome::Solved(answer, state) => self.delivered(job, &answer, state),
+        }
+    }
+
+    /// Several jobs on one RVE.
+    fn do_together(
+        &mut self,
+        definition: DefinitionId,
+        slice: &[(TrialJob, Vec<u8>)],
+        group: &[Ready],
+    ) -> Vec<Answer> {
+        let job_of = |ready: &Ready| &slice[ready.place].0;
+        let mut solver = match self.solver(definition) {
+            Ok(solver) => solver,
+            Err(error) => return group.iter().map(|ready| Answer::failed(job_of(ready), &error)).collect(),
+        };
+        let questions: Vec<Question<'_>> = group
+            .iter()
+            .map(|ready| Question { state: &ready.start, target: job_of(ready).target, ask: ready.ask })
+            .collect();
+        let together = guarded(|| {
+            let outcomes = solver.answer_all(&questions);
+            (solver, outcomes)
+        });
+        let Ok((solver, outcomes)) = together else {
+            // One of them brought the engine down. Alone, each takes only itself along.
+            return group.iter().map(|ready| self.do_alone(job_of(ready), ready)).collect();
+        };
+        // No state has this name: the next job restores its own.
+        self.put_back(definition, solver, StateId::NONE);
+        let answered = outcomes.into_iter().zip(group).map(|(outcome, ready)| {
+            let job = job_of(ready);
+            let delivered = outcome.and_then(|(answer, state)| self.delivered(job, &answer, state));
+            delivered.unwrap_or_else(|error| Answer::failed(job, &error))
+        });
+        answered.collect()
+    }
+
+    /// A finished answer as it is sent; its state stays at hand.
+    fn delivered(&mut self, job: &TrialJob, answer: &TrialAnswer, state: Vec<u8>) -> Result<Answer, RveError> {
+        let id = StateId::of(&state);
+        let reply = TrialReply::done(job, answer, id, state.len() as u64);
+        if !reply.is_finite() {
+            return Err(RveError::NotFinite { force_evaluations: answer.cost.force_evaluations });
+        }
+        self.states.keep(id, &state);
+        Ok(Answer { reply, state, error: Vec::new() })
+    }
+}
+
+/// A job that can be done.
+struct Ready {
+    /// Its place in the message.
+    place: usize,
+    ask: Ask,
+    /// Name of the state it starts from.
+    wanted: StateId,
+    /// Snapshot of that state.
+    start: Vec<u8>,
+}
+
+/// What became of a job on its arrival.
+#[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
+enum Prepared {
+    Ready { ask: Ask, wanted: StateId, start: Vec<u8> },
+    Answered(Answer),
+}
+
+enum Outcome {
+    /// The solver still has the committed state it had.
+    NotRestored(RveError),
+    /// The solver has the wanted committed state.
+    NotSolved(RveError),
+    /// Likewise, and here is its answer with the snapshot of the trial state.
+    Solved(Box<TrialAnswer>, Vec<u8>),
+}
+
+fn try_trial(solver: &mut dyn RveSolver, at_start: bool, start: &[u8], job: &TrialJob, ask: &Ask) -> Outcome {
+    if !at_start && let Err(error) = solver.restore(start) {
+        return Outcome::NotRestored(error);
+    }
+    let mut state = Vec::new();
+    let solved = solver.trial(&job.target, ask).and_then(|answer| {
+        solver.snapshot_trial(&mut state)?;
+        Ok(answer)
+    });
+    match solved {
+        Ok(answer) => Outcome::Solved(Box::new(answer), state),
+        Err(error) => Outcome::NotSolved(error),
+    }
+}
+
+/// A new solver and the snapshot of its initial state.
+fn build(engine: &mut dyn RveEngine, definition: &Definition) -> Result<(Box<dyn RveSolver>, Vec<u8>), RveError> {
+    guarded(|| {
+        let solver = engine.create(definition)?;
+        let mut initial = Vec::new();
+        solver.snapshot(&mut initial);
+        Ok((solver, initial))
+    })?
+}
+
+fn check_name(name: StateId, bytes: &[u8]) -> Result<(), RveError> {
+    let found = ContentId::of(bytes);
+    if found == name {
+        return Ok(());
+    }
+    Err(RveError::Snapshot(format!("the snapshot sent for state {name} is in truth {found}: it was damaged")))
+}
+
+/// Runs engine code; a panic becomes an error.
+fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, RveError> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| RveError::EngineFault(panic_text(panic.as_ref())))
+}
+
+fn panic_text(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    text.unwrap_or("a panic without a text").to_owned()
+}

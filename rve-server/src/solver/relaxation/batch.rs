@@ -1,0 +1,405 @@
+//! The working set of a solver: cells of one packing side by side in lanes, with one list of pairs for all of them.
+//!
+//! Invariant: the list holds every pair that may touch in any occupied lane; its order is that of the pair keys. Which
+//! other pairs it holds, and when it was made, cannot reach a result. Empty lanes have their periodic images at infinity:
+//! nothing touches there.
+
+use super::listing::{Listing, is_subset, merged};
+use super::setting::Setting;
+use super::stiffness::TouchingPair;
+use crate::cell::{Cell, PairFinder, PairKey};
+use crate::contact::ContactLaw;
+use crate::simd::{Real, Tuple};
+use crate::solver::kernel::{
+    Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, PairGroup, Steering, StepData, StepSums,
+    Wanted, pack, unpack,
+};
+use crate::space::{Components, KernelSpace, Space};
+
+/// The list is made anew without the pairs of lanes that have left once it is longer than this times the longest list
+/// of an occupied lane.
+const SLACK: f64 = 1.25;
+
+/// What one lane holds, on its way in or out.
+#[derive(Clone, Debug)]
+pub(crate) struct LaneContents<S: Space, C: ContactLaw<S::Kernel>> {
+    pub(crate) grains: Vec<Grain<S::Kernel, f64>>,
+    /// Touching pairs in key order, each with its count of evaluations at the friction limit.
+    pub(crate) contacts: Vec<(PairKey<S>, Contact<S::Kernel, C, f64>, f64)>,
+    /// Absent for a lane that has not been listed yet.
+    pub(crate) listing: Option<Listing<S>>,
+    pub(crate) cell: Cell<S>,
+}
+
+/// Several cells of one packing.
+#[derive(Clone, Debug)]
+pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kernel>, R: Real> {
+    grain_constants: Vec<GrainConstants>,
+    grains: Vec<Grain<S::Kernel, R>>,
+    keys: Vec<PairKey<S>>,
+    pairs: Vec<ListedPair>,
+    pair_constants: Vec<PairConstants<S::Kernel, C>>,
+    contacts: Vec<Contact<S::Kernel, C, R>>,
+    live: Vec<bool>,
+    limit_counts: Vec<R>,
+    /// The pairs of a single cell as evaluations work on them; while it is filled, histories and counts are in it.
+    groups: Vec<PairGroup<S::Kernel, C>>,
+    shifts: Vec<S::Shift>,
+    images: Vec<<S::Kernel as KernelSpace>::Coordinates<R>>,
+    lanes: Vec<Option<Occupied<S>>>,
+    finder: PairFinder<S>,
+}
+
+/// Cell and list of an occupied lane.
+#[derive(Clone, Debug)]
+struct Occupied<S: Space> {
+    cell: Cell<S>,
+    listing: Listing<S>,
+}
+
+impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
+    /// Empty lanes for a packing.
+    pub(crate) fn new(setting: &Setting<'_, C>) -> Self {
+        let grain_constants: Vec<GrainConstants> = setting.grain_constants::<S>();
+        Self {
+            grains: vec![Grain::empty(); grain_constants.len()],
+            grain_constants,
+            keys: Vec::new(),
+            pairs: Vec::new(),
+            pair_constants: Vec::new(),
+            contacts: Vec::new(),
+            live: Vec::new(),
+            limit_counts: Vec::new(),
+            groups: Vec::new(),
+            shifts: Vec::new(),
+            images: Vec::new(),
+            lanes: (0..R::LANES).map(|_| None).collect(),
+            finder: PairFinder::default(),
+        }
+    }
+
+    /// What the grains are.
+    pub(crate) fn grain_constants(&self) -> &[GrainConstants] {
+        &self.grain_constants
+    }
+
+    /// Number of listed pairs.
+    #[cfg(test)]
+    pub(crate) fn listed(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Fills an empty lane.
+    pub(crate) fn put(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &LaneContents<S, C>) {
+        debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
+        self.unpack();
+        for (grain, given) in self.grains.iter_mut().zip(&contents.grains) {
+            grain.set_lane(lane, given);
+        }
+        let listing = contents.listing.clone().unwrap_or_default();
+        self.lanes[lane] = Some(Occupied { cell: contents.cell, listing });
+        if contents.listing.is_none() {
+            self.renew_listing(setting, lane);
+        } else {
+            self.include(setting, lane);
+        }
+        let mut next = 0;
+        for (key, contact, count) in &contents.contacts {
+            while self.keys[next] != *key {
+                next += 1;
+            }
+            self.contacts[next].set_lane(lane, contact);
+            self.limit_counts[next].set_lane(lane, *count);
+            self.live[next] = true;
+        }
+    }
+
+    /// Empties a lane and returns what was in it.
+    pub(crate) fn take(&mut self, lane: usize) -> LaneContents<S, C> {
+        self.unpack();
+        let Occupied { cell, listing } = self.lanes[lane].take().expect("the lane is occupied");
+        let grains = self.grains.iter().map(|grain| grain.lane(lane)).collect();
+        let contacts = self
+            .keys
+            .iter()
+            .zip(self.contacts.iter().zip(&self.limit_counts))
+            .map(|(key, (contact, count))| (*key, contact.lane(lane), count.lane(lane)))
+            .filter(|(_, contact, _)| contact.touches())
+            .collect();
+        let empty = Grain::empty();
+        for grain in &mut self.grains {
+            grain.set_lane(lane, &empty);
+        }
+        for (contact, count) in self.contacts.iter_mut().zip(&mut self.limit_counts) {
+            contact.set_lane(lane, &Contact::none());
+            count.set_lane(lane, 0.0);
+        }
+        for image in &mut self.images {
+            set_lane(image, lane, &[f64::INFINITY; 3]);
+        }
+        LaneContents { grains, contacts, listing: Some(listing), cell }
+    }
+
+    /// Forgets how often contacts of a lane have been at their limit.
+    pub(crate) fn clear_limit_counts(&mut self, lane: usize) {
+        self.unpack();
+        for count in &mut self.limit_counts {
+            count.set_lane(lane, 0.0);
+        }
+    }
+
+    /// The cell of an occupied lane.
+    pub(crate) fn cell(&self, lane: usize) -> Cell<S> {
+        self.lanes[lane].as_ref().expect("the lane is occupied").cell
+    }
+
+    /// Sets the cell of an occupied lane after its grains have moved by up to `moved`, m, against the affine motion.
+    /// Renews the list if an unlisted pair could touch by now.
+    pub(crate) fn follow(&mut self, setting: &Setting<'_, C>, lane: usize, cell: Cell<S>, moved: f64) {
+        let occupied = self.lanes[lane].as_mut().expect("the lane is occupied");
+        let deforms = occupied.cell != cell;
+        occupied.cell = cell;
+        occupied.listing.wander(moved);
+        if deforms {
+            occupied.listing.stretch_to(&cell);
+            self.set_images(lane);
+        }
+        let range = 2.0 * setting.largest_radius + setting.skin;
+        let occupied = self.lanes[lane].as_ref().expect("the lane is occupied");
+        if !occupied.listing.is_complete(range, setting.skin) {
+            self.renew_listing(setting, lane);
+        }
+    }
+
+    /// Kicks and moves all lanes.
+    pub(crate) fn advance(
+        &mut self,
+        setting: &Setting<'_, C>,
+        steering: &Steering<S::Kernel, R>,
+        wanted: Wanted,
+    ) -> MoveSums<R> {
+        setting.backend.advance(&mut self.data(setting, wanted, R::default()), steering)
+    }
+
+    /// Evaluates all contacts. `sampling` is what an evaluation at the friction limit counts in each lane.
+    pub(crate) fn evaluate(&mut self, setting: &Setting<'_, C>, wanted: Wanted, sampling: R) -> StepSums<R> {
+        if R::LANES == 1 && self.groups.is_empty() {
+            let mut groups = std::mem::take(&mut self.groups);
+            pack(&self.data(setting, wanted, sampling), &mut groups);
+            self.groups = groups;
+        }
+        setting.backend.evaluate(&mut self.data(setting, wanted, sampling))
+    }
+
+    /// Takes histories and counts of a single cell back from the groups that evaluations work on.
+    pub(crate) fn unpack(&mut self) {
+        if !self.groups.is_empty() {
+            unpack(&self.groups, &mut self.contacts, &mut self.live, &mut self.limit_counts);
+            self.groups.clear();
+        }
+    }
+
+    /// Directions and pairs of the contacts of a lane; histories have to be unpacked.
+    pub(crate) fn touching(&self, lane: usize) -> impl Iterator<Item = TouchingPair<'_, S, C>> {
+        debug_assert!(self.groups.is_empty(), "histories have been unpacked");
+        self.keys.iter().zip(&self.pair_constants).zip(self.pairs.iter().zip(&self.contacts)).filter_map(
+            move |((key, constants), (pair, contact))| {
+                let contact = contact.lane(lane);
+                contact.touches().then(|| {
+                    let (origin, end) = (&self.grains[pair.origin as usize], &self.grains[pair.end as usize]);
+                    let image = vector_of::<S::Kernel, R>(&self.images[pair.image as usize], lane);
+                    let (_, length) =
+                        branch_of::<S::Kernel>(origin.lane(lane).position, end.lane(lane).position, image);
+                    let overlap = constants.radii[0] + constants.radii[1] - length;
+                    (key, constants, contact.direction, overlap)
+                })
+            },
+        )
+    }
+
+    fn data<'a>(
+        &'a mut self,
+        setting: &'a Setting<'_, C>,
+        wanted: Wanted,
+        sampling: R,
+    ) -> StepData<'a, S::Kernel, C, R> {
+        StepData {
+            law: setting.law,
+            grain_constants: &self.grain_constants,
+            grains: &mut self.grains,
+            pairs: &self.pairs,
+            pair_constants: &self.pair_constants,
+            contacts: &mut self.contacts,
+            groups: &mut self.groups,
+            live: &mut self.live,
+            limit_counts: &mut self.limit_counts,
+            sampling,
+            images: &self.images,
+            wanted,
+        }
+    }
+
+    /// Lists the pairs of a lane for its present positions.
+    fn renew_listing(&mut self, setting: &Setting<'_, C>, lane: usize) {
+        let occupied = self.lanes[lane].as_mut().expect("the lane is occupied");
+        let positions = self.grains.iter().map(|grain| vector_of::<S::Kernel, R>(&grain.position, lane));
+        let listing = &mut occupied.listing;
+        self.finder.find(&occupied.cell, positions, setting.radii, setting.skin, &mut listing.keys);
+        listing.begin(&occupied.cell);
+        self.include(setting, lane);
+    }
+
+    /// Makes sure that the common list holds the list of a lane.
+    fn include(&mut self, setting: &Setting<'_, C>, lane: usize) {
+        let occupied = || self.lanes.iter().flatten();
+        let longest = occupied().map(|other| other.listing.keys.len()).max().unwrap_or(0);
+        let own = &self.lanes[lane].as_ref().expect("the lane is occupied").listing.keys;
+        let union = if self.keys.len() as f64 > SLACK * longest as f64 {
+            occupied().fold(Vec::new(), |union, other| merged(&union, &other.listing.keys))
+        } else if is_subset(own, &self.keys) {
+            return self.set_images(lane);
+        } else {
+            merged(&self.keys, own)
+        };
+        if union == self.keys {
+            return self.set_images(lane);
+        }
+        self.relist(setting, union);
+    }
+
+    /// Replaces the common list; histories move along.
+    fn relist(&mut self, setting: &Setting<'_, C>, keys: Vec<PairKey<S>>) {
+        self.unpack();
+        self.shifts.clear();
+        self.shifts.extend(keys.iter().map(|key| key.shift));
+        self.shifts.sort_unstable();
+        self.shifts.dedup();
+        let old_contacts = std::mem::take(&mut self.contacts);
+        let old_counts = std::mem::take(&mut self.limit_counts);
+        let old_live = std::mem::take(&mut self.live);
+        let old_constants = std::mem::take(&mut self.pair_constants);
+        let mut old = self.keys.iter().enumerate().peekable();
+        self.pairs.clear();
+        self.pairs.reserve_exact(keys.len());
+        self.contacts.reserve_exact(keys.len());
+        self.limit_counts.reserve_exact(keys.len());
+        self.live.reserve_exact(keys.len());
+        self.pair_constants.reserve_exact(keys.len());
+        for key in &keys {
+            while old.next_if(|(_, old_key)| *old_key < key).is_some() {}
+            let known = old.next_if(|(_, old_key)| *old_key == key).map(|(place, _)| place);
+            let image = self.shifts.binary_search(&key.shift).expect("every shift was collected") as u32;
+            self.pairs.push(ListedPair { origin: key.origin, end: key.end, image });
+            let radii = || [setting.radii[key.origin as usize], setting.radii[key.end as usize]];
+            self.pair_constants
+                .push(known.map_or_else(|| PairConstants::new(setting.law, radii()), |place| old_constants[place]));
+            self.contacts.push(known.map_or_else(Contact::none, |place| old_contacts[place]));
+            self.limit_counts.push(known.map_or_else(R::default, |place| old_counts[place]));
+            self.live.push(known.is_some_and(|place| old_live[place]));
+        }
+        self.keys = keys;
+        self.images.clear();
+        self.images.resize(self.shifts.len(), Tuple::filled(R::splat(f64::INFINITY)));
+        for lane in 0..R::LANES {
+            if self.lanes[lane].is_some() {
+                self.set_images(lane);
+            }
+        }
+    }
+
+    fn set_images(&mut self, lane: usize) {
+        let cell = self.cell(lane);
+        for (image, shift) in self.images.iter_mut().zip(&self.shifts) {
+            set_lane(image, lane, cell.translation(*shift).components());
+        }
+    }
+}
+
+/// Sets one lane of a tuple.
+fn set_lane<R: Real, T: Tuple<R>>(tuple: &mut T, lane: usize, components: &[f64]) {
+    for (value, component) in tuple.as_mut().iter_mut().zip(components) {
+        value.set_lane(lane, *component);
+    }
+}
+
+/// One lane of a tuple.
+fn lane_of<R: Real, T: Tuple<R>, U: Tuple<f64>>(tuple: &T, lane: usize) -> U {
+    U::build(|i| tuple.as_ref()[i].lane(lane))
+}
+
+/// One lane of a vector.
+fn vector_of<K: KernelSpace, R: Real>(vector: &K::Coordinates<R>, lane: usize) -> K::Coordinates<f64> {
+    lane_of(vector, lane)
+}
+
+/// Branch vector of a pair and its length, m, with the operations of the kernel.
+pub(crate) fn branch_of<K: KernelSpace>(
+    origin: K::Coordinates<f64>,
+    end: K::Coordinates<f64>,
+    image: K::Coordinates<f64>,
+) -> (K::Coordinates<f64>, f64) {
+    let branch = end.minus(origin).plus(image);
+    (branch, branch.dot(branch).sqrt())
+}
+
+impl<K: KernelSpace, R: Real> Grain<K, R> {
+    /// A grain at the origin without motion or load.
+    pub(crate) fn empty() -> Self {
+        Self::at_rest(Tuple::zero())
+    }
+
+    /// A grain without motion or load.
+    pub(crate) fn at_rest(position: K::Coordinates<R>) -> Self {
+        Self {
+            position,
+            velocity: Tuple::zero(),
+            spin: Tuple::zero(),
+            turned: Tuple::zero(),
+            force: Tuple::zero(),
+            moment: Tuple::zero(),
+        }
+    }
+
+    fn lane(&self, lane: usize) -> Grain<K, f64> {
+        Grain {
+            position: lane_of(&self.position, lane),
+            velocity: lane_of(&self.velocity, lane),
+            spin: lane_of(&self.spin, lane),
+            turned: lane_of(&self.turned, lane),
+            force: lane_of(&self.force, lane),
+            moment: lane_of(&self.moment, lane),
+        }
+    }
+
+    fn set_lane(&mut self, lane: usize, given: &Grain<K, f64>) {
+        set_lane(&mut self.position, lane, given.position.as_ref());
+        set_lane(&mut self.velocity, lane, given.velocity.as_ref());
+        set_lane(&mut self.spin, lane, given.spin.as_ref());
+        set_lane(&mut self.turned, lane, given.turned.as_ref());
+        set_lane(&mut self.force, lane, given.force.as_ref());
+        set_lane(&mut self.moment, lane, given.moment.as_ref());
+    }
+}
+
+impl<K: KernelSpace, C: ContactLaw<K>, R: Real> Contact<K, C, R> {
+    fn lane(&self, lane: usize) -> Contact<K, C, f64> {
+        Contact {
+            direction: lane_of(&self.direction, lane),
+            tangential_force: lane_of(&self.tangential_force, lane),
+            memory: lane_of(&self.memory, lane),
+        }
+    }
+
+    fn set_lane(&mut self, lane: usize, given: &Contact<K, C, f64>) {
+        set_lane(&mut self.direction, lane, given.direction.as_ref());
+        set_lane(&mut self.tangential_force, lane, given.tangential_force.as_ref());
+        set_lane(&mut self.memory, lane, given.memory.as_ref());
+    }
+}
+
+impl<K: KernelSpace, C: ContactLaw<K>> Contact<K, C, f64> {
+    /// Whether the pair touched at the last evaluation.
+    pub(crate) fn touches(&self) -> bool {
+        self.direction != Tuple::zero()
+    }
+}

@@ -1,0 +1,77 @@
+//! When a cell counts as being in equilibrium: three measures from the literature, by name.
+
+use crate::definition::Criterion;
+use crate::solver::kernel::{StepSums, Wanted};
+
+/// Steps in a row that the energy criterion must hold: the motion has no kinetic energy at a turning point either.
+pub(crate) const ENERGY_HITS: u32 = 10;
+
+/// The sums that a criterion needs beyond the usual ones.
+pub(crate) fn wanted_by(criterion: Criterion) -> Wanted {
+    Wanted {
+        contact_force_square: criterion == Criterion::RmsForce,
+        elastic_energy: criterion == Criterion::Energy,
+        ..Wanted::default()
+    }
+}
+
+/// Share of the largest load that a cell has carried at rest below which its forces are measured by that share, no longer by
+/// themselves. A cell that has come apart keeps grains that graze each other; their forces die away together with their
+/// mean, so that no ratio of the two ever says that the cell is at rest. What is left out of balance is at most this share times
+/// the tolerance times the force that a contact once had.
+pub(crate) const LEAST_LOAD: f64 = 1e-3;
+
+/// Share of the largest load that is rounding, whatever its balance.
+const ROUNDING_LOAD: f64 = 1e-9;
+
+/// How far a cell is from rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Imbalance {
+    /// What is out of balance: a force, N, or an energy, J, by criterion.
+    pub(crate) measure: f64,
+    /// The same over what the cell carries now; 0 without contacts, because then nothing is out of balance.
+    pub(crate) of_present: f64,
+    /// The same over the larger of what the cell carries now and [`LEAST_LOAD`] of what it once carried: the criterion.
+    pub(crate) ratio: f64,
+}
+
+impl Imbalance {
+    /// By a criterion. `mass` is the cell's, `largest_load` the largest sum of its normal forces at rest, N.
+    pub(crate) fn by(
+        criterion: Criterion,
+        grains: usize,
+        mass: f64,
+        sums: &StepSums<f64>,
+        largest_load: f64,
+    ) -> Self {
+        if sums.contacts == 0.0 {
+            return Self { measure: 0.0, of_present: 0.0, ratio: 0.0 };
+        }
+        let least_force = LEAST_LOAD * largest_load / grains as f64;
+        let (measure, scale) = match criterion {
+            Criterion::MaxForce => (sums.largest_force_square.sqrt(), sums.normal_force / sums.contacts),
+            Criterion::RmsForce => {
+                ((sums.force_square / grains as f64).sqrt(), (sums.contact_force_square / sums.contacts).sqrt())
+            }
+            Criterion::Energy => (0.5 * mass * sums.motion_square, sums.elastic_energy),
+        };
+        let over = |measure: f64, scale: f64| if measure == 0.0 { 0.0 } else { measure / scale.abs() };
+        let of_present = over(measure, scale);
+        let ratio = if criterion != Criterion::Energy {
+            over(measure, scale.abs().max(least_force))
+        } else if sums.normal_force < LEAST_LOAD * largest_load {
+            // Nothing remembers the energy that the load once stored. The criterion is quadratic in the forces.
+            of_present.min(over(sums.largest_force_square, least_force * least_force))
+        } else {
+            of_present
+        };
+        Self { measure, of_present, ratio }
+    }
+
+    /// Whether a cell that carries `load` and is at rest bears it: forces that are small by what the cell once carried and in
+    /// no balance with each other are on their way to nothing.
+    pub(crate) fn bears(&self, load: f64, largest_load: f64, tolerance: f64) -> bool {
+        let is_small = load < LEAST_LOAD * largest_load;
+        load > ROUNDING_LOAD * largest_load && !(is_small && self.of_present > tolerance)
+    }
+}

@@ -1,0 +1,202 @@
+//! Which grains carry load, and which of their displacements must be held for a unique answer.
+//!
+//! A grain with fewer than two contacts is a rattler; removing it may make another, so pruning repeats until nothing
+//! changes. In space a chain of two or more grains with two contacts each can buckle freely and is removed as well; a
+//! single such grain is a strut that can only spin about the line through its contact points, and that spin is held. The
+//! remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
+//! translation, which is pinned at its first grain. A cluster that meets none of its own images can also turn as a
+//! whole; then the spins of that grain are pinned too. All pins choose one of many equal answers and change no contact
+//! force.
+
+use crate::tangent::link::{Link, LinkedGrains};
+use crate::tangent::sliding::ContactStiffness;
+
+/// The load-carrying part of a network, its grains numbered anew in the network's order.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Backbone<const D: usize, const B: usize> {
+    /// Contacts kept: index in the network, new numbers of origin and end grain.
+    pub contacts: Vec<BackboneContact>,
+    /// Number in the network of each kept grain.
+    pub grains: Vec<usize>,
+    /// Radius of each kept grain, m: the length that turns its spin into a displacement.
+    pub radii: Vec<f64>,
+    /// Whether displacements and spins of each kept grain are held at zero.
+    pub pinned: Vec<[bool; B]>,
+    /// Struts and the direction of the spin that holds nothing.
+    pub struts: Vec<(usize, [f64; D])>,
+    /// Whether a spin is held although forces act on it: all contacts of the grain slide.
+    pub spin_held_against_load: bool,
+}
+
+/// One contact of the backbone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BackboneContact {
+    /// Position in [`LinkedGrains::links`].
+    pub index: usize,
+    /// New number of the origin grain.
+    pub origin: usize,
+    /// New number of the end grain.
+    pub end: usize,
+}
+
+impl<const D: usize, const B: usize> Backbone<D, B> {
+    /// Prunes `network` and finds the pins; `stiffness` belongs to the network's contacts.
+    pub(super) fn of(network: &LinkedGrains<D>, stiffness: &[ContactStiffness<D>]) -> Self {
+        let kept = contacts_without_rattlers(network);
+        let mut number = vec![usize::MAX; network.radii.len()];
+        for &index in &kept {
+            number[network.links[index].origin] = 0;
+            number[network.links[index].end] = 0;
+        }
+        let mut grains = Vec::new();
+        for (grain, place) in number.iter_mut().enumerate() {
+            if *place == 0 {
+                *place = grains.len();
+                grains.push(grain);
+            }
+        }
+        let contacts: Vec<BackboneContact> = kept
+            .iter()
+            .map(|&index| {
+                let link = &network.links[index];
+                BackboneContact { index, origin: number[link.origin], end: number[link.end] }
+            })
+            .collect();
+        let mut backbone = Self {
+            pinned: vec![[false; B]; grains.len()],
+            radii: grains.iter().map(|&grain| network.radii[grain]).collect(),
+            contacts,
+            grains,
+            struts: Vec::new(),
+            spin_held_against_load: false,
+        };
+        backbone.pin_clusters(network);
+        backbone.pin_spins(network, stiffness);
+        if D == 3 && network.rotations_free {
+            backbone.find_struts(network);
+        }
+        backbone
+    }
+
+    fn pin_clusters(&mut self, network: &LinkedGrains<D>) {
+        let neighbours = Neighbours::of(self, network);
+        // The image of each grain in which it was reached first; reaching another image closes a loop round the cell.
+        let mut image: Vec<Option<[i32; D]>> = vec![None; self.radii.len()];
+        let mut pending = Vec::new();
+        for first in 0..self.radii.len() {
+            if image[first].is_some() {
+                continue;
+            }
+            image[first] = Some([0; D]);
+            let mut meets_itself = false;
+            pending.push((first, [0; D]));
+            while let Some((grain, here)) = pending.pop() {
+                for &(neighbour, shift) in neighbours.of_grain(grain) {
+                    let there = std::array::from_fn(|axis| here[axis] + shift[axis]);
+                    match image[neighbour] {
+                        None => {
+                            image[neighbour] = Some(there);
+                            pending.push((neighbour, there));
+                        }
+                        Some(known) => meets_itself |= known != there,
+                    }
+                }
+            }
+            self.pinned[first] = std::array::from_fn(|unknown| unknown < D || !meets_itself);
+        }
+    }
+
+    fn pin_spins(&mut self, network: &LinkedGrains<D>, stiffness: &[ContactStiffness<D>]) {
+        let mut is_resisted = vec![false; self.radii.len()];
+        let mut is_loaded = vec![false; self.radii.len()];
+        for contact in &self.contacts {
+            let law = &stiffness[contact.index];
+            let resists = law.resists_slip() || network.links[contact.index].rolling_stiffness > 0.0;
+            let loads = law.coupling != [0.0; D] || network.links[contact.index].tangential_force != [0.0; D];
+            for grain in [contact.origin, contact.end] {
+                is_resisted[grain] |= resists;
+                is_loaded[grain] |= loads;
+            }
+        }
+        for grain in 0..self.radii.len() {
+            if !network.rotations_free || !is_resisted[grain] {
+                self.pinned[grain][D..].fill(true);
+                self.spin_held_against_load |= network.rotations_free && is_loaded[grain];
+            }
+        }
+    }
+
+    fn find_struts(&mut self, network: &LinkedGrains<D>) {
+        let mut points: Vec<Vec<[f64; D]>> = vec![Vec::new(); self.radii.len()];
+        for contact in &self.contacts {
+            let link = &network.links[contact.index];
+            for (grain, reach) in [(contact.origin, link.arms[0]), (contact.end, -link.arms[1])] {
+                if points[grain].len() < 3 {
+                    points[grain].push(link.normal.map(|component| reach * component));
+                }
+            }
+        }
+        for (grain, points) in points.iter().enumerate() {
+            if let [first, second] = points[..] {
+                let line: [f64; D] = std::array::from_fn(|axis| second[axis] - first[axis]);
+                let length = line.iter().map(|component| component * component).sum::<f64>().sqrt();
+                self.struts.push((grain, line.map(|component| component / length)));
+            }
+        }
+    }
+}
+
+/// Neighbours of each grain with the cell shift that leads to them.
+struct Neighbours<const D: usize> {
+    starts: Vec<usize>,
+    entries: Vec<(usize, [i32; D])>,
+}
+
+impl<const D: usize> Neighbours<D> {
+    fn of<const B: usize>(backbone: &Backbone<D, B>, network: &LinkedGrains<D>) -> Self {
+        let mut starts = vec![0; backbone.radii.len() + 1];
+        for contact in &backbone.contacts {
+            starts[contact.origin + 1] += 1;
+            starts[contact.end + 1] += 1;
+        }
+        for grain in 0..backbone.radii.len() {
+            starts[grain + 1] += starts[grain];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![(0, [0; D]); 2 * backbone.contacts.len()];
+        for contact in &backbone.contacts {
+            let shift = network.links[contact.index].shift;
+            let ends =
+                [(contact.origin, contact.end, shift), (contact.end, contact.origin, shift.map(|count: i32| -count))];
+            for (grain, neighbour, shift) in ends {
+                entries[next[grain]] = (neighbour, shift);
+                next[grain] += 1;
+            }
+        }
+        Self { starts, entries }
+    }
+
+    fn of_grain(&self, grain: usize) -> &[(usize, [i32; D])] {
+        &self.entries[self.starts[grain]..self.starts[grain + 1]]
+    }
+}
+
+fn contacts_without_rattlers<const D: usize>(network: &LinkedGrains<D>) -> Vec<usize> {
+    let mut kept: Vec<usize> = (0..network.links.len()).collect();
+    loop {
+        let mut count = vec![0_u32; network.radii.len()];
+        for &index in &kept {
+            count[network.links[index].origin] += 1;
+            count[network.links[index].end] += 1;
+        }
+        let carries = |link: &Link<D>| {
+            let ends = [count[link.origin], count[link.end]];
+            ends.into_iter().all(|count| count >= 2) && !(D == 3 && ends == [2, 2])
+        };
+        let before = kept.len();
+        kept.retain(|&index| carries(&network.links[index]));
+        if kept.len() == before {
+            return kept;
+        }
+    }
+}

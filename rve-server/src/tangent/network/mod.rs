@@ -1,0 +1,22 @@
+//! Network operators: every grain of the frozen network finds its own translation and rotation, by one sparse solve.
+
+mod aggregates;
+mod assembly;
+mod backbone;
+mod bicgstab;
+mod block_matrix;
+mod conjugate_gradients;
+mod elimination;
+mod factors;
+mod operator;
+mod orderings;
+mod response;
+mod single_precision;
+mod solver;
+mod two_level;
+mod vectorised;
+
+pub(super) use operator::solve;
+#[cfg(test)]
+pub(super) use operator::solve_within;
+pub use orderings::Orderings;

@@ -1,0 +1,136 @@
+//! Operators that let the frozen network relax: PSTLO, the prestressed truss-like operator of [Argilaga2018] eqs. 22-23
+//! and appendix B, and its variants for sliding contacts.
+
+use super::aggregates::Bond;
+use super::assembly::System;
+use super::backbone::Backbone;
+use super::block_matrix::Columns;
+use super::orderings::Orderings;
+use super::two_level::{Groups, Problem};
+use super::vectorised::{Vectorised, dispatch};
+use super::{bicgstab, conjugate_gradients, solver};
+use crate::tangent::link::LinkedGrains;
+use crate::tangent::sliding::{ContactStiffness, Sliding};
+use crate::tangent::strain::objective;
+use protocol::Tensor4;
+
+/// Stiffness, relative to the mean normal stiffness, that holds the mechanisms of a singular network.
+const RELATIVE_SHIFT: f64 = 1e-8;
+
+/// A solved network operator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::tangent) struct NetworkOperator {
+    /// `d sigma_ij / d F_kl`, Pa.
+    pub operator: Tensor4,
+    /// Whether mechanisms were held by a small stiffness of their own, or spins against load.
+    pub regularised: bool,
+}
+
+/// Most spheres that are solved for directly: the fill of a factor grows with the square of their number, and so does its
+/// cost per sphere.
+const MOST_DIRECT_SPHERES: usize = 150;
+
+/// Linearises `network`: every grain finds its own translation and spin. `None` when no solution was found.
+pub(in crate::tangent) fn solve<const D: usize, const B: usize, const P: usize>(
+    orderings: &mut Orderings,
+    network: &LinkedGrains<D>,
+    sliding: Sliding,
+) -> Option<NetworkOperator> {
+    solve_within::<D, B, P>(orderings, network, sliding, if D == 2 { usize::MAX } else { MOST_DIRECT_SPHERES })
+}
+
+/// As [`solve`]; networks of more than `most_direct` load-carrying grains are solved by iteration.
+pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: usize>(
+    orderings: &mut Orderings,
+    network: &LinkedGrains<D>,
+    sliding: Sliding,
+    most_direct: usize,
+) -> Option<NetworkOperator> {
+    let stiffness: Vec<ContactStiffness<D>> =
+        network.links.iter().map(|link| ContactStiffness::of(link, sliding, network.friction)).collect();
+    let backbone = Backbone::<D, B>::of(network, &stiffness);
+    if backbone.contacts.is_empty() {
+        return Some(NetworkOperator { operator: Tensor4::ZERO, regularised: false });
+    }
+    let typical = backbone.contacts.iter().map(|contact| stiffness[contact.index].normal).sum::<f64>()
+        / backbone.contacts.len() as f64;
+    let mut system = dispatch(Assembly::<D, B, P> { network, backbone: &backbone, stiffness: &stiffness, typical });
+    let mut regularised = backbone.spin_held_against_load;
+    let iterate = backbone.radii.len() > most_direct;
+    let mut answer = |system: &System<D, B, P>| {
+        if iterate {
+            iterated(system, &backbone, network, typical, sliding)
+        } else {
+            let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
+            answers.map(Answers::exact)
+        }
+    };
+    let answers = match answer(&system) {
+        Some(answers) => answers,
+        // Iterations do not mind free mechanisms, so that a shift would not help them.
+        None if iterate => return None,
+        None => {
+            regularised = true;
+            system.matrix.shift_diagonal(RELATIVE_SHIFT * typical);
+            answer(&system)?
+        }
+    };
+    let mut rate = system.stress_rate(&answers.columns);
+    if let Some(residual) = &answers.residual {
+        System::<D, B, P>::correct(&mut rate, &answers.columns, residual, &backbone.radii);
+    }
+    let rate = rate.map(|row| row.map(|value| value / network.volume));
+    Some(NetworkOperator { operator: objective(&rate, &network.stress()), regularised })
+}
+
+/// The equations, put together.
+struct Assembly<'a, const D: usize, const B: usize, const P: usize> {
+    network: &'a LinkedGrains<D>,
+    backbone: &'a Backbone<D, B>,
+    stiffness: &'a [ContactStiffness<D>],
+    typical: f64,
+}
+
+impl<const D: usize, const B: usize, const P: usize> Vectorised for Assembly<'_, D, B, P> {
+    type Output = System<D, B, P>;
+
+    #[inline(always)]
+    fn run(self) -> System<D, B, P> {
+        System::of(self.network, self.backbone, self.stiffness, self.typical)
+    }
+}
+
+/// Motions of the grains under the unit strains.
+struct Answers<const B: usize, const P: usize> {
+    columns: Vec<Columns<B, P>>,
+    /// What they leave of the loads, where the operator is to be corrected by it.
+    residual: Option<Vec<Columns<B, P>>>,
+}
+
+impl<const B: usize, const P: usize> Answers<B, P> {
+    fn exact(columns: Vec<Columns<B, P>>) -> Self {
+        Self { columns, residual: None }
+    }
+}
+
+/// Solves by iteration; where symmetry does not help, without it.
+fn iterated<const D: usize, const B: usize, const P: usize>(
+    system: &System<D, B, P>,
+    backbone: &Backbone<D, B>,
+    network: &LinkedGrains<D>,
+    typical: f64,
+    sliding: Sliding,
+) -> Option<Answers<B, P>> {
+    let bonds: Vec<Bond<D>> = backbone
+        .contacts
+        .iter()
+        .map(|contact| Bond { grains: [contact.origin, contact.end], branch: network.links[contact.index].branch })
+        .collect();
+    let groups = Groups::of(&system.matrix, &bonds, &backbone.radii, &backbone.pinned);
+    let problem = Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
+    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem) } else { None };
+    match symmetric {
+        Some([columns, residual]) => Some(Answers { columns, residual: Some(residual) }),
+        None => bicgstab::solve(problem).map(Answers::exact),
+    }
+}

@@ -1,0 +1,179 @@
+//! Tangent operators that the grain solver itself must answer for: CTO and DEMQO by probes, AEO and the calibrated
+//! uniform-strain operators from the CTOs of the first steps.
+//!
+//! Probes run on working memory only: the committed and the trial state keep their bits, except that a state remembers
+//! what these operators have learnt ([`OperatorMemory`]). An operator is therefore a pure function of committed state,
+//! target and ask, in any worker. Every contact-force evaluation of a probe is counted.
+
+mod differences;
+
+#[cfg(test)]
+mod tests;
+
+use crate::cell::{ContactNetwork, GrainState};
+use crate::contact::ContactTable;
+use crate::definition::{Criterion, GrainModel, RveOptions};
+use crate::solver::{GrainSolver, Job, SolverFor};
+use crate::space::{Space, Tensor, add_scaled, product, rotated};
+use crate::tangent::{self, TangentOutcome};
+use differences::{Probe, differentiate};
+use protocol::{TangentKind, Tensor4};
+
+/// Friction that no contact reaches.
+const STICKING_FRICTION: f64 = 1e9;
+
+/// Whether an operator needs more than the contact network of the trial state.
+pub fn is_probed(kind: TangentKind) -> bool {
+    matches!(
+        kind,
+        TangentKind::QuasiStatic
+            | TangentKind::Consistent
+            | TangentKind::ConsistentCentral
+            | TangentKind::ElasticAverage
+            | TangentKind::KruytCalibrated
+            | TangentKind::KruytCalibratedPrinted
+            | TangentKind::KruytTwiceCalibrated
+            | TangentKind::KruytTwiceCalibratedPrinted
+    )
+}
+
+/// The trial whose operator is wanted.
+pub(crate) struct Trial<'a, S: Space> {
+    pub(crate) model: &'a GrainModel,
+    pub(crate) contact: &'a ContactTable,
+    /// State that the trial started from.
+    pub(crate) start: &'a GrainState<S>,
+    /// Its target.
+    pub(crate) h: &'a S::Tensor,
+    /// Its ramp.
+    pub(crate) ramp_steps: u32,
+    /// Its end.
+    pub(crate) network: &'a ContactNetwork<S>,
+    /// Its stress, Pa.
+    pub(crate) stress: &'a S::Tensor,
+}
+
+/// An operator and what its probes cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probed {
+    /// The operator.
+    pub outcome: TangentOutcome,
+    /// Contact-force evaluations of all probes; none for operators that need the network alone.
+    pub force_evaluations: u64,
+}
+
+impl<S: SolverFor> Trial<'_, S> {
+    /// The operator of a kind that [`is_probed`]; what it learns goes into `end`, the trial's end state. A probe that
+    /// fails or does not come to rest leaves the truss-like operator in its place, marked.
+    pub(crate) fn operator(
+        &self,
+        kind: TangentKind,
+        solver: &mut dyn GrainSolver<S>,
+        end: &mut GrainState<S>,
+    ) -> Probed {
+        let mut force_evaluations = 0;
+        let found = match kind {
+            TangentKind::QuasiStatic => self.quasi_static(end, &mut force_evaluations),
+            TangentKind::Consistent | TangentKind::ConsistentCentral => {
+                self.consistent(kind == TangentKind::ConsistentCentral, solver, &mut force_evaluations)
+            }
+            TangentKind::ElasticAverage => self.elastic_average(solver, end, &mut force_evaluations),
+            _ => self.calibrated(kind, solver, end, &mut force_evaluations),
+        };
+        let outcome = match found {
+            Some(operator) => TangentOutcome::exact(operator),
+            None => {
+                let network = tangent::evaluate(self.network, TangentKind::TrussLike);
+                TangentOutcome { fallback: true, ..network }
+            }
+        };
+        Probed { outcome, force_evaluations }
+    }
+
+    /// CTO: the whole step once more for each probe, [Argilaga2018] eq. 6. Erratum: the perturbation of eq. 5 has its one
+    /// at (m, n), not at (n, m) as in eq. 6.
+    fn consistent(&self, central: bool, solver: &mut dyn GrainSolver<S>, spent: &mut u64) -> Option<Tensor4> {
+        let size = self.model.options.operator.probe();
+        let mut evaluate = |gradient: &S::Tensor| {
+            // H of (I + gradient) F.
+            let f = add_scaled(&S::Tensor::IDENTITY, 1.0, self.h);
+            let h = add_scaled(self.h, 1.0, &product(gradient, &f));
+            stress_after(solver, self.model, self.start, &h, self.ramp_steps, spent)
+        };
+        // A null trial is answered without solving; its probes must be compared with a cell that was solved.
+        let base = if *self.h == S::Tensor::ZERO && !central { evaluate(&S::Tensor::ZERO)? } else { *self.stress };
+        differentiate::<S>(Probe { size, central }, &base, &mut evaluate)
+    }
+
+    /// DEMQO: small probes from the end state with contacts that cannot slide and a tolerance of their own,
+    /// [Argilaga2018] eq. 20. What the trial left unbalanced relaxes further in every probe; a probe of size zero takes it
+    /// out of the differences.
+    fn quasi_static(&self, end: &GrainState<S>, spent: &mut u64) -> Option<Tensor4> {
+        let sticking = ContactTable { friction: STICKING_FRICTION, ..self.contact.clone() };
+        let mut solver = S::solver(self.model.options.solver, &sticking).ok()?;
+        let operator = &self.model.options.operator;
+        let mut model = self.model.clone();
+        model.friction = STICKING_FRICTION;
+        model.options = RveOptions {
+            criterion: Criterion::MaxForce,
+            tolerance: Some(operator.quasi_static_tolerance()),
+            ..self.model.options.clone()
+        };
+        let mut evaluate = |gradient: &S::Tensor| stress_after(&mut *solver, &model, end, gradient, 1, spent);
+        let base = evaluate(&S::Tensor::ZERO)?;
+        let probe = Probe { size: operator.quasi_static_probe(), central: false };
+        differentiate::<S>(probe, &base, &mut evaluate)
+    }
+
+    /// AEO: the mean of the CTOs of the first committed steps, this one included, and then that mean for good.
+    fn elastic_average(
+        &self,
+        solver: &mut dyn GrainSolver<S>,
+        end: &mut GrainState<S>,
+        spent: &mut u64,
+    ) -> Option<Tensor4> {
+        if end.operators.samples() < self.model.options.operator.average_steps() {
+            let sample = self.consistent(false, solver, spent)?;
+            end.operators.add(&sample);
+        }
+        end.operators.mean()
+    }
+
+    /// UCKO and UCKO-2DOF: the first trial calibrates by its CTO; once it is committed the factors stay.
+    fn calibrated(
+        &self,
+        kind: TangentKind,
+        solver: &mut dyn GrainSolver<S>,
+        end: &mut GrainState<S>,
+        spent: &mut u64,
+    ) -> Option<Tensor4> {
+        if end.operators.calibration().is_none_or(|known| known.factors(kind).is_none()) {
+            let consistent = self.consistent(false, solver, spent)?;
+            end.operators.calibrate(tangent::calibration(self.network, &consistent)?);
+        }
+        let factors = end.operators.calibration()?.factors(kind)?;
+        Some(tangent::calibrated(self.network, kind, factors))
+    }
+}
+
+/// Stress at the end of a solve, Pa; `None` if the solve fails or does not come to rest.
+fn stress_after<S: Space>(
+    solver: &mut dyn GrainSolver<S>,
+    model: &GrainModel,
+    start: &GrainState<S>,
+    h: &S::Tensor,
+    ramp_steps: u32,
+    spent: &mut u64,
+) -> Option<S::Tensor> {
+    let polar = S::polar(h);
+    let end = match solver.solve_one(model, Job { state: start, strain: polar.strain, ramp_steps }) {
+        Ok(end) => end,
+        Err(error) => {
+            *spent += error.force_evaluations();
+            return None;
+        }
+    };
+    *spent += end.solved.force_evaluations;
+    let stress = solver.network(model, &end).stress();
+    end.solved.equilibrated.then(|| rotated(&stress, &S::rotation_matrix(polar.turn)))
+}

@@ -1,0 +1,111 @@
+//! `grainspan specimen` and `grainspan pack` as a user runs them: defaults, tables, closing lines, exit codes.
+
+use crate::harness::Site;
+use std::path::Path;
+use std::process::Output;
+
+fn run(site: &Site, arguments: &[&str]) -> (i32, String, Output) {
+    let output = site.program(arguments).stdout(std::process::Stdio::piped()).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code().unwrap(), text, output)
+}
+
+fn column(table: &str, name: &str) -> Vec<f64> {
+    let mut lines = table.lines();
+    let place = lines.next().unwrap().split(',').position(|one| one == name).unwrap_or_else(|| panic!("no {name}"));
+    lines.map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
+}
+
+/// The shipped scene, shortened: what it starts from is told, the table is written, any number of threads gives the same bytes,
+/// and a stage that did not come to balance ends with exit code 1 and its reason.
+#[test]
+fn the_shipped_specimen_runs_and_says_where_it_starts() {
+    let site = Site::new();
+    let short = ["--set", "stage.0.steps=3000", "--set", "stage.1.steps=1500", "--set", "stage.1.rows=5"];
+    let mut tables = Vec::new();
+    for threads in ["1", "2"] {
+        let (out, pictures) = (site.path(&format!("{threads}.csv")), site.path(&format!("pictures-{threads}")));
+        let mut arguments = vec!["specimen", "scenes/specimen-biaxial.toml", "--threads", threads];
+        arguments.extend(["--out", out.to_str().unwrap(), "--pictures", pictures.to_str().unwrap()]);
+        arguments.extend(short);
+        let (code, text, _) = run(&site, &arguments);
+        assert_eq!(code, 1, "{text}");
+        assert!(text.contains("stages that did not come to balance: 1"), "{text}");
+        assert!(text.contains("stress at the start, from the contacts between grains: xx -1."), "{text}");
+        assert!(text.contains("contacts kept their history") && text.contains("the copies lean by 2.8 %"), "{text}");
+        assert!(pictures.join("grains-0005.vtp").exists() && pictures.join("grains.pvd").exists());
+        tables.push(std::fs::read_to_string(out).unwrap());
+    }
+    assert_eq!(tables[0], tables[1]);
+    assert_eq!(tables[0].lines().count(), 1 + 1 + 5);
+    let strain = column(&tables[0], "strain_yy");
+    assert!(strain.windows(2).all(|pair| pair[1] < pair[0]), "{strain:?}");
+    // What the packing had stored went with its border, before the walls had done any work.
+    let parts = ["elastic_energy", "friction_work", "damping_work"].map(|name| column(&tables[0], name));
+    for (row, missing) in column(&tables[0], "missing_energy").iter().enumerate() {
+        let all: f64 = parts.iter().map(|part| part[row]).sum();
+        assert!(missing.abs() < 2e-2 * all, "row {row}: {missing} of {all} J");
+    }
+}
+
+/// Between walls and to balance, with rolling resistance and contact damping and nothing else set.
+#[test]
+fn a_specimen_with_rolling_and_damping_comes_to_balance() {
+    let site = Site::new();
+    let test = site.path("rolling.toml");
+    let packing = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
+    let text = format!(
+        "packing = \"{}\"\ntiles = [1, 1]\n[contact]\nlaw = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
+         density = 2650.0\ndamping = 0.2\nrolling_stiffness = 1.0\nrolling_friction = 0.1\n[[stage]]\nname = \"isotropic\"\n\
+         steps = 60000\nuntil_balance = 1e-3\nstress = {{ xx = -1e5, yy = -1e5 }}\nrows = 1\n",
+        packing.display()
+    );
+    std::fs::write(&test, text).unwrap();
+    let (code, text, output) = run(&site, &["specimen", test.to_str().unwrap()]);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("fell short: nothing"), "{text}");
+    let table = String::from_utf8(output.stdout).unwrap();
+    let (stress, missing) = (column(&table, "wall_sigma_yy"), column(&table, "missing_energy"));
+    assert!((stress.last().unwrap() / -1e5 - 1.0).abs() < 1e-3, "{table}");
+    assert!(missing.last().unwrap().abs() < 1e-2 * column(&table, "elastic_energy").last().unwrap(), "{table}");
+}
+
+/// What cannot be run is refused before anything moves, with the place and the remedy.
+#[test]
+fn specimens_that_are_not_sound_are_refused() {
+    let site = Site::new();
+    let scene = "scenes/specimen-biaxial.toml";
+    for (change, words) in [
+        ("stage.0.steps=0", "stage 1: steps and rows must be at least 1"),
+        ("motion.safety=1.5", "motion.safety = 1.5 must lie between 0 and 1"),
+        ("tiles=[1]", "needs 2 whole numbers"),
+        ("contact.damping=-1.0", "damping ratio, 0 to 10"),
+    ] {
+        let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
+        assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");
+    }
+    let leaning = ["--set", "cut=\"tiles\"", "--set", "periodic=[\"y\"]", "--set", "stage.0.stress={xx=-1.5e5}"];
+    let more = ["--set", "stage.1.strain={}"];
+    let (code, text, _) = run(&site, &[&["specimen", scene][..], &leaning[..], &more[..]].concat());
+    assert!(
+        code != 0 && text.contains("leans by 0.02") && text.contains("use a packing whose cell is upright"),
+        "{text}"
+    );
+}
+
+/// A recipe with rolling resistance is accepted by its own report, and the file is what it says.
+#[test]
+fn a_recipe_with_rolling_resistance_is_met() {
+    let site = Site::new();
+    let (recipe, file) = (site.path("rolling.toml"), site.path("rolling.json"));
+    let text = "number = 40\nseed = 2\npressure = 1e5\nthickness = 5e-4\ntolerance = 1e-4\nstress_tolerance = 1e-3\n[grading]\n\
+                distribution = \"uniform\"\nsmallest_radius = 1.625e-4\nlargest_radius = 3.375e-4\n[contact]\nlaw = \"linear\"\n\
+                modulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5\nrolling_stiffness = 1.0\nrolling_friction = 0.1\n";
+    std::fs::write(&recipe, text).unwrap();
+    let (code, text, _) = run(&site, &["pack", recipe.to_str().unwrap(), "--out", file.to_str().unwrap()]);
+    assert_eq!(code, 0, "{text}");
+    let packing: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    assert_eq!(packing["version"], 2);
+    let [contacts, moments] = ["contacts", "rolling_moments"].map(|key| packing[key].as_array().unwrap().len());
+    assert!(contacts > 20 && contacts == moments, "{contacts} contacts, {moments} moments");
+}

@@ -1,0 +1,127 @@
+//! Whole runs on engines outside this program.
+
+use super::foreign;
+use crate::harness::Site;
+use std::process::Command;
+
+/// One element, two small steps: seconds with an engine in pure Python.
+const SMALL: [&str; 8] = [
+    "--set",
+    "mesh.elements=[1,1]",
+    "--set",
+    "loading.increments=2",
+    "--set",
+    "boundary.2.displacement.y=-1e-4",
+    "--workers",
+    "1",
+];
+
+fn program(site: &Site, arguments: &[&str]) -> Command {
+    let catalogue = site.path("engines.toml");
+    std::fs::write(&catalogue, foreign::catalogue()).unwrap();
+    let mut command = site.program(arguments);
+    command.env("GRAINSPAN_ENGINES", catalogue);
+    command
+}
+
+/// Runs the small scene into the folder `name`.
+fn run(site: &Site, name: &str, extra: &[&str]) -> serde_json::Value {
+    let out = site.path(name);
+    let mut arguments = vec!["run", "scenes/biaxial-small.toml", "--quiet", "--out", out.to_str().unwrap()];
+    arguments.extend(SMALL.iter().chain(extra));
+    let ended = program(site, &arguments).output().unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap()
+}
+
+/// The last number of a column of a history.
+fn last(site: &Site, name: &str, column: &str) -> f64 {
+    *foreign::column(&site.history(name), column).last().unwrap()
+}
+
+fn agrees_with_the_built_in_engine(engine: &str, tolerance: f64) {
+    if !foreign::is_there(engine) {
+        return;
+    }
+    let site = Site::new();
+    run(&site, "own", &[]);
+    let summary = run(&site, "other", &["--engine", engine]);
+    assert!(summary["fallbacks"]["tangents_by_difference"].as_u64().unwrap() > 0, "{summary}");
+    assert!(summary["versions"]["engines"].as_str().unwrap().starts_with(engine));
+    let (own, other) = (last(&site, "own", "stress_ratio"), last(&site, "other", "stress_ratio"));
+    eprintln!("{engine}: stress ratio {other:.5}, built-in {own:.5}");
+    assert!((other / own - 1.0).abs() < tolerance, "{other} {own}");
+}
+
+#[test]
+fn reference_engine_runs_the_small_scene() {
+    agrees_with_the_built_in_engine("reference", 5e-3);
+}
+
+#[test]
+fn yade_runs_the_small_scene() {
+    agrees_with_the_built_in_engine("yade", 5e-3);
+}
+
+#[test]
+fn lammps_runs_the_small_scene() {
+    agrees_with_the_built_in_engine("lammps", 5e-3);
+}
+
+/// States by snapshot, states by replay, workers that are replaced every few jobs: the same bytes.
+#[test]
+fn how_states_travel_and_how_often_workers_change_leaves_no_trace() {
+    if !foreign::is_there("reference") {
+        return;
+    }
+    let site = Site::new();
+    run(&site, "plain", &["--engine", "reference"]);
+    let replayed = run(&site, "replayed", &["--engine", "reference-replay"]);
+    let recycled = run(&site, "recycled", &["--engine", "reference-replay", "--set", "pool.recycle_jobs=9"]);
+    assert!(recycled["fallbacks"]["workers_left"].as_u64().unwrap() > 1, "{recycled}");
+    assert_eq!(recycled["worker_restarts"].as_u64(), Some(0), "{recycled}");
+    // Every fresh worker rebuilds states from paths, and the summary says so.
+    assert!(recycled["fallbacks"]["workers_recycled"].as_u64().unwrap() > 1, "{recycled}");
+    let trials = |summary: &serde_json::Value| summary["fallbacks"]["replayed_trials"].as_u64().unwrap();
+    assert!(trials(&recycled) > trials(&replayed), "{recycled}");
+    assert_eq!(site.history("plain"), site.history("replayed"));
+    assert_eq!(site.history("plain"), site.history("recycled"));
+}
+
+/// Some points by another engine, as the scene says: close to either engine alone, and reproducible.
+#[test]
+fn engines_share_the_points_of_a_run_as_the_scene_says() {
+    if !foreign::is_there("reference") {
+        return;
+    }
+    let site = Site::new();
+    let share = ["--set", "pool.points.reference=[1,3]"];
+    run(&site, "own", &[]);
+    let summary = run(&site, "mixed", &share);
+    let engines = summary["versions"]["engines"].as_str().unwrap();
+    assert!(engines.contains("(2 points), reference 1 (2 points)"), "{engines}");
+    run(&site, "again", &share);
+    assert_eq!(site.history("mixed"), site.history("again"));
+    assert_ne!(site.history("mixed"), site.history("own"));
+    let (own, mixed) = (last(&site, "own", "stress_ratio"), last(&site, "mixed", "stress_ratio"));
+    assert!((mixed / own - 1.0).abs() < 5e-3, "{mixed} {own}");
+}
+
+#[test]
+fn what_an_engine_cannot_do_is_told_before_the_run() {
+    let site = Site::new();
+    let check = |extra: &[&str]| {
+        let arguments = [&["check", "scenes/biaxial-small.toml"], extra].concat();
+        let ended = program(&site, &arguments).stdout(std::process::Stdio::piped()).output().unwrap();
+        let text = [ended.stdout, ended.stderr].concat();
+        (ended.status.code().unwrap(), String::from_utf8(text).unwrap())
+    };
+    let (code, text) = check(&["--engine", "nonsense"]);
+    assert!(code == 2 && text.contains("there is no engine 'nonsense'") && text.contains("reference"), "{text}");
+    let (code, text) = check(&["--set", "pool.points.reference=[99]"]);
+    assert!(code == 2 && text.contains("no Gauss point 99"), "{text}");
+    if foreign::is_there("reference") {
+        let (code, text) = check(&["--engine", "reference-replay"]);
+        assert!(code == 0 && text.contains("finite differences") && text.contains("has no snapshots"), "{text}");
+    }
+}

@@ -1,0 +1,282 @@
+//! Elements and grains together, against the grains alone.
+//!
+//! One Q4 element under biaxial compression with a cell pressure must repeat what a single RVE answers when it is driven
+//! by the same deformation (check I-1), a patch of equal elements under homogeneous conditions must stay homogeneous
+//! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points and what their grains store
+//! and lose (I-10).
+
+use macro_solver::dynamics::{DynamicSettings, RayleighDamping, RelaxationSettings, Reporting};
+use macro_solver::formulation::Formulation;
+use macro_solver::formulation::tensor::matrix;
+use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::block::Block;
+use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
+use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
+use rve_server::engine::GrainEngine;
+use std::path::Path;
+
+use crate::in_process::solved_in_process;
+
+const PRESSURE: f64 = 1e5;
+
+fn definition() -> Definition {
+    let packing: PackingFile = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5").unwrap();
+    let options: RveOptions = toml::from_str("accuracy = \"draft\"").unwrap();
+    GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+/// One Gauss point after one accepted step.
+#[derive(Clone, Copy)]
+struct Sample {
+    step_gradient: Tensor2,
+    deformation: Tensor2,
+    stress: Tensor2,
+    volume: f64,
+    /// Elastic energy and work lost in friction, J/m3; 0 if not asked for.
+    elastic: f64,
+    lost: f64,
+}
+
+/// Keeps what the checks need.
+#[derive(Default)]
+struct Recorder {
+    samples: Vec<Vec<Sample>>,
+    displacements: Vec<Vec<[f64; 3]>>,
+    forces: Vec<Vec<[f64; 3]>>,
+    top_reaction: Vec<f64>,
+    width: Vec<f64>,
+    evaluations: u64,
+}
+
+impl Observer for Recorder {
+    fn accepted(&mut self, _: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let sample = |point: &macro_solver::observer::PointFields| Sample {
+            step_gradient: point.step_gradient,
+            deformation: point.deformation,
+            stress: point.stress,
+            volume: point.volume,
+            elastic: point.observed.elastic_energy,
+            lost: point.observed.frictional_dissipation,
+        };
+        self.samples.push(fields.points.iter().map(sample).collect());
+        self.displacements.push(fields.displacements.to_vec());
+        let total =
+            |(reaction, load): (&[f64; 3], &[f64; 3])| std::array::from_fn(|axis| reaction[axis] + load[axis]);
+        self.forces.push(fields.reactions.iter().zip(fields.loads).map(total).collect());
+        let top = &fields.mesh.node_sets["top"];
+        self.top_reaction.push(top.iter().map(|node| fields.reactions[*node][1]).sum());
+        let x = |name: &str| {
+            let node = fields.mesh.node_sets[name][0];
+            fields.mesh.nodes[node][0] + fields.displacements[node][0]
+        };
+        self.evaluations = fields.statistics.evaluations;
+        self.width.push(x("top_right") - x("top_left"));
+        Ok(())
+    }
+}
+
+/// Biaxial compression of a block of Q4 elements, 1 m by 1 m, to the axial strain given. `strain_per_step` 0 lets each cell
+/// choose its ramp from its own target, so that a cell driven alone chooses the same.
+fn biaxial(columns: usize, rows: usize, strain: f64, increments: usize, strain_per_step: f64) -> (Outcome, Recorder) {
+    solved(biaxial_problem(ElementKind::Q4, [columns, rows], strain, increments, strain_per_step))
+}
+
+fn biaxial_problem(
+    kind: ElementKind,
+    elements: [usize; 2],
+    strain: f64,
+    increments: usize,
+    strain_per_step: f64,
+) -> Problem {
+    let mesh = Block::plane([1.0, 1.0], elements, kind).mesh().unwrap();
+    let platen = |nodes: &str, displacement: f64| Condition::Platen {
+        nodes: nodes.into(),
+        contact: Platen::Smooth,
+        axis: Axis::Y,
+        displacement,
+    };
+    let pressure =
+        |sides: &str| Condition::Pressure { sides: sides.into(), value: PRESSURE, kind: PressureKind::Follower };
+    let conditions = vec![
+        platen("bottom", 0.0),
+        platen("top", -strain),
+        Condition::fixed("bottom_left", Axis::X),
+        pressure("left"),
+        pressure("right"),
+    ];
+    let mut problem = Problem::new(mesh, conditions);
+    problem.stages[0].control.increments = increments;
+    problem.stages[0].tolerances.force = 1e-4;
+    problem.strain_per_step = strain_per_step;
+    problem
+}
+
+/// Solves with one worker in this process.
+fn solved(problem: Problem) -> (Outcome, Recorder) {
+    let mut recorder = Recorder::default();
+    let run = solved_in_process(&problem, definition(), &mut recorder);
+    (run.outcome, recorder)
+}
+
+/// Check I-7. Newton's method, dynamic relaxation and a slow damped motion agree before the peak, within 1 % of the stress ratio; what
+/// each costs is asserted as an order.
+#[test]
+fn three_procedures_agree_on_a_biaxial_test() {
+    let run = |procedure: Procedure, formulation: Formulation| {
+        let mut problem = biaxial_problem(ElementKind::Q4Single, [1, 1], 1e-3, 2, 5e-6);
+        problem.formulation = formulation;
+        problem.stages[0].tolerances.force = 1e-3;
+        problem.stages[0].procedure = procedure;
+        let (outcome, record) = solved(problem);
+        assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+        (record.top_reaction.last().unwrap() / record.width.last().unwrap() / -PRESSURE, record.evaluations)
+    };
+    let (newton, few) = run(Procedure::Implicit, Formulation::UpdatedLagrangian);
+    let (relaxed, many) = run(Procedure::Relaxation(RelaxationSettings::default()), Formulation::UpdatedLagrangian);
+    // In the one second of the stage a wave of this density crosses the body some hundred times.
+    let slow = DynamicSettings {
+        damping: RayleighDamping { mass: 200.0, stiffness: 0.0 },
+        reporting: Reporting::Interval(0.5),
+        ..DynamicSettings::new(2000.0)
+    };
+    let (moved, most) = run(Procedure::Dynamic(Box::new(slow)), Formulation::Corotational);
+    assert!((relaxed / newton - 1.0).abs() < 0.01, "{relaxed} against {newton}");
+    assert!((moved / newton - 1.0).abs() < 0.01, "{moved} against {newton}");
+    assert!(newton > 1.2 && few < many && many < most, "{newton}: {few}, {many}, {most} evaluations");
+}
+
+/// Check I-7, the implicit ways: every strategy and every formulation on a body between rough platens, which does not strain
+/// uniformly, to 0.1 % before the peak.
+#[test]
+fn strategies_and_formulations_agree_between_rough_platens() {
+    let ratio = |strategy: NamedStrategy, formulation: Formulation| {
+        let mut problem = biaxial_problem(ElementKind::Q4, [2, 2], 1e-3, 2, 5e-6);
+        for applied in &mut problem.stages[0].conditions {
+            if let Condition::Platen { contact, .. } = &mut applied.condition {
+                *contact = Platen::Rough;
+            }
+        }
+        problem.stages[0].conditions.retain(|applied| !matches!(applied.condition, Condition::Displacement { .. }));
+        problem.formulation = formulation;
+        problem.stages[0].strategy = strategy.preset();
+        problem.stages[0].control.max_iterations = 40;
+        let (outcome, record) = solved(problem);
+        assert!(matches!(outcome, Outcome::Completed), "{} {formulation:?}: {outcome:?}", strategy.keyword());
+        record.top_reaction.last().unwrap() / -PRESSURE
+    };
+    let newton = ratio(NamedStrategy::Newton, Formulation::UpdatedLagrangian);
+    assert!(newton > 1.2, "{newton}");
+    for strategy in NamedStrategy::ALL {
+        let found = ratio(strategy, Formulation::UpdatedLagrangian);
+        assert!((found / newton - 1.0).abs() < 1e-3, "{}: {found} against {newton}", strategy.keyword());
+    }
+    for formulation in [Formulation::SmallStrain, Formulation::TotalLagrangian, Formulation::Corotational] {
+        let found = ratio(NamedStrategy::Newton, formulation);
+        // A strain of 0.1 % is what they differ by.
+        assert!((found / newton - 1.0).abs() < 5e-3, "{formulation:?}: {found} against {newton}");
+    }
+}
+
+/// Check I-1. The points' own deformation drives a single RVE to the same bits; the boundary forces follow from its
+/// stress.
+#[test]
+fn one_element_repeats_one_cell() {
+    let (outcome, record) = biaxial(1, 1, 3e-3, 3, 0.0);
+    assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+    assert_eq!(record.samples.len(), 4);
+
+    let mut cell = GrainEngine.create(&definition()).unwrap();
+    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    for (step, points) in record.samples.iter().enumerate() {
+        let alone = cell.trial(&points[0].step_gradient, &ask).unwrap();
+        cell.commit().unwrap();
+        for point in points {
+            for (ours, theirs) in point.stress.0.iter().zip(&alone.stress.0) {
+                assert!((ours - theirs).abs() < 1e-6 * PRESSURE, "step {step}: {ours} against {theirs}");
+            }
+        }
+        // The stress carries the cell pressure sideways and the platen's force upwards, within the force tolerance.
+        let stress = alone.stress.plane();
+        assert!((stress[0][0] + PRESSURE).abs() < 1e-3 * PRESSURE, "step {step}: sigma_xx = {}", stress[0][0]);
+        let platen = record.top_reaction[step] / record.width[step];
+        assert!((platen - stress[1][1]).abs() < 1e-3 * PRESSURE, "step {step}: {platen} against {}", stress[1][1]);
+    }
+    let ratio = record.top_reaction[3] / record.width[3] / -PRESSURE;
+    assert!(ratio > 1.5, "compression has mobilised friction: sigma_yy/sigma_xx = {ratio}");
+}
+
+/// Check I-2, before many contacts slide: at 0.1 % strain sliding contacts have amplified the rounding of equal targets to
+/// 1e-6 of the pressure.
+#[test]
+fn equal_elements_under_homogeneous_conditions_stay_equal() {
+    let (outcome, record) = biaxial(2, 2, 1e-4, 2, 5e-6);
+    assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
+    for points in &record.samples {
+        for point in points {
+            for (ours, theirs) in point.stress.0.iter().zip(&points[0].stress.0) {
+                assert!((ours - theirs).abs() < 1e-8 * PRESSURE, "{ours} against {theirs}");
+            }
+        }
+    }
+}
+
+/// Check I-10, per step by the trapezium rule in forces and in the first Piola-Kirchhoff stress, which are equal but for what the force
+/// tolerance leaves: `sum f . du = sum V0 P : dF`. And over all steps the work of the stresses is what the grains store and
+/// lose, but for the rule's own error and what brings them to rest.
+#[test]
+fn boundary_work_is_stress_work_is_work_of_the_grains() {
+    for (formulation, kind) in [
+        (Formulation::SmallStrain, ElementKind::Q4),
+        (Formulation::TotalLagrangian, ElementKind::Q8),
+        (Formulation::UpdatedLagrangian, ElementKind::Q4),
+        (Formulation::UpdatedLagrangian, ElementKind::Q8),
+        (Formulation::Corotational, ElementKind::Q4),
+    ] {
+        let mut problem = biaxial_problem(kind, [2, 1], 2e-3, 8, 5e-6);
+        (problem.formulation, problem.observables) = (formulation, Observables::ENERGY);
+        let (outcome, record) = solved(problem);
+        assert!(matches!(outcome, Outcome::Completed), "{formulation:?}: {outcome:?}");
+        let nominal = |point: &Sample| match formulation {
+            Formulation::SmallStrain => matrix(&point.stress),
+            _ => {
+                let deformation = matrix(&point.deformation);
+                let back = deformation.try_inverse().expect("no point is inside out");
+                matrix(&point.stress) * back.transpose() * deformation.determinant()
+            }
+        };
+        let mut whole = 0.0;
+        for step in 1..record.samples.len() {
+            let mut boundary = 0.0;
+            for node in 0..record.forces[step].len() {
+                for axis in 0..2 {
+                    let force = 0.5 * (record.forces[step][node][axis] + record.forces[step - 1][node][axis]);
+                    boundary +=
+                        force * (record.displacements[step][node][axis] - record.displacements[step - 1][node][axis]);
+                }
+            }
+            let of_points = record.samples[step].iter().zip(&record.samples[step - 1]).zip(&record.samples[0]);
+            let stress_work: f64 = of_points
+                .map(|((after, before), initial)| {
+                    let path = matrix(&after.deformation) - matrix(&before.deformation);
+                    0.5 * initial.volume * (nominal(after) + nominal(before)).dot(&path)
+                })
+                .sum();
+            let off = boundary / stress_work - 1.0;
+            assert!(
+                off.abs() < 1e-3,
+                "{formulation:?} {kind:?}, step {step}: {boundary} and {stress_work}, {off:.1e}"
+            );
+            whole += stress_work;
+        }
+        let energy = |step: usize, of: fn(&Sample) -> f64| -> f64 {
+            record.samples[step].iter().map(|point| point.volume * of(point)).sum()
+        };
+        let last = record.samples.len() - 1;
+        let stored = energy(last, |point| point.elastic) - energy(0, |point| point.elastic);
+        let off = (stored + energy(last, |point| point.lost)) / whole - 1.0;
+        assert!(off.abs() < 1e-2, "{formulation:?} {kind:?}: {whole} against {stored} stored, {off:.1e}");
+    }
+}

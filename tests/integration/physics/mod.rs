@@ -1,0 +1,8 @@
+//! Scenes against closed forms and independent engines.
+
+mod coupled;
+mod lattice_elements;
+mod reference_case_a;
+mod reference_case_b;
+mod single_elements;
+mod stability;

@@ -1,0 +1,152 @@
+//! One element of real grains: against the same grains driven alone as [Liu2015] section 3.2 does (check J-3), and how fast
+//! Newton's method finds the balance of an elastic step (T-9).
+
+use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::block::Block;
+use macro_solver::observer::{IterationReport, Observer, Outcome};
+use macro_solver::problem::{
+    Amplitude, Applied, Axis, Condition, Criteria, NamedStrategy, PressureKind, Problem, Strategy,
+};
+use protocol::{Definition, TangentKind};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
+use rve_server::programs::rve_test::{ElementTest, run_element};
+use std::path::Path;
+use std::process::Command;
+
+use crate::in_process::solved_in_process;
+
+/// Contact law of `scenes/brick.toml` and `scenes/brick-shear.toml`, without finite elements.
+const BRICK: &str = r#"
+packing = "spheres-100.json"
+stress_tolerance = 1e-5
+[contact]
+law = "hertz_mindlin"
+shear_modulus = 29.0e9
+poisson_ratio = 0.15
+friction = 0.5
+density = 2492.0
+[[path]]
+increments = 10
+"#;
+
+/// A column of the history of a scene that is run with one worker.
+fn scene_column(scene: &str, name: &str) -> Vec<f64> {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let mut program = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+    // Cells of so few grains take another way for little: the elements are brought as near to balance as the cell alone to its stress.
+    program.args(["run", scene, "--workers", "1", "--quiet", "--set", "solver.force_tolerance=1e-4"]);
+    program.arg("--out").arg(&out);
+    let output = program.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
+    let column = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
+    reader.records().map(|row| row.unwrap()[column].parse().unwrap()).collect()
+}
+
+/// Check J-3, on 100 spheres to 1 % strain: biaxial compression and simple shear under a constant pressure, within 1 %.
+#[test]
+fn a_brick_of_spheres_repeats_the_spheres_alone() {
+    for (scene, path, probe, [row, column]) in [
+        ("scenes/brick.toml", "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }", "axial_stress", [1, 1]),
+        ("scenes/brick-shear.toml", "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }", "shear_stress", [0, 1]),
+    ] {
+        let elements = scene_column(scene, probe);
+        let mut alone = Vec::new();
+        let test = ElementTest::from_toml(&format!("{BRICK}{path}")).unwrap();
+        run_element(&test, Path::new("packings"), TangentKind::None, &mut |answer| {
+            alone.push(answer.stress[row][column]);
+        })
+        .unwrap();
+        assert_eq!((elements.len(), alone.len()), (11, 11), "{scene}: ten steps and the start");
+        assert!(alone[10].abs() > 2e5, "{scene}: the grains resist: {alone:?}");
+        for (step, (ours, theirs)) in elements.iter().zip(&alone).enumerate().skip(1) {
+            assert!((ours / theirs - 1.0).abs() < 1e-2, "{scene}, step {step}: {ours} against {theirs}");
+        }
+    }
+}
+
+/// Strain of one increment of a ramp.
+const RAMP: f64 = 1e-5;
+
+/// 100 discs that do not slide, answered to the last digits.
+fn sticking_discs() -> Definition {
+    let packing: PackingFile = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 1e9) };
+    let options = RveOptions {
+        accuracy: Accuracy::Tight,
+        tolerance: Some(1e-11),
+        strain_per_step: Some(RAMP),
+        ..RveOptions::default()
+    };
+    GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+/// Out-of-balance ratios of the iterates of step 2.
+#[derive(Default)]
+struct Ratios(Vec<f64>);
+
+impl Observer for Ratios {
+    fn iterated(&mut self, report: &IterationReport) {
+        if report.step == 2 {
+            self.0.push(report.force_ratio);
+        }
+    }
+}
+
+/// Two elements between rough heads are shortened by half of `strain` in one step, and the heads stand still in the next: its first
+/// iterate, the first step again, is far from balance. Returns the out-of-balance ratios from there.
+fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
+    let mesh = Block::plane([1.0, 1.0], [1, 2], ElementKind::Q4).mesh().unwrap();
+    let pressure =
+        |sides: &str| Condition::Pressure { sides: sides.into(), value: 1e5, kind: PressureKind::Follower };
+    let shortened = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -strain };
+    let mut problem = Problem::new(
+        mesh,
+        vec![
+            Condition::fixed("bottom", Axis::X),
+            Condition::fixed("bottom", Axis::Y),
+            Condition::fixed("top", Axis::X),
+            pressure("left"),
+            pressure("right"),
+        ],
+    );
+    problem.strain_per_step = RAMP;
+    let stage = &mut problem.stages[0];
+    let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.5]]);
+    stage.conditions.push(Applied::new(shortened, halt));
+    stage.control.increments = 2;
+    stage.control.max_iterations = 40;
+    stage.tolerances.force = 1e-9;
+    stage.tolerances.criteria = Criteria { displacement: None, ..Criteria::default() };
+    stage.strategy = Strategy { tangent, tangent_floor: None, ..NamedStrategy::Newton.preset() };
+    let mut ratios = Ratios::default();
+    let run = solved_in_process(&problem, sticking_discs(), &mut ratios);
+    assert!(matches!(run.outcome, Outcome::Completed) && run.statistics.cut_backs == 0, "{:?}", run.outcome);
+    ratios.0
+}
+
+/// Orders from iterate to iterate, `log(r3 / r2) / log(r2 / r1)`, as far as the round-off of the grains' own balance.
+fn orders(ratios: &[f64]) -> Vec<f64> {
+    let above = |triple: &&[f64]| triple[2] > 1e-10;
+    ratios
+        .windows(3)
+        .filter(above)
+        .map(|triple| (triple[2] / triple[1]).ln() / (triple[1] / triple[0]).ln())
+        .collect()
+}
+
+/// Check T-9 on grains that do not slide. The frozen network is their exact tangent, the uncalibrated operator of Kruyt a
+/// constant factor off.
+#[test]
+fn an_elastic_step_of_grains_converges_quadratically_or_linearly() {
+    for strain in [1e-3, 1.4e-3, 2e-3] {
+        let way = way_to_balance(TangentKind::TrussLike, strain);
+        let fast = orders(&way);
+        assert!(!fast.is_empty() && fast.iter().all(|order| *order > 1.8), "{strain}: {way:?} {fast:?}");
+    }
+    let way = way_to_balance(TangentKind::Kruyt, 1e-3);
+    let slow = orders(&way);
+    assert!(slow.len() > 5 && slow.iter().all(|order| (0.8..1.2).contains(order)), "{way:?} {slow:?}");
+}

@@ -1,0 +1,96 @@
+//! Check S-14: ten thousand commits and rollbacks leave the same bits and need no memory.
+
+use macro_solver::material::{PointMaterial, PointTrial};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
+use protocol::transport::in_process::channel;
+use protocol::{Ask, Definition, RveEngine, Tensor2};
+use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::server::{ServeOptions, serve};
+use std::path::Path;
+
+const CYCLES: u32 = 10_000;
+
+/// Growth that is no growth, bytes: what the allocator keeps in hand.
+const SLACK: u64 = 2 << 20;
+
+fn definition() -> Definition {
+    let packing: PackingFile = PackingFile::read(Path::new("packings/discs-100.json")).unwrap();
+    let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5").unwrap();
+    let options: RveOptions = toml::from_str("accuracy = \"draft\"").unwrap();
+    GrainDefinition { packing, contact, options }.validate().unwrap().to_protocol()
+}
+
+fn target(size: f64) -> Tensor2 {
+    Tensor2::from_plane([[0.3 * size, 0.1 * size], [0.0, -size]])
+}
+
+/// Memory of this process that is in use, bytes.
+fn resident() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages: u64 = text.split_whitespace().nth(1).unwrap().parse().unwrap();
+    pages * 4096
+}
+
+/// Runs the cycles; the first thousand may still fill caches.
+fn without_growth(mut cycle: impl FnMut(u32)) {
+    (0..CYCLES / 10).for_each(&mut cycle);
+    let before = resident();
+    (CYCLES / 10..CYCLES).for_each(&mut cycle);
+    let grown = resident().saturating_sub(before);
+    assert!(grown < SLACK, "{grown} bytes more after {CYCLES} cycles");
+}
+
+#[test]
+fn a_cell_returns_to_the_same_bits_ten_thousand_times() {
+    let mut cell = GrainEngine.create(&definition()).unwrap();
+    let ask = Ask { ramp_steps: 2, ..Ask::default() };
+    cell.trial(&target(1e-4), &ask).unwrap();
+    cell.commit().unwrap();
+    let (mut start, mut end, mut now) = (Vec::new(), Vec::new(), Vec::new());
+    cell.snapshot(&mut start);
+    cell.trial(&target(-2e-5), &ask).unwrap();
+    cell.snapshot_trial(&mut end).unwrap();
+    without_growth(|number| {
+        cell.trial(&target(1e-5 * f64::from(number % 7)), &ask).unwrap();
+        cell.rollback();
+        if number % 5 == 0 {
+            cell.trial(&target(-2e-5), &ask).unwrap();
+            cell.commit().unwrap();
+            cell.snapshot(&mut now);
+            assert_eq!(now, end, "cycle {number}");
+            cell.restore(&start).unwrap();
+        }
+        cell.snapshot(&mut now);
+        assert_eq!(now, start, "cycle {number}");
+    });
+}
+
+#[test]
+fn a_pool_returns_to_the_same_states_ten_thousand_times() {
+    let (port, door) = channel();
+    let servant = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("cycles")));
+    let settings = PoolSettings::new("cycles");
+    let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition()], &[0, 0]);
+    let ask = Ask { ramp_steps: 1, ..Ask::default() };
+    let trials =
+        |size: f64| [0, 1].map(|point| PointTrial { point, target: target(size * (1.0 + point as f64)), ask });
+    pool.evaluate(&trials(1e-4)).unwrap();
+    pool.commit().unwrap();
+    let start = [0, 1].map(|point| pool.committed_snapshot(point).1.clone());
+    let mut first = None;
+    without_growth(|number| {
+        pool.evaluate(&trials(1e-5)).unwrap();
+        pool.rollback();
+        if number % 10 == 0 {
+            pool.evaluate(&trials(2e-5)).unwrap();
+            pool.commit().unwrap();
+            let ids = [0, 1].map(|point| pool.committed_snapshot(point).1.id);
+            assert_eq!(*first.get_or_insert(ids), ids, "cycle {number}");
+            (0..2).for_each(|point| pool.restore_point(point, start[point].clone()));
+        }
+        assert!((0..2).all(|point| pool.committed_snapshot(point).1.id == start[point].id), "cycle {number}");
+    });
+    pool.close();
+    servant.join().unwrap().unwrap();
+}

@@ -1,0 +1,9 @@
+//! Workers that come, die and come back, and checkpoints: the bytes of a run are the same whatever happens.
+
+mod faults;
+mod faults_in_cycles;
+mod pool_in_process;
+mod pool_processes;
+mod pool_shared_memory;
+mod resume;
+mod standing_workers;

@@ -1,0 +1,4 @@
+//! What the folders, documents and deployment files promise.
+
+mod deploy;
+mod seams;
