@@ -35,12 +35,12 @@ struct Index {
     lengths: Vec<u64>,
 }
 
-/// What a folder holds.
+/// Result of reading the checkpoint of a folder.
 #[derive(Debug)]
 pub enum StoredCheckpoint {
-    /// No checkpoint was ever completed there.
+    /// No checkpoint was ever completed in the folder.
     Nothing,
-    /// The newest whole one; with the reason if it is not the last that was begun.
+    /// The newest complete checkpoint; with an error if a newer one is damaged.
     Archive(Box<Archive>, Option<CheckpointError>),
 }
 

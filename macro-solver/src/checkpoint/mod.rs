@@ -5,9 +5,9 @@
 //! of the run (displacements, load, step size, per-point memory), the material (committed states) and the observers
 //! (rows written, sums). Each owns one named, versioned section, and restores from it or refuses with a reason.
 //!
-//! A driver takes part with three lines: it asks its [`CheckpointStore`] for an earlier archive before its first step and restores
-//! from it, and it calls [`keep`] after every accepted step, when everything about the step has been committed and told.
-//! [`CheckpointFile`] makes files of archives, [`PeriodicCheckpoints`] decides when.
+//! The driver of a run takes an earlier archive from its [`CheckpointStore`] before the first step, and hands every accepted step to it
+//! when everything about the step has been committed and reported. [`CheckpointFile`] makes files of archives,
+//! [`PeriodicCheckpoints`] decides when.
 
 mod archive;
 mod failure_case;
@@ -22,8 +22,6 @@ pub use failure_case::FailureCase as Reproducer;
 pub use file::{CHECKPOINT_FORMAT, CheckpointFile, StoredCheckpoint};
 pub use periodic::{CheckpointFigures, CheckpointPolicy, PeriodicCheckpoints};
 
-use crate::material::PointMaterial;
-use crate::observer::Observer;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -112,7 +110,7 @@ pub trait Checkpointed {
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError>;
 }
 
-/// Where a run stands when it is saved.
+/// Progress of a run when it is saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Accepted steps.
@@ -123,16 +121,16 @@ pub struct Progress {
     pub load: f64,
 }
 
-/// Keeps what a run saves, and hands back what an earlier process of the run has saved.
+/// Stores the checkpoints of a run and returns the one to continue from.
 pub trait CheckpointStore {
-    /// The state to continue from; asked once, before the first step. `None`: from the start.
+    /// The state to continue from, saved by an earlier process of the run; called once, before the first step. `None`: from the start.
     fn earlier(&mut self) -> Option<Archive>;
 
-    /// A step is complete. `fill` collects the state of the run; nothing that goes wrong here ends a run.
-    fn keep(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive));
+    /// A step is complete. `fill` collects the state of the run; no error here ends a run.
+    fn save_step(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive));
 }
 
-/// Keeps nothing.
+/// Stores nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoCheckpoints;
 
@@ -141,37 +139,5 @@ impl CheckpointStore for NoCheckpoints {
         None
     }
 
-    fn keep(&mut self, _mark: Progress, _fill: &mut dyn FnMut(&mut Archive)) {}
-}
-
-/// Saves the three parts of a run after an accepted step.
-pub fn keep(
-    store: &mut dyn CheckpointStore,
-    mark: Progress,
-    driver: &dyn Checkpointed,
-    material: &dyn PointMaterial,
-    observer: &dyn Observer,
-) {
-    store.keep(mark, &mut |archive| {
-        driver.save(archive);
-        material.save(archive);
-        observer.save(archive);
-    });
-}
-
-/// Restores the three parts of a run; `false` without an earlier archive.
-///
-/// # Errors
-/// The first part that does not fit.
-pub fn resume(
-    store: &mut dyn CheckpointStore,
-    driver: &mut dyn Checkpointed,
-    material: &mut dyn PointMaterial,
-    observer: &mut dyn Observer,
-) -> Result<bool, CheckpointError> {
-    let Some(archive) = store.earlier() else { return Ok(false) };
-    driver.restore(&archive)?;
-    material.restore(&archive)?;
-    observer.restore(&archive)?;
-    Ok(true)
+    fn save_step(&mut self, _progress: Progress, _fill: &mut dyn FnMut(&mut Archive)) {}
 }

@@ -1,5 +1,6 @@
 //! Files that are damaged in every way, and runs that go on from them to the same bits.
 
+use crate::observer::Observer;
 use super::*;
 use crate::material::PointMaterial;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
@@ -45,7 +46,9 @@ fn the_newest_whole_checkpoint_is_found_whatever_was_cut_short() {
     assert_eq!(*found, archive("third"), "snapshots included");
     for length in (0..whole.len()).step_by(97).chain([whole.len() - 1]) {
         fs::write(&current, &whole[..length]).unwrap();
-        let StoredCheckpoint::Archive(found, Some(_)) = file.read().unwrap() else { panic!("{length} bytes are not whole") };
+        let StoredCheckpoint::Archive(found, Some(_)) = file.read().unwrap() else {
+            panic!("{length} bytes are not whole")
+        };
         assert_eq!(text_of(&found), "second");
     }
     for place in (0..whole.len()).filter(|place| !(8..12).contains(place)).step_by(61) {
@@ -92,7 +95,7 @@ fn a_checkpoint_that_finds_no_room_leaves_the_last_one_and_the_run_alone() {
     fs::create_dir(folder.path().join(".checkpoint.partial")).unwrap();
     let policy = CheckpointPolicy { steps: Some(1), ..CheckpointPolicy::default() };
     let mut store = PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
-    store.keep(Progress { step: 1, stage: 0, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
+    store.save_step(Progress { step: 1, stage: 0, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
     assert_eq!((store.figures().written, store.figures().failed), (0, 1));
     assert!(store.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
     let StoredCheckpoint::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
@@ -104,10 +107,11 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let file = CheckpointFile::in_folder(folder.path());
     let written = |policy: CheckpointPolicy| {
-        let mut store = PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+        let mut store =
+            PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
         let counts: Vec<u64> = (0..5)
             .map(|step| {
-                store.keep(Progress { step, stage: 0, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
+                store.save_step(Progress { step, stage: 0, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
                 store.figures().written
             })
             .collect();
@@ -137,7 +141,7 @@ fn a_failure_case_reads_back_and_damage_is_noticed() {
         ramp_steps: 12,
         observables: protocol::Observables::ALL,
     };
-    written.write(&path).unwrap();
+    fs::write(&path, written.encode()).unwrap();
     assert_eq!(FailureCase::read(&path).unwrap(), written);
     let mut bytes = fs::read(&path).unwrap();
     let last = bytes.len() - 1;
@@ -184,7 +188,7 @@ impl CheckpointStore for Shelf {
         self.earlier.take()
     }
 
-    fn keep(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push(archive);

@@ -57,13 +57,13 @@ impl<'a> Solver<'a> {
             return Ok(false);
         }
         self.stage += 1;
-        (self.load, self.passed) = (0.0, 0.0);
+        (self.load, self.stage_fraction) = (0.0, 0.0);
         (self.arc_length, self.last_load_change) = (None, 0.0);
-        self.size = 1.0 / self.stage().control.increments as f64;
+        self.step_size = 1.0 / self.stage().control.increments as f64;
         self.last_increment = None;
         self.carried_velocity = self.integrator.take().map(|integrator| integrator.velocity().to_vec());
         self.stage_start.clone_from(&self.body.displacements);
-        self.tangent_asked = self.stage().strategy.tangent;
+        self.tangent_kind = self.stage().strategy.tangent;
         let counted = self.linear.counts();
         self.set_up().map_err(Outcome::Refused)?;
         self.linear.go_on_counting(counted);

@@ -20,7 +20,7 @@ use crate::observer::{FlagCounts, Statistics};
 use crate::problem::{Problem, SecantGates, Stage};
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
-use secant::{Sample, ReferenceModuli, corrected, floored};
+use secant::{ReferenceModuli, Sample, corrected, floored};
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
@@ -305,10 +305,11 @@ impl Points {
             let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
             trials.push(PointTrial { point: number, target: tensor(&target), ask });
         }
-        let sweep = EvaluationCounts { asked: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
-        statistics.skipped += sweep.skipped;
+        let counts =
+            EvaluationCounts { evaluated: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
+        statistics.skipped += counts.skipped;
         if trials.is_empty() {
-            return Ok(sweep);
+            return Ok(counts);
         }
         let answers = answers(self, &mut trials, statistics).map_err(|error| {
             statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
@@ -319,7 +320,7 @@ impl Points {
             self.count(trial.point, &answer, statistics);
             self.take(trial, &gradients[trial.point], answer, statistics)?;
         }
-        Ok(sweep)
+        Ok(counts)
     }
 
     /// What the points see of the strain increments of the elements; `None` without neighbours.
@@ -464,7 +465,7 @@ impl Points {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EvaluationCounts {
     /// Points evaluated.
-    pub(crate) asked: u64,
+    pub(crate) evaluated: u64,
     /// Points that kept their answer.
     pub(crate) skipped: u64,
 }

@@ -70,7 +70,8 @@ impl Integrator {
         }
         let settings = specimen.settings;
         let dashpots = Dashpots::of_stage(specimen, &record.stiffness);
-        let velocity_constraints = specimen.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
+        let velocity_constraints =
+            specimen.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
         Ok(Self {
             viscosity: Viscosity::new(settings.damping, settings.viscosity, settings.density),
             dashpots,

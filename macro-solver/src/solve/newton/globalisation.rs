@@ -1,25 +1,26 @@
-//! What keeps Newton's method together where the material is rough: a cap, backtracks, and giving up in time.
+//! Globalisation of Newton's method for materials that are not smooth: a cap on corrections, backtracking, and an early end of
+//! attempts that make no progress.
 //!
 //! Sizes of corrections are measured by the largest component of any point's displacement gradient. An iterate is
-//! turned down when a point refuses it, an element inverts, or the out-of-balance force grows more than
+//! rejected when a point refuses it, an element inverts, or the out-of-balance force grows more than
 //! [`LARGEST_GROWTH`]-fold; the next one then lies half way back. Smaller growth is accepted, because a frictional
 //! material is not smooth enough to insist on descent, but lowers the cap on further corrections of the attempt. A
 //! radius that shrinks at every growth was measured against this and needed a third more evaluations past the peak.
 
-/// Growth of the out-of-balance force, relative to the last accepted iterate, that turns an iterate down.
+/// Growth of the out-of-balance force, relative to the last accepted iterate, at which an iterate is rejected.
 const LARGEST_GROWTH: f64 = 3.0;
 
-/// Consecutive iterates that may be turned down before the attempt fails.
+/// Consecutive iterates that may be rejected before the attempt fails.
 const MAX_BACKTRACKS: usize = 3;
 
-/// An attempt is given up when its distance from convergence has not fallen below [`PROGRESS`] times its least value
+/// An attempt is abandoned when its distance from convergence has not fallen below [`PROGRESS`] times its least value
 /// for this many evaluations: a smaller step costs less.
 const LONGEST_STAGNATION: usize = 5;
 
 /// See [`LONGEST_STAGNATION`].
 const PROGRESS: f64 = 0.9;
 
-/// Guards one attempt.
+/// Globalisation of one attempt.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct Globalisation {
     base: Option<Base>,
@@ -30,7 +31,7 @@ pub(in crate::solve) struct Globalisation {
     idle: usize,
 }
 
-/// The last iterate that was not turned down.
+/// The last accepted iterate.
 #[derive(Clone, Debug)]
 struct Base {
     increment: Vec<f64>,
@@ -44,8 +45,8 @@ impl Globalisation {
         Self { base: None, backtracks: 0, cap, lowered_cap, least: [f64::INFINITY; 2], idle: 0 }
     }
 
-    /// Judges an evaluated iterate by its out-of-balance force; growth below `settled` does not matter. `false` asks
-    /// for a [`Globalisation::backtrack`].
+    /// Whether an evaluated iterate is accepted, by its out-of-balance force; growth below `settled` does not matter. After
+    /// `false` comes [`Globalisation::backtrack`].
     pub(in crate::solve) fn accepts(&mut self, iterate: &[f64], residual: f64, settled: f64) -> bool {
         if let Some(base) = &self.base {
             let before = base.residual.max(settled);
@@ -61,8 +62,7 @@ impl Globalisation {
         true
     }
 
-    /// Half way back from an iterate that was turned down; `None` when there is nothing to go back to or it has been
-    /// tried often enough.
+    /// Half way back from a rejected iterate; `None` without an accepted iterate or after too many rejections in a row.
     pub(in crate::solve) fn backtrack(&mut self, iterate: &[f64]) -> Option<Vec<f64>> {
         self.backtracks += 1;
         self.lower_cap();
@@ -70,8 +70,8 @@ impl Globalisation {
         Some(base.increment.iter().zip(iterate).map(|(from, to)| from + 0.5 * (to - from)).collect())
     }
 
-    /// Takes an accepted iterate's force and displacement criteria, each over its tolerance, and tells whether the
-    /// attempt no longer gets anywhere. The displacement counts only while the force criterion holds: capped
+    /// Takes an accepted iterate's force and displacement criteria, each over its tolerance, and returns whether the
+    /// attempt makes no progress. The displacement counts only while the force criterion holds: capped
     /// corrections can fall while the balance does not improve.
     pub(in crate::solve) fn stagnates(&mut self, criteria: [f64; 2]) -> bool {
         let watched = usize::from(criteria[0] <= 1.0);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn retreats_halve_the_way_and_end() {
+    fn backtracking_halves_the_step_and_ends() {
         let mut guard = Globalisation::new(1e-3, 1e-3);
         assert_eq!(guard.backtrack(&[1.0]), None);
         let mut guard = Globalisation::new(1e-3, 1e-3);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn an_attempt_that_hovers_is_given_up_but_not_one_that_creeps() {
+    fn stagnant_attempt_is_abandoned_but_not_a_slow_one() {
         let given_up = |factor: f64| {
             let mut guard = Globalisation::new(1e-3, 1e-3);
             (0..8).any(|turn| guard.stagnates([9.0 * factor.powi(turn), 9.0 * 0.5f64.powi(turn)]))

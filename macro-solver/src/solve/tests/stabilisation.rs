@@ -84,10 +84,13 @@ fn a_snap_under_displacement_control_ends_on_the_far_branch() {
     let exact = strain_beyond(1e-2);
     assert!((material.largest_strain(0) / exact - 1.0).abs() < 1e-6, "{} {exact}", material.largest_strain(0));
     let [event] = &watch.0[..] else { panic!("{:?}", watch.0) };
-    assert_eq!((run.statistics.stabilised_steps, run.statistics.stabilisation_increments), (1, event.increments as u64));
+    assert_eq!(
+        (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),
+        (1, event.increments as u64)
+    );
     assert!(event.work > 0.0 && event.largest_imbalance > 1e-2 && event.increments < 60, "{event:?}");
     let Watch(_, recorder) = watch;
-    let stabilised: Vec<&StepReport> = recorder.steps.iter().filter(|step| step.creep > 0).collect();
+    let stabilised: Vec<&StepReport> = recorder.steps.iter().filter(|step| step.stabilisation_increments > 0).collect();
     assert_eq!(stabilised.len(), 1);
     assert!(stabilised[0].force_ratio < 1e-8 && (stabilised[0].load - 0.6).abs() < 0.05, "{stabilised:?}");
     // The gradients of the step are those of the whole way.
@@ -188,7 +191,10 @@ fn increments_that_points_refuse_are_taken_back_and_counted() {
     assert_eq!(creep.iter().filter(|report| !report.rejected).count(), snap.increments);
     assert_eq!(creep.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
     let increments: u64 = events.iter().map(|event| event.increments as u64).sum();
-    assert_eq!((run.statistics.stabilised_steps, run.statistics.stabilisation_increments), (events.len() as u64, increments));
+    assert_eq!(
+        (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),
+        (events.len() as u64, increments)
+    );
 }
 
 /// Without it a snap ends the run, as an honest failure; sooner, it saves the attempts with smaller steps.

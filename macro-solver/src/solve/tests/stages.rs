@@ -80,7 +80,7 @@ impl CheckpointStore for Shelf {
         self.earlier.take()
     }
 
-    fn keep(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push((mark, archive));
@@ -92,7 +92,8 @@ fn a_run_goes_on_within_and_between_stages_to_the_same_bits() {
     let problem = compression_and_shear();
     let mut shelf = Shelf::default();
     let mut whole = Recorder::default();
-    let undisturbed = solve_with_checkpoints(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem), &mut whole, &mut shelf);
+    let undisturbed =
+        solve_with_checkpoints(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem), &mut whole, &mut shelf);
     assert_eq!(shelf.kept.len(), 6);
     let marks: Vec<(u64, u64)> = shelf.kept.iter().map(|(mark, _)| (mark.step, mark.stage)).collect();
     assert_eq!(marks, [(0, 0), (1, 0), (2, 0), (3, 1), (4, 1), (5, 1)]);

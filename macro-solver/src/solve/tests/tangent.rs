@@ -53,7 +53,7 @@ fn the_stiffness_is_the_derivative_of_the_residual() {
         let count = problem.mesh.degrees_of_freedom();
         let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
         // The reference of the hourglass control is that of the undeformed state, as in a run.
-        solver.tangent_asked = problem.stages[0].strategy.tangent;
+        solver.tangent_kind = problem.stages[0].strategy.tangent;
         solver.evaluate(&vec![0.0; count], 0.0, &mut session).unwrap();
         let mut residual = |increment: &[f64]| {
             solver.evaluate(increment, 1.0, &mut session).unwrap();

@@ -19,7 +19,7 @@ impl CheckpointStore for Shelf {
         self.earlier.take()
     }
 
-    fn keep(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push(archive);
