@@ -27,7 +27,7 @@ impl Engine {
     /// The engine inside this program.
     ///
     /// # Errors
-    /// The system does not tell where this executable lies.
+    /// The path of this executable is unknown.
     pub(crate) fn built_in() -> std::io::Result<Self> {
         Ok(Self {
             name: BUILT_IN.to_owned(),
@@ -43,7 +43,7 @@ impl Engine {
     }
 }
 
-/// What a catalogue file says about one engine.
+/// Entry of one engine in a catalogue file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
@@ -92,7 +92,7 @@ impl Catalogue {
     /// The engine called `name`.
     ///
     /// # Errors
-    /// There is none; the text says what there is and where it was looked up.
+    /// There is none; the text lists the known names and the file they come from.
     pub(crate) fn find(&self, name: &str) -> anyhow::Result<Engine> {
         if name == BUILT_IN {
             return Engine::built_in().context("could not find this program");

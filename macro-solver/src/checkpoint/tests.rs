@@ -1,11 +1,11 @@
 //! Files that are damaged in every way, and runs that go on from them to the same bits.
 
-use crate::observer::Observer;
 use super::*;
 use crate::material::PointMaterial;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
+use crate::observer::Observer;
 use crate::observer::{FieldsView, Outcome, Silent, Statistics, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, NamedStrategy, PathControl, Platen, PressureKind, Problem};
 use crate::solve::tests::stabilisation::{pulled, weak_at_the_bottom};

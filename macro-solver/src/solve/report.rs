@@ -9,8 +9,8 @@ use nalgebra::Matrix3;
 /// Counters at the start of a step, and what happened before it was accepted.
 #[derive(Clone, Copy)]
 pub(super) struct Counters {
-    evaluations: u64,
-    skipped: u64,
+    pub(super) evaluations: u64,
+    pub(super) skipped: u64,
     /// Failed attempts.
     pub(super) cut_backs: usize,
     /// Increments of viscous stabilisation.

@@ -5,12 +5,13 @@
 //! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points and what their grains store
 //! and lose (I-10).
 
-use macro_solver::dynamics::{DynamicSettings, RayleighDamping, RelaxationSettings, Reporting};
 use macro_solver::formulation::Formulation;
 use macro_solver::formulation::tensor::matrix;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::problem::dynamics::{DynamicSettings, RayleighDamping, Reporting};
+use macro_solver::problem::relaxation::RelaxationSettings;
 use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};

@@ -4,11 +4,11 @@
 //! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
 //! as the overlap bonds it without stress, so that it also carries tension.
 
-use macro_solver::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::formulation::Formulation;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::problem::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::problem::{
     Amplitude, Applied, Axis, Condition, Link, LinkTerm, PressureKind, Problem, Procedure, Strategy, Tolerances,
 };

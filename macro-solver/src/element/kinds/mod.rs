@@ -159,7 +159,9 @@ impl ElementKind {
 
     /// Everything about the kind.
     pub(crate) fn definition(self) -> &'static ElementDefinition {
-        DEFINITIONS[self as usize]
+        let definition = DEFINITIONS[self as usize];
+        debug_assert_eq!(definition.kind, self, "the list has the order of the kinds");
+        definition
     }
 
     /// Its nodes and shape functions.

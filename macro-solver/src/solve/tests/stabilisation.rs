@@ -90,7 +90,8 @@ fn a_snap_under_displacement_control_ends_on_the_far_branch() {
     );
     assert!(event.work > 0.0 && event.largest_imbalance > 1e-2 && event.increments < 60, "{event:?}");
     let Watch(_, recorder) = watch;
-    let stabilised: Vec<&StepReport> = recorder.steps.iter().filter(|step| step.stabilisation_increments > 0).collect();
+    let stabilised: Vec<&StepReport> =
+        recorder.steps.iter().filter(|step| step.stabilisation_increments > 0).collect();
     assert_eq!(stabilised.len(), 1);
     assert!(stabilised[0].force_ratio < 1e-8 && (stabilised[0].load - 0.6).abs() < 0.05, "{stabilised:?}");
     // The gradients of the step are those of the whole way.
