@@ -1,12 +1,7 @@
-//! One binary that plays every role: macro solver, worker, and the tools around them.
-
-mod cli;
-mod engines;
-mod scene;
-mod workers;
+//! The program `grainspan`; everything is in the library.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::main()
+    grainspan::run_command_line(std::env::args_os())
 }

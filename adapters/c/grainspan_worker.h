@@ -5,7 +5,7 @@
  * Link with libgrainspan_worker_c.a -lm -lpthread -ldl (cargo build --release -p grainspan-worker-c).
  *
  * SI units, stress tension positive, tensors 3x3 row-major; a plane problem uses the upper left 2x2 block.
- * docs/external-engines.md tells what an engine must keep to. */
+ * docs/guide/external-engines.md tells what an engine must keep to. */
 #ifndef GRAINSPAN_WORKER_H
 #define GRAINSPAN_WORKER_H
 
@@ -38,7 +38,7 @@ typedef struct grainspan_cell {
 typedef struct grainspan_ask {
     uint32_t tangent;              /* 0: none; others only if the engine declares tangents */
     uint32_t ramp_steps;           /* increments of the deformation; 0: the engine chooses */
-    uint32_t observables;          /* bits of optional results, see docs/protocol.md; may be ignored */
+    uint32_t observables;          /* bits of optional results, see docs/reference/protocol.md; may be ignored */
     uint32_t reserved;
 } grainspan_ask;
 
@@ -53,7 +53,7 @@ typedef struct grainspan_answer {
     double volume_ratio;           /* cell volume over initial cell volume */
     uint64_t force_evaluations;    /* cost, a count that is the same in every run; at least 1 */
     uint64_t ramp_steps;
-    uint32_t flags;                /* shortcuts taken, see docs/protocol.md */
+    uint32_t flags;                /* shortcuts taken, see docs/reference/protocol.md */
     uint32_t reserved;
 } grainspan_answer;
 

@@ -1,19 +1,25 @@
-//! The finite-element side: mesh, elements, formulations, implicit solver, worker pool, outputs. It never sees a grain.
+//! The finite-element side: mesh, elements, formulations, solution procedures, worker pool, outputs. It never sees a grain.
 
-mod body;
 pub mod checkpoint;
-pub mod damage;
-pub mod difference;
-pub mod dynamics;
-pub mod elastic;
 pub mod element;
 pub mod formulation;
-pub mod implicit;
 pub mod material;
 pub mod mesh;
+mod model;
 pub mod nonlocal;
 pub mod observer;
 pub mod output;
 pub mod pool;
 pub mod problem;
-pub mod trial_costs;
+pub mod solve;
+
+// Old paths, until all callers use the new ones.
+pub use material::{damage, difference, elastic};
+pub use observer::trial_costs;
+pub use solve as implicit;
+
+/// Old path of the settings of dynamic stages.
+pub mod dynamics {
+    pub use crate::problem::dynamics::*;
+    pub use crate::problem::relaxation::*;
+}

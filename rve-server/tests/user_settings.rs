@@ -1,6 +1,6 @@
 //! Specimens and packings with the settings that a user gets: default masses, default step, rolling resistance, contact damping,
 //! packings that list their histories. The closed forms of single contacts are tested elsewhere; here the whole must come to rest,
-//! start where its packing is, and account for its energy.
+//! start where its packing is, and account for its energy (B-7).
 
 use protocol::Observables;
 use rve_server::contact::ContactTable;

@@ -1,17 +1,17 @@
 //! `grainspan check SCENE.toml`: validates everything a run would need and runs nothing.
 
 use super::estimate::Estimate;
-use super::exit::{Exit, Failure};
 use super::start_state::{self, Carried};
-use super::stdout::print;
-use crate::engines::Crew;
-use crate::scene::Scene;
+use crate::engines::EngineAssignment;
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
 use macro_solver::mesh::ElementKind;
 use macro_solver::problem::{Problem, Procedure, Stage};
 use protocol::TangentKind;
+use scene_reader::Scene;
 use std::fmt::Write;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 /// Arguments of `grainspan check`.
 #[derive(clap::Args, Debug)]
@@ -34,14 +34,14 @@ pub(crate) struct Arguments {
 /// The first thing that a run would refuse.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
-    let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
+    let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
     let carried = Carried::by(scene.definition())?;
-    print(overview(&scene, &crew, &carried).as_bytes())?;
+    print(overview(&scene, &assignment, &carried).as_bytes())?;
     Ok(Exit::Done)
 }
 
-/// What a run of the scene would be, for people.
-fn overview(scene: &Scene, crew: &Crew, carried: &Carried) -> String {
+/// Overview of a run of the scene.
+fn overview(scene: &Scene, assignment: &EngineAssignment, carried: &Carried) -> String {
     let problem = &scene.problem;
     let options = scene.definition().options();
     let points = problem.point_count();
@@ -58,7 +58,7 @@ fn overview(scene: &Scene, crew: &Crew, carried: &Carried) -> String {
         format!("one per time step or iteration of motion or relaxation and point ({points} points)")
     };
     let lines = [
-        ("scene", format!("{} ({})", scene.name, scene.document.path().display())),
+        ("scene", format!("{} ({})", scene.name, normalised(scene.document.path()).display())),
         (
             "mesh",
             format!(
@@ -87,10 +87,10 @@ fn overview(scene: &Scene, crew: &Crew, carried: &Carried) -> String {
             ),
         ),
         ("formulation", problem.formulation.keyword().to_owned()),
-        ("engines", crew.overview()),
+        ("engines", assignment.overview()),
         ("tangent", problem.tangents().into_iter().map(TangentKind::keyword).collect::<Vec<_>>().join(", ")),
         ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
-        ("steps", format!("{steps} if nothing is cut back")),
+        ("steps", format!("{steps} without cut-backs")),
         ("evaluations", evaluations),
         ("cost", Estimate::of(scene, range).text(cores)),
         (
@@ -114,10 +114,10 @@ fn overview(scene: &Scene, crew: &Crew, carried: &Carried) -> String {
     for remark in &scene.materials.remarks {
         writeln!(text, "{:<20} {remark}", "region").expect("writing to a String cannot fail");
     }
-    for remark in crew.remarks() {
+    for remark in assignment.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
-    text.push_str("The scene is sound; nothing was run.\n");
+    text.push_str("Scene OK.\n");
     text
 }
 
@@ -144,10 +144,38 @@ fn stage_line(stage: &Stage) -> String {
     }
 }
 
+/// The path without `.`, and without `..` where that does not depend on the file system.
+fn normalised(path: &Path) -> PathBuf {
+    let mut whole = PathBuf::new();
+    for component in path.components() {
+        match (component, whole.components().next_back()) {
+            (Component::CurDir, _) => {}
+            // A symbolic link would lead elsewhere: what `..` leaves must be a folder proper.
+            (Component::ParentDir, Some(Component::Normal(_))) if !whole.is_symlink() => {
+                whole.pop();
+            }
+            _ => whole.push(component),
+        }
+    }
+    if whole.as_os_str().is_empty() { PathBuf::from(".") } else { whole }
+}
+
 fn packing_line(scene: &Scene) -> String {
     let grains = match scene.definition().dimension() {
         2 => "discs",
         _ => "spheres",
     };
-    format!("{} {grains} in {}", scene.definition().number(), scene.packing_path.display())
+    format!("{} {grains} in {}", scene.definition().number(), normalised(&scene.packing_path).display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_normalised() {
+        let texts = ["scenes/../packings/a.json", "./a", "../a/b/../../c", "/a/./b/../c", "a/.."];
+        let paths = texts.map(|text| normalised(Path::new(text)).display().to_string());
+        assert_eq!(paths, ["packings/a.json", "a", "../c", "/a/c", "."]);
+    }
 }

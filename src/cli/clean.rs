@@ -1,7 +1,7 @@
 //! `grainspan clean`: removes what dead runs of this user left in shared memory.
 
-use super::exit::{Exit, Failure};
-use super::stdout::print;
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
 use protocol::transport::shared_memory::RunDirectory;
 
 /// Arguments of `grainspan clean`.

@@ -1,8 +1,8 @@
 //! `grainspan completions SHELL`: a completion script on stdout.
 
 use super::CommandLine;
-use super::exit::{Exit, Failure};
-use super::stdout::print;
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
 use clap::CommandFactory;
 use clap_complete::Shell;
 

@@ -1,8 +1,8 @@
 //! What a run will take, to the order of magnitude: wall time and memory. Measured figures, no clock.
 
-use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
 use macro_solver::problem::Procedure;
+use scene_reader::Scene;
 
 /// Force evaluations of one point evaluation, measured on biaxial tests between the first steps and those after the peak.
 const FORCE_EVALUATIONS: [f64; 2] = [300.0, 1500.0];

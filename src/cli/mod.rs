@@ -1,24 +1,23 @@
-//! The command line: what can be asked, and how each command ends.
+//! The command line: all commands, and how each of them ends.
 
 mod bench;
 mod check;
 mod clean;
 mod completions;
-mod element;
 mod estimate;
-pub(crate) mod exit;
+mod failure_case;
+mod heartbeat;
 mod pack;
-mod pulse;
-mod replay;
 mod report;
 mod run;
 mod rve_server;
+mod rve_test;
 mod specimen;
 mod start_state;
 mod status;
-mod stdout;
 
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -27,7 +26,7 @@ Examples:
   grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
   grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=40
   grainspan pack packings/discs-400.toml --out packing.json
-  grainspan element scenes/element.toml --out curve.csv   one packing along a strain/stress path
+  grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a strain/stress path
 
 Exit codes: 0 done; 1 did not converge; 2 bad input; 3 workers lost; 130 interrupted.";
 
@@ -45,8 +44,9 @@ enum Command {
     /// Run a scene on a pool of worker processes
     Run(run::Arguments),
     /// Take one packing along a strain/stress path, without finite elements
-    Element(element::Arguments),
-    /// Prepare a packing of grains and say how good it is
+    #[command(visible_alias = "rve-test")]
+    Element(rve_test::Arguments),
+    /// Prepare a packing of grains and report its quality
     Pack(pack::Arguments),
     /// Run single-scale grain dynamics of a whole specimen
     Specimen(specimen::Arguments),
@@ -56,21 +56,22 @@ enum Command {
     RveServer(rve_server::Arguments),
     /// Show live runs, their progress and their workers
     Status(status::Arguments),
-    /// Remove what dead runs left behind
+    /// Remove the remains of dead runs
     Clean(clean::Arguments),
-    /// Put what a run has written on one page
+    /// Write one HTML page from the output of a run
     Report(report::Arguments),
-    /// Measure what this program costs on this machine
+    /// Measure the cost of this program on this machine (runs `grainspan-bench`)
     Bench(bench::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
 }
 
-/// Reads the command line, does what it says and returns the exit code.
-pub(crate) fn main() -> ExitCode {
-    let ended = match CommandLine::parse().command {
+/// Carries out a command line, whose first entry is the name of the program, and returns the exit code. Errors are printed; a
+/// command line that cannot be read, or asks for help, ends the process.
+pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let ended = match CommandLine::parse_from(arguments).command {
         Command::Run(arguments) => run::run(&arguments),
-        Command::Element(arguments) => element::run(&arguments),
+        Command::Element(arguments) => rve_test::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
         Command::Specimen(arguments) => specimen::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

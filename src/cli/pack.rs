@@ -1,12 +1,12 @@
-//! `grainspan pack PACKING.toml`: prepares a packing and says how good it is.
+//! `grainspan pack PACKING.toml`: prepares a packing and reports its quality.
 
-use super::exit::{Exit, Failure};
-use super::pulse::Pulse;
-use super::stdout::deliver;
-use crate::scene::{Document, Kind};
+use super::heartbeat::Heartbeat;
+use crate::exit::{Exit, Failure};
+use crate::stdout::deliver;
 use rve_server::contact::LawName;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
+use scene_reader::{Document, Kind};
 use std::path::PathBuf;
 
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.
@@ -18,7 +18,7 @@ const LARGEST_OVERLAP: f64 = 0.25;
   grainspan pack packings/discs-400.toml --out packings/discs-400.json
   grainspan pack packings/discs-400.toml --set seed=7 --set contact.friction=0.2 --out loose.json")]
 pub(crate) struct Arguments {
-    /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/packing.md
+    /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/guide/packings.md
     #[arg(value_name = "PACKING.toml")]
     recipe: PathBuf,
     /// Packing file to write [default: standard output]
@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     /// Override a key of the recipe
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
-    /// Say nothing on standard error
+    /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
 }
@@ -42,9 +42,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;
     refuse_soft_grains(&document, &recipe)?;
-    let pulse = Pulse::start(arguments.quiet);
-    let made = generate_any(&recipe, &mut |progress| pulse.say(stage(progress)));
-    drop(pulse);
+    let heartbeat = Heartbeat::start(arguments.quiet);
+    let made = generate_any(&recipe, &mut |progress| heartbeat.set(stage(progress)));
+    drop(heartbeat);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
         Failure::new(Exit::NotConverged, format!("{text}\nhint: try another seed, more grains or a looser tolerance"))
@@ -103,7 +103,7 @@ fn mean_diameter(recipe: &PackingRecipe) -> f64 {
 fn stage(progress: &PackingProgress) -> String {
     let attempt = if progress.attempt > 0 { format!("packing {}: ", progress.attempt + 1) } else { String::new() };
     format!(
-        "{attempt}{} {}: solid fraction {:.4}, pressure {:.3e} Pa, out of balance {:.1e}",
+        "{attempt}{} {}: solid fraction {:.4}, pressure {:.3e} Pa, unbalanced force {:.1e}",
         progress.stage,
         progress.increment,
         progress.solid_fraction,
@@ -112,11 +112,11 @@ fn stage(progress: &PackingProgress) -> String {
     )
 }
 
-/// The acceptance report for people: what was asked against what was got, then the state of the packing.
+/// The acceptance report: requested and reached values, then the state of the packing.
 fn summary(recipe: &PackingRecipe, report: &PackingReport) -> String {
     let kind = if report.dimension == 2 { "discs" } else { "spheres" };
     let mut text = format!("{} {kind}, seed {}\n", report.grains, recipe.seed);
-    text += &format!("  {:<34} {:>15} {:>15} {:>10}\n", "asked for", "asked", "got", "within");
+    text += &format!("  {:<34} {:>15} {:>15} {:>10}\n", "quantity", "requested", "reached", "tolerance");
     for Requirement { quantity, asked, got, tolerance } in &report.requirements {
         text += &format!("  {quantity:<34} {asked:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
     }

@@ -1,8 +1,7 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
-use super::exit::{Exit, Failure};
-use super::stdout::deliver;
-use crate::scene::{Document, Kind};
+use crate::exit::{Exit, Failure};
+use crate::stdout::deliver;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use rve_server::definition::Packing;
@@ -10,6 +9,7 @@ use rve_server::programs::specimen::{
     SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
     run_specimen,
 };
+use scene_reader::{Document, Kind};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan specimen`.
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
   grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]")]
 pub(crate) struct Arguments {
-    /// Specimen test: packing, tiles, contact law, walls and stages; see docs/specimen.md
+    /// Specimen test: packing, tiles, contact law, walls and stages; see docs/guide/specimens.md
     #[arg(value_name = "TEST.toml")]
     test: PathBuf,
     /// File to write [default: standard output, at the end]
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
     /// Override a key of the test
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
-    /// Say nothing on standard error
+    /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
 }
@@ -158,36 +158,36 @@ impl Pictures {
 
 fn closing(summary: &SpecimenSummary) -> String {
     let SpecimenSummary { grains, steps, renewals, shortenings, unbalanced_stages, .. } = summary;
-    let mut shortfalls = Vec::new();
+    let mut fallbacks = Vec::new();
     if *unbalanced_stages > 0 {
-        shortfalls.push(format!("stages that did not come to balance: {unbalanced_stages}"));
+        fallbacks.push(format!("stages without equilibrium at the end: {unbalanced_stages}"));
     }
     if *shortenings > 0 {
-        shortfalls.push(format!("step shortened: {shortenings} times"));
+        fallbacks.push(format!("step shortened: {shortenings} times"));
     }
     if summary.servo_misses > 0 {
-        shortfalls.push(format!(
+        fallbacks.push(format!(
             "wall stress off its target in {} rows, by {:.1} % at most",
             summary.servo_misses,
             100.0 * summary.largest_servo_error
         ));
     }
     if summary.energy_misses > 0 {
-        shortfalls.push(format!(
+        fallbacks.push(format!(
             "energy not accounted for in {} rows, {:.1} % at most",
             summary.energy_misses,
             100.0 * summary.largest_energy_error
         ));
     }
-    let shortfalls = if shortfalls.is_empty() { "nothing".to_owned() } else { shortfalls.join(", ") };
+    let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
     format!(
-        "{}\n{grains} grains, {steps} steps, {renewals} pair lists; fell short: {shortfalls}",
-        beginning(&summary.start)
+        "{}\n{grains} grains, {steps} steps, {renewals} pair lists; fallbacks: {fallbacks}",
+        start_text(&summary.start)
     )
 }
 
-/// How far the specimen was from its packing before anything moved.
-fn beginning(start: &SpecimenStart) -> String {
+/// State of the specimen before the first step.
+fn start_text(start: &SpecimenStart) -> String {
     let [xx, yy, zz, xy, ..] = start.stress;
     let mut parts = vec![format!(
         "stress at the start, from the contacts between grains: xx {xx:.4e}, yy {yy:.4e}, zz {zz:.4e}, xy {xy:.4e} Pa, out of \

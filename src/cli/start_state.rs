@@ -1,10 +1,9 @@
-//! The state that a run starts from: what its packing carries, and whether the loads of the first step ask for just that.
+//! The initial state of a run: the stress of its packing, and whether the loads of the first step are in equilibrium with it.
 //!
-//! A packing keeps the stress it was prepared under. Loads that ask for another one at the very start have to be
-//! carried by grains before the first step, in one go; most often no balance is found.
+//! A packing has the stress it was prepared under. Initial loads that need another stress act on the grains at once, before the
+//! first step; most often no equilibrium is found.
 
-use super::exit::{Exit, Failure};
-use crate::scene::Scene;
+use crate::exit::{Exit, Failure};
 use macro_solver::implicit::solve;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::mesh::{Dimension, Mesh};
@@ -13,6 +12,7 @@ use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, St
 use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
 use rve_server::definition::AnyDefinition;
 use rve_server::engine::{GrainRve, ListedForces};
+use scene_reader::Scene;
 use std::collections::BTreeMap;
 
 /// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay
@@ -325,16 +325,20 @@ mod tests {
 
     #[test]
     fn shipped_scenes_match_their_packings() {
-        for file in
-            ["biaxial.toml", "brick.toml", "compression-shear.toml", "single-element.toml", "weak-element.toml"]
-        {
+        for file in [
+            "biaxial.toml",
+            "single-hexahedron-biaxial.toml",
+            "compression-shear.toml",
+            "single-element.toml",
+            "biaxial-weak-element.toml",
+        ] {
             assert_eq!(said(&scene(file, &[])), None, "{file}");
         }
     }
 
     #[test]
     fn the_mean_pressure_of_a_packing_of_spheres_is_over_three_axes() {
-        let carried = Carried::by(scene("brick.toml", &[]).definition()).unwrap();
+        let carried = Carried::by(scene("single-hexahedron-biaxial.toml", &[]).definition()).unwrap();
         let trace: f64 = [0, 4, 8].map(|place| carried.stress.0[place]).iter().sum();
         assert!((carried.pressure() + trace / 3.0).abs() < 1e-9 * carried.pressure());
         assert!(carried.stress_text().contains("zz ") && !carried.carries_nothing());

@@ -1,15 +1,15 @@
 //! `grainspan status [RUN]`: live runs of this user, their progress and their workers.
 
-use super::exit::{Exit, Failure};
-use super::stdout::print;
-use crate::workers::{Progress, WorkerProcess, workers_of};
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
+use crate::workers::{RunProgress, WorkerProcess, workers_of};
 use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::{RunDirectory, RunListing};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Workers that are shown line by line unless one run is asked for.
+/// Workers that are shown line by line unless one run is requested.
 const MOST_LINES: usize = 16;
 
 /// Arguments of `grainspan status`.
@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
 /// Prints one paragraph per live run.
 ///
 /// # Errors
-/// The run asked for is not alive; standard output cannot be written.
+/// The requested run is not alive; standard output cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let listed = RunDirectory::list().map_err(|error| Failure::new(Exit::BadInput, error))?;
     let wanted = |listing: &RunListing| arguments.run.as_ref().is_none_or(|run| *run == listing.name);
@@ -38,7 +38,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let mut text = String::new();
     for listing in &alive {
-        let progress = listing.record.as_ref().and_then(Progress::of);
+        let progress = listing.record.as_ref().and_then(RunProgress::of);
         let reports = progress.as_ref().map_or(&[][..], |progress| &progress.workers);
         let known: Vec<u32> = reports.iter().map(|report| report.pid).collect();
         let workers = workers_of(&listing.name, &known);
@@ -51,7 +51,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     if !dead.is_empty() {
         let names: Vec<_> = dead.iter().map(|listing| listing.name.as_str()).collect();
-        writeln!(text, "Ended without cleaning up: {}; `grainspan clean` removes what they left.", names.join(", "))
+        writeln!(text, "Ended without cleaning up: {}; `grainspan clean` removes their remains.", names.join(", "))
             .expect("writing to a String cannot fail");
     }
     print(text.as_bytes())?;
@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 fn paragraph(
     name: &str,
     pid: Option<u32>,
-    progress: Option<&Progress>,
+    progress: Option<&RunProgress>,
     workers: &[WorkerProcess],
     most_lines: usize,
     now: u64,
@@ -85,7 +85,7 @@ fn paragraph(
     }
     let reports = progress.map_or(&[][..], |known| &known.workers);
     if workers.len() > most_lines {
-        line("workers", together(workers, reports));
+        line("workers", totals(workers, reports));
     } else {
         for worker in workers {
             let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
@@ -99,8 +99,8 @@ fn paragraph(
     text
 }
 
-/// Many workers in one line: how many are in which state, what they have used and done, and who has sat longest on one job.
-fn together(workers: &[WorkerProcess], reports: &[WorkerReport]) -> String {
+/// Many workers in one line: states, processor time, completed jobs, and the longest current job.
+fn totals(workers: &[WorkerProcess], reports: &[WorkerReport]) -> String {
     let mut states: BTreeMap<&str, usize> = BTreeMap::new();
     workers.iter().for_each(|worker| *states.entry(state(worker)).or_default() += 1);
     let mut parts: Vec<String> = states.into_iter().map(|(state, count)| format!("{count} {state}")).collect();
@@ -114,7 +114,7 @@ fn together(workers: &[WorkerProcess], reports: &[WorkerReport]) -> String {
     parts.push(format!("{jobs} jobs"));
     let at_work = joined.iter().filter_map(|report| Some((report.since_s, report.pid, report.point?)));
     if let Some((seconds, pid, point)) = at_work.max_by(|one, other| one.0.total_cmp(&other.0)) {
-        parts.push(format!("the longest at work is {pid}, on Gauss point {point} for {seconds:.1} s"));
+        parts.push(format!("longest current job: {pid}, Gauss point {point} for {seconds:.1} s"));
     }
     format!("{}: {}", workers.len(), parts.join(", "))
 }
@@ -123,7 +123,7 @@ fn report_of<'a>(worker: &WorkerProcess, reports: &'a [WorkerReport]) -> Option<
     reports.iter().find(|report| report.pid == worker.pid)
 }
 
-/// The kernel's letter in words.
+/// The kernel's letter of a state in words.
 fn state(worker: &WorkerProcess) -> &'static str {
     match worker.state {
         'R' => "computing",
@@ -133,7 +133,7 @@ fn state(worker: &WorkerProcess) -> &'static str {
     }
 }
 
-/// What a worker has done and does.
+/// Completed jobs of a worker and its current one.
 fn work(report: &WorkerReport) -> String {
     let doing = match report.point {
         Some(point) => format!(", Gauss point {point} for {:.1} s", report.since_s),
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_run_is_described_with_its_workers() {
-        let progress = Progress {
+        let progress = RunProgress {
             begun: 1000,
             scene: "a.toml".into(),
             output: "out/a".into(),
@@ -173,15 +173,15 @@ mod tests {
     fn many_workers_are_summarised() {
         let report =
             |pid, since_s| WorkerReport { pid, jobs: 10, point: Some(3), since_s, ..WorkerReport::default() };
-        let progress = Progress {
+        let progress = RunProgress {
             workers: vec![report(8, 0.5), report(9, 2.5)],
-            ..Progress::new(std::path::Path::new("/a.toml"), std::path::Path::new("/out"))
+            ..RunProgress::new(std::path::Path::new("/a.toml"), std::path::Path::new("/out"))
         };
         let worker = |pid, state| WorkerProcess { pid, state, ticks: 3000 };
         let workers = [worker(8, 'R'), worker(9, 'R'), worker(10, 'S')];
         let text = paragraph("a-1", Some(7), Some(&progress), &workers, 2, progress.begun);
-        let expected = "  workers   3: 2 computing, 1 waiting, 1 have not joined, 0:01:30 of processor time, 20 jobs, the \
-                        longest at work is 9, on Gauss point 3 for 2.5 s\n";
+        let expected = "  workers   3: 2 computing, 1 waiting, 1 have not joined, 0:01:30 of processor time, 20 jobs, longest \
+                        current job: 9, Gauss point 3 for 2.5 s\n";
         assert!(text.ends_with(expected), "{text}");
     }
 }

@@ -28,7 +28,7 @@ impl Engine {
     /// An engine inside this program.
     ///
     /// # Errors
-    /// The system does not tell where this executable lies.
+    /// The path of this executable is unknown.
     pub(crate) fn built_in(name: &str) -> std::io::Result<Self> {
         Ok(Self {
             name: name.to_owned(),
@@ -44,7 +44,7 @@ impl Engine {
     }
 }
 
-/// What a catalogue file says about one engine.
+/// Entry of one engine in a catalogue file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
@@ -93,7 +93,7 @@ impl Catalogue {
     /// The engine called `name`.
     ///
     /// # Errors
-    /// There is none; the text says what there is and where it was looked up.
+    /// There is none; the text lists the known names and the file they come from.
     pub(crate) fn find(&self, name: &str) -> anyhow::Result<Engine> {
         if built_in_engine(name).is_some() {
             return Engine::built_in(name).context("could not find this program");

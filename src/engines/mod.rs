@@ -1,14 +1,15 @@
-//! Engines outside this program: where they are listed, how one is started, and what it says it can do.
+//! Engines of a run: the built-in one and programs of other origin. Where they are listed, how they are started, what they can do,
+//! and which Gauss points each of them solves.
 
+mod assignment;
+mod capabilities;
 mod catalogue;
-mod crew;
-mod inquiry;
-mod suitability;
+mod compatibility;
 
+pub(crate) use assignment::EngineAssignment;
+pub(crate) use capabilities::capabilities_of;
 pub(crate) use catalogue::{Catalogue, Engine};
-pub(crate) use crew::Crew;
-pub(crate) use inquiry::capabilities_of;
-pub(crate) use suitability::{Suitability, suitability};
+pub(crate) use compatibility::{Compatibility, compatibility};
 
-/// Keyword of the engine inside this program.
-pub(crate) const BUILT_IN: &str = "grains";
+/// Keyword of the engine inside this program, as scenes write it.
+pub(crate) use scene_reader::BUILT_IN_ENGINE as BUILT_IN;

@@ -1,8 +1,8 @@
-//! Starting a process without waiting for ever.
+//! Starting a process with a time limit.
 //!
-//! Until the new process has become its program, the kernel holds the thread that starts it. Whoever stops the process in that
-//! moment (a debugger, a scheduler that lends processors) would hold the whole run, and no deadline of the run could
-//! fire: its thread does not run. So another thread watches, and ends a process that takes too long to be born.
+//! Until the new process has executed its program, the kernel blocks the thread that starts it. A stop of the new process at that
+//! moment (by a debugger or a batch scheduler) would block the whole run, and no deadline of the run could fire. So another thread
+//! watches, and kills a process that takes too long to execute its program.
 
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
@@ -12,10 +12,10 @@ use std::process::{Child, Command};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// How long a process may take to become its program; on a busy machine that takes milliseconds.
-const BIRTH: Duration = Duration::from_secs(5);
+/// How long a process may take to execute its program; on a busy machine that takes milliseconds.
+const EXEC_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Starts a process. One that is stopped before it has become its program is killed: it is returned as any other and has ended.
+/// Starts a process. One that is stopped before it has executed its program is killed and returned as a process that has ended.
 ///
 /// # Errors
 /// The system cannot start the process, or the thread that watches.
@@ -24,14 +24,14 @@ pub(super) fn launched(command: &mut Command) -> io::Result<Child> {
     let starter = Path::new("/proc").join(fs::read_link("/proc/thread-self")?);
     let (started, watched) = channel::<()>();
     std::thread::scope(|scope| {
-        std::thread::Builder::new().name("births".into()).spawn_scoped(scope, move || {
-            while watched.recv_timeout(BIRTH) == Err(RecvTimeoutError::Timeout) {
-                unborn(&starter).into_iter().for_each(|child| {
+        std::thread::Builder::new().name("launches".into()).spawn_scoped(scope, move || {
+            while watched.recv_timeout(EXEC_TIMEOUT) == Err(RecvTimeoutError::Timeout) {
+                not_executed(&starter).into_iter().for_each(|child| {
                     tracing::warn!(
                         pid = child.as_raw_nonzero().get(),
-                        "a worker was stopped while it started; it is ended"
+                        "a worker was stopped while it started; it is killed"
                     );
-                    // It may have gone on meanwhile: then it is a worker that ends early, and is replaced.
+                    // It may have continued meanwhile: then it is a worker that ends early, and is replaced.
                     let _ = kill_process(child, Signal::KILL);
                 });
             }
@@ -43,7 +43,7 @@ pub(super) fn launched(command: &mut Command) -> io::Result<Child> {
 }
 
 /// Children of a thread of this process that are still copies of it.
-fn unborn(starter: &Path) -> Vec<Pid> {
+fn not_executed(starter: &Path) -> Vec<Pid> {
     let own = fs::read("/proc/self/cmdline").unwrap_or_default();
     let children = fs::read_to_string(starter.join("children")).unwrap_or_default();
     let is_copy = |pid: &&str| fs::read(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line == own);

@@ -1,8 +1,8 @@
-//! The worker processes of one run.
+//! The worker processes of one engine in one run.
 
-use super::back_off::BackOff;
-use super::last_words::LastWords;
 use super::launch::launched;
+use super::restart_backoff::RestartBackoff;
+use super::stderr_tail::StderrTail;
 use crate::engines::Engine;
 use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
 use std::collections::BTreeMap;
@@ -13,22 +13,22 @@ use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long a worker may take to follow SIGTERM before SIGKILL.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// How long a worker may take to end after SIGTERM before SIGKILL.
+const TERM_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// How often the supply looks after workers that have not joined yet: nobody else would notice their end.
+/// How often workers that have not joined yet are checked: nothing else would notice their end.
 const WATCH_INTERVAL: Duration = Duration::from_millis(20);
 
-/// How long a worker that has said goodbye may take to end.
-const LEAVING: Duration = Duration::from_secs(10);
+/// How long a worker that has signed off may take to end.
+const LEAVE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// How long a worker may take to join: a machine with a hundred starting workers on one core needs seconds.
-const START_LIMIT: Duration = Duration::from_secs(20);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// The same for engines outside this program: some load an interpreter and half a gigabyte of libraries.
-const FOREIGN_START_LIMIT: Duration = Duration::from_secs(120);
+const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Replacements in a row that may end before they have answered anything.
+/// Consecutive replacements that may end before they have completed a job.
 const RESTARTS: u32 = 20;
 
 /// How workers are started.
@@ -42,10 +42,10 @@ pub(crate) struct LaunchPlan {
     pub(crate) environment: BTreeMap<String, String>,
     /// Number of workers, at least 1.
     pub(crate) workers: usize,
-    /// Most replacements in a row that end without an answer.
+    /// Most consecutive replacements that end without a completed job.
     pub(crate) restarts: u32,
     /// How long a worker may take to join.
-    pub(crate) start_limit: Duration,
+    pub(crate) join_timeout: Duration,
 }
 
 impl LaunchPlan {
@@ -60,7 +60,7 @@ impl LaunchPlan {
             environment: engine.environment.clone(),
             workers,
             restarts: RESTARTS,
-            start_limit: if engine.is_built_in() { START_LIMIT } else { FOREIGN_START_LIMIT },
+            join_timeout: if engine.is_built_in() { JOIN_TIMEOUT } else { EXTERNAL_JOIN_TIMEOUT },
         }
     }
 }
@@ -68,10 +68,10 @@ impl LaunchPlan {
 #[derive(Debug)]
 struct WorkerChild {
     child: Child,
-    words: LastWords,
+    stderr: StderrTail,
     started: Instant,
     joined: bool,
-    /// Set when it has said goodbye: until when it may take to end.
+    /// Set when it has signed off: until when it may take to end.
     leaving: Option<Instant>,
 }
 
@@ -82,25 +82,25 @@ pub(crate) struct WorkerProcesses {
     children: Vec<WorkerChild>,
     /// Replacements to be started, at these times.
     due: Vec<Instant>,
-    back_off: BackOff,
+    restart_backoff: RestartBackoff,
     refusal: Option<String>,
     last_end: Option<String>,
     finished: bool,
 }
 
 impl WorkerProcesses {
-    /// Starts all workers of the plan, or as many as there are time for until `interrupt` is raised: many workers take
-    /// seconds to start, and whoever asks for a stop wants it now. The pool sees the request when it next listens.
+    /// Starts all workers of the plan, or as many as can be started before `interrupt` is raised: many workers take seconds to
+    /// start, and a stop should take effect at once. The pool sees the request when it next receives.
     ///
     /// # Errors
     /// The system cannot start a process; those already started are ended.
     pub(crate) fn start(plan: LaunchPlan, interrupt: &Interrupt) -> io::Result<Self> {
-        let back_off = BackOff::new(plan.restarts);
+        let restart_backoff = RestartBackoff::new(plan.restarts);
         let mut processes = Self {
             plan,
             children: Vec::new(),
             due: Vec::new(),
-            back_off,
+            restart_backoff,
             refusal: None,
             last_end: None,
             finished: false,
@@ -116,7 +116,7 @@ impl WorkerProcesses {
 
     fn spawn(&mut self) -> io::Result<()> {
         let mut command = Command::new(&self.plan.program);
-        // A group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
+        // A process group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
         command
             .args(&self.plan.arguments)
             .envs(&self.plan.environment)
@@ -125,46 +125,51 @@ impl WorkerProcesses {
             .stderr(Stdio::piped());
         let mut child = launched(command.process_group(0))?;
         let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
-        let words = LastWords::of(child.id(), stderr)?;
+        let tail = StderrTail::of(child.id(), stderr)?;
         tracing::debug!(pid = child.id(), "worker started");
-        self.children.push(WorkerChild { child, words, started: Instant::now(), joined: false, leaving: None });
+        self.children.push(WorkerChild {
+            child,
+            stderr: tail,
+            started: Instant::now(),
+            joined: false,
+            leaving: None,
+        });
         Ok(())
     }
 
-    /// Takes leave of a worker that has ended and arranges for its replacement.
-    fn bury(&mut self, place: usize, status: Option<ExitStatus>, had_answered: bool) {
+    /// Removes a worker that has ended and schedules its replacement.
+    fn remove(&mut self, place: usize, status: Option<ExitStatus>, had_completed_job: bool) {
         let ended = self.children.remove(place);
-        let (pid, words) = (ended.child.id(), ended.words.text());
+        let (pid, stderr) = (ended.child.id(), ended.stderr.text());
         let how = status.map_or_else(|| "ended".to_owned(), |status| status.to_string());
-        let text = if words.is_empty() { how } else { format!("{how}: {words}") };
+        let text = if stderr.is_empty() { how } else { format!("{how}: {stderr}") };
         tracing::info!(pid, text, "worker process ended");
         self.last_end = Some(format!("worker process {pid} {text}"));
-        // Whoever has said goodbye was replaced at that moment.
+        // A worker that signed off was replaced at that moment.
         if ended.leaving.is_some() {
             return;
         }
         if self.refusal.is_none()
-            && let Some(pause) = self.back_off.ended(had_answered)
+            && let Some(pause) = self.restart_backoff.ended(had_completed_job)
         {
             self.due.push(Instant::now() + pause);
         }
     }
 
-    /// Takes leave of workers that ended before they joined or after they said goodbye, and ends those that take too
-    /// long. Of the end of the others
-    /// the pool tells, together with whether they had been of use.
+    /// Removes workers that ended before they joined or after they signed off, and kills those that take too long. The end of
+    /// the others is reported by the pool, together with whether they had completed a job.
     fn reap(&mut self) {
         for place in (0..self.children.len()).rev() {
             let one = &mut self.children[place];
             if one.joined && one.leaving.is_none() {
                 continue;
             }
-            let late = !one.joined && one.started.elapsed() > self.plan.start_limit;
+            let late = !one.joined && one.started.elapsed() > self.plan.join_timeout;
             if late || one.leaving.is_some_and(|end| end <= Instant::now()) {
                 let _ = one.child.kill();
             }
             if let Ok(Some(status)) = one.child.try_wait() {
-                self.bury(place, Some(status), false);
+                self.remove(place, Some(status), false);
             }
         }
     }
@@ -176,7 +181,7 @@ impl WorkerProcesses {
         for _ in 0..ready {
             if let Err(error) = self.spawn() {
                 self.last_end = Some(format!("could not start a worker: {error}"));
-                if let Some(pause) = self.back_off.ended(false) {
+                if let Some(pause) = self.restart_backoff.ended(false) {
                     self.due.push(now + pause);
                 }
             }
@@ -200,7 +205,7 @@ impl WorkerProcesses {
                 rustix::process::Signal::TERM,
             );
         }
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TERM_TIMEOUT;
         while !self.children.is_empty() && Instant::now() < end {
             self.children.retain_mut(|one| matches!(one.child.try_wait(), Ok(None)));
             std::thread::sleep(Duration::from_millis(2));
@@ -221,25 +226,25 @@ impl WorkerSupply for WorkerProcesses {
     }
 
     fn refused(&mut self, pid: u32, reason: &str) {
-        // A worker started by hand may be the wrong one; ours are all alike.
+        // A worker started by hand may be the wrong one; those of this group are all alike.
         if self.place_of(pid).is_some() {
             self.refusal = Some(reason.to_owned());
         }
     }
 
-    fn lost(&mut self, pid: u32, had_answered: bool) {
+    fn lost(&mut self, pid: u32, had_completed_job: bool) {
         let Some(place) = self.place_of(pid) else { return };
-        // Its channel is gone: whatever is left of the process must not linger.
+        // Its channel is gone: the process must not remain.
         let one = &mut self.children[place];
         let _ = one.child.kill();
         let status = one.child.wait().ok();
-        self.bury(place, status, had_answered);
+        self.remove(place, status, had_completed_job);
     }
 
     fn left(&mut self, pid: u32) {
         let Some(place) = self.place_of(pid) else { return };
         let now = Instant::now();
-        self.children[place].leaving = Some(now + LEAVING);
+        self.children[place].leaving = Some(now + LEAVE_TIMEOUT);
         self.due.push(now);
     }
 
@@ -254,9 +259,9 @@ impl WorkerSupply for WorkerProcesses {
             return Outlook::Expected { check_again: Duration::from_secs(1) };
         }
         let why = match &self.refusal {
-            Some(reason) => format!("this program's own workers were refused: {reason}"),
+            Some(reason) => format!("workers started by this run were refused: {reason}"),
             None => format!(
-                "{} replacements in a row ended without an answer and no more are started",
+                "{} consecutive replacements ended without a completed job, and no more are started",
                 self.plan.restarts
             ),
         };
@@ -265,7 +270,7 @@ impl WorkerSupply for WorkerProcesses {
     }
 
     fn restarts(&self) -> u64 {
-        self.back_off.granted()
+        self.restart_backoff.granted()
     }
 
     fn finish(&mut self) {
@@ -294,7 +299,7 @@ mod tests {
             environment: BTreeMap::new(),
             workers,
             restarts,
-            start_limit: START_LIMIT,
+            join_timeout: JOIN_TIMEOUT,
         }
     }
 
@@ -311,11 +316,11 @@ mod tests {
     }
 
     #[test]
-    fn workers_that_cannot_start_are_given_up_with_their_last_words() {
+    fn workers_that_cannot_start_are_given_up_with_their_standard_error() {
         let mut processes =
             WorkerProcesses::start(shell("echo no packing >&2; exit 2", 1, 2), &Interrupt::new()).unwrap();
         let reason = tend_until_exhausted(&mut processes);
-        assert!(reason.contains("2 replacements in a row") && reason.contains("exit status: 2"), "{reason}");
+        assert!(reason.contains("2 consecutive replacements") && reason.contains("exit status: 2"), "{reason}");
         assert_eq!(processes.restarts(), 2);
     }
 
@@ -347,15 +352,15 @@ mod tests {
 
     /// Thousands of processes take minutes to start: a request to stop must not wait for the last of them.
     #[test]
-    fn a_request_to_stop_is_heard_between_two_launches() {
+    fn a_request_to_stop_takes_effect_between_two_launches() {
         let interrupt = Interrupt::new();
         let raised = interrupt.clone();
-        let asked = std::thread::spawn(move || {
+        let request = std::thread::spawn(move || {
             std::thread::sleep(Duration::from_millis(50));
             raised.raise();
         });
         let mut processes = WorkerProcesses::start(shell("exec sleep 100", 100_000, 5), &interrupt).unwrap();
-        asked.join().unwrap();
+        request.join().unwrap();
         assert!((1..10_000).contains(&processes.children.len()), "{} were started", processes.children.len());
         processes.finish();
     }

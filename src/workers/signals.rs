@@ -1,4 +1,4 @@
-//! Ctrl-C and its relatives: the first asks the run to stop in good order, the second ends the process.
+//! SIGINT, SIGTERM and SIGHUP: the first requests a stop in good order, the second ends the process.
 
 use macro_solver::pool::Interrupt;
 use protocol::transport::Waker;
@@ -36,7 +36,7 @@ impl SignalWatch {
                 waker.wake();
             }
             runtime.block_on(next(&mut signals));
-            // The kernel ends the workers with us.
+            // The kernel ends the workers with this process.
             std::process::exit(INTERRUPTED);
         })?;
         Ok(watch)

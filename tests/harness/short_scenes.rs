@@ -21,7 +21,7 @@ pub const SHORT_SCENES: [ShortScene; 14] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
-    scene("turned-and-weak", "weak-element", &["mesh.elements=[2, 3]", "loading.increments=6"]),
+    scene("turned-and-weak", "biaxial-weak-element", &["mesh.elements=[2, 3]", "loading.increments=6"]),
     scene("periodic", "simple-shear", &["mesh.elements=[2, 2]", "loading.increments=6"]),
     scene(
         "turned-head",
@@ -50,7 +50,7 @@ pub const SHORT_SCENES: [ShortScene; 14] = [
         &["mesh.elements=[2, 5]", "nonlocal.adjoint=true", "loading.duration=0.01", "dynamics.output_interval=1e-3"],
     ),
     scene("relaxed", "biaxial-relaxation", &["loading.increments=8", "mesh.elements=[2, 2]"]),
-    scene("spheres", "brick-shear", &["rve.accuracy=draft", "loading.increments=8"]),
+    scene("spheres", "single-hexahedron-shear", &["rve.accuracy=draft", "loading.increments=8"]),
     scene("two-stages", "compression-shear", &["stage.0.loading.increments=3", "stage.1.loading.increments=5"]),
     scene("arc-length", "biaxial-arc-length", &["mesh.elements=[2, 2]", "loading.increments=8"]),
     scene(

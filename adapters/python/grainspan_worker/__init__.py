@@ -1,7 +1,7 @@
 """Write an RVE engine in Python: one class, and it serves a Grainspan run as a worker.
 
 A user subclasses :class:`Rve` and ends the module with ``main(MyRve)``. Everything else, that is joining the run,
-shared memory, messages, states, faults, lies behind it. ``docs/external-engines.md`` in the repository is the tutorial,
+shared memory, messages, states, faults, lies behind it. ``docs/guide/external-engines.md`` in the repository is the tutorial,
 ``grainspan_worker.engines.reference`` the smallest complete engine.
 """
 

@@ -10,16 +10,17 @@
 //! [`CheckpointFile`] makes files of archives, [`PeriodicKeeper`] decides when.
 
 mod archive;
+mod failure_case;
 mod file;
 mod keeper;
-mod reproducer;
 #[cfg(test)]
 mod tests;
 
 pub use archive::Archive;
+pub use failure_case::FailureCase;
+pub use failure_case::FailureCase as Reproducer;
 pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
 pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
-pub use reproducer::Reproducer;
 
 use crate::material::PointMaterial;
 use crate::observer::Observer;

@@ -1,14 +1,14 @@
 //! Files that are damaged in every way, and runs that go on from them to the same bits.
 
 use super::*;
-use crate::elastic::{ElasticLaw, ElasticMaterial};
-use crate::implicit::tests::stabilisation::{pulled, weak_at_the_bottom};
-use crate::implicit::{solve, solve_kept};
 use crate::material::PointMaterial;
+use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
 use crate::observer::{FieldsView, Outcome, Silent, Statistics, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, NamedStrategy, PathControl, Platen, PressureKind, Problem};
+use crate::solve::tests::stabilisation::{pulled, weak_at_the_bottom};
+use crate::solve::{solve, solve_kept};
 use protocol::StateId;
 use std::fs;
 use std::sync::Arc;
@@ -123,13 +123,13 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
 }
 
 #[test]
-fn a_reproducer_reads_back_and_damage_is_noticed() {
+fn a_failure_case_reads_back_and_damage_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("point.replay");
-    let written = Reproducer {
+    let written = FailureCase {
         program: "grainspan".into(),
         point: 7,
-        ends: vec!["signal: 11".into()],
+        failures: vec!["signal: 11".into()],
         definition: protocol::Definition { bytes: vec![1, 2, 3] },
         state: vec![9; 100],
         target: protocol::Tensor2::from_plane([[1e-3, -0.0], [0.0, 2e-3]]),
@@ -138,15 +138,15 @@ fn a_reproducer_reads_back_and_damage_is_noticed() {
         observables: protocol::Observables::ALL,
     };
     written.write(&path).unwrap();
-    assert_eq!(Reproducer::read(&path).unwrap(), written);
+    assert_eq!(FailureCase::read(&path).unwrap(), written);
     let mut bytes = fs::read(&path).unwrap();
     let last = bytes.len() - 1;
     bytes[last] ^= 1;
     fs::write(&path, &bytes).unwrap();
-    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Damaged { .. })));
+    assert!(matches!(FailureCase::read(&path), Err(CheckpointError::Damaged { .. })));
     bytes[8] = 9;
     fs::write(&path, &bytes).unwrap();
-    assert!(matches!(Reproducer::read(&path), Err(CheckpointError::Format { found: 9, .. })));
+    assert!(matches!(FailureCase::read(&path), Err(CheckpointError::Format { found: 9, .. })));
 }
 
 /// Rough enough to need several iterations and a cut-back: a pressed block under a follower load.

@@ -68,8 +68,8 @@ pub fn critical_step(frequency: f64, damping_ratio: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elastic::isotropic_moduli;
     use crate::element::mass::{Lumping, lumped_masses};
+    use crate::material::elastic::isotropic_moduli;
     use crate::mesh::block::Block;
 
     /// Bulk and shear modulus and density of [Liu2015] table II and section 3.3.

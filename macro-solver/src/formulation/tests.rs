@@ -3,7 +3,7 @@
 use super::conversion::{cauchy_moduli, cauchy_stress, spatial_from_piola};
 use super::tensor::{column, operator, unit};
 use super::*;
-use crate::elastic::{ElasticLaw, ElasticMaterial};
+use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::material::{PointMaterial, PointTrial};
 use nalgebra::{Rotation3, Vector3};
 use protocol::{Ask, TangentKind};

@@ -5,6 +5,7 @@
 //! that does not fit on the disk is taken back.
 
 mod atomic;
+mod energy;
 mod fields;
 mod frames;
 mod history;
@@ -14,6 +15,7 @@ mod recorder;
 mod summary;
 
 pub use atomic::write_atomically;
+pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};
 pub use history::{HistoryLayout, HistoryRow, HistoryWriter};

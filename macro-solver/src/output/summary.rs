@@ -1,7 +1,7 @@
 //! `summary.json`: what a run did, what it cost, and everything that fell short.
 
 use super::{OutputError, write_atomically};
-use crate::trial_costs::SlowestTrials;
+use crate::observer::trial_costs::SlowestTrials;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -105,6 +105,9 @@ pub struct Summary {
     pub fallback_groups: BTreeMap<String, BTreeMap<String, u64>>,
     /// Evaluations that were not needed, by name.
     pub skipped: BTreeMap<String, u64>,
+    /// Former names of entries, as `table.name`, with the names that replace them; both are present for one version.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub deprecated_names: BTreeMap<String, String>,
     /// Where the time went.
     pub time: TimeShares,
     /// What checkpoints have cost.
@@ -158,6 +161,7 @@ mod tests {
             fallbacks: BTreeMap::new(),
             fallback_groups: BTreeMap::new(),
             skipped: BTreeMap::new(),
+            deprecated_names: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
             energy: BTreeMap::new(),

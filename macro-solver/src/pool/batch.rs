@@ -1,30 +1,33 @@
-//! The questions of one evaluation as jobs: built, waiting, answered.
+//! The trials of one evaluation as jobs: built, queued, settled.
 
 use super::points::{PointState, PointTable};
-use super::queue::{Queues, Ticket};
+use super::queue::{JobQueues, QueuedJob};
 use crate::material::{PointId, PointTrial};
-use protocol::transport::WorkerId;
+use protocol::transport::{LoadedJob, WorkerId};
 use protocol::wire::TrialJob;
-use protocol::{RveError, StateId, TrialAnswer};
+use protocol::{DefinitionId, RveError, StateId, TrialAnswer};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// How a job ended.
 #[derive(Clone, Debug)]
-pub(super) enum Outcome {
-    /// Solved.
+pub(super) enum JobOutcome {
+    /// Solved: the answer and the trial state.
     Done(Box<TrialAnswer>, PointState),
     /// The engine refused or failed.
     Failed(RveError),
 }
 
-/// One distinct question.
+/// One distinct trial of an evaluation and what happened to it: the pool's own form of a request, from the evaluation to its
+/// answer. What travels is made of it by [`Job::loaded`].
 #[derive(Clone, Debug)]
 pub(super) struct Job {
-    /// As it travels; `attempt` counts up with every issue.
-    pub(super) wire: TrialJob,
-    /// The question of the lowest point that asks it.
+    /// Number in the run; a job that is issued again keeps it.
+    pub(super) number: u64,
+    /// The trial, of the lowest point among those with a bitwise equal one.
     pub(super) trial: PointTrial,
+    /// Issues after the first.
+    pub(super) attempt: u32,
     /// Index of the definition.
     pub(super) definition: usize,
     /// Workers that may solve it.
@@ -33,24 +36,62 @@ pub(super) struct Job {
     pub(super) state: PointState,
     /// Expected force evaluations.
     pub(super) expected: u64,
-    /// How the workers ended that were working on it.
-    pub(super) ends: Vec<String>,
-    /// How many of these had been silent for longer than it may take: it may just be long.
+    /// Reasons why workers ended while they worked on it, oldest first.
+    pub(super) failures: Vec<String>,
+    /// Number of these workers that exceeded the time that the job may take: it may just be long.
     pub(super) overruns: u32,
-    /// Whether the next issue carries the snapshot whatever the mirror says.
+    /// Whether the next issue carries the snapshot whatever the mirror of the worker's cache says.
     pub(super) must_carry: bool,
     /// Whether the latest issue carried the snapshot.
     pub(super) carried: bool,
-    /// How often a worker lacked its definition.
+    /// Number of workers that lacked its definition.
     pub(super) definition_misses: u32,
-    /// Set once; stays empty for a job that became pointless while it waited.
-    pub(super) outcome: Option<Outcome>,
+    /// Set once; stays empty for a job that was dropped while it waited.
+    pub(super) outcome: Option<JobOutcome>,
 }
 
 impl Job {
-    /// Workers it has ended.
-    pub(super) fn blames(&self) -> u32 {
-        u32::try_from(self.ends.len()).unwrap_or(u32::MAX)
+    /// A job that nobody has got yet.
+    fn new(number: u64, trial: &PointTrial, table: &PointTable) -> Self {
+        let record = &table.records[trial.point];
+        Self {
+            number,
+            trial: *trial,
+            attempt: 0,
+            definition: record.definition,
+            group: table.groups[record.definition],
+            state: record.committed.clone(),
+            expected: record.cost_model.expect(trial),
+            failures: Vec::new(),
+            overruns: 0,
+            must_carry: false,
+            carried: false,
+            definition_misses: 0,
+            outcome: None,
+        }
+    }
+
+    /// The job as it travels, with its snapshot if the latest issue carries it.
+    pub(super) fn loaded(&self, definition: DefinitionId) -> LoadedJob<'_> {
+        let job = TrialJob {
+            job: self.number,
+            point: self.trial.point as u64,
+            definition,
+            state: self.state.id,
+            target: self.trial.target,
+            tangent: self.trial.ask.tangent as u32,
+            ramp_steps: self.trial.ask.ramp_steps,
+            observables: self.trial.ask.observables.0,
+            attempt: self.attempt,
+            // The frame owns the length.
+            state_length: 0,
+        };
+        LoadedJob { job, state: if self.carried { &self.state.bytes } else { &[] } }
+    }
+
+    /// Number of workers that ended while they worked on it.
+    pub(super) fn failure_count(&self) -> u32 {
+        u32::try_from(self.failures.len()).unwrap_or(u32::MAX)
     }
 }
 
@@ -59,33 +100,33 @@ impl Job {
 pub(super) struct Batch {
     first: u64,
     pub(super) jobs: Vec<Job>,
-    /// For each trial asked, the job that answers it.
+    /// For each trial of the evaluation, the index of its job.
     pub(super) job_of_trial: Vec<usize>,
-    pub(super) queue: Queues,
-    /// Jobs that rest, and until when: `None` until somebody has looked at the clock.
-    resting: Vec<(usize, Option<Instant>)>,
+    pub(super) queue: JobQueues,
+    /// Jobs that are delayed, and until when: `None` until the clock has been read.
+    delayed: Vec<(usize, Option<Instant>)>,
     open: usize,
     lowest_failure: Option<PointId>,
 }
 
-/// What makes two questions the same: nothing but bits.
-type Question = (usize, StateId, [u64; 9], u32, u32, u32);
+/// What makes two trials the same: definition, state, and the bits of target and options.
+type TrialKey = (usize, StateId, [u64; 9], u32, u32, u32);
 
 impl Batch {
-    /// Turns trials into queued jobs numbered from `first`; equal questions become one job if `deduplicate`.
-    /// `home` tells whether a worker still serves.
+    /// Turns trials into queued jobs numbered from `first`; duplicate trials become one job if `deduplicate`.
+    /// `affinity` names the worker that probably holds a state and still serves.
     pub(super) fn build(
         trials: &[PointTrial],
         table: &PointTable,
         first: u64,
         deduplicate: bool,
-        home: impl Fn(&PointState) -> Option<WorkerId>,
+        affinity: impl Fn(&PointState) -> Option<WorkerId>,
     ) -> Self {
         let mut batch = Self { first, ..Self::default() };
-        let mut known: BTreeMap<Question, usize> = BTreeMap::new();
+        let mut known: BTreeMap<TrialKey, usize> = BTreeMap::new();
         for trial in trials {
             let record = &table.records[trial.point];
-            let question = (
+            let key = (
                 record.definition,
                 record.committed.id,
                 trial.target.0.map(f64::to_bits),
@@ -93,36 +134,35 @@ impl Batch {
                 trial.ask.ramp_steps,
                 trial.ask.observables.0,
             );
-            let index = match known.get(&question) {
+            let index = match known.get(&key) {
                 Some(&index) if deduplicate => index,
                 _ => {
                     let index = batch.jobs.len();
-                    batch.jobs.push(job(trial, table, first + index as u64));
-                    known.insert(question, index);
+                    batch.jobs.push(Job::new(first + index as u64, trial, table));
+                    known.insert(key, index);
                     index
                 }
             };
             let job = &mut batch.jobs[index];
             if trial.point < job.trial.point {
                 job.trial = *trial;
-                job.wire.point = trial.point as u64;
             }
             batch.job_of_trial.push(index);
         }
         batch.open = batch.jobs.len();
         for index in 0..batch.jobs.len() {
-            let home = home(&batch.jobs[index].state);
-            batch.queue.add(home, batch.ticket(index));
+            let affinity = affinity(&batch.jobs[index].state);
+            batch.queue.add(affinity, batch.queued(index));
         }
         batch
     }
 
-    /// No questions; later ones are numbered from `first`.
+    /// No jobs; later ones are numbered from `first`.
     pub(super) fn nothing(first: u64) -> Self {
         Self { first, ..Self::default() }
     }
 
-    /// Whether every job has an outcome or is not needed any more.
+    /// Whether every job has an outcome or was dropped.
     pub(super) fn is_finished(&self) -> bool {
         self.open == 0
     }
@@ -133,7 +173,7 @@ impl Batch {
         (index < self.jobs.len()).then_some(index)
     }
 
-    /// Whether this number was given out before this evaluation.
+    /// Whether this number belongs to an earlier evaluation.
     pub(super) fn is_past(&self, number: u64) -> bool {
         number < self.first
     }
@@ -141,101 +181,97 @@ impl Batch {
     /// Puts a job that was sent back into the queue.
     pub(super) fn requeue(&mut self, index: usize) {
         if self.jobs[index].outcome.is_none() {
-            self.jobs[index].wire.attempt += 1;
-            self.queue.add(None, self.ticket(index));
+            self.jobs[index].attempt += 1;
+            self.queue.add(None, self.queued(index));
         }
     }
 
-    /// As [`requeue`](Self::requeue), after a rest.
-    pub(super) fn requeue_rested(&mut self, index: usize) {
+    /// As [`requeue`](Self::requeue), after a delay.
+    pub(super) fn requeue_delayed(&mut self, index: usize) {
         if self.jobs[index].outcome.is_none() {
-            self.jobs[index].wire.attempt += 1;
-            self.resting.push((index, None));
+            self.jobs[index].attempt += 1;
+            self.delayed.push((index, None));
         }
     }
 
-    /// Queues a job again that was taken and not given out.
+    /// Queues a job again that was taken and not sent.
     pub(super) fn put_back(&mut self, index: usize) {
-        self.queue.add(None, self.ticket(index));
+        self.queue.add(None, self.queued(index));
     }
 
-    /// Queues the jobs that have rested for `rest`.
-    pub(super) fn wake(&mut self, now: Instant, rest: Duration) {
-        for (index, until) in std::mem::take(&mut self.resting) {
-            let until = until.unwrap_or(now + rest);
+    /// Queues the jobs that have been delayed for `delay`.
+    pub(super) fn release_delayed(&mut self, now: Instant, delay: Duration) {
+        for (index, until) in std::mem::take(&mut self.delayed) {
+            let until = until.unwrap_or(now + delay);
             if until <= now {
-                self.queue.add(None, self.ticket(index));
+                self.queue.add(None, self.queued(index));
             } else {
-                self.resting.push((index, Some(until)));
+                self.delayed.push((index, Some(until)));
             }
         }
     }
 
-    /// When the next job that rests has to be looked at.
-    pub(super) fn next_awake(&self) -> Option<Instant> {
-        self.resting.iter().filter_map(|(_, until)| *until).min()
+    /// End of the next delay.
+    pub(super) fn next_release(&self) -> Option<Instant> {
+        self.delayed.iter().filter_map(|(_, until)| *until).min()
     }
 
-    /// Records how a job ended. Returns how many waiting jobs became pointless by it.
-    pub(super) fn settle(&mut self, index: usize, outcome: Outcome) -> usize {
+    /// Records how a job ended. Returns the number of waiting jobs that are dropped because of it.
+    pub(super) fn settle(&mut self, index: usize, outcome: JobOutcome) -> usize {
         debug_assert!(self.jobs[index].outcome.is_none(), "a job is settled once");
-        self.resting.retain(|(resting, _)| *resting != index);
+        self.delayed.retain(|(delayed, _)| *delayed != index);
         self.open -= 1;
-        let failed = matches!(outcome, Outcome::Failed(_));
+        let failed = matches!(outcome, JobOutcome::Failed(_));
         self.jobs[index].outcome = Some(outcome);
-        if failed { self.abandon_above(self.jobs[index].trial.point) } else { 0 }
+        if failed { self.drop_above(self.jobs[index].trial.point) } else { 0 }
     }
 
     /// Once a point has failed, only lower points can change the outcome: the rest need not be solved.
-    fn abandon_above(&mut self, point: PointId) -> usize {
+    fn drop_above(&mut self, point: PointId) -> usize {
         let limit = self.lowest_failure.map_or(point, |lowest| lowest.min(point));
         self.lowest_failure = Some(limit);
         let jobs = &self.jobs;
         let is_needed = |index: usize| jobs[index].trial.point <= limit;
-        let resting = self.resting.len();
-        self.resting.retain(|(index, _)| is_needed(*index));
-        let abandoned = self.queue.retain(is_needed) + resting - self.resting.len();
-        self.open -= abandoned;
-        abandoned
+        let delayed = self.delayed.len();
+        self.delayed.retain(|(index, _)| is_needed(*index));
+        let dropped = self.queue.retain(is_needed) + delayed - self.delayed.len();
+        self.open -= dropped;
+        dropped
     }
 
-    fn ticket(&self, index: usize) -> Ticket {
+    /// The failed point with the lowest number and the reason: that of the whole evaluation.
+    pub(super) fn lowest_failure(&self, trials: &[PointTrial]) -> Option<(PointId, RveError)> {
+        let failed = |trial: &PointTrial, job: usize| match &self.jobs[job].outcome {
+            Some(JobOutcome::Failed(reason)) => Some((trial.point, reason)),
+            _ => None,
+        };
+        let failures = trials.iter().zip(&self.job_of_trial).filter_map(|(trial, job)| failed(trial, *job));
+        failures.min_by_key(|(point, _)| *point).map(|(point, reason)| (point, reason.clone()))
+    }
+
+    /// Answers and trial states of all trials, in their order, when none has failed. Only duplicate trials copy an answer.
+    pub(super) fn into_answers(mut self) -> impl Iterator<Item = (TrialAnswer, PointState)> {
+        let mut uses = vec![0usize; self.jobs.len()];
+        self.job_of_trial.iter().for_each(|&job| uses[job] += 1);
+        std::mem::take(&mut self.job_of_trial).into_iter().map(move |job| {
+            uses[job] -= 1;
+            let outcome = &mut self.jobs[job].outcome;
+            let outcome = if uses[job] == 0 { outcome.take() } else { outcome.clone() };
+            match outcome {
+                Some(JobOutcome::Done(answer, state)) => (*answer, state),
+                _ => unreachable!("jobs are dropped only after a failure, and failures were reported before"),
+            }
+        })
+    }
+
+    fn queued(&self, index: usize) -> QueuedJob {
         let job = &self.jobs[index];
-        Ticket {
+        QueuedJob {
             job: index,
             expected: job.expected,
             definition: job.definition,
             group: job.group,
-            suspect: !job.ends.is_empty(),
+            quarantine_candidate: !job.failures.is_empty(),
         }
-    }
-}
-
-fn job(trial: &PointTrial, table: &PointTable, number: u64) -> Job {
-    let record = &table.records[trial.point];
-    Job {
-        wire: TrialJob {
-            job: number,
-            point: trial.point as u64,
-            definition: table.definitions[record.definition].0,
-            state: record.committed.id,
-            target: trial.target,
-            tangent: trial.ask.tangent as u32,
-            ramp_steps: trial.ask.ramp_steps,
-            observables: trial.ask.observables.0,
-            attempt: 0,
-            state_length: 0,
-        },
-        trial: *trial,
-        definition: record.definition,
-        group: table.groups[record.definition],
-        state: record.committed.clone(),
-        expected: record.forecast.expect(trial),
-        ends: Vec::new(),
-        overruns: 0,
-        must_carry: false,
-        carried: false,
-        definition_misses: 0,
-        outcome: None,
     }
 }

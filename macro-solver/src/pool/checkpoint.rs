@@ -1,7 +1,7 @@
 //! What the pool saves: the committed state of every point, and its counts.
 
-use super::desk::Desk;
-use super::forecast::Forecast;
+use super::coordinator::Coordinator;
+use super::cost_model::CostModel;
 use super::points::PointState;
 use super::statistics::PoolStatistics;
 use crate::checkpoint::{Archive, CheckpointError};
@@ -23,28 +23,28 @@ struct Record {
 struct PointEntry {
     definition: DefinitionId,
     state: StateId,
-    forecast: Forecast,
+    cost_model: CostModel,
 }
 
 /// Saves committed states; trials are not part of a checkpoint.
-pub(super) fn save(desk: &Desk, archive: &mut Archive) {
-    let table = &desk.points;
+pub(super) fn save(coordinator: &Coordinator, archive: &mut Archive) {
+    let table = &coordinator.points;
     let mut points = Vec::with_capacity(table.records.len());
     for record in &table.records {
         let definition = table.definitions[record.definition].0;
         if record.committed.id != StateId::NONE {
             archive.keep_snapshot(record.committed.id, &record.committed.bytes);
         }
-        points.push(PointEntry { definition, state: record.committed.id, forecast: record.forecast });
+        points.push(PointEntry { definition, state: record.committed.id, cost_model: record.cost_model });
     }
-    archive.put(SECTION, VERSION, &Record { points, statistics: desk.statistics.clone() });
+    archive.put(SECTION, VERSION, &Record { points, statistics: coordinator.statistics.clone() });
 }
 
 /// Restores committed states. Workers that have joined meanwhile stay, and are counted on top.
-pub(super) fn restore(desk: &mut Desk, archive: &Archive) -> Result<(), CheckpointError> {
+pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Result<(), CheckpointError> {
     let record: Record = archive.get(SECTION, VERSION)?;
     let unfit = |reason: String| CheckpointError::unfit(SECTION, reason);
-    let table = &mut desk.points;
+    let table = &mut coordinator.points;
     if record.points.len() != table.records.len() {
         return Err(unfit(format!("{} Gauss points instead of {}", record.points.len(), table.records.len())));
     }
@@ -61,14 +61,14 @@ pub(super) fn restore(desk: &mut Desk, archive: &Archive) -> Result<(), Checkpoi
             ),
         };
         known.trial = None;
-        known.forecast = entry.forecast;
+        known.cost_model = entry.cost_model;
     }
-    let now = std::mem::replace(&mut desk.statistics, record.statistics);
-    let earlier = desk.statistics.workers.len();
-    desk.roster.renumber(|tally| tally + earlier);
-    desk.statistics.workers_joined += now.workers_joined;
-    desk.statistics.workers_refused += now.workers_refused;
-    desk.statistics.refused_messages += now.refused_messages;
-    desk.statistics.workers.extend(now.workers);
+    let now = std::mem::replace(&mut coordinator.statistics, record.statistics);
+    let earlier = coordinator.statistics.workers.len();
+    coordinator.workers.renumber(|tally| tally + earlier);
+    coordinator.statistics.workers_joined += now.workers_joined;
+    coordinator.statistics.workers_refused += now.workers_refused;
+    coordinator.statistics.refused_messages += now.refused_messages;
+    coordinator.statistics.workers.extend(now.workers);
     Ok(())
 }

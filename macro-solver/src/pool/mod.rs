@@ -1,34 +1,29 @@
 //! The worker pool: a material law whose points are solved by other processes.
 //!
 //! The **macro owns the truth**: committed and trial states of every point live here as opaque snapshots, workers only
-//! cache them. A trial is a pure function of (committed state, target, ask), so any worker may answer any point, a job
-//! may be asked twice without harm, and results depend neither on the number of workers nor on the order of arrival.
-//! Commit and rollback are local because every answer brings its trial state along.
+//! cache them. A trial is a pure function of (committed state, target, options), so any worker may solve any point, a job
+//! may be issued twice without harm, and results depend neither on the number of workers nor on the order of arrival.
+//! Commit and rollback are local because every answer carries its trial state.
 //!
-//! [`Pool`] moves messages; `desk` decides (no input or output, so every fault can be played through in tests);
-//! `queue` orders jobs, `dispatch` gives them out, `roster` knows the workers, `border` checks what comes in.
+//! [`Pool`] moves messages; `coordinator` decides (no input or output, so tests can play every fault); `batch` holds the
+//! jobs of an evaluation, `queue` orders them, `workers` holds the workers, `reply_validation` checks what comes in.
 
 mod batch;
-mod border;
-mod cache;
 mod checkpoint;
-mod desk;
-mod dispatch;
-mod forecast;
+mod coordinator;
+mod cost_model;
 mod interrupt;
-mod line_index;
 mod points;
 mod queue;
 mod recycling;
+mod reply_validation;
 mod report;
-mod roster;
-mod rota;
 mod settings;
 mod statistics;
 mod supply;
 #[cfg(test)]
 mod tests;
-mod vitals;
+mod workers;
 
 pub use interrupt::Interrupt;
 pub use points::PointState;
@@ -38,40 +33,40 @@ pub use settings::{HangPolicy, PoolSettings};
 pub use statistics::{PoolStatistics, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 
-use crate::checkpoint::{Archive, CheckpointError, Reproducer};
+use crate::checkpoint::{Archive, CheckpointError, FailureCase};
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
-use batch::{Batch, Outcome};
-use desk::{Action, Desk};
+use batch::Batch;
+use coordinator::{Action, Coordinator};
 use points::PointTable;
 use protocol::control::ToWorker;
-use protocol::transport::{LoadedJob, MacroPort, TransportError, Waker};
+use protocol::transport::{MacroPort, TransportError, Waker};
 use protocol::{Definition, DefinitionId, TrialAnswer};
 use recycling::resident_mebibytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use vitals::Vitals;
+use workers::process_stats::ProcessStats;
 
-/// Time between two looks at the processes of busy workers.
-const LOOK: Duration = Duration::from_millis(500);
+/// Time between two checks of the processes of busy workers.
+const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// The same while a worker is stopped, so that its end comes in time.
-const LOOK_CLOSELY: Duration = Duration::from_millis(50);
+const CLOSE_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Longest time between two looks at supply and deadlines.
+/// Longest time between two checks of supply and deadlines.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// How long workers may take to leave before they are ended.
-const FAREWELL: Duration = Duration::from_secs(2);
+/// Time that workers have to leave before they are ended.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A pool of workers behind one port.
 pub struct Pool<P: MacroPort> {
-    desk: Desk,
+    coordinator: Coordinator,
     next_job: u64,
-    /// Since when a wait goes on without any worker; nobody waits between evaluations, so that time does not count.
-    deserted_since: Option<Instant>,
+    /// Begin of a wait without any worker; time between evaluations does not count.
+    unserved_since: Option<Instant>,
     clock: Instant,
-    /// When the busy workers were last looked at, and whether one of them was stopped.
-    looked: Instant,
+    /// When the busy workers were last checked at, and whether one of them was stopped.
+    checked: Instant,
     any_stopped: bool,
     reporter: Option<Reporter>,
     interrupt: Interrupt,
@@ -95,14 +90,14 @@ impl<P: MacroPort> Pool<P> {
         made_of: &[usize],
     ) -> Self {
         let groups = settings.groups(definitions.len());
-        let desk = Desk::new(settings, PointTable::new(definitions, groups, made_of));
+        let coordinator = Coordinator::new(settings, PointTable::new(definitions, groups, made_of));
         let now = Instant::now();
         Self {
-            desk,
+            coordinator,
             next_job: 0,
-            deserted_since: Some(now),
+            unserved_since: Some(now),
             clock: now,
-            looked: now,
+            checked: now,
             any_stopped: false,
             reporter: None,
             interrupt,
@@ -117,18 +112,18 @@ impl<P: MacroPort> Pool<P> {
         self.port.waker()
     }
 
-    /// Waits until `count` workers serve, or as many as will ever come or have come when the patience of the settings
-    /// is over, so that a worker that cannot take part is refused before the run begins.
+    /// Waits until `count` workers serve, or no more can come, or the timeout of the settings is over, so that a worker that
+    /// cannot take part is refused before the run begins.
     ///
     /// # Errors
     /// [`MaterialError::WorkersLost`] when none will come, [`MaterialError::Interrupted`].
     pub fn gather(&mut self, count: usize) -> Result<(), MaterialError> {
         let begin = Instant::now();
-        self.deserted_since = None;
-        while self.desk.roster.active() < count || !self.desk.is_served() {
+        self.unserved_since = None;
+        while self.coordinator.workers.active() < count || !self.coordinator.is_served() {
             let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. })
-                && begin.elapsed() < self.desk.settings.patience;
-            if !more_may_come && self.desk.is_served() {
+                && begin.elapsed() < self.coordinator.settings.patience;
+            if !more_may_come && self.coordinator.is_served() {
                 break;
             }
             self.listen()?;
@@ -138,48 +133,49 @@ impl<P: MacroPort> Pool<P> {
 
     /// Number of workers that serve now.
     pub fn workers(&self) -> usize {
-        self.desk.roster.active()
+        self.coordinator.workers.active()
     }
 
     /// What the pool did so far.
     pub fn statistics(&self) -> PoolStatistics {
-        let mut statistics = self.desk.statistics.clone();
+        let mut statistics = self.coordinator.statistics.clone();
         statistics.worker_restarts = self.supply.restarts();
         statistics
     }
 
     /// Number of points.
     pub fn points(&self) -> usize {
-        self.desk.points.records.len()
+        self.coordinator.points.records.len()
     }
 
     /// Definition and committed state of a point, for grain output and checkpoints. No bytes mean the initial state of
     /// the definition.
     pub fn committed_snapshot(&self, point: PointId) -> (DefinitionId, &PointState) {
-        let record = &self.desk.points.records[point];
-        (self.desk.points.definitions[record.definition].0, &record.committed)
+        let record = &self.coordinator.points.records[point];
+        (self.coordinator.points.definitions[record.definition].0, &record.committed)
     }
 
-    /// Replaces the committed state of a point (from a checkpoint) and forgets its trial.
+    /// Replaces the committed state of a point by another snapshot of the same definition and drops its trial; for callers that
+    /// keep snapshots themselves. A run restores all points at once from an [`Archive`].
     pub fn restore_point(&mut self, point: PointId, state: PointState) {
-        let record = &mut self.desk.points.records[point];
+        let record = &mut self.coordinator.points.records[point];
         record.committed = state;
         record.trial = None;
     }
 
-    /// Sends every worker away and returns when they are gone; those that do not leave are ended. Called by `Drop`
+    /// Dismisses every worker and returns when they are gone; those that do not leave are ended. Called by `Drop`
     /// if not before; further evaluations fail.
     pub fn close(&mut self) {
         if self.closed {
             return;
         }
         self.closed = true;
-        for (worker, _) in self.desk.roster.iter() {
+        for (worker, _) in self.coordinator.workers.iter() {
             // A worker that is gone needs no farewell.
             let _ = self.port.send_control(worker, &ToWorker::Bye);
         }
         self.wait_for_departure();
-        let overdue: Vec<_> = self.desk.roster.iter().map(|(worker, _)| worker).collect();
+        let overdue: Vec<_> = self.coordinator.workers.iter().map(|(worker, _)| worker).collect();
         for worker in &overdue {
             self.port.kill(*worker);
         }
@@ -191,13 +187,13 @@ impl<P: MacroPort> Pool<P> {
 
     fn wait_for_departure(&mut self) {
         // Departures after the end of the run are no losses: they must not touch the statistics.
-        let end = Instant::now() + FAREWELL;
-        while !self.desk.roster.is_empty() {
+        let end = Instant::now() + CLOSE_TIMEOUT;
+        while !self.coordinator.workers.is_empty() {
             let left = end.saturating_duration_since(Instant::now());
-            let roster = &mut self.desk.roster;
+            let workers = &mut self.coordinator.workers;
             let heard = self.port.poll(left.min(Duration::from_millis(50)), &mut |event| {
                 if let protocol::transport::MacroEvent::Lost(worker, _) = event {
-                    roster.remove(worker);
+                    workers.remove(worker);
                 }
             });
             if heard.is_err() || left.is_zero() {
@@ -217,64 +213,63 @@ impl<P: MacroPort> Pool<P> {
         self.account_time();
         self.dispatch()?;
         let wait = self.tend()?;
-        let desk = &mut self.desk;
+        let coordinator = &mut self.coordinator;
         let mut handling = Duration::ZERO;
         let heard = self.port.poll(wait, &mut |event| {
             let arrival = Instant::now();
-            desk.hear(event, arrival);
+            coordinator.handle(event, arrival);
             handling += arrival.elapsed();
         });
         heard.map_err(channel)?;
-        self.desk.statistics.transport_s += handling.as_secs_f64();
-        self.look_at_workers();
-        self.desk.end_hung(Instant::now());
+        self.coordinator.statistics.transport_s += handling.as_secs_f64();
+        self.check_workers();
+        self.coordinator.terminate_hung(Instant::now());
         self.act();
-        match self.desk.fatal.take() {
+        match self.coordinator.fatal.take() {
             Some(fatal) => Err(fatal),
             None => Ok(()),
         }
     }
 
-    /// Now and then: what the kernel says about busy workers, and the report to whoever asked for one.
-    fn look_at_workers(&mut self) {
+    /// At intervals: checks the processes of busy workers and makes the report, if one was requested.
+    fn check_workers(&mut self) {
         let now = Instant::now();
-        let pause = if self.any_stopped { LOOK_CLOSELY } else { LOOK };
-        if now.duration_since(self.looked) < pause {
+        let pause = if self.any_stopped { CLOSE_CHECK_INTERVAL } else { CHECK_INTERVAL };
+        if now.duration_since(self.checked) < pause {
             return;
         }
-        self.looked = now;
-        self.any_stopped = self.desk.roster.look(now, Vitals::of);
-        self.desk.retire_the_large(resident_mebibytes);
+        self.checked = now;
+        self.any_stopped = self.coordinator.workers.check(now, ProcessStats::of);
+        self.coordinator.retire_the_large(resident_mebibytes);
         if let Some(reporter) = &mut self.reporter {
-            reporter(&report::of(&self.desk, now));
+            reporter(&report::of(&self.coordinator, now));
         }
     }
 
-    /// Lets `reporter` know about once a second, while the pool waits for answers, what every worker does.
+    /// Reports to `reporter` about once a second, while the pool waits for answers, what every worker does.
     pub fn report_to(&mut self, reporter: impl FnMut(&[WorkerReport]) + 'static) {
         self.reporter = Some(Box::new(reporter));
     }
 
-    /// The question that has ended too many workers, complete in itself.
-    pub fn quarantined(&self) -> Option<&Reproducer> {
-        self.desk.quarantined.as_ref()
+    /// The trial that has ended too many workers, with all that is needed to repeat it.
+    pub fn quarantined(&self) -> Option<&FailureCase> {
+        self.coordinator.quarantined.as_ref()
     }
 
     fn dispatch(&mut self) -> Result<(), MaterialError> {
-        while let Some(shipment) = self.desk.next_shipment(Instant::now()) {
+        while let Some(message) = self.coordinator.next_message(Instant::now()) {
             let begin = Instant::now();
-            let loaded: Vec<_> = shipment.jobs.iter().map(|(job, state)| LoadedJob { job: *job, state }).collect();
             let mut sent = Ok(());
-            for definition in shipment.define {
-                let definition = self.desk.points.definitions[definition].1.clone();
-                sent = sent.and_then(|()| self.port.send_control(shipment.worker, &ToWorker::Define { definition }));
+            for &definition in &message.define {
+                let definition = self.coordinator.points.definitions[definition].1.clone();
+                sent = sent.and_then(|()| self.port.send_control(message.worker, &ToWorker::Define { definition }));
             }
-            let sent = sent.and_then(|()| self.port.send_jobs(shipment.worker, &loaded));
-            self.desk.statistics.transport_s += begin.elapsed().as_secs_f64();
+            let sent = sent.and_then(|()| self.port.send_jobs(message.worker, &self.coordinator.loaded(&message)));
+            self.coordinator.statistics.transport_s += begin.elapsed().as_secs_f64();
             match sent {
                 Ok(()) => {}
                 Err(error @ TransportError::TooLarge { .. }) => return Err(channel(error)),
-                Err(error) => self.desk.undeliverable(shipment.worker, &error.to_string()),
+                Err(error) => self.coordinator.undeliverable(message.worker, &error.to_string()),
             }
         }
         self.act();
@@ -282,11 +277,11 @@ impl<P: MacroPort> Pool<P> {
     }
 
     fn act(&mut self) {
-        for action in std::mem::take(&mut self.desk.actions) {
+        for action in std::mem::take(&mut self.coordinator.actions) {
             match action {
                 Action::Send(worker, message) => {
                     if let Err(error) = self.port.send_control(worker, &message) {
-                        self.desk.undeliverable(worker, &error.to_string());
+                        self.coordinator.undeliverable(worker, &error.to_string());
                     }
                 }
                 Action::Kill(worker) => self.port.kill(worker),
@@ -303,30 +298,32 @@ impl<P: MacroPort> Pool<P> {
         let now = Instant::now();
         let outlook = self.supply.tend();
         let mut wait = LONGEST_WAIT;
-        if let Some(deadline) = self.desk.roster.next_deadline() {
+        if let Some(deadline) = self.coordinator.workers.next_deadline() {
             wait = wait.min(deadline.saturating_duration_since(now));
         }
-        if let Some(awake) = self.desk.batch.next_awake() {
+        if let Some(awake) = self.coordinator.batch.next_release() {
             wait = wait.min(awake.saturating_duration_since(now));
         }
-        if self.desk.is_served() {
-            self.deserted_since = None;
+        if self.coordinator.is_served() {
+            self.unserved_since = None;
         } else {
-            let since = *self.deserted_since.get_or_insert(now);
-            let patience = self.desk.settings.patience;
+            let since = *self.unserved_since.get_or_insert(now);
+            let patience = self.coordinator.settings.patience;
             let left = patience.saturating_sub(now.duration_since(since));
-            let trouble = self.desk.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
+            let trouble =
+                self.coordinator.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
             if let Outlook::Exhausted(reason) = &outlook {
                 return Err(MaterialError::WorkersLost(format!("no workers are left: {reason}{trouble}")));
             }
             if left.is_zero() {
-                let text = format!("no worker has joined run `{}` for {patience:?}{trouble}", self.desk.settings.run);
+                let text =
+                    format!("no worker has joined run `{}` for {patience:?}{trouble}", self.coordinator.settings.run);
                 return Err(MaterialError::WorkersLost(text));
             }
             wait = wait.min(left);
         }
         if self.any_stopped {
-            wait = wait.min(LOOK_CLOSELY);
+            wait = wait.min(CLOSE_CHECK_INTERVAL);
         }
         if let Outlook::Expected { check_again } = outlook {
             wait = wait.min(check_again);
@@ -340,44 +337,35 @@ impl<P: MacroPort> Pool<P> {
         let passed = now.duration_since(self.clock).as_secs_f64();
         self.clock = now;
         // Busy time is booked against it when the evaluation ends.
-        self.desk.statistics.idle_s += passed * self.desk.roster.active() as f64;
+        self.coordinator.statistics.idle_s += passed * self.coordinator.workers.active() as f64;
     }
 
     fn solve(&mut self, trials: &[PointTrial]) -> Result<Batch, MaterialError> {
-        let desk = &mut self.desk;
-        let roster = &desk.roster;
-        let home = |state: &PointState| state.holder.filter(|worker| roster.is_active(*worker));
-        desk.batch = Batch::build(trials, &desk.points, self.next_job, desk.settings.deduplicate, home);
-        self.next_job += desk.batch.jobs.len() as u64;
-        while !self.desk.batch.is_finished() {
+        let coordinator = &mut self.coordinator;
+        let workers = &coordinator.workers;
+        let affinity = |state: &PointState| state.holder.filter(|worker| workers.is_active(*worker));
+        coordinator.batch =
+            Batch::build(trials, &coordinator.points, self.next_job, coordinator.settings.deduplicate, affinity);
+        self.next_job += coordinator.batch.jobs.len() as u64;
+        while !self.coordinator.batch.is_finished() {
             self.listen()?;
         }
-        let finished = std::mem::replace(&mut self.desk.batch, Batch::nothing(self.next_job));
-        self.desk.statistics.duplicates_skipped += (trials.len() - finished.jobs.len()) as u64;
+        let finished = std::mem::replace(&mut self.coordinator.batch, Batch::nothing(self.next_job));
+        self.coordinator.statistics.duplicates_skipped += (trials.len() - finished.jobs.len()) as u64;
         Ok(finished)
     }
 
-    /// Hands out answers and trial states, or the reason of the lowest failing point.
-    fn collect(&mut self, trials: &[PointTrial], batch: &Batch) -> Result<Vec<TrialAnswer>, MaterialError> {
-        let failure = |outcome: &Option<Outcome>| match outcome {
-            Some(Outcome::Failed(reason)) => Some(reason.clone()),
-            _ => None,
-        };
-        let lowest = (trials.iter().zip(&batch.job_of_trial))
-            .filter_map(|(trial, job)| Some((trial.point, failure(&batch.jobs[*job].outcome)?)))
-            .min_by_key(|(point, _)| *point);
-        if let Some((point, reason)) = lowest {
+    /// Answers in the order of the trials, whose states are kept; or the reason of the lowest failing point.
+    fn collect(&mut self, trials: &[PointTrial], batch: Batch) -> Result<Vec<TrialAnswer>, MaterialError> {
+        if let Some((point, reason)) = batch.lowest_failure(trials) {
             return Err(MaterialError::Point { point, reason });
         }
         let mut answers = Vec::with_capacity(trials.len());
-        for (trial, job) in trials.iter().zip(&batch.job_of_trial) {
-            let Some(Outcome::Done(answer, state)) = &batch.jobs[*job].outcome else {
-                unreachable!("jobs are abandoned only after a failure, and failures were reported above");
-            };
-            let record = &mut self.desk.points.records[trial.point];
-            record.forecast.learn(trial, &answer.cost);
-            record.trial = Some(state.clone());
-            answers.push((**answer).clone());
+        for (trial, (answer, state)) in trials.iter().zip(batch.into_answers()) {
+            let record = &mut self.coordinator.points.records[trial.point];
+            record.cost_model.learn(trial, &answer.cost);
+            record.trial = Some(state);
+            answers.push(answer);
         }
         Ok(answers)
     }
@@ -387,37 +375,37 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
         // After a failure no trial of these points may be mistaken for an answer to this call.
         for trial in trials {
-            self.desk.points.records[trial.point].trial = None;
+            self.coordinator.points.records[trial.point].trial = None;
         }
         self.clock = Instant::now();
-        self.deserted_since = None;
+        self.unserved_since = None;
         let begin = self.clock;
-        let busy = busy_seconds(&self.desk.statistics);
+        let busy = busy_seconds(&self.coordinator.statistics);
         let outcome = self.solve(trials);
         self.account_time();
-        let statistics = &mut self.desk.statistics;
+        let statistics = &mut self.coordinator.statistics;
         statistics.idle_s = (statistics.idle_s - (busy_seconds(statistics) - busy)).max(0.0);
         statistics.wall_s += begin.elapsed().as_secs_f64();
-        let answers = self.collect(trials, &outcome?)?;
-        self.desk.statistics.evaluations += answers.len() as u64;
+        let answers = self.collect(trials, outcome?)?;
+        self.coordinator.statistics.evaluations += answers.len() as u64;
         Ok(answers)
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
-        self.desk.points.commit();
+        self.coordinator.points.commit();
         Ok(())
     }
 
     fn rollback(&mut self) {
-        self.desk.points.rollback();
+        self.coordinator.points.rollback();
     }
 
     fn save(&self, archive: &mut Archive) {
-        checkpoint::save(&self.desk, archive);
+        checkpoint::save(&self.coordinator, archive);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        checkpoint::restore(&mut self.desk, archive)
+        checkpoint::restore(&mut self.coordinator, archive)
     }
 }
 

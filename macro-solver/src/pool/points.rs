@@ -3,7 +3,7 @@
 //! Workers are caches of what is held here. States are opaque bytes named by their content and shared, not copied:
 //! points that answered alike hold one snapshot together.
 
-use super::forecast::Forecast;
+use super::cost_model::CostModel;
 use crate::material::PointId;
 use protocol::transport::WorkerId;
 use protocol::{Definition, DefinitionId, StateId};
@@ -43,7 +43,7 @@ pub(super) struct PointRecord {
     /// End of the latest trial since the last commit or rollback.
     pub(super) trial: Option<PointState>,
     /// What its trials cost.
-    pub(super) forecast: Forecast,
+    pub(super) cost_model: CostModel,
 }
 
 /// All Gauss points and the definitions they are made of.
@@ -63,7 +63,7 @@ impl PointTable {
             .iter()
             .map(|&definition| {
                 assert!(definition < definitions.len(), "every point names one of the definitions given");
-                PointRecord { definition, committed: initial.clone(), trial: None, forecast: Forecast::default() }
+                PointRecord { definition, committed: initial.clone(), trial: None, cost_model: CostModel::default() }
             })
             .collect();
         Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), groups, records }

@@ -2,8 +2,8 @@
 //!
 //! The pool asks such a worker to finish what it holds and to leave, so nothing is lost and nothing is done twice.
 
-use super::desk::{Action, Desk};
-use super::roster::Standing;
+use super::coordinator::{Action, Coordinator};
+use super::workers::WorkerState;
 use protocol::control::ToWorker;
 use protocol::transport::WorkerId;
 use std::fs;
@@ -17,11 +17,11 @@ pub struct Recycling {
     pub memory: Option<u64>,
 }
 
-impl Desk {
+impl Coordinator {
     /// Retires a worker that has answered as many jobs as one should.
     pub(super) fn retire_when_worn(&mut self, worker: WorkerId) {
-        let (Some(limit), Some(known)) = (self.settings.recycling.jobs, self.roster.get(worker)) else { return };
-        let jobs = self.statistics.workers.get(known.tally).map_or(0, |figures| figures.jobs);
+        let (Some(limit), Some(known)) = (self.settings.recycling.jobs, self.workers.get(worker)) else { return };
+        let jobs = self.statistics.workers.get(known.statistics).map_or(0, |figures| figures.jobs);
         if jobs >= limit {
             self.retire(worker, &format!("it has answered {jobs} jobs"));
         }
@@ -30,8 +30,8 @@ impl Desk {
     /// Retires the workers with jobs in hand that have grown too large; `resident` tells a process' memory, MiB.
     pub(super) fn retire_the_large(&mut self, resident: impl Fn(u32) -> Option<u64>) {
         let Some(limit) = self.settings.recycling.memory else { return };
-        for worker in self.roster.busy() {
-            let Some(size) = self.roster.get(worker).and_then(|known| resident(known.pid)) else { continue };
+        for worker in self.workers.busy() {
+            let Some(size) = self.workers.get(worker).and_then(|known| resident(known.pid)) else { continue };
             if size >= limit {
                 self.retire(worker, &format!("it has grown to {size} MiB"));
             }
@@ -39,10 +39,10 @@ impl Desk {
     }
 
     fn retire(&mut self, worker: WorkerId, reason: &str) {
-        let retires = self.roster.edit(worker, |known| {
+        let retires = self.workers.edit(worker, |known| {
             let retires = known.is_active();
             if retires {
-                known.standing = Standing::Draining;
+                known.state = WorkerState::Draining;
             }
             retires
         });

@@ -1,7 +1,7 @@
 //! What the pool tells about its workers while a run goes, for people who watch.
 
-use super::desk::Desk;
-use super::roster::Standing;
+use super::coordinator::Coordinator;
+use super::workers::WorkerState;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -26,19 +26,19 @@ pub struct WorkerReport {
 }
 
 /// All workers that have not ended, by number.
-pub(super) fn of(desk: &Desk, now: Instant) -> Vec<WorkerReport> {
-    let known = desk.roster.iter().filter(|(_, worker)| worker.standing != Standing::Refused);
+pub(super) fn of(coordinator: &Coordinator, now: Instant) -> Vec<WorkerReport> {
+    let known = coordinator.workers.iter().filter(|(_, worker)| worker.state != WorkerState::Refused);
     known
         .map(|(id, worker)| {
-            let figures = desk.statistics.workers.get(worker.tally);
-            let head = worker.slices.front().and_then(|slice| slice.jobs.first());
-            let job = head.and_then(|number| desk.batch.index_of(*number));
+            let figures = coordinator.statistics.workers.get(worker.statistics);
+            let head = worker.pending.front().and_then(|message| message.jobs.first());
+            let job = head.and_then(|number| coordinator.batch.index_of(*number));
             WorkerReport {
                 worker: id.0,
                 pid: worker.pid,
                 jobs: figures.map_or(0, |figures| figures.jobs),
                 busy_s: figures.map_or(0.0, |figures| figures.busy_s),
-                point: job.map(|index| desk.batch.jobs[index].wire.point),
+                point: job.map(|index| coordinator.batch.jobs[index].trial.point as u64),
                 since_s: job.map_or(0.0, |_| now.saturating_duration_since(worker.head_since).as_secs_f64()),
             }
         })

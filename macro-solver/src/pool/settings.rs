@@ -14,7 +14,7 @@ pub struct HangPolicy {
     pub floor: Duration,
     /// Times the expected duration that a job may take on top of the floor; dimensionless.
     pub factor: f64,
-    /// Allowance while nothing is known of the pace of an RVE definition.
+    /// Allowance while nothing is known of the throughput of an RVE definition.
     pub unknown: Duration,
     /// How long a worker with work may be stopped (SIGSTOP, a debugger) before it is ended.
     pub stopped: Duration,

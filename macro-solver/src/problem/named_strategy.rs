@@ -79,7 +79,7 @@ impl NamedStrategy {
         Self::QuasiNewton,
     ];
 
-    /// The one used where none is named, for cells in so many dimensions. Measured (docs/strategies.md): slip tangents of large cells of
+    /// The one used where none is named, for cells in so many dimensions. Measured (docs/concepts/strategies.md): slip tangents of large cells of
     /// spheres cost many times what they save, and fail where the cell next to flows.
     pub fn default_of(dimension: usize) -> Self {
         if dimension == 3 { Self::QuasiNewton } else { Self::SlipNewton }

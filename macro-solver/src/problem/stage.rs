@@ -1,7 +1,8 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
 use super::{Applied, Moment, PathControl, Strategy, Tolerances};
-use crate::dynamics::{DynamicSettings, RelaxationSettings};
+use crate::problem::dynamics::DynamicSettings;
+use crate::problem::relaxation::RelaxationSettings;
 
 /// How a stage is solved.
 #[derive(Clone, Debug, Default, PartialEq)]

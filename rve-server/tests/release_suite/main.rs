@@ -2,7 +2,7 @@
 //!
 //! `cargo test --release -p grainspan-rve-server --test release_suite -- --nocapture --test-threads 1`
 //!
-//! The last result is in `docs/verification.md`.
+//! The last result is in `docs/lab-book/verification.md`.
 
 #![expect(clippy::print_stderr, reason = "the figures are for people")]
 
@@ -209,7 +209,7 @@ fn whole_specimens_reach_the_strength_of_the_material() {
             summary.grains, best.0, best.1, summary.steps
         );
         assert_eq!(summary.unbalanced_stages, 0);
-        // J-1: 0.39 +- 0.03. The small one misses it, see `docs/verification.md`; a third of its grains are at a wall.
+        // J-1: 0.39 +- 0.03. The small one misses it, see `docs/lab-book/verification.md`; a third of its grains are at a wall.
         if tiles == [2, 4] {
             assert!((0.36..=0.42).contains(&best.0), "peak {}", best.0);
         }

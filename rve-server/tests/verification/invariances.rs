@@ -157,7 +157,7 @@ fn basis_origin_and_numbering_do_not_matter() {
     }
 }
 
-/// Work put in is stored, lost to friction, or lost to the damping of small bursts.
+/// B-7: work put in is stored, lost to friction, or lost to the damping of small bursts.
 #[test]
 fn energy_is_accounted_for() {
     let mut cell = GrainRve::new(&hundred_discs(RveOptions { tolerance: Some(1e-5), ..tight() })).unwrap();

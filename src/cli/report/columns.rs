@@ -1,8 +1,7 @@
 //! The columns of a history as its scene means them: which are probes, in which units, and which two the scene plots.
 
 use super::contents::Contents;
-use crate::cli::bench::chart::{Chart, Scale};
-use plotters::drawing::DrawingAreaErrorKind;
+use charts::{Chart, ChartError, Scale};
 use std::collections::BTreeMap;
 
 /// Columns that every history has.
@@ -55,12 +54,7 @@ impl Columns {
     ///
     /// # Errors
     /// The drawing library refuses.
-    pub(super) fn curve(
-        &self,
-        contents: &Contents,
-        x: &str,
-        y: &str,
-    ) -> Result<String, DrawingAreaErrorKind<std::io::Error>> {
+    pub(super) fn curve(&self, contents: &Contents, x: &str, y: &str) -> Result<String, ChartError> {
         let (across, up) = (self.label(x), self.label(y));
         let mut chart = Chart::new(&format!("{y} over {x}"), (&across, Scale::Linear), (&up, Scale::Linear));
         chart.curve(y, contents.column(x).into_iter().zip(contents.column(y)).map(|(x, y)| [x, y]));

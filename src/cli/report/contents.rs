@@ -1,9 +1,9 @@
-//! What a report is made of, read from the files of an output folder.
+//! The contents of a report, read from the files of an output folder.
 
 use super::picture;
-use crate::cli::exit::{Exit, Failure};
-use crate::scene::Scene;
+use crate::exit::{Exit, Failure};
 use macro_solver::mesh::Dimension;
+use scene_reader::Scene;
 use serde_json::Value;
 use std::fs;
 use std::io::ErrorKind;

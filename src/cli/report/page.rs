@@ -1,14 +1,13 @@
-//! The page: what happened first, then the curves, then everything else.
+//! The page: the end of the run first, then the curves, then everything else.
 
 use super::columns::Columns;
 use super::contents::Contents;
-use crate::cli::bench::table::short;
-use crate::cli::run::counters::Concern;
+use crate::cli::run::counters::{Concern, in_words};
+use charts::{ChartError, short};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use plotters::drawing::DrawingAreaErrorKind;
 use serde_json::Value;
 
-/// Columns that tell how the solver went.
+/// Columns of the work of the solver.
 const SOLVER: [&str; 2] = ["iterations", "evaluations"];
 
 const STYLE: &str = "body{font:15px/1.45 sans-serif;margin:2em auto;max-width:72em;padding:0 1em;color:#222}\
@@ -23,7 +22,7 @@ pre{background:#f5f5f5;padding:.8em;overflow-x:auto;font-size:.88em}.bad{color:#
 ///
 /// # Errors
 /// The drawing library refuses.
-pub(super) fn page(contents: &Contents) -> Result<String, DrawingAreaErrorKind<std::io::Error>> {
+pub(super) fn page(contents: &Contents) -> Result<String, ChartError> {
     let columns = Columns::of(contents);
     let main = columns
         .main
@@ -31,7 +30,7 @@ pub(super) fn page(contents: &Contents) -> Result<String, DrawingAreaErrorKind<s
         .filter(|_| contents.rows.len() > 1)
         .map(|(x, y)| columns.curve(contents, x, y))
         .transpose()?;
-    let over_time = |names: &[String]| -> Result<Vec<String>, DrawingAreaErrorKind<std::io::Error>> {
+    let over_time = |names: &[String]| -> Result<Vec<String>, ChartError> {
         names.iter().map(|name| columns.curve(contents, "time", name)).collect()
     };
     let (probes, solver) = match contents.rows.len() {
@@ -81,30 +80,39 @@ fn reason(summary: Option<&Value>) -> Markup {
     html! { @if let Some(reason) = reason { pre.bad { (reason) } } }
 }
 
-/// What may have cost accuracy, in one line.
+/// Counters that concern the accuracy, in one line.
 fn concerns(summary: Option<&Value>) -> Markup {
     let groups = summary.and_then(|summary| summary.get("fallback_groups"));
     let found = groups.and_then(|groups| groups.get(Concern::LookAtThis.keyword())).and_then(Value::as_object);
     let Some(found) = found else { return html! {} };
-    let told: Vec<String> = found.iter().map(|(name, count)| format!("{} {count}", name.replace('_', " "))).collect();
+    let warnings: Vec<String> =
+        found.iter().map(|(name, count)| in_words(name, count.as_u64().unwrap_or(0))).collect();
     html! {
-        @if told.is_empty() { p { "Accuracy: nothing fell short." } }
-        @else { p.bad { "Look at this: " (told.join(", ")) " (docs/operations.md says what the counters mean)." } }
+        @if warnings.is_empty() { p { "Accuracy: no warnings." } }
+        @else { p.bad { "Accuracy: " (warnings.join(", ")) " (docs/reference/counters.md says what the counters mean)." } }
     }
 }
 
-/// The summary: plain values in one table, each group of values in one of its own. What is 0 of the many counters is left out.
+/// The summary: plain values in one table, each group of values in a table of its own. Counters that are 0 and former names of
+/// counters are left out.
 fn facts(summary: Option<&Value>) -> Markup {
     let entries: Vec<(&String, &Value)> = summary.and_then(Value::as_object).into_iter().flatten().collect();
     let is_plain = |key: &str, value: &Value| !value.is_object() && !matches!(key, "status" | "reason");
     let plain: Vec<_> = entries.iter().copied().filter(|(key, value)| is_plain(key, value)).collect();
-    let groups = entries.iter().filter(|(key, _)| *key != "fallback_groups");
+    let former: Vec<&str> = (summary.and_then(|summary| summary.get("deprecated_names")).and_then(Value::as_object))
+        .into_iter()
+        .flat_map(|names| names.keys().map(String::as_str))
+        .collect();
+    let is_former = |group: &str, name: &str| former.contains(&format!("{group}.{name}").as_str());
+    let groups = entries.iter().filter(|(key, _)| !matches!(key.as_str(), "fallback_groups" | "deprecated_names"));
     let groups = groups.filter_map(|(key, value)| Some((key, value.as_object()?)));
     html! {
         div.facts {
             div { h2 { "Run" } (table(plain)) }
             @for (key, group) in groups {
-                @let shown: Vec<_> = group.iter().filter(|(_, value)| value.as_u64() != Some(0)).collect();
+                @let shown: Vec<_> = (group.iter())
+                    .filter(|(name, value)| value.as_u64() != Some(0) && !is_former(key, name))
+                    .collect();
                 div { h2 { (key.replace('_', " ")) } @if shown.is_empty() { p { "none" } } @else { (table(shown)) } }
             }
         }
@@ -147,7 +155,7 @@ mod tests {
         let contents = Contents {
             name: "biaxial <1>".into(),
             summary: serde_json::from_str(
-                r#"{"status":"not_converged","reason":"no progress & no hope","steps":3,"fallbacks":{"tangent":2,"other":0},
+                r#"{"status":"not_converged","reason":"no progress & no hope","steps":3,"fallbacks":{"tangent":2,"other":0,"former":2},"deprecated_names":{"fallbacks.former":"fallbacks.tangent"},
                     "fallback_groups":{"look_at_this":{"large_overlap":2},"harmless":{}},"skipped":{}}"#,
             )
             .ok(),
@@ -171,14 +179,15 @@ mod tests {
             "cut_back",
             "and 4 more",
             "no progress &amp; no hope",
-            "Look at this: large overlap 2",
+            "Accuracy: 2 trials with overlap above 10 % of a diameter",
         ] {
             assert!(text.contains(part), "{part} is missing");
         }
         let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("{part} is missing"));
         assert!(place("no hope") < place("<svg") && place("<svg") < place("fallbacks"), "curves come first");
-        assert!(!text.contains("<td>other</td>"), "counters of nothing are left out");
-        assert!(!text.contains("src=") && !text.contains("href="), "the page needs nothing beside it");
+        assert!(!text.contains("<td>other</td>"), "counters that are 0 are left out");
+        assert!(!text.contains("former"), "former names are left out");
+        assert!(!text.contains("src=") && !text.contains("href="), "the page needs no other file");
     }
     #[test]
     fn a_run_without_a_step_has_no_empty_charts() {

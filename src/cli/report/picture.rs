@@ -1,7 +1,7 @@
 //! The mesh of a scene as a picture.
 
-use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
+use scene_reader::Scene;
 use std::fmt::Write;
 
 /// Meshes of more elements are a grey area.
@@ -10,7 +10,7 @@ const MOST_ELEMENTS: usize = 20_000;
 /// Longer side of the picture, px.
 const SIZE: f64 = 600.0;
 
-/// Fillings of what elements are made of; the first is the packing of the scene itself.
+/// Colours of packings; the first is the packing of the scene itself.
 const FILLINGS: [&str; 6] = ["#f2efe6", "#d9e5f2", "#f2d9d0", "#dcecd9", "#e8dcf0", "#f0e8c0"];
 
 /// A plane mesh as SVG text, its elements filled by the first of the packings behind them; `None` for others and for very fine
@@ -55,13 +55,13 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn every_element_is_drawn_in_the_colour_of_what_it_is_made_of() {
+    fn every_element_is_drawn_in_the_colour_of_its_packing() {
         let load =
             |file: &str| Scene::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(file), &[]).unwrap();
-        let scene = load("weak-element.toml");
+        let scene = load("biaxial-weak-element.toml");
         let text = mesh(&scene).unwrap();
         assert_eq!(text.matches("<polygon").count(), scene.problem.mesh.elements.len());
         assert!(text.contains(FILLINGS[4]), "the weakened cell of one element");
-        assert_eq!(mesh(&load("brick.toml")), None);
+        assert_eq!(mesh(&load("single-hexahedron-biaxial.toml")), None);
     }
 }

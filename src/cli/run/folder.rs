@@ -1,8 +1,8 @@
 //! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
 
-use crate::cli::exit::Failure;
-use crate::scene::{InputError, PackingCopy};
+use crate::exit::Failure;
 use macro_solver::output::{OutputError, write_atomically};
+use scene_reader::{InputError, PackingCopy};
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,8 @@
 //! `grains/*.vtp`: the grains of chosen Gauss points, drawn from their committed snapshots.
 //!
-//! [`SnapshotTap`] sits between solver and pool and keeps the snapshots of the chosen points at every commit;
+//! [`SnapshotRecorder`] stands between solver and pool and copies the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
-use crate::scene::Materials;
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
@@ -16,6 +15,7 @@ use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
 use rve_server::solver::SolverFor;
 use rve_server::space::Components;
+use scene_reader::Materials;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
@@ -23,26 +23,26 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Committed snapshots of the chosen points; no bytes mean the packing as given.
+/// Committed snapshots of the chosen points; an empty one stands for the packing as given.
 pub(super) type Snapshots = Rc<RefCell<BTreeMap<PointId, Arc<[u8]>>>>;
 
-/// Passes everything on to the pool and keeps snapshots.
-pub(super) struct SnapshotTap<'a, P: MacroPort> {
+/// Forwards everything to the pool and records snapshots.
+pub(super) struct SnapshotRecorder<'a, P: MacroPort> {
     pool: &'a mut Pool<P>,
     points: Vec<PointId>,
     snapshots: Snapshots,
 }
 
-impl<'a, P: MacroPort> SnapshotTap<'a, P> {
-    /// A tap for these points, and where their snapshots appear.
+impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
+    /// A recorder for these points, and the snapshots that it records.
     pub(super) fn new(pool: &'a mut Pool<P>, points: &[PointId]) -> (Self, Snapshots) {
         let snapshots = Snapshots::default();
-        let tap = Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots) };
-        tap.keep();
-        (tap, snapshots)
+        let recorder = Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots) };
+        recorder.record();
+        (recorder, snapshots)
     }
 
-    fn keep(&self) {
+    fn record(&self) {
         let mut snapshots = self.snapshots.borrow_mut();
         for &point in &self.points {
             snapshots.insert(point, Arc::clone(&self.pool.committed_snapshot(point).1.bytes));
@@ -50,14 +50,14 @@ impl<'a, P: MacroPort> SnapshotTap<'a, P> {
     }
 }
 
-impl<P: MacroPort> PointMaterial for SnapshotTap<'_, P> {
+impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
         self.pool.evaluate(trials)
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
         self.pool.commit()?;
-        self.keep();
+        self.record();
         Ok(())
     }
 
@@ -71,7 +71,7 @@ impl<P: MacroPort> PointMaterial for SnapshotTap<'_, P> {
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         self.pool.restore(archive)?;
-        self.keep();
+        self.record();
         Ok(())
     }
 }
@@ -82,7 +82,7 @@ pub(super) struct GrainWriter {
     plan: RecordPlan,
     snapshots: Snapshots,
     /// One for each chosen point.
-    artists: BTreeMap<PointId, Box<dyn Draw>>,
+    renderers: BTreeMap<PointId, Box<dyn Renderer>>,
     series: BTreeMap<PointId, FieldSeries>,
 }
 
@@ -90,7 +90,7 @@ impl GrainWriter {
     /// A writer into `folder/grains`, whenever the plan wants fields.
     ///
     /// # Errors
-    /// The folder cannot be made, or a point is not made of a cell of grains.
+    /// The folder cannot be made, or the definition of a point is not sound.
     pub(super) fn create(
         folder: &Path,
         materials: &Materials,
@@ -101,19 +101,19 @@ impl GrainWriter {
         if plan.has_fields() && !snapshots.borrow().is_empty() {
             fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
         }
-        let mut artists = BTreeMap::new();
+        let mut renderers = BTreeMap::new();
         for &point in snapshots.borrow().keys() {
             let definition = &materials.definitions[materials.made_of[point]];
-            artists.insert(point, artist(definition).map_err(stop)?);
+            renderers.insert(point, renderer(definition).map_err(stop)?);
         }
-        Ok(Self { folder, plan: plan.clone(), snapshots, artists, series: BTreeMap::new() })
+        Ok(Self { folder, plan: plan.clone(), snapshots, renderers, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
         for (&point, snapshot) in self.snapshots.borrow().iter() {
             let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
-            if let Some(artist) = self.artists.get(&point) {
-                artist.draw(snapshot, &self.folder.join(&name))?;
+            if let Some(renderer) = self.renderers.get(&point) {
+                renderer.draw(snapshot, &self.folder.join(&name))?;
             }
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
@@ -159,28 +159,28 @@ fn stop(reason: impl ToString) -> StopRequest {
 }
 
 /// Draws the grains of a snapshot, whatever their dimension.
-trait Draw {
-    /// Writes the picture; no bytes mean the packing as given.
+trait Renderer {
+    /// Writes the picture; an empty snapshot stands for the packing as given.
     fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest>;
 }
 
-fn artist(definition: &AnyDefinition) -> Result<Box<dyn Draw>, RveError> {
+fn renderer(definition: &AnyDefinition) -> Result<Box<dyn Renderer>, RveError> {
     Ok(match definition {
-        AnyDefinition::Discs(definition) => Box::new(Artist::new(definition)?),
-        AnyDefinition::Spheres(definition) => Box::new(Artist::new(definition)?),
+        AnyDefinition::Discs(definition) => Box::new(CellRenderer::new(definition)?),
+        AnyDefinition::Spheres(definition) => Box::new(CellRenderer::new(definition)?),
     })
 }
 
 /// A cell of the packing as given.
-struct Artist<S: SolverFor>(GrainRve<S>);
+struct CellRenderer<S: SolverFor>(GrainRve<S>);
 
-impl<S: SolverFor> Artist<S> {
+impl<S: SolverFor> CellRenderer<S> {
     fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
         GrainRve::new(definition).map(Self)
     }
 }
 
-impl<S: SolverFor> Draw for Artist<S> {
+impl<S: SolverFor> Renderer for CellRenderer<S> {
     fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest> {
         let mut cell = self.0.clone();
         if !snapshot.is_empty() {

@@ -1,26 +1,27 @@
 //! `grainspan run SCENE.toml`: the whole simulation. Everything is checked before a folder is made or a process started.
 
-mod closing;
+mod closing_lines;
 pub(crate) mod counters;
-mod drive;
-mod energy;
+mod event_log;
+mod execute;
+mod failure;
 mod folder;
 mod grains;
-mod journal;
 mod launch;
 mod observers;
 mod plot;
 mod progress;
 mod resume;
+mod summary;
 #[cfg(test)]
 mod tests;
 
-use super::exit::{Exit, Failure};
-use crate::engines::Crew;
-use crate::scene::Scene;
+use crate::engines::EngineAssignment;
+use crate::exit::{Exit, Failure};
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
-use resume::{RunNote, Start};
+use resume::{RunDescription, Start};
+use scene_reader::Scene;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -44,10 +45,10 @@ pub(crate) struct Arguments {
     /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
     #[arg(long, value_name = "RUN")]
     attach: Option<String>,
-    /// Engine that solves the points in place of the scene's own choice; see docs/external-engines.md
+    /// Engine that solves the points in place of the scene's own choice; see docs/guide/external-engines.md
     #[arg(long, value_name = "NAME")]
     engine: Option<String>,
-    /// How macro and workers wait for messages: `hybrid` and `spin` burn idle cores for shorter ways
+    /// How macro and workers wait for messages: `hybrid` and `spin` trade CPU time for latency
     /// [default: pool.wait of the scene, else `block`]
     #[arg(long, value_enum)]
     wait: Option<Wait>,
@@ -60,7 +61,7 @@ pub(crate) struct Arguments {
     /// Override a key of the scene; entries of [[lists]] are numbered from 0
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
-    /// Say nothing but errors
+    /// Print nothing but errors
     #[arg(long)]
     quiet: bool,
 }
@@ -68,11 +69,11 @@ pub(crate) struct Arguments {
 /// [`Waiting`] as the command line names it.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 enum Wait {
-    /// Sleep until the kernel wakes
+    /// Block until the kernel reports a message
     Block,
-    /// Look for 50 us first if a core is free
+    /// Poll for 50 us, then block, if a core is free
     Hybrid,
-    /// Look all the time
+    /// Poll all the time
     Spin,
 }
 
@@ -101,43 +102,46 @@ fn worker_count(text: &str) -> Result<NonZeroUsize, String> {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
-    let crew = Crew::assemble(&scene, arguments.engine.as_deref())?;
-    launch::refuse_too_many(&scene, &crew, arguments)?;
+    let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
+    launch::refuse_too_many(&scene, &assignment, arguments)?;
     let as_run = scene.document.as_run(&scene.materials.renamed())?;
-    let note = RunNote::new(&as_run, &scene.materials.identity());
-    let start = if arguments.resume { resume::start(&path, &note)? } else { Start::Anew };
+    let description = RunDescription::new(&as_run, &scene.materials.identity());
+    let start = if arguments.resume { resume::start(&path, &description)? } else { Start::Beginning };
     let (folder, continued) = match start {
         Start::Complete => {
-            say(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
+            print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
             return Ok(Exit::Done);
         }
         Start::From(continued) => {
             let folder = OutputFolder::reopen(&path)?;
-            let (step, load) = (continued.note.step, continued.note.load);
-            say(arguments, &format!("continuing after step {step} at load {load:.4}"));
+            let (step, load) = (continued.description.step, continued.description.load);
+            print_unless_quiet(arguments, &format!("continuing after step {step} at load {load:.4}"));
             continued.remarks.iter().for_each(|remark| eprintln!("warning: {remark}"));
             (folder, Some(*continued))
         }
-        Start::Anew => {
+        Start::Beginning => {
             if arguments.resume {
-                say(arguments, &format!("no checkpoint in {}: from the start", path.display()));
+                print_unless_quiet(
+                    arguments,
+                    &format!("no checkpoint in {}: starting from the beginning", path.display()),
+                );
             }
             (OutputFolder::prepare(&path, &as_run, &scene.materials.files)?, None)
         }
     };
-    journal::open(&folder.path().join("run.jsonl"))?;
+    event_log::open(&folder.path().join("run.jsonl"))?;
     if !arguments.quiet {
-        crew.remarks().for_each(|remark| eprintln!("note: {remark}"));
+        assignment.remarks().for_each(|remark| eprintln!("note: {remark}"));
     }
-    crew.remarks().for_each(|remark| tracing::info!(remark, "engine"));
+    assignment.remarks().for_each(|remark| tracing::info!(remark, "engine"));
     for remark in &scene.remarks {
         tracing::warn!(remark, "scene");
-        say(arguments, &format!("warning: {remark}"));
+        print_unless_quiet(arguments, &format!("warning: {remark}"));
     }
-    launch::run(&scene, &crew, &folder, arguments, &note, continued)
+    launch::run(&scene, &assignment, &folder, arguments, &description, continued)
 }
 
-fn say(arguments: &Arguments, line: &str) {
+fn print_unless_quiet(arguments: &Arguments, line: &str) {
     if !arguments.quiet {
         eprintln!("{line}");
     }

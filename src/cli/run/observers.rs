@@ -6,11 +6,11 @@ use macro_solver::observer::{
 };
 use macro_solver::problem::{Problem, Stage};
 
-/// Tells each observer everything, in order. The first that asks to stop ends the round: what follows has not seen the
-/// step, and the run ends.
-pub(super) struct Chain<'a>(pub(super) Vec<&'a mut dyn Observer>);
+/// Reports everything to each observer, in order. The first that requests a stop ends the round: the observers after it have not
+/// seen the step, and the run ends.
+pub(super) struct ObserverChain<'a>(pub(super) Vec<&'a mut dyn Observer>);
 
-impl Observer for Chain<'_> {
+impl Observer for ObserverChain<'_> {
     fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
         self.0.iter_mut().try_for_each(|observer| observer.started(problem))
     }

@@ -1,4 +1,4 @@
-//! What a person sees while a run goes: a bar with the time left on a terminal, a line per step elsewhere.
+//! Progress on standard error: a bar with the time left on a terminal, a line per step elsewhere.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Stabilised, StepReport, StopRequest};
@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 /// Positions of the bar over the whole path.
 const RESOLUTION: f64 = 1000.0;
 
-/// Shows how far a run is.
+/// Displays the progress of a run.
 #[derive(Debug)]
-pub(super) struct Progress {
+pub(super) struct ProgressDisplay {
     view: View,
     begun: Instant,
     /// Share of the path at the first step seen: a continued run does not begin at 0.
@@ -27,7 +27,7 @@ enum View {
     Nothing,
 }
 
-impl Progress {
+impl ProgressDisplay {
     /// A bar if standard error is a terminal, lines if not, nothing if `quiet`.
     pub(super) fn new(quiet: bool) -> Self {
         let view = if quiet {
@@ -40,7 +40,7 @@ impl Progress {
         Self { view, begun: Instant::now(), first: None, stages: Vec::new() }
     }
 
-    fn say(&self, line: &str) {
+    fn print(&self, line: &str) {
         match &self.view {
             View::Bar(bar) => bar.println(line),
             View::Lines => eprintln!("{line}"),
@@ -57,7 +57,7 @@ fn bar() -> ProgressBar {
     bar
 }
 
-impl Observer for Progress {
+impl Observer for ProgressDisplay {
     fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
         if problem.stages.len() > 1 {
             self.stages = problem.stages.iter().map(|stage| format!("{}  ", stage.name)).collect();
@@ -68,7 +68,7 @@ impl Observer for Progress {
     fn iterated(&mut self, report: &IterationReport) {
         if let View::Bar(bar) = &self.view {
             bar.set_message(format!(
-                "step {} iteration {}: out of balance {:.1e}",
+                "step {} iteration {}: residual {:.1e}",
                 report.step, report.iteration, report.force_ratio
             ));
         }
@@ -85,7 +85,7 @@ impl Observer for Progress {
                 let left = if left.is_nan() { String::new() } else { format!(", about {left:.0} s left") };
                 let stage = self.stages.get(report.stage).map_or("", String::as_str);
                 eprintln!(
-                    "step {:>3}  {stage}load {:.4}  {:>2} iterations  {:>5} evaluations  out of balance {:.1e}  {elapsed:.1} s{left}",
+                    "step {:>3}  {stage}load {:.4}  {:>2} iterations  {:>5} evaluations  residual {:.1e}  {elapsed:.1} s{left}",
                     report.step, report.load, report.iterations, report.evaluations, report.force_ratio
                 );
             }
@@ -95,15 +95,15 @@ impl Observer for Progress {
     }
 
     fn cut_back(&mut self, event: &CutBack) {
-        self.say(&format!(
+        self.print(&format!(
             "step {:>3}  cut back from {:.2e} to {:.2e} of the path: {}",
             event.step, event.from, event.to, event.reason
         ));
     }
 
     fn stabilised(&mut self, event: &Stabilised) {
-        self.say(&format!(
-            "step {:>3}  crept to balance in {} increments (up to {:.1e} out of balance on the way): {}",
+        self.print(&format!(
+            "step {:>3}  stabilised: equilibrium after {} increments (largest residual {:.1e}): {}",
             event.step, event.increments, event.largest_imbalance, event.reason
         ));
     }

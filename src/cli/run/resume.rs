@@ -1,22 +1,22 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
-use crate::cli::exit::{Exit, Failure};
-use crate::scene::changes;
+use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
 use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
+use scene_reader::changes;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 
 const SECTION: &str = "run";
 
-/// Counts changes of [`RunNote`].
+/// Counts changes of [`RunDescription`].
 const VERSION: u32 = 1;
 
-/// What a checkpoint says about its run as a whole.
+/// Description of a run in its checkpoints.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct RunNote {
+pub(super) struct RunDescription {
     /// The scene as run.
     pub(super) scene: String,
     /// Content identity of the grains' definition.
@@ -29,18 +29,18 @@ pub(super) struct RunNote {
     pub(super) load: f64,
     /// Wall time of all processes so far, s.
     pub(super) wall_s: f64,
-    /// What checkpoints have cost so far.
+    /// Cost of checkpoints so far.
     pub(super) figures: CheckpointFigures,
 }
 
-impl RunNote {
-    /// Puts the note into an archive.
+impl RunDescription {
+    /// Puts the description into an archive.
     pub(super) fn put(&self, archive: &mut Archive, mark: Mark, wall_s: f64, figures: &CheckpointFigures) {
-        let note = Self { step: mark.step, load: mark.load, wall_s, figures: figures.clone(), ..self.clone() };
-        archive.put(SECTION, VERSION, &note);
+        let description = Self { step: mark.step, load: mark.load, wall_s, figures: figures.clone(), ..self.clone() };
+        archive.put(SECTION, VERSION, &description);
     }
 
-    /// The note of a run that begins now.
+    /// The description of a run that begins now.
     pub(super) fn new(scene: &str, definition: &str) -> Self {
         Self {
             scene: scene.to_owned(),
@@ -66,9 +66,9 @@ fn this_program() -> String {
 pub(super) struct Continued {
     /// Its state.
     pub(super) archive: Archive,
-    /// What it says about itself.
-    pub(super) note: RunNote,
-    /// What a person should know.
+    /// Its description.
+    pub(super) description: RunDescription,
+    /// Remarks for the user.
     pub(super) remarks: Vec<String>,
     /// Whether another build of this program has written the checkpoint.
     pub(super) other_build: bool,
@@ -76,34 +76,34 @@ pub(super) struct Continued {
 
 /// Where to begin.
 pub(super) enum Start {
-    /// There is nothing to continue from.
-    Anew,
+    /// At the beginning: there is nothing to continue.
+    Beginning,
     /// At the last checkpoint.
     From(Box<Continued>),
     /// The run has reached its end before.
     Complete,
 }
 
-/// Looks for what a run of this scene has left in `folder`.
+/// Finds where a run of this scene starts, from the files that an earlier process of it left in `folder`.
 ///
 /// # Errors
 /// The folder belongs to a run of another scene, or its checkpoint cannot be used.
-pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
+pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start, Failure> {
     match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
-        Found::Archive(archive, trouble) => {
-            let mut earlier: RunNote = archive.get(SECTION, VERSION).map_err(unusable)?;
-            // What it says about itself was true before it was written.
+        Found::Archive(archive, damage) => {
+            let mut earlier: RunDescription = archive.get(SECTION, VERSION).map_err(unusable)?;
+            // The figures were taken before this checkpoint was written.
             earlier.figures.written += 1;
             earlier.figures.bytes = archive.size();
             let stored = fs::read_to_string(folder.join("scene.toml")).ok();
             // Keys that may change from one process of a run to the next do not count.
             let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
-            refuse_changes(folder, &earlier.scene, note, is_changed)?;
+            refuse_changes(folder, &earlier.scene, description, is_changed)?;
             if is_changed {
                 // The checkpoint is checked by its sum; the file beside it is what people and `report` read.
                 write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
             }
-            if earlier.definition != note.definition {
+            if earlier.definition != description.definition {
                 return Err(refusal(
                     folder,
                     &["packing: the content of the packing file is not the same".to_owned()],
@@ -111,38 +111,38 @@ pub(super) fn start(folder: &Path, note: &RunNote) -> Result<Start, Failure> {
                 ));
             }
             let restored = format!(
-                "{} was not the scene that the checkpoint was written with; it is written anew from the checkpoint",
+                "{} was not the scene that the checkpoint was written with; it is restored from the checkpoint",
                 folder.join("scene.toml").display()
             );
-            let mut remarks: Vec<String> = trouble
+            let mut remarks: Vec<String> = damage
                 .map(|error| format!("{error}; continuing from the checkpoint before it"))
                 .into_iter()
                 .collect();
             remarks.extend(is_changed.then_some(restored));
-            let other_build = earlier.program != note.program;
+            let other_build = earlier.program != description.program;
             if other_build {
                 remarks.push(format!(
                     "the checkpoint was written by another build ({}, this is {}): the rest of the run may differ in \
                      the last digits from a run in one piece",
-                    earlier.program, note.program
+                    earlier.program, description.program
                 ));
             }
-            Ok(Start::From(Box::new(Continued { archive: *archive, note: earlier, remarks, other_build })))
+            Ok(Start::From(Box::new(Continued { archive: *archive, description: earlier, remarks, other_build })))
         }
         Found::Nothing => {
-            let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Anew) };
-            refuse_changes(folder, &before, note, true)?;
+            let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Beginning) };
+            refuse_changes(folder, &before, description, true)?;
             let summary = fs::read(folder.join("summary.json")).ok();
             let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
             let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
-            Ok(if complete { Start::Complete } else { Start::Anew })
+            Ok(if complete { Start::Complete } else { Start::Beginning })
         }
     }
 }
 
 /// `doubtful`: the scene in the folder may be damaged, or is known to be another one than the run's.
-fn refuse_changes(folder: &Path, before: &str, note: &RunNote, doubtful: bool) -> Result<(), Failure> {
-    match &changes(before, &note.scene)[..] {
+fn refuse_changes(folder: &Path, before: &str, description: &RunDescription, doubtful: bool) -> Result<(), Failure> {
+    match &changes(before, &description.scene)[..] {
         [] => Ok(()),
         found => Err(refusal(folder, found, doubtful)),
     }
@@ -152,7 +152,7 @@ fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
     let scene = folder.join("scene.toml");
     let remedy = if doubtful {
         format!(
-            "if the scene was changed, continue with it as it was; if {} is damaged, there is nothing to hold it against: start the run \
+            "if the scene was changed, continue with it as it was; if {} is damaged, there is no copy to compare it with: start the run \
              from the beginning without --resume, or another one elsewhere",
             scene.display()
         )
@@ -185,8 +185,8 @@ fn unusable(error: CheckpointError) -> Failure {
 mod tests {
     use super::*;
 
-    fn note(scene: &str) -> RunNote {
-        RunNote::new(scene, "definition")
+    fn note(scene: &str) -> RunDescription {
+        RunDescription::new(scene, "definition")
     }
 
     /// A folder with a checkpoint of the scene `a = 1`, and another text in `scene.toml`.
@@ -201,16 +201,16 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_scene_is_written_anew_from_the_checkpoint() {
+    fn a_damaged_scene_is_restored_from_the_checkpoint() {
         let folder = damaged();
         let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
-        assert!(continued.remarks.iter().any(|remark| remark.contains("written anew")), "{:?}", continued.remarks);
+        assert!(continued.remarks.iter().any(|remark| remark.contains("restored from")), "{:?}", continued.remarks);
         assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
     }
 
     /// The remedy must not name the file that is damaged as the one to continue with.
     #[test]
-    fn a_refusal_does_not_send_to_a_scene_that_is_not_the_one_of_the_run() {
+    fn a_refusal_does_not_name_a_scene_that_is_not_the_one_of_the_run() {
         let folder = damaged();
         let refused = |folder: &Path| match start(folder, &note("b = 1")) {
             Err(failure) => failure.message,

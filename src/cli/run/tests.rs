@@ -1,43 +1,50 @@
 //! The whole chain in one process: scene, solver, pool, grains, output; workers are threads.
 
-use super::drive::{Manner, drive};
+use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
-use super::resume::RunNote;
-use crate::cli::exit::{Exit, Failure};
-use crate::engines::Crew;
-use crate::scene::Scene;
+use super::resume::RunDescription;
+use crate::engines::EngineAssignment;
+use crate::exit::{Exit, Failure};
 use macro_solver::observer::{FieldsView, Observer, Silent, StepReport, StopRequest};
 use macro_solver::output::{RunStatus, Summary};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::in_process::channel;
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ServeOptions, serve};
+use scene_reader::Scene;
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-/// Runs a scene with so many worker threads.
-fn run(scene: &Scene, place: &Path, workers: usize, beside: &mut dyn Observer) -> Result<Exit, Failure> {
+/// Runs a scene with a number of worker threads.
+fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer) -> Result<Exit, Failure> {
     let as_run = scene.document.as_run(&scene.materials.renamed()).unwrap();
     let folder = OutputFolder::prepare(place, &as_run, &scene.materials.files).unwrap();
-    let (port, door) = channel();
-    let servants: Vec<_> = (0..workers)
+    let (port, connector) = channel();
+    let threads: Vec<_> = (0..workers)
         .map(|_| {
-            let door = door.clone();
-            std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")))
+            let connector = connector.clone();
+            std::thread::spawn(move || serve(&mut GrainEngine, &mut connector.join(), &ServeOptions::new("test")))
         })
         .collect();
-    let crew = Crew::assemble(scene, None).unwrap();
-    let shares = crew.shares(&scene.materials);
-    let settings = PoolSettings { engines: shares.engines, ..PoolSettings::new("test") };
+    let assignment = EngineAssignment::assemble(scene, None).unwrap();
+    let served = assignment.pool_definitions(&scene.materials);
+    let settings = PoolSettings { engines: served.engines, ..PoolSettings::new("test") };
     let (supply, interrupt) = (Box::new(JoiningWorkers), Interrupt::new());
-    let mut pool = Pool::new(port, supply, interrupt, settings, shares.definitions, &shares.made_of);
+    let mut pool = Pool::new(port, supply, interrupt, settings, served.definitions, &served.made_of);
     pool.gather(workers).unwrap();
-    let note = RunNote::new(&as_run, "");
-    let manner =
-        Manner { crew: &crew, workers, begun: Instant::now(), quiet: true, note: &note, continued: None, beside };
-    let exit = drive(scene, pool, &folder, manner);
-    servants.into_iter().for_each(|servant| drop(servant.join().unwrap()));
+    let description = RunDescription::new(&as_run, "");
+    let context = RunContext {
+        assignment: &assignment,
+        workers,
+        begun: Instant::now(),
+        quiet: true,
+        description: &description,
+        continued: None,
+        observer,
+    };
+    let exit = execute(scene, pool, &folder, context);
+    threads.into_iter().for_each(|thread| drop(thread.join().unwrap()));
     exit
 }
 
@@ -91,7 +98,7 @@ fn the_scene_in_the_output_folder_repeats_the_run() {
 fn a_run_of_different_cells_does_not_depend_on_workers_and_can_be_repeated() {
     let place = tempfile::tempdir().unwrap();
     let overrides = ["loading.increments=2", "region.0.packings=['../packings/discs-100.json']", "output.grains=[8]"];
-    let scene = scene("scenes/weak-element.toml", &overrides);
+    let scene = scene("scenes/biaxial-weak-element.toml", &overrides);
     let [one, two, again] = ["one", "two", "again"].map(|name| place.path().join(name));
     run(&scene, &one, 1, &mut Silent).unwrap();
     run(&scene, &two, 2, &mut Silent).unwrap();

@@ -1,17 +1,16 @@
 //! A worker that outlives its runs: it waits for a run of its name, serves it, and waits for the next.
 //!
 //! A run is served once. Whatever ended it, the next is recognised by its own prefix in shared memory, so a worker that
-//! was sent away does not come back to the run that sent it away; one that was asked to make room for a fresh worker becomes
-//! that worker.
+//! was dismissed does not join the same run again; one that was asked to make room for a new worker restarts itself.
 
-use crate::cli::exit::{Exit, Failure};
+use crate::exit::{Exit, Failure};
 use protocol::transport::shared_memory::{RunDirectory, RunError, SharedMemoryWorkerPort};
 use rve_server::server::{ExitReason, ServeError};
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 use std::time::Duration;
 
-/// Between two looks for a run: some 30 us of work five times a second, a fiftieth of a per cent of a core.
+/// Between two searches for a run: some 30 us of work five times a second, 0.02 % of a core.
 const INTERVAL: Duration = Duration::from_millis(200);
 
 /// Serves every run of this name; ends by a signal only.
@@ -29,8 +28,8 @@ pub(super) fn serve_for_ever(
                 match SharedMemoryWorkerPort::join_found(&record) {
                     Ok(port) => {
                         done_with = Some(record.prefix);
-                        if told(name, serve(port)) {
-                            return Err(start_afresh());
+                        if log_end(name, serve(port)) {
+                            return Err(restart());
                         }
                     }
                     // It may be ending, or have no room: the next look tells.
@@ -51,12 +50,12 @@ pub(super) fn serve_for_ever(
     }
 }
 
-/// What a supervisor's log needs: the end of every run. Returns whether the run wants a fresh worker in this one's place.
-fn told(run: &str, ended: Result<ExitReason, ServeError>) -> bool {
+/// Logs the end of a run. Returns whether the run requests a new worker in place of this one.
+fn log_end(run: &str, ended: Result<ExitReason, ServeError>) -> bool {
     match ended {
         Ok(ExitReason::Dismissed) => tracing::info!(run, "served; waiting for the next"),
         Ok(ExitReason::Drained) => {
-            tracing::info!(run, "made room for a fresh worker");
+            tracing::info!(run, "restarting for a new worker");
             return true;
         }
         Ok(ExitReason::MacroLost(reason)) => tracing::warn!(run, reason, "the run has ended; waiting for the next"),
@@ -65,11 +64,11 @@ fn told(run: &str, ended: Result<ExitReason, ServeError>) -> bool {
     false
 }
 
-/// Begins this program anew in the same process, with nothing in its memory; returns only when that fails.
-fn start_afresh() -> Failure {
+/// Executes this program again in the same process, with empty memory; returns only when that fails.
+fn restart() -> Failure {
     let error = match std::env::current_exe() {
         Ok(program) => Command::new(program).args(std::env::args_os().skip(1)).exec(),
         Err(error) => error,
     };
-    Failure::new(Exit::WorkersLost, format!("a standing worker could not begin anew: {error}"))
+    Failure::new(Exit::WorkersLost, format!("a standing worker could not restart: {error}"))
 }

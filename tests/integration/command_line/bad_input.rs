@@ -200,7 +200,10 @@ fn a_file_of_another_command_is_recognised() {
     desk.refused(&["run", "recipe.toml"], &["this is a recipe of a packing", "grainspan pack recipe.toml"]);
     desk.refused(&["pack", "scene.toml"], &["this is a scene, not a recipe", "grainspan run scene.toml"]);
     desk.refused(&["element", "scene.toml"], &["this is a scene, not an element test"]);
-    desk.refused(&["pack", "recipe.toml", "--set", "presure=1"], &["unknown key `presure`", "docs/packing.md"]);
+    desk.refused(
+        &["pack", "recipe.toml", "--set", "presure=1"],
+        &["unknown key `presure`", "docs/guide/packings.md"],
+    );
 }
 
 /// Whoever types a zero too many waits for no mesh of billions.

@@ -1,6 +1,7 @@
 //! The commands beside `run`: element, pack, check, completions, help.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -134,6 +135,29 @@ fn check_says_when_a_packing_carries_no_load() {
     let text =
         String::from_utf8(succeeded(&["check", "scenes/biaxial-small.toml", "--set", &setting]).stdout).unwrap();
     assert!(text.contains("the packing carries no load") && text.contains("in other units?"), "{text}");
+}
+
+/// The benchmarks are a program of their own; the command passes everything on and says where to get the program.
+#[test]
+fn benchmarks_are_the_program_next_to_this_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = folder.path().join("grainspan");
+    fs::copy(env!("CARGO_BIN_EXE_grainspan"), &own).unwrap();
+    let bench = |arguments: &[&str]| {
+        let mut command = Command::new(&own);
+        command.arg("bench").args(arguments).env("PATH", folder.path().join("elsewhere")).output().unwrap()
+    };
+    let missing = bench(&["--list"]);
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("cargo build --release --package grainspan-bench"));
+    let other = folder.path().join("grainspan-bench");
+    fs::write(&other, "#!/bin/sh\nprintf '%s|' \"$@\"\nexit 7\n").unwrap();
+    fs::set_permissions(&other, fs::Permissions::from_mode(0o755)).unwrap();
+    for arguments in [&["--list"][..], &["rve", "--quick", "--only", "a b"], &["--help"], &["rve", "-h"]] {
+        let passed = bench(arguments);
+        assert_eq!(passed.status.code(), Some(7));
+        assert_eq!(String::from_utf8(passed.stdout).unwrap(), format!("{}|", arguments.join("|")));
+    }
 }
 
 #[test]

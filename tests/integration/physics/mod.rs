@@ -5,4 +5,3 @@ mod lattice_elements;
 mod reference_case_a;
 mod reference_case_b;
 mod single_elements;
-mod stability;

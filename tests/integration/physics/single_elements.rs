@@ -16,7 +16,7 @@ use std::process::Command;
 
 use crate::in_process::solved_in_process;
 
-/// Contact law of `scenes/brick.toml` and `scenes/brick-shear.toml`, without finite elements.
+/// Contact law of `scenes/single-hexahedron-biaxial.toml` and `scenes/single-hexahedron-shear.toml`, without finite elements.
 const BRICK: &str = r#"
 packing = "spheres-100.json"
 stress_tolerance = 1e-5
@@ -49,8 +49,18 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
 #[test]
 fn a_brick_of_spheres_repeats_the_spheres_alone() {
     for (scene, path, probe, [row, column]) in [
-        ("scenes/brick.toml", "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }", "axial_stress", [1, 1]),
-        ("scenes/brick-shear.toml", "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }", "shear_stress", [0, 1]),
+        (
+            "scenes/single-hexahedron-biaxial.toml",
+            "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }",
+            "axial_stress",
+            [1, 1],
+        ),
+        (
+            "scenes/single-hexahedron-shear.toml",
+            "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }",
+            "shear_stress",
+            [0, 1],
+        ),
     ] {
         let elements = scene_column(scene, probe);
         let mut alone = Vec::new();

@@ -146,7 +146,7 @@ fn a_run_whose_workers_cannot_live_ends_with_code_three() {
     }
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(3), "{}", ended.stderr);
-    assert!(ended.stderr.contains("4 replacements in a row ended without an answer"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("4 consecutive replacements ended without a completed job"), "{}", ended.stderr);
     assert!(site.history("a").lines().count() >= 2, "accepted steps are kept");
     assert!(site.path("a").join("checkpoint.bin").exists(), "and can be continued from");
 }

@@ -1,4 +1,5 @@
 //! What the folders, documents and deployment files promise.
 
 mod deploy;
+mod documents;
 mod seams;

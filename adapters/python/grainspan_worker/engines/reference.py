@@ -1,6 +1,6 @@
 """The reference engine: periodic cells of discs in NumPy, small enough to be read in one sitting.
 
-Linear contacts with Coulomb friction, in the conventions of ``docs/theory.md``: a contact joins an origin and an end
+Linear contacts with Coulomb friction, in the conventions of ``docs/concepts/theory.md``: a contact joins an origin and an end
 grain, ``b`` leads from centre to centre, ``e = b / |b|``, ``t`` is ``e`` turned by +90 degrees, and the end grain exerts
 ``f = f_n e + f_t t`` on the origin, ``f_n < 0`` in compression. Masses are fictitious and the time step is 1: only the
 end of the motion matters. Serve a run with it by ``python -m grainspan_worker.engines.reference --run RUN``.

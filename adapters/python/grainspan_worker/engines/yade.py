@@ -130,7 +130,7 @@ class YadeRve(OpaqueStateRve):
                 verletDist=0.05 * float(made_of.radii.mean()),
             ),
             wrapper.InteractionLoop(
-                # Lever arms end at the contact, as in docs/theory.md, not at the surface.
+                # Lever arms end at the contact, as in docs/concepts/theory.md, not at the surface.
                 [wrapper.Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False)],
                 [physics],
                 [wrapper.Law2_ScGeom_FrictPhys_CundallStrack()],

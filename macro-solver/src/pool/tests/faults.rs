@@ -124,7 +124,7 @@ fn a_deadly_point_is_named_after_three_workers() {
     let case = pool.quarantined().unwrap();
     let question = questions(POINTS, 0)[6];
     assert_eq!((case.point, case.target, case.ask()), (6, question.target, question.ask));
-    assert!(case.state.is_empty() && case.ends.len() == 3 && case.definition.bytes == [1], "{case:?}");
+    assert!(case.state.is_empty() && case.failures.len() == 3 && case.definition.bytes == [1], "{case:?}");
     assert_eq!(pool.statistics().workers_lost, 3);
 }
 

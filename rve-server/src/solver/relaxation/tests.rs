@@ -148,7 +148,7 @@ fn lanes_that_drift_apart_keep_their_bits() {
     assert!(together == alone);
 }
 
-/// Every set of instructions that this processor has, and software arithmetic, give the same bits.
+/// S-15: every set of instructions that this processor has, and software arithmetic, give the same bits.
 #[test]
 fn instruction_sets_cannot_reach_the_result() {
     let (model, state) = hundred_discs(RveOptions::default());

@@ -1,0 +1,224 @@
+//! `grainspan bench NAME`: measures the cost of Grainspan and writes tables, charts and a description of the machine.
+//!
+//! A study is one entry of [`STUDIES`]. It measures, and hands tables and charts to its [`Report`], which prints them and
+//! writes them as CSV and SVG. Times are medians of several runs; ratios are taken within one round of alternating runs,
+//! so that a busy machine slows both sides alike.
+
+mod channel;
+mod machine;
+mod newton;
+mod repeat;
+mod report;
+mod rve;
+mod scaling;
+mod schedule;
+mod self_test;
+mod stability;
+mod table;
+mod workers;
+
+use clap::Parser;
+use grainspan::exit::{Exit, Failure};
+use grainspan::stdout::print;
+use machine::Machine;
+use report::Report;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// One study.
+struct Study {
+    /// Name on the command line and of the folder.
+    name: &'static str,
+    /// One line for `--list`.
+    about: &'static str,
+    /// Measures; must not depend on the order of studies or leave processes behind.
+    run: fn(&Effort, &mut Report) -> anyhow::Result<()>,
+    /// Draws the pictures of the tables in a folder again and counts them, for studies that can.
+    redraw: Option<fn(&Path) -> anyhow::Result<usize>>,
+}
+
+/// All studies, in the order of `--list`.
+const STUDIES: &[Study] = &[
+    Study {
+        name: "self-test",
+        about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
+        run: self_test::run,
+        redraw: None,
+    },
+    Study {
+        name: "channel",
+        about: "round trip and throughput against payload, cost of a call without grains, wait modes",
+        run: channel::run,
+        redraw: None,
+    },
+    Study {
+        name: "schedule",
+        about: "time of a batch of unequal jobs over the ideal: static split, in order, longest first; 2 to 4096 workers",
+        run: schedule::run,
+        redraw: None,
+    },
+    Study {
+        name: "scaling",
+        about: "400 discs on 1, 2 and more workers: fixed work, work per worker, the serial part",
+        run: scaling::run,
+        redraw: None,
+    },
+    Study {
+        name: "rve",
+        about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
+        run: rve::run,
+        redraw: Some(rve::redraw),
+    },
+    Study {
+        name: "newton",
+        about: "evaluations per step of every strategy and operator: one element over five packings, biaxial test",
+        run: newton::run,
+        redraw: None,
+    },
+    Study {
+        name: "stability",
+        about: "random cases outside everyday use: how they end, increments not at rest, work, work by damping",
+        run: stability::run,
+        redraw: None,
+    },
+];
+
+/// How long a study may measure.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Effort {
+    /// Whether seconds must do: the numbers then show only that the study works.
+    pub(crate) quick: bool,
+    /// Whether hours may do: sizes as published, in studies that have a smaller one for every day.
+    pub(crate) full: bool,
+    /// Parts and variants that are wanted, by name; empty: all of them.
+    pub(crate) only: Vec<String>,
+    /// What only the study of stability reads.
+    pub(crate) stability: stability::Options,
+}
+
+impl Effort {
+    /// `thorough` repetitions, or `quick` ones when seconds must do.
+    pub(crate) fn choose<T>(&self, thorough: T, quick: T) -> T {
+        if self.quick { quick } else { thorough }
+    }
+
+    /// Whether the command line names this part or variant.
+    pub(crate) fn names(&self, name: &str) -> bool {
+        self.only.iter().any(|only| only == name)
+    }
+
+    /// Whether a part is to be measured: it is named, or none of its study's `parts` is.
+    pub(crate) fn includes(&self, part: &str, parts: &[&str]) -> bool {
+        self.names(part) || !parts.iter().any(|part| self.names(part))
+    }
+}
+
+/// Measures what Grainspan costs on this machine.
+#[derive(Debug, Parser)]
+#[command(
+    name = "grainspan-bench",
+    bin_name = "grainspan bench",
+    version,
+    after_help = "Examples:
+  grainspan bench --list
+  grainspan bench self-test --out out/bench/self-test
+  grainspan bench rve --redraw --out out/bench/rve
+  grainspan bench stability --cases 500 --seed 7 --out out/bench/stability
+  grainspan bench stability --seed 7 --case 42 --write case-42.toml
+
+Measure with a release build on a quiet machine; the report says what it was."
+)]
+struct Arguments {
+    /// Study to run
+    #[arg(value_name = "NAME", required_unless_present_any = ["list", "helper"])]
+    name: Option<String>,
+    /// List the studies
+    #[arg(long)]
+    list: bool,
+    /// Folder for CSV, SVG and the description of the machine [default: out/bench/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Take seconds, not minutes: shows that the study works, not what things cost
+    #[arg(long)]
+    quick: bool,
+    /// Take hours: the sizes of the papers, in studies that have a smaller one for every day
+    #[arg(long, conflicts_with = "quick")]
+    full: bool,
+    /// Measure only this part or variant; may be repeated
+    #[arg(long, value_name = "PART")]
+    only: Vec<String>,
+    /// Measure nothing: draw the pictures of the tables in the folder again (rve)
+    #[arg(long, conflicts_with_all = ["quick", "full", "only"])]
+    redraw: bool,
+    /// Be the other side of a study: a role and an address
+    #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
+    helper: Option<Vec<String>>,
+    #[command(flatten)]
+    stability: stability::Options,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    if let Some([role, run]) = arguments.helper.as_deref()
+        && role == workers::WORKER
+    {
+        return workers::work(run);
+    }
+    match run(&arguments) {
+        Ok(exit) => exit.code(),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.exit.code()
+        }
+    }
+}
+
+/// Runs one study, or lists them all.
+///
+/// # Errors
+/// There is no such study, the folder cannot be written, or the study cannot run here.
+fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    if let Some([role, address]) = arguments.helper.as_deref() {
+        workers::help(role, address)
+            .map_err(|error| Failure::new(Exit::WorkersLost, format!("helper: {error:#}")))?;
+        return Ok(Exit::Done);
+    }
+    let Some(name) = arguments.name.as_ref().filter(|_| !arguments.list) else {
+        print(list().as_bytes())?;
+        return Ok(Exit::Done);
+    };
+    let study = STUDIES.iter().find(|study| study.name == name).ok_or_else(|| {
+        Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
+    })?;
+    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/bench").join(study.name));
+    if study.name != "stability" && !arguments.stability.is_plain() {
+        let text =
+            format!("bench {}: one of the options given is for `bench stability`; see `bench --help`", study.name);
+        return Err(Failure::new(Exit::BadInput, text));
+    }
+    let effort = Effort {
+        quick: arguments.quick,
+        full: arguments.full,
+        only: arguments.only.clone(),
+        stability: arguments.stability.clone(),
+    };
+    let failed = |error: anyhow::Error| match error.downcast::<Failure>() {
+        Ok(failure) => failure,
+        Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),
+    };
+    if arguments.redraw {
+        let redraw = study.redraw.ok_or_else(|| anyhow::anyhow!("this study cannot draw without measuring"));
+        let drawn = redraw.and_then(|redraw| redraw(&folder)).map_err(failed)?;
+        print(format!("{drawn} pictures drawn again in {}\n", folder.display()).as_bytes())?;
+        return Ok(Exit::Done);
+    }
+    let mut report = Report::open(&folder, study.name, &Machine::here(), &effort)?;
+    (study.run)(&effort, &mut report).map_err(failed)?;
+    report.close()?;
+    Ok(Exit::Done)
+}
+
+fn list() -> String {
+    let width = STUDIES.iter().map(|study| study.name.len()).max().unwrap_or(0);
+    STUDIES.iter().map(|study| format!("{:<width$}  {}\n", study.name, study.about)).collect()
+}

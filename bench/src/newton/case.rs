@@ -1,0 +1,195 @@
+//! One problem solved on grains, with workers in this process.
+
+use anyhow::Context;
+use macro_solver::implicit::solve;
+use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
+use macro_solver::problem::{Problem, Stabilisation};
+use protocol::Definition;
+use protocol::transport::in_process::channel;
+use rve_server::definition::{Accuracy, GrainDefinition, Packing, PackingFile, RveOptions};
+use rve_server::engine::GrainEngine;
+use rve_server::preparation::{PackingRecipe, generate_any};
+use rve_server::server::{ServeOptions, serve};
+use rve_server::space::Discs;
+use scene_reader::{JOBS_A_MESSAGE, drawn};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Result of one run.
+#[derive(Debug)]
+pub(crate) struct StrategyRun {
+    /// Accepted steps, the initial state first.
+    pub(crate) steps: Vec<Step>,
+    /// Evaluations that workers computed.
+    pub(crate) computed: u64,
+    /// Equal steps that the path was to be followed in.
+    pub(crate) increments: usize,
+    /// Wall time, s.
+    pub(crate) wall: f64,
+    /// How it ended, with the solver's counts.
+    pub(crate) run: Run,
+}
+
+/// One accepted step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    /// As reported.
+    pub(crate) report: StepReport,
+    /// Mean vertical over mean horizontal stress.
+    pub(crate) ratio: f64,
+}
+
+impl StrategyRun {
+    /// Whether the whole path was followed.
+    pub(crate) fn is_complete(&self) -> bool {
+        matches!(self.run.outcome, Outcome::Completed)
+    }
+
+    /// Evaluations requested up to a load factor, initial state included; NaN if the run did not come that far.
+    pub(crate) fn requested_until(&self, load: f64) -> f64 {
+        let reached = |step: &&Step| step.report.load < load + 1e-9;
+        let (count, sum) = self
+            .steps
+            .iter()
+            .take_while(reached)
+            .fold((0, 0), |(_, sum), step| (step.report.step, sum + step.report.evaluations));
+        let last = self.steps.iter().find(|step| step.report.step == count);
+        let is_there = last.is_some_and(|last| last.report.load > load - 1e-9);
+        if is_there { sum as f64 } else { f64::NAN }
+    }
+
+    /// How the run ended, in a word or two.
+    pub(crate) fn end(&self) -> &'static str {
+        match self.run.outcome {
+            Outcome::Completed => "completed",
+            Outcome::DidNotConverge { .. } => "did not converge",
+            Outcome::Stopped(_) => "time is over",
+            _ => "broke off",
+        }
+    }
+
+    /// Number of the step with the largest stress ratio.
+    pub(crate) fn peak(&self) -> usize {
+        let largest = self.steps.iter().max_by(|one, other| one.ratio.total_cmp(&other.ratio));
+        largest.map_or(0, |step| step.report.step)
+    }
+}
+
+struct Recorder {
+    steps: Vec<Step>,
+    end: Instant,
+}
+
+impl Observer for Recorder {
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let mean = |axis: usize| fields.points.iter().map(|p| p.volume * p.stress.get(axis, axis)).sum::<f64>();
+        self.steps.push(Step { report: *report, ratio: mean(1) / mean(0) });
+        if Instant::now() > self.end {
+            return Err(StopRequest { reason: "the time limit of one variant is reached".into() });
+        }
+        Ok(())
+    }
+}
+
+/// A step that has failed three times is stabilised: the cost of a variant at instabilities is then bounded, and all variants reach
+/// the end.
+pub(crate) const STABILISATION: Option<Stabilisation> =
+    Some(Stabilisation { after: Some(3), most_increments: 100, drag: 0.1 });
+
+/// Seed by which packings are dealt out to points.
+const DEAL: u64 = 1;
+
+/// Longest wall time of one run: a variant that fails at every second step must not delay the others for ever. It is
+/// stopped after the next accepted step, and the table says so.
+const LONGEST: Duration = Duration::from_secs(1500);
+
+/// Solves `problem` with one worker; every point gets one of the definitions at random, with a fixed seed.
+///
+/// # Errors
+/// A worker ends early.
+pub(crate) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> anyhow::Result<StrategyRun> {
+    let (port, door) = channel();
+    std::thread::scope(|scope| {
+        let mut worker = door.join();
+        let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton")));
+        let draw = |point| drawn(DEAL, point as u64, definitions.len());
+        let points: Vec<usize> = (0..problem.point_count()).map(draw).collect();
+        // As in a run: enough trials at a time for the lanes.
+        let settings = PoolSettings { slice: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
+        let supply = Box::new(JoiningWorkers);
+        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, definitions.to_vec(), &points);
+        pool.gather(1)?;
+        let begin = Instant::now();
+        let mut recorder = Recorder { steps: Vec::new(), end: begin + LONGEST };
+        let run = solve(problem, &mut pool, &mut recorder);
+        let wall = begin.elapsed().as_secs_f64();
+        let PoolStatistics { solved: computed, .. } = pool.statistics();
+        pool.close();
+        drop(pool);
+        served.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
+        Ok(StrategyRun {
+            steps: recorder.steps,
+            computed,
+            increments: problem.stages[0].control.increments,
+            wall,
+            run,
+        })
+    })
+}
+
+/// Does `count` pieces of work, as many at a time as there are cores, and returns what they gave in their order.
+pub(crate) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
+    let next = AtomicUsize::new(0);
+    let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..cores.min(count) {
+            scope.spawn(|| {
+                loop {
+                    let piece = next.fetch_add(1, Ordering::Relaxed);
+                    if piece >= count {
+                        break;
+                    }
+                    let result = work(piece);
+                    done.lock().expect("no thread panics while it pushes").push((piece, result));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().expect("all threads have ended");
+    done.sort_by_key(|(piece, _)| *piece);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// 400 discs as the shipped recipe makes them from another seed.
+///
+/// # Errors
+/// The recipe finds no packing from this seed.
+pub(crate) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
+    let mut recipe: PackingRecipe = toml::from_str(include_str!("../../../packings/discs-400.toml"))?;
+    recipe.seed = seed;
+    match generate_any(&recipe, &mut |_| {}).with_context(|| format!("packing of seed {seed}"))?.0 {
+        Packing::Discs(packing) => Ok(packing),
+        Packing::Spheres(_) => anyhow::bail!("the recipe is that of discs"),
+    }
+}
+
+/// The shipped packing of 100 discs, for a quick look.
+///
+/// # Errors
+/// None in a sound build.
+pub(crate) fn small_packing() -> anyhow::Result<PackingFile> {
+    Ok(serde_json::from_str(include_str!("../../../packings/discs-100.json"))?)
+}
+
+/// Grains with the contact law of the shipped scenes.
+///
+/// # Errors
+/// None in a sound build.
+pub(crate) fn definition(packing: PackingFile<Discs>, accuracy: Accuracy) -> anyhow::Result<Definition> {
+    let contact = toml::from_str("law = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5")?;
+    let options = RveOptions { accuracy, ..RveOptions::default() };
+    Ok(GrainDefinition { packing, contact, options }.validate()?.to_protocol())
+}

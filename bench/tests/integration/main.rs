@@ -1,0 +1,5 @@
+//! Tests of the whole program of the benchmarks, in one binary.
+
+mod program;
+mod stability;
+mod studies;

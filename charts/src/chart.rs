@@ -1,0 +1,214 @@
+//! Curves of a study as one SVG picture.
+
+use crate::ChartError;
+use crate::number::tick;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// Width and height of the picture, px.
+const SIZE: (u32, u32) = (760, 500);
+
+/// Colours that are told apart on paper and by most eyes.
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 90, 160),
+    RGBColor(210, 90, 0),
+    RGBColor(0, 130, 80),
+    RGBColor(170, 30, 110),
+    RGBColor(90, 90, 90),
+    RGBColor(120, 80, 200),
+    RGBColor(150, 120, 0),
+    RGBColor(0, 150, 190),
+];
+
+type DrawingError = DrawingAreaErrorKind<std::io::Error>;
+
+/// Whether equal distances on an axis are equal differences or equal ratios.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios; points that are not positive are left out.
+    Logarithmic,
+}
+
+/// Named curves over two axes.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    title: String,
+    axes: [(String, Scale); 2],
+    curves: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+impl Chart {
+    /// An empty chart; axes are named with their units.
+    pub fn new(title: &str, x: (&str, Scale), y: (&str, Scale)) -> Self {
+        Self {
+            title: title.to_owned(),
+            axes: [x, y].map(|(name, scale)| (name.to_owned(), scale)),
+            curves: Vec::new(),
+        }
+    }
+
+    /// Adds a curve; points that cannot be drawn are left out.
+    pub fn curve(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        let drawable = |point: &[f64; 2]| {
+            point
+                .iter()
+                .zip(&self.axes)
+                .all(|(value, (_, scale))| value.is_finite() && (*scale == Scale::Linear || *value > 0.0))
+        };
+        let points = points.into_iter().filter(drawable).collect();
+        self.curves.push((name.to_owned(), points));
+    }
+
+    /// The picture.
+    ///
+    /// # Errors
+    /// The drawing library refuses.
+    pub fn to_svg(&self) -> Result<String, ChartError> {
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let [(_, across), (_, up)] = &self.axes;
+        let (x, y) = (self.range(0), self.range(1));
+        match (across, up) {
+            (Scale::Linear, Scale::Linear) => self.draw(&area, x, y)?,
+            (Scale::Linear, Scale::Logarithmic) => self.draw(&area, x, y.log_scale())?,
+            (Scale::Logarithmic, Scale::Linear) => self.draw(&area, x.log_scale(), y)?,
+            (Scale::Logarithmic, Scale::Logarithmic) => self.draw(&area, x.log_scale(), y.log_scale())?,
+        }
+        area.present()?;
+        drop(area);
+        Ok(text)
+    }
+
+    /// The smallest range with a margin that holds all points of one axis.
+    fn range(&self, axis: usize) -> Range<f64> {
+        let values = self.curves.iter().flat_map(|(_, points)| points.iter().map(|point| point[axis]));
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        match self.axes[axis].1 {
+            _ if low > high => 1.0..2.0,
+            Scale::Linear => {
+                let margin = if high > low { 0.05 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+                // A quantity that is never negative gets no negative ticks.
+                let floor = if low >= 0.0 && low < 3.0 * margin { 0.0 } else { low - margin };
+                floor..high + margin
+            }
+            Scale::Logarithmic => low / 1.3..high * 1.3,
+        }
+    }
+
+    /// The corner, upper ones first, where the names of the curves hide the fewest points and segments.
+    fn emptiest_corner(&self) -> SeriesLabelPosition {
+        let ranges = [self.range(0), self.range(1)];
+        let share = |axis: usize, value: f64| {
+            let (range, scale) = (&ranges[axis], self.axes[axis].1);
+            let place = |value: f64| if scale == Scale::Logarithmic { value.ln() } else { value };
+            (place(value) - place(range.start)) / (place(range.end) - place(range.start))
+        };
+        let ends = |points: &[[f64; 2]]| points.iter().map(|p| [share(0, p[0]), share(1, p[1])]).collect::<Vec<_>>();
+        let mut places = Vec::new();
+        for points in self.curves.iter().map(|(_, points)| ends(points)) {
+            places.extend(points.first().copied());
+            for pair in points.windows(2) {
+                places.extend((1..=10).map(|part| {
+                    let weight = f64::from(part) / 10.0;
+                    std::array::from_fn(|axis| pair[0][axis] + weight * (pair[1][axis] - pair[0][axis]))
+                }));
+            }
+        }
+        let (width, height) = (0.28, 0.1 + 0.045 * self.curves.len() as f64);
+        let hidden = |right: bool, upper: bool| {
+            let inside = |place: &&[f64; 2]| {
+                (if right { place[0] > 1.0 - width } else { place[0] < width })
+                    && (if upper { place[1] > 1.0 - height } else { place[1] < height })
+            };
+            places.iter().filter(inside).count()
+        };
+        let corners = [
+            (SeriesLabelPosition::UpperRight, hidden(true, true)),
+            (SeriesLabelPosition::UpperLeft, hidden(false, true)),
+            (SeriesLabelPosition::LowerLeft, hidden(false, false)),
+            (SeriesLabelPosition::LowerRight, hidden(true, false)),
+        ];
+        corners
+            .into_iter()
+            .min_by_key(|(_, hidden)| *hidden)
+            .map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)
+    }
+
+    fn draw<X, Y>(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, x: X, y: Y) -> Result<(), DrawingError>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+        Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
+    {
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, ("sans-serif", 18))
+            .margin(16)
+            .x_label_area_size(44)
+            .y_label_area_size(84)
+            .build_cartesian_2d(x, y)?;
+        chart
+            .configure_mesh()
+            .x_desc(&self.axes[0].0)
+            .y_desc(&self.axes[1].0)
+            .x_label_formatter(&|value| tick(*value))
+            .y_label_formatter(&|value| tick(*value))
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 15))
+            .light_line_style(WHITE)
+            .draw()?;
+        for (index, (name, points)) in self.curves.iter().enumerate() {
+            let colour = COLOURS[index % COLOURS.len()];
+            let line = points.iter().map(|point| (point[0], point[1]));
+            chart
+                .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
+                .label(name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+            chart.draw_series(line.map(|point| Circle::new(point, 3, colour.filled())))?;
+        }
+        chart
+            .configure_series_labels()
+            .position(self.emptiest_corner())
+            .background_style(WHITE.mix(0.85))
+            .border_style(BLACK.mix(0.3))
+            .label_font(("sans-serif", 13))
+            .draw()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_names_its_axes_and_curves_and_leaves_out_what_cannot_be_drawn() {
+        for scale in [Scale::Linear, Scale::Logarithmic] {
+            let mut chart = Chart::new("cost", ("payload, B", scale), ("time, us", Scale::Logarithmic));
+            chart.curve("spin", [[64.0, 2.0], [1e6, f64::NAN], [1e6, 200.0], [2.0, -1.0]]);
+            chart.curve("empty", []);
+            let text = chart.to_svg().unwrap();
+            for part in ["<svg", "cost", "payload, B", "time, us", "spin", "<polyline", "</svg>"] {
+                assert!(text.contains(part), "{part} is missing");
+            }
+            assert!(!text.contains("NaN"));
+        }
+        assert!(Chart::new("nothing", ("x", Scale::Linear), ("y", Scale::Linear)).to_svg().is_ok());
+    }
+
+    #[test]
+    fn names_stand_where_they_hide_least() {
+        let corner = |points: [[f64; 2]; 2]| {
+            let mut chart = Chart::new("", ("x", Scale::Logarithmic), ("y", Scale::Linear));
+            chart.curve("a", points);
+            format!("{:?}", chart.emptiest_corner())
+        };
+        assert_eq!(corner([[1.0, 1.0], [1e3, 0.0]]), "UpperRight");
+        assert_eq!(corner([[1.0, 0.0], [1e3, 1.0]]), "UpperLeft");
+    }
+}

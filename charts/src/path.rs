@@ -1,0 +1,170 @@
+//! One curve along the steps of a run, with the hard steps marked: `history.svg`.
+
+use crate::ChartError;
+use crate::number::trimmed;
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// Width and height of the picture, px.
+const SIZE: (u32, u32) = (720, 480);
+
+/// An accepted step in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathPoint {
+    /// Values on the two axes.
+    pub place: (f64, f64),
+    /// Whether the step was reached after cut-backs.
+    pub cut_back: bool,
+    /// Whether the step was reached by viscous stabilisation.
+    pub stabilised: bool,
+}
+
+/// Draws the points in order, joined by a line, and returns the SVG text; `None` without points or if a value is not finite.
+///
+/// # Errors
+/// The drawing library refuses.
+pub fn path_svg([x, y]: [&str; 2], points: &[PathPoint]) -> Result<Option<String>, ChartError> {
+    let axis = |value: fn(&PathPoint) -> f64| range(&points.iter().map(value).collect::<Vec<_>>());
+    let (Some(across), Some(up)) = (axis(|point| point.place.0), axis(|point| point.place.1)) else {
+        return Ok(None);
+    };
+    let mut text = String::new();
+    draw(&mut text, [x, y], [across, up], points)?;
+    Ok(Some(text))
+}
+
+fn draw(
+    text: &mut String,
+    [x, y]: [&str; 2],
+    [across, up]: [Range<f64>; 2],
+    points: &[PathPoint],
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    area.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin(16)
+        .x_label_area_size(44)
+        .y_label_area_size(84)
+        .build_cartesian_2d(across.clone(), up.clone())?;
+    chart
+        .configure_mesh()
+        .x_desc(x)
+        .y_desc(y)
+        .x_label_formatter(&|value| tick(*value, &across))
+        .y_label_formatter(&|value| tick(*value, &up))
+        .label_style(("sans-serif", 14))
+        .axis_desc_style(("sans-serif", 16))
+        .light_line_style(WHITE)
+        .draw()?;
+    let colour = RGBColor(20, 80, 160);
+    chart.draw_series(LineSeries::new(points.iter().map(|point| point.place), colour.stroke_width(2)))?;
+    chart.draw_series(points.iter().map(|point| Circle::new(point.place, 3, colour.filled())))?;
+    // Steps that were not reached at once, or not through states of equilibrium.
+    let (repeated, stabilised) = (RGBColor(225, 140, 0), RGBColor(200, 20, 40));
+    let marks = |wanted: fn(&PathPoint) -> bool| points.iter().filter(move |point| wanted(point));
+    let mut has_legend = false;
+    if marks(|point| point.cut_back && !point.stabilised).next().is_some() {
+        let found = marks(|point| point.cut_back && !point.stabilised);
+        chart
+            .draw_series(found.map(|point| TriangleMarker::new(point.place, 6, repeated.stroke_width(2))))?
+            .label("after cut-backs")
+            .legend(move |(x, y)| TriangleMarker::new((x + 8, y), 6, repeated.stroke_width(2)));
+        has_legend = true;
+    }
+    if marks(|point| point.stabilised).next().is_some() {
+        let found = marks(|point| point.stabilised);
+        chart
+            .draw_series(found.map(|point| Circle::new(point.place, 6, stabilised.stroke_width(2))))?
+            .label("stabilised")
+            .legend(move |(x, y)| Circle::new((x + 8, y), 6, stabilised.stroke_width(2)));
+        has_legend = true;
+    }
+    if has_legend {
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerRight)
+            .background_style(WHITE.mix(0.8))
+            .label_font(("sans-serif", 14))
+            .draw()?;
+    }
+    area.present()
+}
+
+/// Smallest range that holds all values with a margin; `None` when a value is not finite or there are none.
+fn range(values: &[f64]) -> Option<Range<f64>> {
+    if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
+        return None;
+    }
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // A constant column still needs a range that is not empty.
+    let margin = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+    Some(low - margin..high + margin)
+}
+
+/// Four significant digits, without trailing zeros; values that are negligible on the scale of the axis are 0.
+fn tick(value: f64, axis: &Range<f64>) -> String {
+    if value.abs() < 1e-9 * (axis.end - axis.start) {
+        return "0".to_owned();
+    }
+    if !(1e-4..1e5).contains(&value.abs()) {
+        return format!("{value:.1e}");
+    }
+    let decimals = (3 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
+    let text = format!("{value:.decimals$}");
+    trimmed(&text).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points() -> Vec<PathPoint> {
+        (0..5)
+            .map(|step| f64::from(step) / 10.0)
+            .map(|load| PathPoint { place: (load, 20.0 * load), cut_back: false, stabilised: false })
+            .collect()
+    }
+
+    #[test]
+    fn a_curve_is_an_svg_with_its_axes_named() {
+        let text = path_svg(["load", "ratio"], &points()).unwrap().unwrap();
+        assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
+        assert!(text.contains("ratio") && text.contains("load") && text.contains("<polyline"));
+    }
+
+    #[test]
+    fn steps_that_were_hard_to_reach_are_marked() {
+        let mut points = points();
+        let drawn = |points: &[PathPoint]| path_svg(["load", "ratio"], points).unwrap().unwrap();
+        let circles = |text: &str| text.matches("<circle").count();
+        let plain = drawn(&points);
+        assert!(!plain.contains("stabilised") && !plain.contains("cut-backs"));
+        points[2].cut_back = true;
+        let repeated = drawn(&points);
+        assert!(
+            repeated.contains("after cut-backs")
+                && repeated.matches("<polygon").count() > plain.matches("<polygon").count()
+        );
+        points[3].stabilised = true;
+        let stabilised = drawn(&points);
+        assert!(
+            stabilised.contains("stabilised") && circles(&stabilised) == circles(&plain) + 2,
+            "the step and the legend"
+        );
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_gives_no_picture() {
+        let mut points = points();
+        points[0].place.1 = f64::NAN;
+        assert_eq!(path_svg(["load", "ratio"], &points).unwrap(), None);
+        assert_eq!(path_svg(["load", "ratio"], &[]).unwrap(), None);
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        let texts = [1e-18, 0.02, 100_000.0, 1234.0, -2.5e-7].map(|value| tick(value, &(0.0..1.0)));
+        assert_eq!(texts, ["0", "0.02", "1.0e5", "1234", "-2.5e-7"]);
+    }
+}

@@ -1,0 +1,193 @@
+//! A softening point material that verifies localisation: isotropic elasticity that loses stiffness with the largest strain seen.
+//!
+//! `sigma = (1 - d) C : e` with the total strain `e`, the sum of the symmetric parts of all committed targets, and
+//! `d = 1 - (k0 / k) exp(-(k - k0) / kf)` once the largest equivalent strain `k = max sqrt(e : C : e / M)` has passed the
+//! threshold `k0`; `M` is the P-wave modulus, so that in uniaxial strain `k` is that strain. With an infinite threshold it is
+//! linear elasticity in rate form, exact to rounding for strains of any size.
+
+use crate::checkpoint::{Archive, CheckpointError};
+use crate::formulation::tensor::{matrix, tensor, wire_operator};
+use crate::material::elastic::isotropic_moduli;
+use crate::material::{MaterialError, PointMaterial, PointTrial};
+use nalgebra::Matrix3;
+use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
+
+/// Elasticity and softening of one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DamageLaw {
+    /// Lamé modulus, Pa.
+    pub lambda: f64,
+    /// Shear modulus, Pa.
+    pub shear: f64,
+    /// Equivalent strain at which softening begins, `k0`; infinity never softens.
+    pub threshold: f64,
+    /// Equivalent strain over which the stress falls by a factor of e, `kf`.
+    pub softening: f64,
+}
+
+impl DamageLaw {
+    /// Linear elasticity.
+    pub fn elastic(lambda: f64, shear: f64) -> Self {
+        Self { lambda, shear, threshold: f64::INFINITY, softening: 1.0 }
+    }
+
+    /// Share of the stiffness left after the equivalent strain `largest`.
+    pub fn integrity(&self, largest: f64) -> f64 {
+        if largest <= self.threshold {
+            return 1.0;
+        }
+        self.threshold / largest * (-(largest - self.threshold) / self.softening).exp()
+    }
+
+    /// Work lost in uniaxial strain up to the equivalent strain `largest`, J/m3.
+    pub fn dissipation(&self, largest: f64) -> f64 {
+        if largest <= self.threshold {
+            return 0.0;
+        }
+        let softened = self.threshold * self.softening * (1.0 - (-(largest - self.threshold) / self.softening).exp());
+        let given = 0.5 * self.threshold * self.threshold + softened;
+        (self.lambda + 2.0 * self.shear) * (given - 0.5 * self.integrity(largest) * largest * largest)
+    }
+
+    fn elastic_stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
+        Matrix3::identity() * (self.lambda * strain.trace()) + strain * (2.0 * self.shear)
+    }
+
+    fn equivalent_strain(&self, strain: &Matrix3<f64>) -> f64 {
+        (self.elastic_stress(strain).dot(strain) / (self.lambda + 2.0 * self.shear)).sqrt()
+    }
+}
+
+/// State of one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    strain: Matrix3<f64>,
+    largest: f64,
+}
+
+/// The law at every point.
+#[derive(Clone, Debug)]
+pub struct DamageMaterial {
+    laws: Vec<DamageLaw>,
+    committed: Vec<State>,
+    trials: Vec<Option<State>>,
+}
+
+impl DamageMaterial {
+    /// Undeformed points, each with its law.
+    pub fn new(laws: Vec<DamageLaw>) -> Self {
+        let start = State { strain: Matrix3::zeros(), largest: 0.0 };
+        Self { committed: vec![start; laws.len()], trials: vec![None; laws.len()], laws }
+    }
+
+    /// Share of the stiffness that a point has left.
+    pub fn integrity(&self, point: usize) -> f64 {
+        self.laws[point].integrity(self.committed[point].largest)
+    }
+
+    /// Largest equivalent strain that a point has seen.
+    pub fn largest_strain(&self, point: usize) -> f64 {
+        self.committed[point].largest
+    }
+
+    fn trial(&self, trial: &PointTrial) -> Result<(State, TrialAnswer), RveError> {
+        if !trial.target.is_finite() {
+            return Err(RveError::TargetNotFinite);
+        }
+        let (law, committed) = (&self.laws[trial.point], &self.committed[trial.point]);
+        let gradient = matrix(&trial.target);
+        let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
+        let largest = committed.largest.max(law.equivalent_strain(&strain));
+        Ok((State { strain, largest }, answer(law, &strain, law.integrity(largest), &trial.ask)))
+    }
+}
+
+fn answer(law: &DamageLaw, strain: &Matrix3<f64>, integrity: f64, ask: &Ask) -> TrialAnswer {
+    let moduli = isotropic_moduli(integrity * law.lambda, integrity * law.shear);
+    TrialAnswer {
+        stress: tensor(&(law.elastic_stress(strain) * integrity)),
+        // The secant: positive, and exact while nothing softens.
+        tangent: (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
+        scalars: Scalars { volume_ratio: 1.0 + strain.trace(), ..Scalars::default() },
+        observed: Observed::default(),
+        cost: Cost { force_evaluations: 1, ramp_steps: u64::from(ask.ramp_steps), ..Cost::default() },
+        flags: TrialFlags::default(),
+    }
+}
+
+impl PointMaterial for DamageMaterial {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        let mut answers = Vec::with_capacity(trials.len());
+        for trial in trials {
+            let (state, answer) =
+                self.trial(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })?;
+            self.trials[trial.point] = Some(state);
+            answers.push(answer);
+        }
+        Ok(answers)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trials) {
+            if let Some(state) = trial.take() {
+                *committed = state;
+            }
+        }
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.trials.fill(None);
+    }
+
+    fn save(&self, archive: &mut Archive) {
+        let committed: Vec<(&[f64], f64)> =
+            self.committed.iter().map(|state| (state.strain.as_slice(), state.largest)).collect();
+        archive.put("damage", 1, &committed);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let committed: Vec<(Vec<f64>, f64)> = archive.get("damage", 1)?;
+        if committed.len() != self.committed.len() || committed.iter().any(|(strain, _)| strain.len() != 9) {
+            return Err(CheckpointError::unfit("damage", "the number of points or of their components differs"));
+        }
+        let state = |(strain, largest): &(Vec<f64>, f64)| State {
+            strain: Matrix3::from_column_slice(strain),
+            largest: *largest,
+        };
+        self.committed = committed.iter().map(state).collect();
+        self.rollback();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Uniaxial strain beyond the threshold, back and forth.
+    #[test]
+    fn softening_follows_the_curve_and_unloading_the_secant() {
+        let law = DamageLaw { lambda: 1.0, shear: 2.0, threshold: 0.01, softening: 0.02 };
+        let mut material = DamageMaterial::new(vec![law]);
+        let mut pull = |by: f64| {
+            let target = tensor(&Matrix3::from_diagonal(&[by, 0.0, 0.0].into()));
+            let trial = PointTrial { point: 0, target, ask: Ask::default() };
+            let answer = material.evaluate(&[trial]).unwrap().remove(0);
+            material.commit().unwrap();
+            answer.stress.get(0, 0)
+        };
+        assert!((pull(0.01) - 0.05).abs() < 1e-15);
+        let softened = 5.0 * 0.01 * (-1.0f64).exp();
+        assert!((pull(0.02) - softened).abs() < 1e-15);
+        assert!((pull(-0.015) - 0.5 * softened).abs() < 1e-15);
+        assert!((pull(0.015) - softened).abs() < 1e-15);
+        assert_eq!(DamageLaw::elastic(1.0, 2.0).integrity(1e9), 1.0);
+        // Work given up to k by the trapezium rule, less what unloading gives back.
+        let cells = 20_000;
+        let curve = |strain: f64| 5.0 * law.integrity(strain) * strain;
+        let width = 0.03 / f64::from(cells);
+        let given: f64 = (0..cells).map(|cell| curve((f64::from(cell) + 0.5) * width) * width).sum();
+        assert!((law.dissipation(0.03) - (given - 0.5 * curve(0.03) * 0.03)).abs() < 1e-8 * given);
+    }
+}

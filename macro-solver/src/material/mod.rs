@@ -1,0 +1,100 @@
+//! Where the finite elements get their stress from: the seam between the macro solver and the worker pool.
+//!
+//! The implicit solver sees Gauss points only through [`PointMaterial`]. The worker pool implements it; so does a
+//! closed-form elastic material that verifies elements without any grains.
+
+pub mod damage;
+pub mod difference;
+pub mod elastic;
+
+use crate::checkpoint::{Archive, CheckpointError};
+use protocol::{Ask, Tensor2, TrialAnswer};
+use thiserror::Error;
+
+/// Number of a Gauss point: `element * points_per_element + local`, from 0.
+pub type PointId = usize;
+
+/// One question: how does this point answer if deformed by `target` from its committed state?
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointTrial {
+    /// Gauss point.
+    pub point: PointId,
+    /// Total displacement gradient `H = F - I` from the committed configuration.
+    pub target: Tensor2,
+    /// What is wanted beside the stress.
+    pub ask: Ask,
+}
+
+/// Why a point gave no answer.
+#[derive(Debug, Error)]
+pub enum MaterialError {
+    /// The engine refused the target; a smaller step may help.
+    #[error("Gauss point {point}: {reason}")]
+    Point {
+        /// Gauss point.
+        point: PointId,
+        /// Engine's reason.
+        reason: protocol::RveError,
+    },
+    /// No workers are left and none can be started.
+    #[error("{0}")]
+    WorkersLost(String),
+    /// A stop was requested (Ctrl-C).
+    #[error("interrupted")]
+    Interrupted,
+    /// The channel to the workers failed.
+    #[error("{0}")]
+    Channel(String),
+}
+
+impl MaterialError {
+    /// Whether a smaller load step could avoid it: the target was at fault, not the definition or the engine.
+    pub fn is_curable_by_smaller_step(&self) -> bool {
+        use protocol::RveError::{NotEquilibrated, NotFinite, TargetInverted, TargetNotFinite, TargetTooLarge};
+        let Self::Point { reason, .. } = self else { return false };
+        matches!(
+            reason,
+            TargetNotFinite
+                | TargetInverted { .. }
+                | TargetTooLarge { .. }
+                | NotFinite { .. }
+                | NotEquilibrated { .. }
+        )
+    }
+
+    /// Whether the grains of a point did not come to rest within their step cap.
+    pub fn is_unfinished_trial(&self) -> bool {
+        matches!(self, Self::Point { reason: protocol::RveError::NotEquilibrated { .. }, .. })
+    }
+}
+
+/// A material law at every Gauss point, with committed and trial states.
+pub trait PointMaterial {
+    /// Answers all trials, in the order asked. Every trial starts from its point's committed state; the latest trial
+    /// of a point replaces its earlier ones.
+    ///
+    /// # Errors
+    /// See [`MaterialError`]; committed states are unchanged. With several failing points the lowest is reported.
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError>;
+
+    /// Makes the latest trial of every point its committed state. Points without a trial since the last commit keep
+    /// their state.
+    ///
+    /// # Errors
+    /// Only when the material has lost its trial states for good.
+    fn commit(&mut self) -> Result<(), MaterialError>;
+
+    /// Forgets all trials.
+    fn rollback(&mut self);
+
+    /// Saves the committed states, see [`crate::checkpoint::Checkpointed::save`]. Nothing for a material without states.
+    fn save(&self, _archive: &mut Archive) {}
+
+    /// Takes up the committed states that were saved.
+    ///
+    /// # Errors
+    /// See [`crate::checkpoint::Checkpointed::restore`].
+    fn restore(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
+        Ok(())
+    }
+}

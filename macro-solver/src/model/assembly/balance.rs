@@ -1,0 +1,118 @@
+//! Balance of forces of one iterate and its tangent.
+//!
+//! The tangent is the exact derivative of the forces.
+
+use crate::element::PointGeometry;
+use crate::element::integrals::{add_force, add_stiffness};
+use crate::model::assembly::block::Block;
+use crate::model::body::{Body, degrees_of_freedom};
+use crate::model::loads::Loads;
+use crate::model::points::Point;
+use crate::problem::Moment;
+use rayon::prelude::*;
+
+/// Forces and stiffness of one iterate. Vectors run over all degrees of freedom; N, in the plane per metre.
+#[derive(Clone, Debug)]
+pub(crate) struct Balance {
+    /// Nodal forces of the stresses.
+    pub(crate) internal: Vec<f64>,
+    /// Nodal forces of the loads.
+    pub(crate) external: Vec<f64>,
+    /// Stiffness blocks: elements, then follower loads.
+    pub(crate) blocks: Vec<Block>,
+    /// Energy of the hourglass control, J, in the plane per metre.
+    pub(crate) hourglass_energy: f64,
+}
+
+/// Contribution of one element.
+struct Part {
+    block: Block,
+    force: Vec<f64>,
+    hourglass_energy: f64,
+}
+
+impl Balance {
+    /// Out-of-balance force, internal minus external.
+    pub(crate) fn residual(&self) -> Vec<f64> {
+        self.internal.iter().zip(&self.external).map(|(internal, external)| internal - external).collect()
+    }
+
+    /// Largest diagonal entry of any block, N/m, in the plane per metre.
+    pub(crate) fn largest_diagonal(&self) -> f64 {
+        let diagonal = |block: &Block| {
+            let width = block.dofs.len();
+            (0..width).map(|row| block.matrix[row * width + row].abs()).fold(0.0, f64::max)
+        };
+        self.blocks.iter().map(diagonal).fold(0.0, f64::max)
+    }
+
+    /// `K v` for a vector over all degrees of freedom.
+    pub(crate) fn stiffness_times(&self, vector: &[f64]) -> Vec<f64> {
+        let mut product = vec![0.0; vector.len()];
+        for block in &self.blocks {
+            let width = block.dofs.len();
+            for (row, &target) in block.dofs.iter().enumerate() {
+                let entries = &block.matrix[row * width..(row + 1) * width];
+                product[target] +=
+                    entries.iter().zip(&block.dofs).map(|(entry, &dof)| entry * vector[dof]).sum::<f64>();
+            }
+        }
+        product
+    }
+}
+
+impl Body {
+    /// Degrees of freedom of all stiffness blocks, in the order of [`Balance::blocks`].
+    pub(crate) fn block_dofs(&self, loads: &Loads) -> Vec<Vec<usize>> {
+        let dimension = self.mesh().dimension.count();
+        let elements = self.mesh().elements.iter().map(|nodes| degrees_of_freedom(dimension, nodes));
+        elements.chain(loads.block_dofs()).collect()
+    }
+
+    /// Balance after `increment` at a moment of the stage, from the points' latest stresses and moduli.
+    pub(crate) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, moment: Moment) -> Balance {
+        let positions = self.positions(increment);
+        let geometry = self.integration_geometry(&positions);
+        // Elements in parallel; their contributions are added up in their order, so the bits do not depend on threads.
+        let parts: Vec<Part> = (0..self.mesh().elements.len())
+            .into_par_iter()
+            .map(|element| self.part(element, &geometry, &positions, points))
+            .collect();
+        let mut internal = self.zero();
+        let mut hourglass_energy = 0.0;
+        let mut blocks = Vec::with_capacity(parts.len());
+        for part in parts {
+            for (&dof, value) in part.block.dofs.iter().zip(&part.force) {
+                internal[dof] += value;
+            }
+            hourglass_energy += part.hourglass_energy;
+            blocks.push(part.block);
+        }
+        blocks.extend(loads.stiffness(&positions, moment));
+        Balance { internal, external: loads.force(&positions, moment), blocks, hourglass_energy }
+    }
+
+    /// Forces and stiffness of one element.
+    fn part(&self, element: usize, geometry: &[PointGeometry], positions: &[[f64; 3]], points: &[Point]) -> Part {
+        let (dimension, nodes) = (self.mesh().dimension.count(), &self.mesh().elements[element]);
+        let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+        let mut force = vec![0.0; block.dofs.len()];
+        let mut hourglass_energy = 0.0;
+        for number in self.points_of(element) {
+            let (stress, moduli) = points[number].integrand(self.formulation());
+            add_force(dimension, &geometry[number], nodes.len(), &stress, &mut force);
+            add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block.matrix);
+        }
+        if let Some(modes) = self.hourglass(element) {
+            let shear = points[self.points_of(element).start].first_shear_modulus();
+            let stiffness = modes.stiffness(self.hourglass_coefficient(), shear);
+            // Of displacements, not positions: exactly zero in the initial state.
+            let moved = |&node: &usize| std::array::from_fn(|i| positions[node][i] - self.mesh().nodes[node][i]);
+            let amplitudes = modes.amplitudes(&nodes.iter().map(moved).collect::<Vec<_>>());
+            modes.add_force(dimension, stiffness, &amplitudes, &mut force);
+            modes.add_stiffness(dimension, stiffness, &mut block.matrix);
+            hourglass_energy = modes.energy(stiffness, &amplitudes);
+        }
+        Part { block, force, hourglass_energy }
+    }
+}

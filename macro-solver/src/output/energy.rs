@@ -1,0 +1,117 @@
+//! Energy balance of a run: external work, stored and dissipated energy, J; in the plane per metre of thickness.
+
+use crate::checkpoint::{Archive, CheckpointError};
+use crate::observer::{FieldsView, Observer, PointFields, StepReport, StopRequest};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Integrates the external work of reactions and loads by the trapezium rule over accepted steps, and records the stored and
+/// dissipated energy of the body.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct EnergyLedger {
+    external_work: f64,
+    last: Option<Last>,
+    initial_elastic: f64,
+    elastic: f64,
+    dissipation: f64,
+    hourglass: f64,
+    /// Dissipated by viscous stabilisation.
+    stabilisation: f64,
+    /// Figures of dynamic stages, by name.
+    dynamics: BTreeMap<String, f64>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Last {
+    displacements: Vec<[f64; 3]>,
+    forces: Vec<[f64; 3]>,
+}
+
+impl EnergyLedger {
+    /// Figures of dynamic stages, by name; empty without any.
+    pub fn dynamics(&self) -> BTreeMap<String, f64> {
+        self.dynamics.clone()
+    }
+
+    /// All entries by name. The rest of the work, `residual`, is the dissipation by damping of the grain solver and the
+    /// error of the trapezium rule over the steps; `relative_residual` is its size over the largest entry. A run with
+    /// dynamic stages has neither: its balance is among their figures.
+    pub fn entries(&self) -> BTreeMap<String, f64> {
+        let mut entries = BTreeMap::from([
+            ("external_work".to_owned(), self.external_work),
+            ("elastic_initial".to_owned(), self.initial_elastic),
+            ("elastic".to_owned(), self.elastic),
+            ("frictional_dissipation".to_owned(), self.dissipation),
+            ("hourglass".to_owned(), self.hourglass),
+            ("stabilisation".to_owned(), self.stabilisation),
+        ]);
+        if self.dynamics.is_empty() {
+            let change = self.elastic - self.initial_elastic;
+            let consumed = [change, self.dissipation, self.hourglass, self.stabilisation];
+            let residual = self.external_work - consumed.iter().sum::<f64>();
+            let largest = consumed.iter().fold(self.external_work.abs(), |most, value| most.max(value.abs()));
+            entries.insert("residual".to_owned(), residual);
+            let relative = if largest > 0.0 { residual.abs() / largest } else { 0.0 };
+            entries.insert("relative_residual".to_owned(), relative);
+        }
+        entries
+    }
+}
+
+const SECTION: &str = "energy";
+
+/// Counts changes of [`EnergyLedger`].
+const VERSION: u32 = 3;
+
+impl Observer for EnergyLedger {
+    fn save(&self, archive: &mut Archive) {
+        archive.put(SECTION, VERSION, self);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        *self = archive.get(SECTION, VERSION)?;
+        Ok(())
+    }
+
+    fn accepted(&mut self, _report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let total = |density: fn(&PointFields) -> f64| -> f64 {
+            view.points.iter().map(|point| point.volume * density(point)).sum()
+        };
+        self.elastic = total(|point| point.observed.elastic_energy);
+        self.dissipation = total(|point| point.observed.frictional_dissipation);
+        self.hourglass = view.hourglass_energy;
+        self.stabilisation = view.statistics.creep_work;
+        if let Some(motion) = &view.dynamics {
+            let largest = |name: &str, now: f64| now.max(self.dynamics.get(name).copied().unwrap_or(0.0));
+            let residual = largest("energy_residual", motion.energy.largest_relative_residual());
+            let steps = largest("steps_off_energy_balance", motion.energy.longest_excess as f64);
+            self.dynamics = BTreeMap::from([
+                ("time_step".to_owned(), motion.time_step),
+                ("mass".to_owned(), motion.mass),
+                ("added_mass".to_owned(), motion.added_mass),
+                ("kinetic_energy".to_owned(), motion.energy.kinetic),
+                ("energy_residual".to_owned(), residual),
+                ("steps_off_energy_balance".to_owned(), steps),
+            ]);
+        }
+        let forces: Vec<[f64; 3]> =
+            view.reactions.iter().zip(view.loads).map(|(r, l)| std::array::from_fn(|i| r[i] + l[i])).collect();
+        match &self.last {
+            None => self.initial_elastic = self.elastic,
+            Some(last) => {
+                for (node, force) in forces.iter().enumerate() {
+                    let before = last.forces[node];
+                    let path = path_between(last.displacements[node], view.displacements[node]);
+                    self.external_work += (0..3).map(|i| 0.5 * (force[i] + before[i]) * path[i]).sum::<f64>();
+                }
+            }
+        }
+        self.last = Some(Last { displacements: view.displacements.to_vec(), forces });
+        Ok(())
+    }
+}
+
+/// Displacement from one position to another, m.
+fn path_between(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| to[i] - from[i])
+}

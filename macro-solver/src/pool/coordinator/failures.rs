@@ -1,0 +1,130 @@
+//! Lost, hung and faulty workers: their jobs go to others, and a job that has ended too many stops the run.
+
+use super::{Action, Coordinator};
+use crate::checkpoint::FailureCase;
+use crate::material::MaterialError;
+use crate::pool::workers::{HangReason, WorkerState};
+use protocol::transport::WorkerId;
+use std::time::Instant;
+
+impl Coordinator {
+    pub(super) fn handle_loss(&mut self, worker: WorkerId, reason: &str) {
+        let Some(known) = self.workers.get(worker) else { return };
+        let (pid, state) = (known.pid, known.state);
+        let had_answered = self.statistics.workers.get(known.statistics).is_some_and(|figures| figures.jobs > 0);
+        if state != WorkerState::Refused {
+            tracing::warn!(worker = worker.0, pid, reason, "worker lost");
+            self.statistics.workers_lost += u64::from(state != WorkerState::Leaving);
+            self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
+            let left = state == WorkerState::Leaving;
+            self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid, had_answered) });
+        }
+        if state.answers() {
+            self.record_failure_of_head(worker, reason, 0);
+        }
+        self.requeue_all(worker);
+        self.workers.remove(worker);
+        self.batch.queue.unassign(worker);
+    }
+
+    /// Only the message at the head was under way; the others have no part in it.
+    fn record_failure_of_head(&mut self, worker: WorkerId, reason: &str, overruns: u32) {
+        let Some(known) = self.workers.get(worker) else { return };
+        for number in known.pending.front().map_or_else(Vec::new, |message| message.jobs.clone()) {
+            if let Some(index) = self.batch.index_of(number) {
+                self.batch.jobs[index].overruns += overruns;
+                self.record_failure(index, reason);
+            }
+        }
+    }
+
+    fn record_failure(&mut self, index: usize, reason: &str) {
+        let limit = self.settings.blames_until_quarantine;
+        let job = &mut self.batch.jobs[index];
+        job.failures.push(reason.to_owned());
+        if job.failure_count() >= limit && self.fatal.is_none() {
+            let text = format!(
+                "Gauss point {} has ended {} workers with the same trial (last: {reason}); displacement gradient {:?} from \
+                 state {}; the run stops before it ends more",
+                job.trial.point,
+                job.failure_count(),
+                job.trial.target.0,
+                job.state.id
+            );
+            self.quarantined = Some(FailureCase {
+                program: format!("grainspan {}", env!("CARGO_PKG_VERSION")),
+                point: job.trial.point as u64,
+                failures: job.failures.clone(),
+                definition: self.points.definitions[job.definition].1.clone(),
+                state: job.state.bytes.to_vec(),
+                target: job.trial.target,
+                tangent: job.trial.ask.tangent,
+                ramp_steps: job.trial.ask.ramp_steps,
+                observables: job.trial.ask.observables,
+            });
+            self.fatal = Some(MaterialError::WorkersLost(text));
+        }
+    }
+
+    pub(super) fn requeue_all(&mut self, worker: WorkerId) {
+        let held = self.workers.edit(worker, |known| std::mem::take(&mut known.pending));
+        for number in held.into_iter().flatten().flat_map(|message| message.jobs) {
+            if let Some(index) = self.batch.index_of(number) {
+                self.reissue(index);
+            }
+        }
+    }
+
+    /// Gives a job of a lost or faulty worker to another, after a delay if the next loss would be the last.
+    fn reissue(&mut self, index: usize) {
+        self.statistics.reissued += 1;
+        let (job, limit) = (&self.batch.jobs[index], self.settings.blames_until_quarantine);
+        if !job.failures.is_empty() && job.failure_count().saturating_add(1) == limit {
+            let (point, failures, delay) = (job.trial.point, job.failure_count(), self.settings.last_rest);
+            tracing::warn!(
+                point,
+                failures,
+                ?delay,
+                "this trial has ended workers; it is delayed before the next one gets it"
+            );
+            self.batch.requeue_delayed(index);
+        } else {
+            self.batch.requeue(index);
+        }
+    }
+
+    /// After an invalid reply the worker is ended and its job goes to another.
+    pub(super) fn terminate_for(&mut self, worker: WorkerId, index: usize, fault: &str) {
+        tracing::error!(worker = worker.0, point = self.batch.jobs[index].trial.point, fault, "invalid reply");
+        self.statistics.workers_faulty += 1;
+        self.record_failure(index, fault);
+        self.reissue(index);
+        self.terminate(worker);
+    }
+
+    fn terminate(&mut self, worker: WorkerId) {
+        if self.workers.edit(worker, |known| known.state = WorkerState::Terminated).is_some() {
+            self.actions.push(Action::Kill(worker));
+        }
+    }
+
+    /// Ends the workers that have been silent or stopped for too long.
+    pub(in crate::pool) fn terminate_hung(&mut self, now: Instant) {
+        for (worker, hang_reason) in self.workers.hung(now, &self.settings.hang) {
+            let (reason, overruns) = match hang_reason {
+                HangReason::Stopped(reason) => (reason, 0),
+                HangReason::Silent(reason) => (reason, 1),
+            };
+            tracing::error!(worker = worker.0, reason, "worker is ended");
+            self.statistics.workers_hung += 1;
+            self.record_failure_of_head(worker, &reason, overruns);
+            self.terminate(worker);
+        }
+    }
+
+    /// The channel to this worker did not take a message.
+    pub(in crate::pool) fn undeliverable(&mut self, worker: WorkerId, reason: &str) {
+        tracing::warn!(worker = worker.0, reason, "message not delivered");
+        self.terminate(worker);
+    }
+}

@@ -1,0 +1,108 @@
+//! What the solver saves between two steps. The geometry, the balance of forces and the factors of the global matrix
+//! follow from it; they are computed again from the same numbers in the same order.
+
+use super::driver::Solver;
+use super::newton::quasi_newton::{Memory, Pair};
+use super::newton::tangent_update::RenewerRecord;
+use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
+use crate::model::points::{PointRecord, copy};
+use crate::observer::Statistics;
+use crate::solve::explicit::{Integrator, IntegratorRecord};
+use serde::{Deserialize, Serialize};
+
+const SECTION: &str = "implicit";
+
+/// Counts changes of [`Record`].
+const VERSION: u32 = 12;
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    displacements: Vec<f64>,
+    points: Vec<PointRecord>,
+    last_increment: Option<(Vec<f64>, f64)>,
+    stage: u64,
+    stage_start: Vec<f64>,
+    load: f64,
+    passed: f64,
+    arc_length: Option<f64>,
+    last_load_change: f64,
+    step: u64,
+    size: f64,
+    statistics: Statistics,
+    /// Whether the equations of the stage have been analysed and that is counted.
+    analysed: bool,
+    integrator: Option<IntegratorRecord>,
+    /// Strain increments of the last step, for the staggered average; empty without neighbours.
+    strains: Vec<Vec<f64>>,
+    renewer: RenewerRecord,
+    /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
+    kept_matrix: Vec<f64>,
+    pairs: Vec<Pair>,
+}
+
+impl Checkpointed for Solver<'_> {
+    fn save(&self, archive: &mut Archive) {
+        let record = Record {
+            displacements: self.body.displacements.clone(),
+            points: self.points.records(),
+            last_increment: self.last_increment.clone(),
+            stage: self.stage as u64,
+            stage_start: self.stage_start.clone(),
+            load: self.load,
+            passed: self.passed,
+            arc_length: self.arc_length,
+            last_load_change: self.last_load_change,
+            step: self.step as u64,
+            size: self.size,
+            statistics: self.statistics.clone(),
+            analysed: self.linear.is_analysed(),
+            integrator: self.integrator.as_ref().map(Integrator::record),
+            strains: self.points.previous_strains(),
+            renewer: self.renewer.record(),
+            kept_matrix: if self.renewer.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
+            pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
+        };
+        archive.put(SECTION, VERSION, &record);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        let record: Record = archive.get(SECTION, VERSION)?;
+        copy(SECTION, &mut self.body.displacements, &record.displacements)?;
+        if let Some((increment, _)) = &record.last_increment
+            && increment.len() != self.body.displacements.len()
+        {
+            return Err(CheckpointError::unfit(SECTION, "the last increment is that of another mesh"));
+        }
+        self.points.restore(SECTION, record.points)?;
+        self.last_increment = record.last_increment;
+        (self.load, self.passed, self.size) = (record.load, record.passed, record.size);
+        (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);
+        let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));
+        (self.step, self.stage) = (number(record.step)?, number(record.stage)?);
+        if self.stage >= self.problem.stages.len() {
+            return Err(CheckpointError::unfit(SECTION, "it stands in a stage that the scene does not have"));
+        }
+        copy(SECTION, &mut self.stage_start, &record.stage_start)?;
+        self.statistics = record.statistics;
+        self.tangent_asked = self.stage().strategy.tangent;
+        self.body.settle();
+        self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
+        self.renewer.restore(record.renewer);
+        if !record.kept_matrix.is_empty() {
+            let again = self.linear.factorize_again(&record.kept_matrix);
+            if !again.map_err(|error| CheckpointError::unfit(SECTION, error))? {
+                return Err(CheckpointError::unfit(SECTION, "the kept stiffness is that of another mesh"));
+            }
+            self.renewer.keep_factors();
+        }
+        if let Some(memory) = &mut self.memory
+            && !memory.restore(record.pairs, self.constraints.free().len())
+        {
+            return Err(CheckpointError::unfit(SECTION, "the quasi-Newton pairs are those of another mesh"));
+        }
+        let counts = (self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
+        self.linear.count_from(counts, record.analysed);
+        self.points.restore_strains(SECTION, &record.strains)?;
+        self.restore_integrator(SECTION, record.integrator)
+    }
+}

@@ -1,0 +1,116 @@
+//! The ledger of energies of a dynamic run, and the monitor that stops an unstable one.
+//!
+//! Works are added up by the trapezium rule with the displacements of the steps, kinetic energy is that of the mean of the two
+//! half-step velocities (Belytschko, Liu and Moran 2000, section 6.2.3). The central difference method balances these to
+//! `sum m a^2 dt^2 / 8`, which is small as long as motions are resolved in time. A large residual alone may be the front of a sudden
+//! load or a motion that the step resolves coarsely: a stable mode near the limit has as much of it as an unstable one. What
+//! only an unstable mode does is to grow beyond everything that was supplied. A residual that stays large, instant after instant,
+//! says that the motion is not resolved in time: its result is not one to go on with either.
+
+use crate::observer::EnergyBalance;
+use serde::{Deserialize, Serialize};
+
+/// Forces of one instant, N, by degree of freedom.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Forces {
+    /// Of the stresses, without viscous ones.
+    pub(super) internal: Vec<f64>,
+    /// Of the hourglass control.
+    pub(super) hourglass: Vec<f64>,
+    /// Of viscous stresses, with the velocity of the half step before.
+    pub(super) viscous: Vec<f64>,
+    /// Of the loads.
+    pub(super) loads: Vec<f64>,
+    /// Of dampers at nodes, with the velocity of the instant.
+    pub(super) dashpots: Vec<f64>,
+    /// Of the supports; zero where nothing is prescribed.
+    pub(super) reactions: Vec<f64>,
+}
+
+impl Forces {
+    /// All of them.
+    pub(super) fn all(&self) -> [&Vec<f64>; 6] {
+        [&self.internal, &self.hourglass, &self.viscous, &self.loads, &self.dashpots, &self.reactions]
+    }
+}
+
+/// Adds up works and watches the balance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Monitor {
+    /// The ledger.
+    pub(super) balance: EnergyBalance,
+    tolerance: f64,
+    /// Instants in a row beyond the tolerance at which the run is stopped; 0: never.
+    patience: u64,
+    /// Instants in a row beyond the tolerance up to now.
+    in_a_row: u64,
+    /// What the accelerations of the start take from the balance for good, J.
+    left_by_start: f64,
+    /// Largest energy that loads, supports and stresses have supplied so far, J.
+    supplied: f64,
+}
+
+/// Why the monitor stops a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Excess {
+    /// The body holds far more energy than it was given, or something is no number.
+    Unstable,
+    /// The residual has been beyond the tolerance for too many instants in a row.
+    Unresolved,
+}
+
+/// Largest energy over what was supplied at which a run is stopped. A stable mode with `x = (w dt / 2)^2` reaches `1 / (1 - x)`:
+/// 5 at 0.9 of the critical step, 500 at 0.999 of it.
+const AMPLIFICATION: f64 = 1e3;
+
+impl Monitor {
+    /// An empty ledger.
+    pub(super) fn new(tolerance: f64, patience: u64) -> Self {
+        Self {
+            balance: EnergyBalance::default(),
+            tolerance,
+            patience,
+            in_a_row: 0,
+            left_by_start: 0.0,
+            supplied: 0.0,
+        }
+    }
+
+    /// The kinetic energy at the start, J, and `sum m a^2 dt^2 / 8`, by which its accelerations set off the balance for good.
+    pub(super) fn start(&mut self, kinetic: f64, left_by_start: f64) {
+        self.left_by_start = left_by_start;
+        self.balance.kinetic = kinetic;
+        self.balance.initial_kinetic = kinetic;
+        self.balance.close();
+    }
+
+    /// Closes a step with the displacements `path` (m) between two instants and the kinetic energy (J) at the second.
+    pub(super) fn step(&mut self, path: &[f64], before: &Forces, after: &Forces, kinetic: f64) {
+        let work = |from: &[f64], to: &[f64]| -> f64 {
+            path.iter().zip(from).zip(to).map(|((path, from), to)| 0.5 * path * (from + to)).sum()
+        };
+        let balance = &mut self.balance;
+        balance.internal += work(&before.internal, &after.internal);
+        balance.hourglass += work(&before.hourglass, &after.hourglass);
+        balance.damping += work(&before.viscous, &after.viscous) + work(&before.dashpots, &after.dashpots);
+        balance.external += work(&before.loads, &after.loads) + work(&before.reactions, &after.reactions);
+        balance.kinetic = kinetic;
+        balance.close();
+        let supplied = balance.initial_kinetic + balance.external.abs() + (-balance.internal).max(0.0);
+        self.supplied = self.supplied.max(supplied);
+        let unresolved = (balance.residual() + self.left_by_start).abs() > self.tolerance * balance.largest;
+        self.in_a_row = if unresolved { self.in_a_row + 1 } else { 0 };
+        balance.excess_steps += u64::from(self.in_a_row > 0);
+        balance.longest_excess = balance.longest_excess.max(self.in_a_row);
+    }
+
+    /// What is wrong with the balance, if anything.
+    pub(super) fn excess(&self) -> Option<Excess> {
+        let ratio = self.balance.relative_residual();
+        let grows = ratio > self.tolerance && self.balance.largest > AMPLIFICATION * self.supplied;
+        if grows || !ratio.is_finite() {
+            return Some(Excess::Unstable);
+        }
+        (self.patience > 0 && self.in_a_row >= self.patience).then_some(Excess::Unresolved)
+    }
+}

@@ -1,0 +1,95 @@
+//! What of a dynamic stage goes into a checkpoint: everything that a later step can see.
+
+use super::dashpots::Dashpots;
+use super::energy::{Forces, Monitor};
+use super::integrator::{Integrator, Specimen};
+use crate::checkpoint::CheckpointError;
+use crate::model::assembly::isotropic::Isotropic;
+use crate::model::assembly::viscosity::Viscosity;
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+/// A dynamic stage after a reported instant.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct IntegratorRecord {
+    stiffness: Vec<Isotropic>,
+    scale_factors: Vec<f64>,
+    masses: Vec<f64>,
+    added_mass: f64,
+    step: f64,
+    origin: (f64, u64),
+    done: u64,
+    total: u64,
+    ahead: Vec<f64>,
+    velocity: Vec<f64>,
+    acceleration: Vec<f64>,
+    forces: Forces,
+    hourglass_energy: f64,
+    monitor: Monitor,
+}
+
+impl Integrator {
+    /// What a checkpoint keeps.
+    pub(crate) fn record(&self) -> IntegratorRecord {
+        IntegratorRecord {
+            stiffness: self.stiffness.clone(),
+            scale_factors: self.scale_factors.clone(),
+            masses: self.masses.clone(),
+            added_mass: self.added_mass,
+            step: self.step,
+            origin: self.origin,
+            done: self.done,
+            total: self.total,
+            ahead: self.ahead.clone(),
+            velocity: self.velocity.clone(),
+            acceleration: self.acceleration.clone(),
+            forces: self.forces.clone(),
+            hourglass_energy: self.hourglass_energy,
+            monitor: self.monitor.clone(),
+        }
+    }
+
+    /// Goes on from a record; body, points and loads are those of the checkpoint already.
+    ///
+    /// # Errors
+    /// The record is that of another mesh.
+    pub(crate) fn restore(
+        section: &str,
+        record: IntegratorRecord,
+        specimen: &Specimen<'_>,
+    ) -> Result<Self, CheckpointError> {
+        let (points, nodes) = (specimen.points.all().len(), specimen.problem.mesh.nodes.len());
+        let freedoms = specimen.body.displacements.len();
+        let by_freedom = [&record.ahead, &record.velocity, &record.acceleration];
+        let fits = by_freedom.into_iter().chain(record.forces.all()).all(|values| values.len() == freedoms)
+            && record.stiffness.len() == points
+            && record.masses.len() == nodes
+            && record.scale_factors.len() == specimen.problem.mesh.elements.len();
+        if !fits {
+            return Err(CheckpointError::unfit(section, "the dynamic stage is that of another mesh"));
+        }
+        let settings = specimen.settings;
+        let dashpots = Dashpots::of_stage(specimen, &record.stiffness);
+        let ties = specimen.ties(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
+        Ok(Self {
+            viscosity: Viscosity::new(settings.damping, settings.viscosity, settings.density),
+            dashpots,
+            ties,
+            stiffness: record.stiffness,
+            scale_factors: record.scale_factors,
+            masses: record.masses,
+            added_mass: record.added_mass,
+            step: record.step,
+            origin: record.origin,
+            done: record.done,
+            total: record.total,
+            ahead: record.ahead,
+            velocity: record.velocity,
+            acceleration: record.acceleration,
+            forces: record.forces,
+            hourglass_energy: record.hourglass_energy,
+            monitor: record.monitor,
+            gradients: vec![Matrix3::zeros(); points],
+        })
+    }
+}

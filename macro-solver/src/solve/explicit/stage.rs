@@ -1,0 +1,132 @@
+//! A dynamic stage among the stages of a run: what the integrator moves, and what is told about it.
+
+use crate::checkpoint::CheckpointError;
+use crate::model::body::by_node;
+use crate::observer::{DynamicsView, FieldsView, Outcome, StepReport};
+use crate::problem::Procedure;
+use crate::problem::dynamics::DynamicSettings;
+use crate::solve::driver::{Counters, Session, Solver};
+use crate::solve::explicit::{Integrator, IntegratorRecord, Specimen};
+
+impl Solver<'_> {
+    /// Follows the motion to the end of the stage. Steps of the run are its reports; a checkpoint is kept with each.
+    pub(in crate::solve) fn integrate(
+        &mut self,
+        settings: &DynamicSettings,
+        session: &mut Session<'_>,
+    ) -> Result<(), Outcome> {
+        let mut integrator = match self.integrator.take() {
+            Some(under_way) => under_way,
+            None => self.begin(settings, session)?,
+        };
+        let (mut counters, mut reported) = (Counters::of(&self.statistics), integrator.done());
+        while !integrator.is_done() {
+            integrator.advance(&mut self.specimen(settings), session.material)?;
+            if integrator.is_reported(settings.reporting) {
+                self.step += 1;
+                integrator = self.report(integrator, reported, &counters, session)?;
+                (counters, reported) = (Counters::of(&self.statistics), integrator.done());
+                self.points.start_step();
+                self.integrator = Some(integrator);
+                self.keep(session);
+                integrator = self.integrator.take().expect("just put there");
+            }
+        }
+        self.integrator = Some(integrator);
+        Ok(())
+    }
+
+    /// Starts the integrator; a run that begins with it reports its first instant as step 0.
+    fn begin(&mut self, settings: &DynamicSettings, session: &mut Session<'_>) -> Result<Integrator, Outcome> {
+        let counters = Counters::of(&self.statistics);
+        let carried = self.carried_velocity.take();
+        let mut integrator = Integrator::start(&mut self.specimen(settings), carried, session.material)?;
+        if self.stage == 0 {
+            integrator = self.report(integrator, 0, &counters, session)?;
+            self.integrator = Some(integrator);
+            self.keep(session);
+            integrator = self.integrator.take().expect("just put there");
+        }
+        Ok(integrator)
+    }
+
+    fn specimen<'s>(&'s mut self, settings: &'s DynamicSettings) -> Specimen<'s> {
+        Specimen {
+            problem: self.problem,
+            stage: &self.problem.stages[self.stage],
+            settings,
+            body: &mut self.body,
+            points: &mut self.points,
+            constraints: &self.constraints,
+            loads: &self.loads,
+            statistics: &mut self.statistics,
+        }
+    }
+
+    /// Tells the state of the instant; `reported` is the number of the instant told before.
+    fn report(
+        &mut self,
+        integrator: Integrator,
+        reported: u64,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<Integrator, Outcome> {
+        let load = integrator.load(self.stage());
+        let report = StepReport {
+            step: self.step,
+            stage: self.stage,
+            load,
+            time: self.problem.begin_of(self.stage) + self.moment(load).time,
+            share: (self.stage as f64 + load) / self.problem.stages.len() as f64,
+            size: load - self.load,
+            iterations: usize::try_from(integrator.done() - reported).unwrap_or(usize::MAX),
+            evaluations: self.statistics.evaluations - before.evaluations,
+            skipped: self.statistics.skipped - before.skipped,
+            cut_backs: 0,
+            creep: 0,
+            force_ratio: 0.0,
+            displacement_ratio: 0.0,
+            flags: self.points.flags(),
+        };
+        self.load = load;
+        let fields = self.fields(integrator.gradients(), integrator.reactions(), integrator.loads());
+        let dimension = self.body.mesh().dimension.count();
+        let (added_mass, mass) = integrator.added_mass();
+        let view = FieldsView {
+            mesh: self.body.mesh(),
+            displacements: &fields.displacements,
+            reactions: &fields.reactions,
+            loads: &fields.loads,
+            hourglass_energy: integrator.hourglass_energy(),
+            dynamics: Some(DynamicsView {
+                velocities: &by_node(dimension, integrator.velocity()),
+                accelerations: &by_node(dimension, integrator.acceleration()),
+                energy: integrator.energy(),
+                time_step: integrator.step(),
+                added_mass,
+                mass,
+            }),
+            points: &fields.points,
+            statistics: &self.statistics,
+        };
+        session.observer.accepted(&report, &view).map_err(Outcome::Stopped)?;
+        Ok(integrator)
+    }
+
+    /// Takes up the integrator of a checkpoint; everything else of the solver has been.
+    pub(in crate::solve) fn restore_integrator(
+        &mut self,
+        section: &str,
+        record: Option<IntegratorRecord>,
+    ) -> Result<(), CheckpointError> {
+        let Some(record) = record else { return Ok(()) };
+        let Procedure::Dynamic(settings) = &self.problem.stages[self.stage].procedure else {
+            return Err(CheckpointError::unfit(
+                section,
+                "it stands in a dynamic stage, which the scene does not have",
+            ));
+        };
+        self.integrator = Some(Integrator::restore(section, record, &self.specimen(settings))?);
+        Ok(())
+    }
+}

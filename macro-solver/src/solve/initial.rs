@@ -1,0 +1,48 @@
+//! The check of the stress that the points start with, before anything is moved.
+
+use super::driver::Solver;
+use super::newton::Evaluated;
+use crate::problem::{ForceMeasure, InitialState};
+
+impl Solver<'_> {
+    /// Books how far the initial stress is from balance and from what is expected.
+    ///
+    /// # Errors
+    /// A limit of the problem is passed; the reason with its remedy.
+    pub(super) fn check_initial_state(&mut self, start: &Evaluated) -> Result<(), String> {
+        self.statistics.initial_imbalance = start.ratio(ForceMeasure::Largest);
+        self.statistics.initial_deviation = self.initial_deviation();
+        let InitialState { largest_deviation, largest_imbalance, .. } = self.problem.initial;
+        let (imbalance, deviation) = (self.statistics.initial_imbalance, self.statistics.initial_deviation);
+        if largest_deviation.is_some_and(|limit| deviation > limit) {
+            return Err(format!(
+                "the points start with a stress that differs by {deviation:.2e} of the largest expected component from \
+                 what initial_stress expects; take packings prepared at the stress of their place, or allow more"
+            ));
+        }
+        if largest_imbalance.is_some_and(|limit| imbalance > limit) {
+            return Err(format!(
+                "the initial stress is out of balance by {imbalance:.2e} of the loads and reactions; let the loads of the \
+                 first step be those that the packings were prepared under, or allow more and let step 0 equilibrate it"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Largest deviation of the initial stress from what is expected, over the largest component expected; 0 if nothing is.
+    fn initial_deviation(&self) -> f64 {
+        let Some(expected) = &self.problem.initial.expected else { return 0.0 };
+        let axes = self.body.mesh().dimension.count();
+        let (mut deviation, mut largest) = (0.0f64, 0.0f64);
+        for (number, point) in self.points.all().iter().enumerate() {
+            let wanted = expected.at(self.body.place(number, &self.body.mesh().nodes));
+            for i in 0..axes {
+                for j in 0..axes {
+                    largest = largest.max(wanted[(i, j)].abs());
+                    deviation = deviation.max((point.response.stress[(i, j)] - wanted[(i, j)]).abs());
+                }
+            }
+        }
+        if deviation == 0.0 { 0.0 } else { deviation / largest }
+    }
+}

@@ -1,0 +1,151 @@
+//! When tangents are asked for, and when the global matrix is factorized with them.
+
+use crate::problem::Renewal;
+use protocol::TangentKind;
+use serde::{Deserialize, Serialize};
+
+/// Keeps count of the tangents in use.
+#[derive(Clone, Debug)]
+pub(in crate::solve) struct Renewer {
+    renewal: Renewal,
+    /// Whether point tangents change between renewals, by secant corrections.
+    corrected: bool,
+    /// The next evaluation asks for tangents.
+    due: bool,
+    /// Tangents have come that no factorization has seen.
+    fresh: bool,
+    /// Iterations since the factorization.
+    uses: usize,
+    last_residual: Option<f64>,
+}
+
+/// What of it outlives a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::solve) struct RenewerRecord {
+    due: bool,
+    uses: u64,
+}
+
+impl Renewer {
+    pub(in crate::solve) fn new(renewal: Renewal, corrected: bool) -> Self {
+        Self { renewal, corrected, due: true, fresh: true, uses: 0, last_residual: None }
+    }
+
+    /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
+    pub(in crate::solve) fn started(&mut self, suffices: bool) {
+        self.due = !(suffices && self.renewal == Renewal::Once);
+    }
+
+    /// Kind to ask for at the next evaluation.
+    pub(in crate::solve) fn kind(&self, wanted: TangentKind) -> TangentKind {
+        if self.due { wanted } else { TangentKind::None }
+    }
+
+    /// Whether the global matrix is to be factorized at the iterate just evaluated.
+    pub(in crate::solve) fn factorizes(&self) -> bool {
+        self.fresh || self.corrected || self.renewal == Renewal::Always
+    }
+
+    /// An attempt begins; `again` after a failed one.
+    pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
+        self.last_residual = None;
+        self.due |= again || matches!(self.renewal, Renewal::Always | Renewal::EachStep);
+    }
+
+    /// All points have answered.
+    pub(in crate::solve) fn evaluated(&mut self) {
+        self.fresh |= self.due;
+        self.due = self.renewal == Renewal::Always;
+    }
+
+    /// The global matrix has been factorized.
+    pub(in crate::solve) fn factorized(&mut self) {
+        self.fresh = false;
+        self.uses = 0;
+    }
+
+    /// Judges the tangents in use by the out-of-balance force of an accepted iterate.
+    pub(in crate::solve) fn judge(&mut self, residual: f64) {
+        self.uses += 1;
+        if let Renewal::WhenSlow { contraction, most_uses } = self.renewal {
+            let slow = self.last_residual.is_some_and(|last| residual > contraction * last);
+            // Tangents that this very iterate has brought are as good as they get.
+            self.due |= !self.fresh && (slow || self.uses >= most_uses);
+        }
+        self.last_residual = Some(residual);
+    }
+
+    pub(in crate::solve) fn record(&self) -> RenewerRecord {
+        RenewerRecord { due: self.due, uses: self.uses as u64 }
+    }
+
+    pub(in crate::solve) fn restore(&mut self, record: RenewerRecord) {
+        self.due = record.due;
+        self.uses = usize::try_from(record.uses).unwrap_or(usize::MAX);
+    }
+
+    /// Whether the next step may use the factors in place.
+    pub(in crate::solve) fn keeps_factors(&self) -> bool {
+        self.renewal.keeps() && !self.fresh
+    }
+
+    /// The factors of an earlier process are in place again.
+    pub(in crate::solve) fn keep_factors(&mut self) {
+        self.fresh = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WANTED: TangentKind = TangentKind::TrussLike;
+
+    /// Kinds asked for over evaluations with these residuals, all within one attempt.
+    fn asked(renewal: Renewal, residuals: &[f64]) -> String {
+        let mut renewer = Renewer::new(renewal, false);
+        renewer.started(true);
+        let mut letters = String::new();
+        for attempt in 0..2 {
+            renewer.begin_attempt(false);
+            for &residual in residuals {
+                let asks = renewer.kind(WANTED) == WANTED;
+                renewer.evaluated();
+                renewer.judge(residual);
+                let factorizes = renewer.factorizes();
+                letters.push(if asks { 'T' } else { 's' });
+                if factorizes {
+                    renewer.factorized();
+                    letters.push('F');
+                }
+            }
+            letters.push(if attempt == 0 { ' ' } else { '.' });
+        }
+        letters
+    }
+
+    #[test]
+    fn tangents_are_asked_for_as_the_rule_says() {
+        assert_eq!(asked(Renewal::Always, &[1.0, 0.1]), "TFTF TFTF.");
+        assert_eq!(asked(Renewal::EachStep, &[1.0, 0.1, 0.01]), "TFss TFss.");
+        assert_eq!(asked(Renewal::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
+        assert_eq!(asked(Renewal::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
+        assert_eq!(asked(Renewal::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
+        let short = Renewal::WhenSlow { contraction: 0.5, most_uses: 2 };
+        assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
+    }
+
+    #[test]
+    fn a_failed_attempt_renews_and_corrected_tangents_are_always_factorized() {
+        let mut renewer = Renewer::new(Renewal::Once, true);
+        assert_eq!(renewer.kind(WANTED), WANTED);
+        renewer.started(true);
+        renewer.begin_attempt(false);
+        assert_eq!(renewer.kind(WANTED), TangentKind::None);
+        renewer.evaluated();
+        renewer.factorized();
+        assert!(renewer.factorizes());
+        renewer.begin_attempt(true);
+        assert_eq!(renewer.kind(WANTED), WANTED);
+    }
+}

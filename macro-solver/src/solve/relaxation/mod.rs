@@ -1,0 +1,195 @@
+//! One attempt at one load step by dynamic relaxation.
+//!
+//! Every iterate is evaluated from the committed state. Erratum: [Liu2018] feeds each transient iterate to a material that
+//! remembers its path; here only the equilibrium is committed, so the detours of the motion leave no trace.
+
+mod motion;
+
+use super::driver::{Session, Solver, timed};
+use super::linear_solver::norm;
+use super::newton::{Converged, Evaluated};
+use crate::element::mass::{Lumping, lumped_masses};
+use crate::model::assembly::balance::Balance;
+use crate::model::assembly::forces::{ElementLaws, Motion};
+use crate::model::assembly::viscosity::Viscosity;
+use crate::model::failure::Failure;
+use crate::model::stable_step::limits;
+use crate::observer::IterationReport;
+use crate::problem::relaxation::{RelaxationForm, RelaxationSettings};
+use crate::problem::{ForceMeasure, Predictor};
+use motion::Relaxation;
+use nalgebra::Matrix3;
+use protocol::TangentKind;
+
+impl Solver<'_> {
+    /// Tries to reach `load` from the committed state.
+    pub(super) fn relax(
+        &mut self,
+        settings: &RelaxationSettings,
+        load: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        let (masses, highest) = self.relaxation_masses(session)?;
+        let is_free: Vec<bool> = (0..masses.len()).map(|dof| self.constraints.unknown(dof).is_some()).collect();
+        let mut relaxation = Relaxation::new(settings, &masses, &is_free, highest);
+        let mut iterate = self.first_iterate(load);
+        self.fix_relaxation_ramps(&iterate);
+        let tolerance = self.stage().tolerances.force;
+        let mut last = String::new();
+        let mut change = self.body.zero();
+        let mut before = self.body.zero();
+        for iteration in 1..=settings.max_iterations {
+            self.statistics.iterations += 1;
+            let evaluated = self.evaluate_forces(&iterate, load, session)?;
+            match settings.form {
+                RelaxationForm::Corrected if iteration == 1 => {}
+                RelaxationForm::Corrected => {
+                    relaxation.observe(&change, &difference(&self.balance.internal, &before))
+                }
+                RelaxationForm::AsPrinted => {
+                    relaxation.observe(&sum(&self.body.displacements, &iterate), &self.balance.internal);
+                }
+            }
+            before.clone_from(&self.balance.internal);
+            let force_ratio = evaluated.ratio(ForceMeasure::Largest);
+            last = format!("out-of-balance {force_ratio:.2e}, kinetic energy {:.2e}", relaxation.kinetic_ratio());
+            if !force_ratio.is_finite() {
+                return Err(Failure::Attempt(format!("the motion grew without bound in iteration {iteration}")));
+            }
+            if iteration > 1 && relaxation.is_settled(force_ratio <= tolerance) {
+                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                self.tell(load, iteration, evaluated.asked, force_ratio, displacement_ratio, session);
+                return Ok(Converged {
+                    increment: iterate,
+                    load,
+                    iterations: iteration,
+                    force_ratio,
+                    displacement_ratio,
+                });
+            }
+            let ratio = relaxation.step_ratio();
+            if ratio > 1.0 {
+                return Err(Failure::Attempt(format!(
+                    "iteration {iteration} asks for {ratio:.2} times the critical time step, so the motion would grow without \
+                     bound: the printed form takes one frequency for damping and step; use form = \"corrected\""
+                )));
+            }
+            change = relaxation.advance(&self.balance.residual());
+            iterate = sum(&iterate, &change);
+        }
+        Err(Failure::Attempt(format!("not at rest after {} iterations: {last}", settings.max_iterations)))
+    }
+
+    /// Masses of all degrees of freedom for a mass density of 1 kg/m3, and the bound of the frequencies with them, rad/s. Every point
+    /// is asked for its elastic tangent at the committed state.
+    fn relaxation_masses(&mut self, session: &mut Session<'_>) -> Result<(Vec<f64>, f64), Failure> {
+        self.ask(&self.body.zero(), TangentKind::TrussLike, session)?;
+        let (mesh, dimension) = (self.body.mesh(), self.body.mesh().dimension.count());
+        let mut by_element = Vec::with_capacity(mesh.elements.len());
+        let mut masses = self.body.zero();
+        for (element, nodes) in mesh.elements.iter().enumerate() {
+            let positions = mesh.element_positions(element);
+            let own = lumped_masses(mesh.kinds[element], &positions, 1.0, Lumping::Hrz)
+                .expect("masses in proportion to squares are positive");
+            for (&node, mass) in nodes.iter().zip(&own) {
+                (0..dimension).for_each(|axis| masses[dimension * node + axis] += mass);
+            }
+            by_element.push(own);
+        }
+        let limits = limits(&self.element_laws(), &self.constraints, &by_element);
+        Ok((masses, limits.iter().map(|limits| limits.frequency).fold(0.0, f64::max)))
+    }
+
+    /// Prescribed components are exact; the free ones repeat the last step, or stay where they are.
+    fn first_iterate(&self, load: f64) -> Vec<f64> {
+        let moment = self.moment(load);
+        let repeats = self.stage().strategy.predictor == Predictor::Linear;
+        let last = self.last_increment.as_ref().filter(|_| repeats);
+        (0..self.body.displacements.len())
+            .map(|dof| match (self.constraints.prescribed(dof, moment), last) {
+                (Some(prescribed), _) => prescribed - self.body.displacements[dof],
+                (None, Some((increment, size))) => increment[dof] * ((load - self.load) / size),
+                (None, None) => 0.0,
+            })
+            .collect()
+    }
+
+    /// Fixes the ramps: by the repeated step, or all alike by the mean strain that the supports impose, since the first
+    /// iterate then strains their neighbourhood alone.
+    fn fix_relaxation_ramps(&mut self, iterate: &[f64]) {
+        let gradients = self.body.gradients(iterate);
+        if self.last_increment.is_some() {
+            self.points.fix_ramps(&gradients);
+            return;
+        }
+        let imposed = iterate.iter().fold(0.0, |largest: f64, value| largest.max(value.abs())) / self.body.extent();
+        self.points.fix_ramps(&vec![Matrix3::identity() * imposed; gradients.len()]);
+    }
+
+    /// Evaluates all points at an iterate and assembles forces alone.
+    fn evaluate_forces(
+        &mut self,
+        iterate: &[f64],
+        load: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Evaluated, Failure> {
+        let asked = self.ask(iterate, TangentKind::None, session)?;
+        let positions = self.body.positions(iterate);
+        let mut assembling = 0;
+        self.balance = timed(&mut assembling, || {
+            let displacements = sum(&self.body.displacements, iterate);
+            let forces = self.element_laws().forces(Motion {
+                geometry: &self.body.integration_geometry(&positions),
+                displacements: &displacements,
+                velocity: &self.body.zero(),
+            });
+            Balance {
+                internal: sum(&forces.internal, &forces.hourglass),
+                external: self.loads.force(&positions, self.moment(load)),
+                blocks: Vec::new(),
+                hourglass_energy: forces.hourglass_energy,
+            }
+        });
+        self.statistics.assembly_nanoseconds += assembling;
+        Ok(self.evaluated(asked))
+    }
+
+    fn element_laws(&self) -> ElementLaws<'_> {
+        ElementLaws {
+            body: &self.body,
+            points: &self.points,
+            stiffness: &[],
+            viscosity: Viscosity::NONE,
+            densities: &[],
+            hourglass: self.problem.hourglass,
+        }
+    }
+
+    fn tell(
+        &self,
+        load: f64,
+        iteration: usize,
+        evaluations: u64,
+        force_ratio: f64,
+        displacement_ratio: f64,
+        session: &mut Session<'_>,
+    ) {
+        session.observer.iterated(&IterationReport {
+            step: self.step,
+            load,
+            iteration,
+            evaluations,
+            force_ratio,
+            displacement_ratio: Some(displacement_ratio),
+            turned_down: false,
+        });
+    }
+}
+
+fn sum(first: &[f64], second: &[f64]) -> Vec<f64> {
+    first.iter().zip(second).map(|(first, second)| first + second).collect()
+}
+
+fn difference(first: &[f64], second: &[f64]) -> Vec<f64> {
+    first.iter().zip(second).map(|(first, second)| first - second).collect()
+}

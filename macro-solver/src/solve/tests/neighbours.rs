@@ -1,0 +1,78 @@
+//! Averages over neighbours as the points are asked for them: through periodic faces, and with ramps as long as the averages.
+
+use super::*;
+use crate::formulation::Formulation;
+use crate::model::points::Points;
+use crate::nonlocal::NonlocalSettings;
+use crate::observer::Statistics;
+use crate::problem::dynamics::DynamicSettings;
+use crate::problem::{Link, Procedure};
+use nalgebra::Matrix3;
+use protocol::TangentKind;
+
+const ELEMENTS: usize = 8;
+
+/// Trials of a strip of which one point is strained by 1e-4, with one ramp step for each 1e-6.
+fn asked(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial> {
+    let mut problem = Problem::new(block(ElementKind::Q4Single, ELEMENTS, 1), Vec::new());
+    problem.formulation = Formulation::Corotational;
+    problem.strain_per_step = 1e-6;
+    problem.nonlocal = Some(NonlocalSettings { radius, ..NonlocalSettings::default() });
+    problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(1e3)));
+    problem.stages[0].conditions.push(Condition::fixed("bottom", Axis::Y).into());
+    if is_periodic {
+        let link = Link::Periodic { from: "left".into(), to: "right".into(), jump: [None, Some(0.0), None] };
+        problem.stages[0].conditions.push(Condition::Linked(link).into());
+    }
+    problem.validate().unwrap();
+    let mut points = Points::new(&problem);
+    let mut gradients = vec![Matrix3::zeros(); ELEMENTS];
+    gradients[strained][(1, 1)] = -1e-4;
+    let mut spy = Spy::new(elastic(ElasticLaw::SmallStrain, &problem));
+    points.fix_ramps(&gradients);
+    points
+        .evaluate(
+            &gradients,
+            TangentKind::None,
+            &mut spy,
+            &mut Statistics { evaluations_per_point: vec![0; ELEMENTS], ..Statistics::default() },
+        )
+        .unwrap();
+    spy.trials.remove(0)
+}
+
+#[test]
+fn averages_reach_through_periodic_faces() {
+    let seen = |is_periodic, strained| {
+        asked(1.5, is_periodic, strained).iter().map(|trial| trial.target.get(1, 1)).collect::<Vec<f64>>()
+    };
+    let (open, closed) = (seen(false, 0), seen(true, 0));
+    assert!(open[1] < 0.0 && open[ELEMENTS - 1] == 0.0, "{open:?}");
+    assert!((closed[ELEMENTS - 1] / closed[1] - 1.0).abs() < 1e-12, "{closed:?}");
+    // Every point of a ring is an inner one.
+    let inner = seen(true, 3);
+    assert!(
+        (closed[0] / inner[3] - 1.0).abs() < 1e-12 && (closed[1] / inner[4] - 1.0).abs() < 1e-12,
+        "{closed:?} {inner:?}"
+    );
+    // A neighbourhood that is wider than the period meets the same points again.
+    let whole: f64 = seen(true, 3).iter().sum();
+    let wide: Vec<f64> = asked(40.0, true, 3).iter().map(|trial| trial.target.get(1, 1)).collect();
+    assert!((wide.iter().sum::<f64>() / whole - 1.0).abs() < 1e-3, "an average keeps the sum: {wide:?}");
+    assert!(wide.iter().all(|value| (value * 8.0 / whole - 1.0).abs() < 0.05), "{wide:?}");
+}
+
+#[test]
+fn ramps_are_as_fine_as_the_averages_want_them() {
+    for trial in asked(2.5, false, 3) {
+        let largest = trial.target.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+        let per_step = largest / f64::from(trial.ask.ramp_steps);
+        assert!(per_step <= 1.5e-6, "point {}: {per_step:e} in a ramp step", trial.point);
+        assert!(
+            trial.ask.ramp_steps == 1 || per_step > 0.6e-6,
+            "point {}: {} steps",
+            trial.point,
+            trial.ask.ramp_steps
+        );
+    }
+}

@@ -1,0 +1,72 @@
+//! S-8: tangents full of noise, at a point that softens.
+
+use super::stabilisation::{pulled, weak_at_the_bottom};
+use super::*;
+use crate::material::damage::DamageMaterial;
+use crate::observer::Outcome;
+use crate::problem::NamedStrategy;
+
+/// Spoils every tangent it hands on, as probes of a cell spoil theirs next to events among its grains.
+struct Noisy {
+    inner: DamageMaterial,
+    /// Largest share by which a component is off.
+    share: f64,
+    /// State of the generator.
+    state: u64,
+}
+
+impl Noisy {
+    fn new(share: f64, seed: u64) -> Self {
+        Self { inner: weak_at_the_bottom(), share, state: seed }
+    }
+
+    /// Between -1 and 1.
+    fn number(&mut self) -> f64 {
+        self.state = self.state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+impl PointMaterial for Noisy {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        let mut answers = self.inner.evaluate(trials)?;
+        for answer in &mut answers {
+            let Some(tangent) = answer.tangent.as_mut() else { continue };
+            for component in &mut tangent.0 {
+                *component *= 1.0 + self.share * self.number();
+            }
+        }
+        Ok(answers)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.inner.commit()
+    }
+
+    fn rollback(&mut self) {
+        self.inner.rollback();
+    }
+}
+
+/// Whatever the noise, through the peak, the snap and the softening after it the run ends in the state that exact tangents give,
+/// with numbers all the way; what it took is counted.
+#[test]
+fn noisy_tangents_cost_iterations_and_not_the_answer() {
+    let mut exact = weak_at_the_bottom();
+    let (plain, _) = run(&pulled(1e-2), &mut exact);
+    assert!(matches!(plain.outcome, Outcome::Completed), "{:?}", plain.outcome);
+    for strategy in [NamedStrategy::Newton, NamedStrategy::ModifiedNewton] {
+        for (share, seed) in [(0.1, 1), (0.3, 2), (0.5, 3), (0.5, 4)] {
+            let mut problem = pulled(1e-2);
+            problem.stages[0].strategy = strategy.preset();
+            let mut material = Noisy::new(share, seed);
+            let (run, recorder) = run(&problem, &mut material);
+            assert!(matches!(run.outcome, Outcome::Completed), "{strategy:?} {share} {seed}: {:?}", run.outcome);
+            let ratio = material.inner.largest_strain(0) / exact.largest_strain(0);
+            assert!((ratio - 1.0).abs() < 1e-6, "{strategy:?} {share} {seed}: {ratio}");
+            assert!(recorder.iterations.iter().all(|report| report.force_ratio.is_finite()));
+            assert!(recorder.points.iter().all(|point| point.stress.0.iter().all(|value| value.is_finite())));
+            assert!(run.statistics.cut_backs + run.statistics.stabilised_steps > 0, "{strategy:?} {share} {seed}");
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Through snaps: bars whose weakest cell softens faster than the others unload.
+
+use super::*;
+use crate::formulation::Formulation;
+use crate::material::damage::{DamageLaw, DamageMaterial};
+use crate::observer::{Outcome, Stabilised};
+use crate::problem::Stabilisation;
+use protocol::RveError;
+
+const CELLS: usize = 6;
+
+/// Strain at which the weak cell softens.
+const THRESHOLD: f64 = 1e-3;
+
+/// Strain over which its stress falls by a factor of e: at first 2.5 times as fast as the others shorten while they unload.
+const SOFTENING: f64 = 2e-3;
+
+/// A column of unit cells in uniaxial strain.
+pub(crate) fn softening_column(loading: Condition) -> Problem {
+    let conditions = vec![
+        Condition::fixed("bottom", Axis::Y),
+        Condition::fixed("left", Axis::X),
+        Condition::fixed("right", Axis::X),
+        loading,
+    ];
+    let mut problem = Problem::new(block(ElementKind::Q4, 1, CELLS), conditions);
+    problem.formulation = Formulation::SmallStrain;
+    problem.stages[0].control.min = 1e-3;
+    problem.stages[0].control.max_iterations = 60;
+    problem.stages[0].tolerances = Tolerances::both(1e-8, 1e-8);
+    problem
+}
+
+pub(crate) fn pulled(by: f64) -> Problem {
+    softening_column(Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: by })
+}
+
+/// The lowest cell is weak.
+pub(crate) fn weak_at_the_bottom() -> DamageMaterial {
+    let law = |point| DamageLaw {
+        lambda: 1.0e7,
+        shear: 1.0e7,
+        threshold: if point < 4 { THRESHOLD } else { f64::INFINITY },
+        softening: SOFTENING,
+    };
+    DamageMaterial::new((0..4 * CELLS).map(law).collect())
+}
+
+/// Strain of the weak cell on the far side of the snap, by bisection of the column's length.
+fn strain_beyond(pulled: f64) -> f64 {
+    let (mut low, mut high) = (THRESHOLD + SOFTENING * (2.5f64).ln(), pulled);
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        let others = THRESHOLD * (-(middle - THRESHOLD) / SOFTENING).exp();
+        if middle + (CELLS - 1) as f64 * others < pulled { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+#[derive(Default)]
+struct Watch(Vec<Stabilised>, Recorder);
+
+impl Observer for Watch {
+    fn iterated(&mut self, report: &IterationReport) {
+        self.1.iterated(report);
+    }
+
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        self.1.accepted(report, fields)
+    }
+
+    fn stabilised(&mut self, event: &Stabilised) {
+        self.0.push(event.clone());
+    }
+}
+
+/// The end of the prescribed path is reached on the far branch of the closed form; what happened is told and counted.
+#[test]
+fn a_snap_under_displacement_control_ends_on_the_far_branch() {
+    let problem = pulled(1e-2);
+    let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
+    let run = solve(&problem, &mut material, &mut watch);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let exact = strain_beyond(1e-2);
+    assert!((material.largest_strain(0) / exact - 1.0).abs() < 1e-6, "{} {exact}", material.largest_strain(0));
+    let [event] = &watch.0[..] else { panic!("{:?}", watch.0) };
+    assert_eq!((run.statistics.stabilised_steps, run.statistics.creep_increments), (1, event.increments as u64));
+    assert!(event.work > 0.0 && event.largest_imbalance > 1e-2 && event.increments < 60, "{event:?}");
+    let Watch(_, recorder) = watch;
+    let stabilised: Vec<&StepReport> = recorder.steps.iter().filter(|step| step.creep > 0).collect();
+    assert_eq!(stabilised.len(), 1);
+    assert!(stabilised[0].force_ratio < 1e-8 && (stabilised[0].load - 0.6).abs() < 0.05, "{stabilised:?}");
+    // The gradients of the step are those of the whole way.
+    let strain: f64 = recorder.points.iter().map(|point| point.deformation.get(1, 1) - 1.0).sum::<f64>() / 4.0;
+    assert!((strain / 1e-2 - 1.0).abs() < 1e-9, "{strain}");
+}
+
+/// Work that the drag takes is what the column gives up: the work of the supports less what is stored and lost.
+#[test]
+fn the_drag_takes_what_the_snap_sets_free() {
+    let problem = pulled(1e-2);
+    let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
+    solve(&problem, &mut material, &mut watch);
+    let stiffness = 3.0e7;
+    let stored = |weak: f64, others: f64| {
+        let integrity =
+            if weak <= THRESHOLD { 1.0 } else { THRESHOLD / weak * (-(weak - THRESHOLD) / SOFTENING).exp() };
+        0.5 * stiffness * (integrity * weak * weak + (CELLS - 1) as f64 * others * others)
+    };
+    let lost = DamageLaw { lambda: 1.0e7, shear: 1.0e7, threshold: THRESHOLD, softening: SOFTENING };
+    // The column is held at the length of the stabilised step, and begins it next to the threshold.
+    let length = 1e-2 * watch.0[0].load;
+    let after = strain_beyond(length);
+    let others = (length - after) / (CELLS - 1) as f64;
+    let released = stored(THRESHOLD, THRESHOLD) - stored(after, others) - lost.dissipation(after);
+    // The trapezium rule over the increments, and the load step itself.
+    // Increments are few, and the trapezium rule is what it is.
+    assert!((watch.0[0].work / released - 1.0).abs() < 0.1, "{} {released}", watch.0[0].work);
+}
+
+/// Under a force that the column cannot carry there is no balance to come to. What that took is counted all the same.
+#[test]
+fn a_collapse_is_told_from_a_snap() {
+    let traction = Condition::Traction { sides: "top".into(), value: [0.0, 1.1 * 3.0e7 * THRESHOLD, 0.0] };
+    let problem = softening_column(traction);
+    let (run, recorder) = run(&problem, &mut weak_at_the_bottom());
+    let Outcome::DidNotConverge { reason } = &run.outcome else { panic!("{:?}", run.outcome) };
+    assert!(reason.contains("stabilised: no balance after 100 increments"), "{reason}");
+    assert!(run.load < 1.0 && run.load > 0.85, "{}", run.load);
+    let statistics = &run.statistics;
+    assert_eq!(statistics.stabilised_steps, 0);
+    let creep = &recorder.iterations[recorder.iterations.len() - 100..];
+    let taken_back = creep.iter().filter(|report| report.turned_down).count() as u64;
+    assert_eq!(statistics.creep_increments + taken_back, 100);
+    assert_eq!(statistics.creep_evaluations, creep.iter().map(|report| report.evaluations).sum::<u64>());
+    assert!(statistics.creep_work > 0.0, "{}", statistics.creep_work);
+}
+
+/// Refuses targets beyond a limit, and counts how often.
+struct Timid {
+    inner: DamageMaterial,
+    limit: f64,
+    refused: usize,
+}
+
+impl PointMaterial for Timid {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        match trials.iter().find(|trial| size(trial) > self.limit) {
+            None => self.inner.evaluate(trials),
+            Some(trial) => {
+                self.refused += 1;
+                let reason = RveError::TargetTooLarge { norm: size(trial), limit: self.limit };
+                Err(MaterialError::Point { point: trial.point, reason })
+            }
+        }
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.inner.commit()
+    }
+
+    fn rollback(&mut self) {
+        self.inner.rollback();
+    }
+}
+
+/// An increment that a point refuses is taken back and made smaller, counted and told like any iterate that is turned down.
+#[test]
+fn increments_that_points_refuse_are_taken_back_and_counted() {
+    let mut problem = pulled(1e-2);
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+    let mut material = Timid { inner: weak_at_the_bottom(), limit: 4e-4, refused: 0 };
+    let mut watch = Watch::default();
+    let run = solve(&problem, &mut material, &mut watch);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let Watch(events, Recorder { iterations, .. }) = watch;
+    let refused = |reports: &[IterationReport]| {
+        reports.iter().filter(|report| report.turned_down && report.evaluations == 0).count()
+    };
+    assert_eq!(refused(&iterations), material.refused);
+    assert_eq!(run.statistics.turned_down, iterations.iter().filter(|report| report.turned_down).count() as u64);
+    // Creep begins to count iterations anew after the attempt that failed.
+    let snap = &events[0];
+    let of_step: Vec<IterationReport> = iterations.into_iter().filter(|report| report.step == snap.step).collect();
+    let creep = &of_step[of_step.iter().rposition(|report| report.iteration == 1).unwrap()..];
+    assert!(refused(creep) > 3, "{}", refused(creep));
+    assert_eq!(creep.iter().filter(|report| !report.turned_down).count(), snap.increments);
+    assert_eq!(creep.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
+    let increments: u64 = events.iter().map(|event| event.increments as u64).sum();
+    assert_eq!((run.statistics.stabilised_steps, run.statistics.creep_increments), (events.len() as u64, increments));
+}
+
+/// Without it a snap ends the run, as an honest failure; sooner, it saves the attempts with smaller steps.
+#[test]
+fn it_can_be_switched_off_and_on_earlier() {
+    let mut problem = pulled(1e-2);
+    let by_default = run(&problem, &mut weak_at_the_bottom()).0;
+    problem.stages[0].control.stabilisation = None;
+    let without = run(&problem, &mut weak_at_the_bottom()).0;
+    assert!(matches!(without.outcome, Outcome::DidNotConverge { .. }) && (without.load - 0.6).abs() < 0.05);
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+    let early = run(&problem, &mut weak_at_the_bottom()).0;
+    assert!(matches!(early.outcome, Outcome::Completed) && early.statistics.cut_backs == 1);
+    assert!(early.statistics.evaluations < by_default.statistics.evaluations);
+}

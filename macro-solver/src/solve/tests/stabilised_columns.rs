@@ -1,0 +1,192 @@
+//! Creep where nothing snaps: a column that remembers its way ends where Newton's method brings it, however many rows it
+//! has, and no increment on the way strains a point by more than the cap. And what the drag decides where something snaps.
+
+use super::stabilisation::{pulled, weak_at_the_bottom};
+use super::*;
+use crate::formulation::Formulation;
+use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
+use crate::material::elastic::isotropic_moduli;
+use crate::observer::{Outcome, Stabilised};
+use crate::problem::{Platen, Stabilisation};
+use nalgebra::Matrix3;
+use protocol::{Cost, Observed, Scalars, TangentKind, TrialFlags};
+
+const LAMBDA: f64 = 2.0e7;
+const SHEAR: f64 = 1.0e7;
+
+/// Yield stress and its growth with the plastic strain, as norms of deviators, Pa.
+const YIELD: f64 = 4.0e3;
+const HARDENING: f64 = 4.0e6;
+
+/// Cap on the change of a displacement gradient in one increment.
+const CAP: f64 = 1e-4;
+
+#[derive(Clone, Copy)]
+struct State {
+    stress: Matrix3<f64>,
+    plastic: f64,
+    /// Plastic work, J/m3.
+    lost: f64,
+}
+
+/// Mises plasticity with linear hardening in rate form: the work that it loses tells every detour. Remembers the largest
+/// component of any target that was committed.
+struct Plastic {
+    committed: Vec<State>,
+    trials: Vec<Option<(State, f64)>>,
+    largest: f64,
+}
+
+impl Plastic {
+    fn new(points: usize) -> Self {
+        let start = State { stress: Matrix3::zeros(), plastic: 0.0, lost: 0.0 };
+        Self { committed: vec![start; points], trials: vec![None; points], largest: 0.0 }
+    }
+
+    fn answer(&mut self, trial: &PointTrial) -> TrialAnswer {
+        let from = self.committed[trial.point];
+        let gradient = matrix(&trial.target);
+        let strain = 0.5 * (gradient + gradient.transpose());
+        let elastic = isotropic_moduli(LAMBDA, SHEAR);
+        let stress = from.stress + Matrix3::identity() * (LAMBDA * strain.trace()) + strain * (2.0 * SHEAR);
+        let deviator = stress - Matrix3::identity() * (stress.trace() / 3.0);
+        let excess = deviator.norm() - YIELD - HARDENING * from.plastic;
+        let (mut state, mut moduli) = (State { stress, ..from }, elastic);
+        if excess > 0.0 {
+            let direction = deviator / deviator.norm();
+            let slip = excess / (2.0 * SHEAR + HARDENING);
+            state.stress -= direction * (2.0 * SHEAR * slip);
+            state.plastic += slip;
+            state.lost += slip * (YIELD + HARDENING * (from.plastic + 0.5 * slip));
+            let along = column(&direction);
+            moduli -= along * along.transpose() * ((2.0 * SHEAR).powi(2) / (2.0 * SHEAR + HARDENING));
+        }
+        self.trials[trial.point] = Some((state, gradient.amax()));
+        TrialAnswer {
+            stress: tensor(&state.stress),
+            tangent: (trial.ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
+            scalars: Scalars::default(),
+            observed: Observed::default(),
+            cost: Cost::default(),
+            flags: TrialFlags::default(),
+        }
+    }
+}
+
+impl PointMaterial for Plastic {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+        Ok(trials.iter().map(|trial| self.answer(trial)).collect())
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trials) {
+            if let Some((state, size)) = trial.take() {
+                *committed = state;
+                self.largest = self.largest.max(size);
+            }
+        }
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.trials.fill(None);
+    }
+}
+
+/// A column of unit cells between smooth platens under a lateral pressure, shortened in one step by `strain`.
+fn column_of(kind: ElementKind, rows: usize, strain: f64) -> Problem {
+    let platen = |nodes: &str, displacement| Condition::Platen {
+        nodes: nodes.into(),
+        contact: Platen::Smooth,
+        axis: Axis::Y,
+        displacement,
+    };
+    let conditions =
+        vec![Condition::fixed("bottom_left", Axis::X), platen("bottom", 0.0), platen("top", -strain * rows as f64)];
+    let mut problem = Problem::new(block(kind, 1, rows), conditions);
+    problem.formulation = Formulation::SmallStrain;
+    let stage = &mut problem.stages[0];
+    (stage.control.increments, stage.control.max_iterations) = (1, 50);
+    stage.tolerances = Tolerances::both(1e-8, 1e-8);
+    stage.strategy.capped_change = CAP;
+    problem
+}
+
+#[test]
+fn creep_without_a_snap_ends_where_newton_does_for_any_number_of_rows() {
+    for (kind, strain) in [(ElementKind::Q4, 3e-4), (ElementKind::Q4, 1.03e-3), (ElementKind::Q8, 6e-4)] {
+        for rows in [2, 4, 8, 16] {
+            let mut problem = column_of(kind, rows, strain);
+            let solved = |problem: &Problem| {
+                let mut material = Plastic::new(problem.point_count());
+                let (run, record) = run(problem, &mut material);
+                assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {rows}: {:?}", run.outcome);
+                (run, record, material)
+            };
+            // What the steps' own increments would be, one cap each.
+            problem.stages[0].control.increments = (strain / CAP).ceil() as usize;
+            let (_, newton, plastic) = solved(&problem);
+            problem.stages[0].control.increments = 1;
+            problem.stages[0].control.max_iterations = 1;
+            problem.stages[0].control.stabilisation =
+                Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+            let (run, crept, yielded) = solved(&problem);
+            let what = format!("{kind:?}, {rows} rows, {strain}");
+            assert_eq!(run.statistics.stabilised_steps, 1, "{what}");
+            let [wanted, found] = [&newton, &crept].map(|record| record.points[0].stress.plane()[1][1]);
+            assert!((found / wanted - 1.0).abs() < 1e-3, "{what}: {found} instead of {wanted}");
+            assert!(yielded.largest <= CAP * (1.0 + 1e-6), "{what}: strained by {} at once", yielded.largest);
+            for (number, (crept, newton)) in yielded.committed.iter().zip(&plastic.committed).enumerate() {
+                let (found, wanted) = (crept.lost, newton.lost);
+                assert!(
+                    wanted > 0.0 && (found / wanted - 1.0).abs() < 1e-2,
+                    "{what}, point {number}: {found} {wanted}"
+                );
+            }
+        }
+    }
+}
+
+/// Supports that lie still leave nothing to the cap: the column comes to the same state under a load alone.
+#[test]
+fn creep_under_a_growing_load_stays_near_balance() {
+    let mut problem = column_of(ElementKind::Q4, 8, 0.0);
+    let pushed = Condition::Traction { sides: "top".into(), value: [0.0, -1.2e4, 0.0] };
+    problem.stages[0].conditions.pop();
+    problem.stages[0].conditions.push(pushed.into());
+    problem.stages[0].control.max_iterations = 1;
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+    let mut material = Plastic::new(problem.point_count());
+    let (run, record) = run(&problem, &mut material);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert!(record.points.iter().all(|point| (point.stress.plane()[1][1] / -1.2e4 - 1.0).abs() < 1e-6));
+    assert!(material.largest <= CAP * (1.0 + 1e-6), "{}", material.largest);
+    assert!(material.committed.iter().all(|state| state.lost > 0.0));
+}
+
+#[derive(Default)]
+struct Watch(Vec<Stabilised>);
+
+impl Observer for Watch {
+    fn stabilised(&mut self, event: &Stabilised) {
+        self.0.push(event.clone());
+    }
+}
+
+/// On a softening column with one far branch all drags end on it; a stronger one only takes longer.
+#[test]
+fn the_drag_changes_the_way_and_not_the_far_branch() {
+    let ends = [0.03, 0.1, 0.3].map(|drag| {
+        let mut problem = pulled(1e-2);
+        problem.stages[0].control.stabilisation = Some(Stabilisation { drag, ..Stabilisation::default() });
+        let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
+        let run = solve(&problem, &mut material, &mut watch);
+        assert!(matches!(run.outcome, Outcome::Completed), "{drag}: {:?}", run.outcome);
+        let increments: usize = watch.0.iter().map(|event| event.increments).sum();
+        (material.largest_strain(0), run.statistics.creep_work, increments)
+    });
+    for end in &ends {
+        assert!((end.0 / ends[1].0 - 1.0).abs() < 1e-6 && (end.1 / ends[1].1 - 1.0).abs() < 0.1, "{ends:?}");
+    }
+    assert!(ends[0].2 <= ends[2].2, "{ends:?}");
+}

@@ -1,0 +1,264 @@
+//! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
+//! folder is made or any process started.
+
+use super::document::{Document, Kind};
+use super::engines::EnginePlan;
+use super::initial::initial_state;
+use super::input_error::InputError;
+use super::materials::{Materials, materials};
+use super::mesh::mesh;
+use super::probes::probes;
+use super::recording::{grains, observables, plot};
+use super::schema::SceneFile;
+use super::sets::Sets;
+use super::solving::equations;
+use super::stages::{Given, stages};
+use super::supervision::{PoolKeys, checkpoint_policy};
+use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::output::RecordPlan;
+use macro_solver::problem::{Problem, ProblemError, Tolerances};
+use rve_server::definition::{AnyDefinition, Packing};
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
+const LARGEST_PACKING: u64 = 4 << 30;
+
+/// Tolerances above this deserve a word.
+const LOOSEST: f64 = 0.1;
+
+/// A scene, checked and ready to run.
+#[derive(Debug)]
+pub struct Scene {
+    /// Its name: names the output folder.
+    pub name: String,
+    /// The file it came from.
+    pub document: Document,
+    /// What the solver solves.
+    pub problem: Problem,
+    /// What the Gauss points are made of.
+    pub materials: Materials,
+    /// Where the packing was read.
+    pub packing_path: PathBuf,
+    /// Who solves the points.
+    pub engines: EnginePlan,
+    /// What is recorded.
+    pub record: RecordPlan,
+    /// Gauss points whose grains are written.
+    pub grains: Vec<usize>,
+    /// Columns of the plot, x and y; `None` = no plot.
+    pub plot: Option<(String, String)>,
+    /// When the state of the run is written.
+    pub checkpoint: CheckpointPolicy,
+    /// How the workers are led.
+    pub pool: PoolKeys,
+    /// What is allowed and hardly meant, one line each.
+    pub remarks: Vec<String>,
+}
+
+impl Scene {
+    /// The packing of the scene itself with its law and options; regions may differ in packing and law.
+    pub fn definition(&self) -> &AnyDefinition {
+        &self.materials.definitions[0]
+    }
+
+    /// Reads and checks a scene file with its overrides and its packing.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its place and remedy.
+    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+        let document = Document::read(path, overrides)?;
+        document.expect(Kind::Scene)?;
+        let file: SceneFile = document.deserialize()?;
+        let name = name(&document, file.name.as_ref())?;
+        let mesh = mesh(&document, &file.mesh)?;
+        let mesh_dimension = mesh.dimension.count();
+        let sets = Sets { mesh: &mesh };
+        let probes = probes(&document, &sets, &file.probe)?;
+        let observables = observables(&document, &file.output, &probes)?;
+        let plot = plot(&document, &file.output, &probes, file.stage.len())?;
+        let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
+        let materials = materials(&document, &file, &sets, definition)?;
+        let given = Given { densities: &materials.densities(&mesh), cell_dimension: materials.cell_dimension() };
+        let (stages, outputs) = stages(&document, &sets, &file, &given)?;
+        let mut problem = Problem::new(mesh, Vec::new());
+        problem.stages = stages;
+        problem.nonlocal = file.nonlocal.clone();
+        equations(&mut problem, &file.solver);
+        problem.initial = initial_state(&document, &file.initial_stress)?;
+        problem.observables = observables;
+        problem.strain_per_step = materials.definitions[0].options().strain_per_step();
+        problem.validate().map_err(|error| problem_error(&document, &error))?;
+        let grains = grains(&document, &file.output, problem.point_count())?;
+        let record = RecordPlan { probes, stages: outputs, gauss_points: file.output.gauss_points, observables };
+        let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
+        let engines = EnginePlan::read(&document, &file.pool, &problem)?;
+        let pool = PoolKeys::read(&document, &file.pool)?;
+        let remarks = loose_tolerances(&problem);
+        let scene = Self {
+            name,
+            document,
+            problem,
+            materials,
+            packing_path,
+            engines,
+            record,
+            grains,
+            plot,
+            checkpoint,
+            pool,
+            remarks,
+        };
+        Ok(scene)
+    }
+}
+
+/// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.
+fn loose_tolerances(problem: &Problem) -> Vec<String> {
+    let mut remarks: Vec<String> = Vec::new();
+    for stage in &problem.stages {
+        let Tolerances { force, displacement, .. } = stage.tolerances;
+        for (key, value) in [("force_tolerance", force), ("displacement_tolerance", displacement)] {
+            let remark =
+                format!("solver.{key} = {value:e} accepts steps that are not in balance; 1e-2 is loose already");
+            if value > LOOSEST && !remarks.contains(&remark) {
+                remarks.push(remark);
+            }
+        }
+    }
+    remarks
+}
+
+/// A defect that the solver's own check found, at the key that caused it.
+fn problem_error(document: &Document, error: &ProblemError) -> InputError {
+    let (stage, cause) = match error {
+        ProblemError::Stage { number, error, .. } => (Some(number.to_string()), &**error),
+        cause => (None, cause),
+    };
+    if let ProblemError::Contradiction { first_set, second_set, .. } = cause {
+        return document.error(error).hint(format!(
+            "a node follows one condition along each axis: move one of '{first_set}' and '{second_set}' along another axis, give \
+             both the same displacement, or use a mesh in which they share no node"
+        ));
+    }
+    let ProblemError::Number { what, .. } = cause else {
+        return document.error(error).hint("docs/scene.md says how [[boundary]] and [mesh] work together");
+    };
+    let key: &[&str] = match *what {
+        "duration" => &["loading", "duration"],
+        "largest_deviation" => &["initial_stress", "largest_deviation"],
+        "largest_imbalance" => &["initial_stress", "largest_imbalance"],
+        "density" => &["dynamics", "density"],
+        "time step" => &["dynamics", "time_step"],
+        "mass-scaled step" => &["dynamics", "mass_scaled_step"],
+        "mass factor" => &["dynamics", "mass_factor"],
+        "mass damping" => &["dynamics", "mass_damping"],
+        "stiffness damping" => &["dynamics", "stiffness_damping"],
+        "linear viscosity" => &["dynamics", "linear_viscosity"],
+        "quadratic viscosity" => &["dynamics", "quadratic_viscosity"],
+        "energy tolerance" => &["dynamics", "energy_tolerance"],
+        "output steps" => &["dynamics", "output_steps"],
+        "output interval" => &["dynamics", "output_interval"],
+        "damping ratio" => &["relaxation", "damping_ratio"],
+        "kinetic tolerance" => &["relaxation", "kinetic_tolerance"],
+        "hits" => &["relaxation", "hits"],
+        "relaxation max_iterations" => &["relaxation", "max_iterations"],
+        "relaxation safety" => &["relaxation", "safety"],
+        "safety" => &["dynamics", "safety"],
+        "increments" => &["loading", "increments"],
+        "min" => &["loading", "smallest_increment"],
+        "growth" => &["loading", "growth"],
+        "cut" => &["loading", "cut"],
+        "first_load" | "probe growth" => &["loading", "control"],
+        "max_iterations" => &["loading", "max_iterations"],
+        "stabilise_after" => &["loading", "stabilise_after"],
+        "stabilise_increments" => &["loading", "stabilise_increments"],
+        "stabilise_drag" => &["loading", "stabilise_drag"],
+        "force tolerance" => &["solver", "force_tolerance"],
+        "displacement tolerance" => &["solver", "displacement_tolerance"],
+        "capped_change" => &["solver", "capped_change"],
+        "hourglass_coefficient" => &["solver", "hourglass_coefficient"],
+        "tangent_floor" => &["solver", "tangent_floor"],
+        "energy criterion" => &["solver", "energy_tolerance"],
+        "criteria" => &["solver", "criteria"],
+        "target_grid" => &["solver", "target_grid"],
+        "contraction" => &["solver", "renewal_contraction"],
+        "most_uses" => &["solver", "renewal_uses"],
+        "pairs" => &["solver", "quasi_newton_pairs"],
+        "secant min_change" => &["solver", "secant", "min_change"],
+        "secant max_ratio" => &["solver", "secant", "max_ratio"],
+        "secant floor" => &["solver", "secant", "floor"],
+        "strain_per_step" => &["rve", "strain_per_step"],
+        _ => &[],
+    };
+    let in_stage: Vec<&str> =
+        stage.iter().flat_map(|number| ["stage", number.as_str()]).chain(key.iter().copied()).collect();
+    let place = if document.is_written(&in_stage) { &in_stage[..] } else { key };
+    document.error_at_key(place, error).hint("the keys, their units and defaults are in docs/scene.md")
+}
+
+fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, InputError> {
+    let Some(given) = given else {
+        let stem = document.path().file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        return Ok(stem.unwrap_or_else(|| "scene".to_owned()));
+    };
+    let sound = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if given.get_ref().is_empty() || !given.get_ref().chars().all(sound) {
+        return Err(document
+            .error_at(given.span(), format!("'{}' cannot name a folder", given.get_ref()))
+            .hint("use letters, digits, '-' and '_' only"));
+    }
+    Ok(given.get_ref().clone())
+}
+
+fn definition(
+    document: &Document,
+    file: &SceneFile,
+    mesh_dimension: usize,
+) -> Result<(AnyDefinition, PathBuf), InputError> {
+    let packing = read_packing(document, &file.packing)?;
+    if mesh_dimension == 3 && packing.dimension() == 2 {
+        return Err(document
+            .error_at_key(&["packing"], "the mesh has three dimensions, but the packing holds discs")
+            .hint("take a packing of spheres; spheres also serve plane meshes, as plane strain"));
+    }
+    let definition = AnyDefinition::new(packing, file.contact.clone(), file.rve.clone());
+    let definition = definition.validate().map_err(|error| document.table_error(error))?;
+    Ok((definition, document.resolve(&file.packing)))
+}
+
+/// Reads the packing that a document names in its key `packing`, and refuses it with the line of that key.
+///
+/// # Errors
+/// The packing's own error.
+pub fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
+    let path = document.resolve(written);
+    let read = refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
+    read.map_err(|error| {
+        let hint = if path.exists() {
+            "correct the packing file, or make a new one with `grainspan pack`"
+        } else {
+            "make one with `grainspan pack`, or correct the path; it is relative to this file's folder"
+        };
+        document.error_at_key(&["packing"], error).hint(hint)
+    })
+}
+
+/// Refuses what cannot be a packing before it is read whole: a device never ends, and a file of some gigabytes takes the memory of
+/// the machine before the parser says that it is no JSON.
+pub(crate) fn refuse_foreign_content(path: &Path) -> Result<(), String> {
+    let refuse = |reason: String| Err(format!("packing file {}: {reason}", path.display()));
+    // What cannot be looked at is read, and refused with the system's reason.
+    let Ok(metadata) = std::fs::metadata(path) else { return Ok(()) };
+    if metadata.file_type().is_char_device() || metadata.file_type().is_block_device() {
+        return refuse("this is a device, not a file".to_owned());
+    }
+    if metadata.len() > LARGEST_PACKING {
+        return refuse(format!(
+            "it has {} bytes; the largest packing that is read has {LARGEST_PACKING}",
+            metadata.len()
+        ));
+    }
+    Ok(())
+}

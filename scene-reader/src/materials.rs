@@ -1,0 +1,329 @@
+//! What each Gauss point is made of: the packing of the scene, or that of the last `[[region]]` that holds its element.
+
+use super::build::{read_packing, refuse_foreign_content};
+use super::document::Document;
+use super::input_error::InputError;
+use super::schema::{RegionTable, SceneFile, VaryKeyword};
+use super::sets::Sets;
+use macro_solver::mesh::Mesh;
+use protocol::ContentId;
+use rve_server::definition::{AnyDefinition, Packing};
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// The definitions behind the points of a scene.
+#[derive(Clone, Debug)]
+pub struct Materials {
+    /// What points can be made of; the first is the packing of the scene itself.
+    pub definitions: Vec<AnyDefinition>,
+    /// For each Gauss point the place of its definition.
+    pub made_of: Vec<usize>,
+    /// Packing files behind them.
+    pub files: Vec<PackingCopy>,
+    /// One line per region, for people.
+    pub remarks: Vec<String>,
+}
+
+/// A packing file as it goes along with a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackingCopy {
+    /// Path to the key of the scene that names it, with dots.
+    pub key: String,
+    /// Where it lies in the output folder.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+impl Materials {
+    /// Identity of everything that the points are made of.
+    pub fn identity(&self) -> String {
+        let ids: Vec<String> =
+            self.definitions.iter().map(|definition| definition.to_protocol().id().to_string()).collect();
+        match &ids[..] {
+            [only] => only.clone(),
+            _ => {
+                let made_of: Vec<String> = self.made_of.iter().map(usize::to_string).collect();
+                ContentId::of(format!("{} {}", ids.join(" "), made_of.join(" ")).as_bytes()).to_string()
+            }
+        }
+    }
+
+    /// Dimension of the cells: 2 for discs, 3 for spheres.
+    pub fn cell_dimension(&self) -> usize {
+        match self.definitions[0] {
+            AnyDefinition::Discs(_) => 2,
+            AnyDefinition::Spheres(_) => 3,
+        }
+    }
+
+    /// Mass densities of the body, voids included.
+    pub fn densities(&self, mesh: &Mesh) -> Densities {
+        let packing = self.definitions[0].bulk_density();
+        // A turned packing weighs the same but for rounding.
+        let rounded = |density: f64| if (density / packing - 1.0).abs() < 1e-9 { packing } else { density };
+        let of_kind: Vec<f64> =
+            self.definitions.iter().map(|definition| rounded(definition.bulk_density())).collect();
+        let starts = mesh.first_points();
+        let of_element = |element: usize| {
+            let kinds = &self.made_of[starts[element]..starts[element + 1]];
+            match kinds {
+                // The same bits for elements of one kind.
+                [first, rest @ ..] if rest.iter().all(|kind| kind == first) => of_kind[*first],
+                kinds => kinds.iter().map(|&kind| of_kind[kind]).sum::<f64>() / kinds.len() as f64,
+            }
+        };
+        let by_element: Vec<f64> = (0..mesh.elements.len()).map(of_element).collect();
+        let differ = by_element.iter().any(|density| *density != packing);
+        Densities { packing, by_element: if differ { by_element } else { Vec::new() } }
+    }
+
+    /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
+    pub fn renamed(&self) -> Vec<(&str, &str)> {
+        self.files.iter().map(|file| (file.key.as_str(), file.name.as_str())).collect()
+    }
+}
+
+/// Mass per volume of the body, voids included, kg/m3.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Densities {
+    /// Of the packing of the scene itself.
+    pub packing: f64,
+    /// Of every element, the mean over its Gauss points; empty where all have that of the packing.
+    pub by_element: Vec<f64>,
+}
+
+/// Reads all packings and gives every point its own.
+///
+/// # Errors
+/// A packing or region that cannot be used, with its place.
+pub(super) fn materials(
+    document: &Document,
+    file: &SceneFile,
+    sets: &Sets<'_>,
+    base: AnyDefinition,
+) -> Result<Materials, InputError> {
+    let copy = PackingCopy { key: "packing".into(), name: "packing.json".into(), text: base.packing_json() };
+    let mut materials = Materials {
+        made_of: vec![0; sets.mesh.point_count()],
+        definitions: vec![base],
+        files: vec![copy],
+        remarks: Vec::new(),
+    };
+    for (number, region) in file.region.iter().enumerate() {
+        let region = Region { document, file, sets, table: region, number };
+        region.add_to(&mut materials)?;
+    }
+    Ok(materials)
+}
+
+/// One `[[region]]`.
+struct Region<'a> {
+    document: &'a Document,
+    file: &'a SceneFile,
+    sets: &'a Sets<'a>,
+    table: &'a Spanned<RegionTable>,
+    number: usize,
+}
+
+impl Region<'_> {
+    fn add_to(&self, materials: &mut Materials) -> Result<(), InputError> {
+        let table = self.table.get_ref();
+        let elements = self.elements()?;
+        let variants = self.variants(materials)?;
+        let (first, count) = (materials.definitions.len(), variants.len());
+        materials.definitions.extend(variants);
+        let seed = match table.seed {
+            Some(seed) => seed,
+            None if count == 1 => 0,
+            None => {
+                return Err(self
+                    .error("several packings or rotations need a seed that deals them out")
+                    .hint("add for example seed = 1; equal seeds give equal materials"));
+            }
+        };
+        let starts = self.sets.mesh.first_points();
+        for &element in &elements {
+            for point in starts[element]..starts[element + 1] {
+                let lot = if table.vary == VaryKeyword::Element { element } else { point };
+                materials.made_of[point] = first + drawn(seed, lot as u64, count);
+            }
+        }
+        let kinds = if count == 1 { "one kind of cell".to_owned() } else { format!("{count} kinds of cells") };
+        materials.remarks.push(format!("{}: {} elements, {kinds}", table.name, elements.len()));
+        Ok(())
+    }
+
+    fn error(&self, problem: impl ToString) -> InputError {
+        self.document
+            .error_at(self.table.span(), format!("region '{}': {}", self.table.get_ref().name, problem.to_string()))
+    }
+
+    fn elements(&self) -> Result<Vec<usize>, InputError> {
+        let table = self.table.get_ref();
+        let mesh = self.sets.mesh;
+        let elements: Vec<usize> = match (&table.elements, &table.from, &table.to) {
+            (Some(set), None, None) => mesh.element_sets[&self.sets.element_set(self.document, set)?].clone(),
+            (None, Some(from), Some(to)) => {
+                let axes = mesh.dimension.count();
+                if from.len() != axes || to.len() != axes {
+                    return Err(self.error(format!("a box needs {axes} coordinates in `from` and in `to`")));
+                }
+                let within = |place: [f64; 3]| (0..axes).all(|axis| (from[axis]..=to[axis]).contains(&place[axis]));
+                (0..mesh.elements.len()).filter(|&element| within(centre(mesh, element))).collect()
+            }
+            _ => {
+                return Err(self
+                    .error("it is not said which elements belong to it")
+                    .hint("name an element set with `elements`, or the corners `from` and `to` of a box"));
+            }
+        };
+        if elements.is_empty() {
+            return Err(self
+                .error("no element lies in it")
+                .hint("an element belongs to the box that holds its centre"));
+        }
+        Ok(elements)
+    }
+
+    /// Every packing of the region in every rotation.
+    fn variants(&self, materials: &mut Materials) -> Result<Vec<AnyDefinition>, InputError> {
+        let table = self.table.get_ref();
+        let contact = table.contact.as_ref().unwrap_or(&self.file.contact);
+        let mut variants = Vec::new();
+        for packing in self.packings(materials)? {
+            let packing = match &table.removal {
+                Some(removal) => packing.weakened(contact, removal).map_err(|error| self.error(error))?,
+                None => packing,
+            };
+            for angle in &table.rotations {
+                let packing = packing.rotated(angle.to_radians()).map_err(|error| self.error(error))?;
+                let definition = AnyDefinition::new(packing, contact.clone(), self.file.rve.clone());
+                variants.push(definition.validate().map_err(|error| self.error(error))?);
+            }
+        }
+        match variants.is_empty() {
+            true => {
+                Err(self.error("without any rotation there is nothing to be made of").hint("leave out `rotations`"))
+            }
+            false => Ok(variants),
+        }
+    }
+
+    fn packings(&self, materials: &mut Materials) -> Result<Vec<Packing>, InputError> {
+        let table = self.table.get_ref();
+        if table.packings.is_empty() {
+            return Ok(vec![read_packing(self.document, &self.file.packing)?]);
+        }
+        let mut packings = Vec::new();
+        for (place, written) in table.packings.iter().enumerate() {
+            let packing = self.read(written)?;
+            if packing.dimension() != materials.definitions[0].dimension() {
+                return Err(self
+                    .document
+                    .error_at(written.span(), "discs and spheres cannot be mixed in one run")
+                    .hint("take packings of the same dimension as the one at the top of the scene"));
+            }
+            let text = match &packing {
+                Packing::Discs(packing) => packing.to_json(),
+                Packing::Spheres(packing) => packing.to_json(),
+            };
+            let (number, name) = (self.number, format!("packings/{}-{place}.json", self.number));
+            materials.files.push(PackingCopy { key: format!("region.{number}.packings.{place}"), name, text });
+            packings.push(packing);
+        }
+        Ok(packings)
+    }
+
+    fn read(&self, written: &Spanned<PathBuf>) -> Result<Packing, InputError> {
+        let path: &Path = written.get_ref();
+        let path = self.document.resolve(path);
+        let read =
+            refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
+        read.map_err(|error| {
+            self.document
+                .error_at(written.span(), error)
+                .hint("correct the path, which is relative to the scene's folder, or the packing file")
+        })
+    }
+}
+
+/// Mean of the nodes of an element, m.
+fn centre(mesh: &Mesh, element: usize) -> [f64; 3] {
+    let places = mesh.element_positions(element);
+    std::array::from_fn(|axis| places.iter().map(|place| place[axis]).sum::<f64>() / places.len() as f64)
+}
+
+/// One of `count` lots for a number, by SplitMix64: the choice for one number depends on no other.
+pub fn drawn(seed: u64, number: u64, count: usize) -> usize {
+    let mut bits = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^= bits >> 31;
+    ((u128::from(bits) * count as u128) >> 64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Scene, weak_element as scene};
+    use macro_solver::problem::Procedure;
+
+    #[test]
+    fn lots_are_drawn_evenly_and_by_seed() {
+        let draw = |seed| (0..3000).map(|number| drawn(seed, number, 3)).collect::<Vec<_>>();
+        let counts = |lots: &[usize]| [0, 1, 2].map(|lot| lots.iter().filter(|&&one| one == lot).count());
+        assert!(counts(&draw(1)).iter().all(|count| (900..1100).contains(count)), "{:?}", counts(&draw(1)));
+        assert_eq!(draw(1), draw(1));
+        assert_ne!(draw(1), draw(2));
+        assert!((0..100).all(|number| drawn(9, number, 1) == 0));
+    }
+
+    #[test]
+    fn regions_deal_out_rotated_and_weakened_cells() {
+        let scene = scene(&[]).unwrap();
+        let materials = &scene.materials;
+        // The scene's packing, three rotations of it, and the weakened cell of one element, which the last region names.
+        assert_eq!(materials.definitions.len(), 5);
+        let weak: Vec<usize> = (0..32).filter(|&point| materials.made_of[point] == 4).collect();
+        assert_eq!(weak, [8, 9, 10, 11], "the four points of one element");
+        assert_eq!(materials.definitions[4].number(), 95);
+        let kinds = [0, 1, 2, 3].map(|kind| materials.made_of.iter().filter(|&&one| one == kind).count());
+        assert!(kinds[0] == 0 && kinds[1..].iter().all(|&count| count > 2), "{kinds:?}");
+        assert_eq!(materials.remarks.len(), 2);
+        assert_ne!(materials.identity(), scene_with_seed(2).materials.identity());
+    }
+
+    fn scene_with_seed(seed: u64) -> Scene {
+        scene(&[&format!("region.0.seed={seed}")]).unwrap()
+    }
+
+    /// A region of lighter cells weighs less in motion; a density that the scene gives holds for all.
+    #[test]
+    fn elements_in_motion_weigh_what_their_cells_do() {
+        let stages =
+            "stage=[{ name = 'still' }, { name = 'swing', procedure = 'dynamic', loading = { duration = 1e-3 } }]";
+        let densities = |more: &[&str]| {
+            let scene = scene(&[&[stages], more].concat()).unwrap();
+            let Procedure::Dynamic(settings) = &scene.problem.stages[1].procedure else { panic!("it is dynamic") };
+            (settings.density, settings.element_densities.clone())
+        };
+        let (whole, by_element) = densities(&[]);
+        assert_eq!(by_element.len(), 8);
+        let weak: Vec<usize> = (0..8).filter(|&element| by_element[element] < 0.99 * whole).collect();
+        assert_eq!(weak, [2], "five of a hundred grains are missing there: {by_element:?}");
+        assert!(by_element[2] > 0.9 * whole && by_element[0] == whole);
+        assert_eq!(densities(&["dynamics.density=1800.0"]), (1800.0, Vec::new()));
+    }
+
+    #[test]
+    fn defects_of_regions_have_their_place_and_remedy() {
+        let reason = |more: &str| scene(&[more]).unwrap_err();
+        assert!(reason("region.0.elements=core").contains("no element set 'core'"));
+        assert!(reason("region.1.from=[9.0, 9.0]").contains("no element lies in it"));
+        assert!(reason("region.1.from=[0.0]").contains("2 coordinates"));
+        assert!(reason("region.0.rotations=[]").contains("leave out `rotations`"));
+        assert!(reason("region.1.removal.number=50").contains("a quarter of the 100"));
+        assert!(reason("region.0.packings=[\"none.json\"]").contains("none.json"));
+    }
+}

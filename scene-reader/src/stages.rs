@@ -1,0 +1,352 @@
+//! `[[stage]]` tables become the stages of the problem. Tables at the top of the scene hold for all stages; without any
+//! `[[stage]]` they are the one stage that there is.
+
+use super::conditions::{ConditionTables, Conditions};
+use super::document::Document;
+use super::input_error::InputError;
+use super::materials::Densities;
+use super::motion::{MotionTables, procedure};
+use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
+use super::sets::Sets;
+use super::solving::{refuse_equations, step_control, strategy, tolerances};
+use macro_solver::output::StageOutput;
+use macro_solver::problem::{NamedStrategy, Procedure, Stage};
+use toml::Spanned;
+
+/// Name of the only stage of a scene without `[[stage]]`.
+const ONLY: &str = "loading";
+
+/// What stages need to know of the materials.
+pub(super) struct Given<'a> {
+    pub(super) densities: &'a Densities,
+    /// 2 for discs, 3 for spheres.
+    pub(super) cell_dimension: usize,
+}
+
+/// The stages of a scene and what is written of each.
+///
+/// # Errors
+/// The first key that is wrong, with its place.
+pub(super) fn stages(
+    document: &Document,
+    sets: &Sets<'_>,
+    file: &SceneFile,
+    given: &Given<'_>,
+) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
+    let top = MotionTables { dynamics: &file.dynamics, relaxation: &file.relaxation };
+    let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
+        procedure(document, sets, keyword.unwrap_or(file.procedure), tables, given.densities)
+    };
+    let mut conditions = Conditions::default();
+    conditions.add(document, sets, &ConditionTables::from(file))?;
+    let base = base(document, file, given.cell_dimension)?;
+    let mut stages: Vec<Stage> = Vec::new();
+    let mut outputs = Vec::new();
+    for table in &file.stage {
+        let name = name(document, &table.get_ref().name, &stages)?;
+        let table = table.get_ref();
+        if let Some(before) = stages.last() {
+            conditions.settle(before.duration);
+        }
+        conditions.remove(document, &table.remove)?;
+        conditions.add(document, sets, &ConditionTables::from(table))?;
+        let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base.clone() };
+        change(document, &mut stage, table)?;
+        let own = MotionTables { dynamics: &table.dynamics, relaxation: &table.relaxation };
+        stage.procedure = solved(table.procedure, &[top, own])?;
+        refuse_idle(document, &["stage", &stages.len().to_string()], &[&stage.procedure])?;
+        stages.push(stage);
+        let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
+        outputs.push(StageOutput { name, fields_every });
+    }
+    if stages.is_empty() {
+        stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
+        outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
+    }
+    refuse_idle(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
+    if stages.iter().all(|stage| stage.conditions.is_empty()) {
+        return Err(document
+            .error("the scene holds and loads nothing")
+            .hint("add at least one [[boundary]] with set and displacement"));
+    }
+    Ok((stages, outputs))
+}
+
+/// Keys that only Newton's method looks at.
+const OF_NEWTON: [[&str; 2]; 21] = [
+    ["loading", "control"],
+    ["loading", "stabilise"],
+    ["loading", "stabilise_after"],
+    ["loading", "stabilise_increments"],
+    ["loading", "stabilise_drag"],
+    ["loading", "easy_iterations"],
+    ["loading", "max_iterations"],
+    ["loading", "adapt"],
+    ["solver", "strategy"],
+    ["solver", "renewal"],
+    ["solver", "renewal_contraction"],
+    ["solver", "renewal_uses"],
+    ["solver", "quasi_newton_pairs"],
+    ["solver", "target_grid"],
+    ["solver", "criteria"],
+    ["solver", "energy_tolerance"],
+    ["solver", "displacement_tolerance"],
+    ["solver", "tangent"],
+    ["solver", "secant"],
+    ["solver", "capped_change"],
+    ["solver", "equations"],
+];
+
+/// Keys that every step in balance needs, and no motion.
+const OF_BALANCE: [[&str; 2]; 6] = [
+    ["loading", "increments"],
+    ["loading", "smallest_increment"],
+    ["loading", "growth"],
+    ["loading", "cut"],
+    ["solver", "force_tolerance"],
+    ["solver", "predictor"],
+];
+
+/// Refuses keys of the tables at `place` that nothing would look at, because none of the stages for which they hold is solved in
+/// a way that does.
+fn refuse_idle(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
+    let solved = |kinds: &[&str]| procedures.iter().any(|procedure| kinds.contains(&procedure.keyword()));
+    let (newton, balance) = (solved(&["implicit"]), solved(&["implicit", "relaxation"]));
+    let idle = OF_NEWTON.iter().filter(|_| !newton).chain(OF_BALANCE.iter().filter(|_| !balance));
+    for key in idle {
+        let path: Vec<&str> = place.iter().chain(key).copied().collect();
+        if document.is_written(&path) {
+            let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
+            let problem = format!("nothing looks at this key in a stage with procedure = \"{}\"", keywords[0]);
+            return Err(document.error_at_key(&path, problem).hint(
+                "leave it out; docs/scene.md says which keys belong to implicit, relaxation and dynamic stages",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What the tables at the top say about every stage.
+fn base(document: &Document, file: &SceneFile, cell_dimension: usize) -> Result<Stage, InputError> {
+    let mut stage = Stage::new(ONLY, Vec::new());
+    // An operator or a control of the load that is named speaks of Newton's method.
+    if file.solver.tangent.is_none() && file.loading.control.is_none() {
+        stage.strategy = NamedStrategy::default_of(cell_dimension).preset();
+    }
+    step_control(document, &mut stage.control, &file.loading)?;
+    tolerances(&mut stage.tolerances, &file.solver);
+    strategy(document, &mut stage.strategy, &file.solver)?;
+    duration(document, &mut stage.duration, &file.loading)?;
+    Ok(stage)
+}
+
+fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<(), InputError> {
+    refuse_equations(document, &table.solver)?;
+    step_control(document, &mut stage.control, &table.loading)?;
+    tolerances(&mut stage.tolerances, &table.solver);
+    strategy(document, &mut stage.strategy, &table.solver)?;
+    duration(document, &mut stage.duration, &table.loading)
+}
+
+fn name(document: &Document, given: &Spanned<String>, before: &[Stage]) -> Result<String, InputError> {
+    let name = given.get_ref();
+    if name.is_empty() || before.iter().any(|stage| stage.name == *name) {
+        return Err(document
+            .error_at(given.span(), format!("'{name}' cannot name a stage"))
+            .hint("give every stage a name of its own"));
+    }
+    Ok(name.clone())
+}
+
+fn duration(document: &Document, duration: &mut f64, table: &LoadingTable) -> Result<(), InputError> {
+    match &table.duration {
+        Some(given) if *given.get_ref() <= 0.0 => Err(document
+            .error_at(given.span(), format!("a duration of {} s is not possible", given.get_ref()))
+            .hint("give a positive time in s; it scales the time column and what histories say about time")),
+        Some(given) => {
+            *duration = *given.get_ref();
+            Ok(())
+        }
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Scene;
+    use macro_solver::problem::{Amplitude, Condition, Origin, Stabilisation, Stage};
+    use std::path::Path;
+
+    fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
+        stages_of("compression-shear", more)
+    }
+
+    /// Cells of spheres are solved for in another way unless the scene names an operator, a strategy or a control of the load.
+    #[test]
+    fn the_default_strategy_depends_on_the_cells() {
+        let quasi = |scene: &str, more: &[&str]| stages_of(scene, more).unwrap()[0].strategy.quasi_newton.is_some();
+        assert!(!quasi("biaxial-small", &[]) && quasi("single-hexahedron-biaxial", &[]));
+        assert!(
+            !quasi("single-hexahedron-biaxial", &["solver.tangent=truss_like_slip"])
+                && !quasi("single-hexahedron-biaxial", &["solver.strategy=newton"])
+        );
+    }
+
+    fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{scene}.toml"));
+        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+        Scene::load(&path, &overrides).map(|scene| scene.problem.stages).map_err(|error| error.to_string())
+    }
+
+    /// `(set, value, history)` of the pressures.
+    fn pressures(stage: &Stage) -> Vec<(&str, f64, &Amplitude)> {
+        let told = stage.conditions.iter().filter_map(|applied| match &applied.condition {
+            Condition::Pressure { sides, value, .. } => Some((sides.as_str(), *value, &applied.history)),
+            _ => None,
+        });
+        told.collect()
+    }
+
+    #[test]
+    fn loads_stay_are_replaced_and_end_from_stage_to_stage() {
+        let stages = stages(&[]).unwrap();
+        let told: Vec<_> =
+            stages.iter().map(|stage| (stage.name.as_str(), stage.control.increments, stage.duration)).collect();
+        assert_eq!(told, [("compression", 4, 60.0), ("shear", 10, 600.0)]);
+        assert_eq!(stages.iter().map(|stage| stage.tolerances.force).collect::<Vec<_>>(), [2e-3, 5e-3]);
+        let fading = Amplitude::Ramp { from: 1.0, to: 0.0 };
+        let [left, right, top] = ["left", "right", "top"].map(|set| (set, 1e5, &fading));
+        let grown = |set| (set, 2e5, &Amplitude::RAMP);
+        assert_eq!(pressures(&stages[0]), [left, right, top, grown("left"), grown("right"), grown("top")]);
+        let kept = |set| (set, 2e5, &Amplitude::Constant);
+        assert_eq!(pressures(&stages[1]), [kept("left"), kept("right")]);
+    }
+
+    #[test]
+    fn supports_are_held_where_they_are_unless_a_stage_moves_them() {
+        let more = ["stage.0.boundary=[{ set = 'bottom', platen = 'smooth', displacement = { y = 1e-4 } }]"];
+        let stages = stages(&more).unwrap();
+        let bottom = |stage: &Stage| {
+            let found = stage.conditions.iter().filter_map(|applied| match &applied.condition {
+                Condition::Platen { nodes, displacement, .. } if nodes == "bottom" => {
+                    Some((*displacement, applied.history.clone(), applied.origin))
+                }
+                _ => None,
+            });
+            found.collect::<Vec<_>>()
+        };
+        assert_eq!(bottom(&stages[0]), [(1e-4, Amplitude::RAMP, Origin::Stage)]);
+        assert_eq!(bottom(&stages[1]), [(0.0, Amplitude::Constant, Origin::Stage)]);
+    }
+
+    #[test]
+    fn histories_are_read_and_defects_have_their_place() {
+        let with = |history: &str| stages(&[&format!("stage.1.boundary.0.history={history}")]);
+        let moved = |history: &str| with(history).unwrap()[1].conditions.last().unwrap().history.clone();
+        assert_eq!(moved("{ table = [[0, 0], [300, 1.5]] }"), Amplitude::Table(vec![[0.0, 0.0], [300.0, 1.5]]));
+        assert_eq!(moved("{ sine = { frequency = 0.1 } }"), Amplitude::Sine { frequency: 0.1, phase: 0.0 });
+        let error = with("{ table = [[0, 0], [0, 1]] }").unwrap_err();
+        assert!(error.contains("history=") && error.contains("times of a table increase"), "{error}");
+        let error = stages(&["stage.1.remove=[\"cap\"]"]).unwrap_err();
+        assert!(error.contains("no condition 'cap'") && error.contains("bottom_left, left, right, lid"), "{error}");
+        let error = stages(&["stage.1.name=compression"]).unwrap_err();
+        assert!(error.contains("cannot name a stage"), "{error}");
+        let error = stages(&["stage.1.solver.equations=iterative"]).unwrap_err();
+        assert!(error.contains("whole run"), "{error}");
+        let error = stages(&["stage.1.loading.cut=2.0"]).unwrap_err();
+        assert!(error.contains("stage.1.loading.cut") && error.contains("stage 'shear'"), "{error}");
+        let error = stages(&["loading.cut=2.0"]).unwrap_err();
+        assert!(error.contains("--set loading.cut"), "{error}");
+    }
+
+    #[test]
+    fn keys_that_nothing_would_look_at_are_refused_with_their_place() {
+        let refused = |scene: &str, more: &[&str], place: &str, procedure: &str| {
+            let error = stages_of(scene, more).err().unwrap_or_else(|| panic!("{scene} with {more:?} was accepted"));
+            let place = format!("--set {place}=");
+            assert!(error.starts_with(&place) && error.contains("nothing looks at this key"), "{more:?}: {error}");
+            assert!(error.contains(&format!("procedure = \"{procedure}\"")), "{more:?}: {error}");
+        };
+        let of_newton = [
+            "loading.control={ arc_length = { first_load = 0.1 } }",
+            "loading.stabilise_after=3",
+            "loading.max_iterations=9",
+            "solver.criteria=[\"force_over_reactions\"]",
+            "solver.strategy=newton",
+            "solver.displacement_tolerance=1e-3",
+        ];
+        for key in of_newton {
+            let place = key.split('=').next().unwrap();
+            refused("biaxial-relaxation", &[key], place, "relaxation");
+            refused("shear-column", &[key], place, "dynamic");
+            // Where one stage is implicit, the top speaks to that one; the others are not to say it again.
+            let mixed = "stage.1.procedure=dynamic";
+            assert!(stages(&[mixed, "stage.1.solver={}", "stage.1.loading={}", key]).is_ok(), "{key}");
+            let (own, place) = (format!("stage.1.{key}"), format!("stage.1.{place}"));
+            refused(
+                "compression-shear",
+                &[mixed, "stage.1.solver={}", "stage.1.loading={}", &own],
+                &place,
+                "dynamic",
+            );
+        }
+        refused("shear-column", &["loading.increments=5"], "loading.increments", "dynamic");
+        refused("shear-column", &["solver.force_tolerance=1e-3"], "solver.force_tolerance", "dynamic");
+        for key in
+            ["loading.increments=5", "loading.cut=0.3", "solver.force_tolerance=1e-3", "solver.predictor=tangent"]
+        {
+            assert!(stages_of("biaxial-relaxation", &[key]).is_ok(), "{key}");
+        }
+    }
+
+    #[test]
+    fn stages_say_how_they_are_stabilised_and_contradictions_are_refused() {
+        let told = |more: &[&str]| {
+            let stages = stages(more).unwrap();
+            stages.iter().map(|stage| stage.control.stabilisation).collect::<Vec<_>>()
+        };
+        let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
+        let early = Stabilisation { after: Some(3), ..by_default };
+        assert_eq!(told(&[]), [Some(by_default); 2]);
+        assert_eq!(told(&["loading.stabilise=false"]), [None; 2]);
+        // A stage adds to what the top says, and may switch it off or on for itself.
+        let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
+        assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
+        assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
+        let slow = Stabilisation { drag: 0.3, ..by_default };
+        assert_eq!(told(&["loading.stabilise_drag=0.3"]), [Some(slow); 2]);
+        let error = stages(&["loading.stabilise_drag=0"]).unwrap_err();
+        assert!(error.contains("loading.stabilise_drag") && error.contains("above 0"), "{error}");
+        let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
+        assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early)]);
+        let one_arc = format!("stage.1.{arc}");
+        assert_eq!(told(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
+        let back = "stage.1.loading.control=load";
+        assert_eq!(told(&[arc, back, on[1]]), [Some(by_default), Some(early)]);
+
+        let refused = |more: &[&str], place: &str, said: [&str; 2]| {
+            let error = stages(more).err().unwrap_or_else(|| panic!("{more:?} were accepted"));
+            let names_all =
+                error.starts_with(&format!("--set {place}=")) && said.iter().all(|part| error.contains(part));
+            assert!(names_all, "{more:?}: {error}");
+        };
+        let in_vain = ["stabilise = false", "write stabilise = true"];
+        for key in ["stabilise_after", "stabilise_increments", "stabilise_drag"] {
+            let written = format!("loading.{key}=5");
+            refused(&["loading.stabilise=false", &written], &format!("loading.{key}"), in_vain);
+            let (place, of_stage) = (format!("stage.1.loading.{key}"), format!("stage.1.{written}"));
+            refused(&["loading.stabilise=false", &of_stage], &place, in_vain);
+        }
+        let unknown = ["the load factor is an unknown", "control = \"load\""];
+        let indirect = "loading.control={ indirect = { set = 'top', component = 'y', growth = -1e-4 } }";
+        for control in [arc, indirect] {
+            for key in ["stabilise=true", "stabilise=false", "stabilise_after=3", "stabilise_increments=50"] {
+                let (top, stage) = (format!("loading.{key}"), format!("stage.1.loading.{key}"));
+                let place = |written: &str| written.split('=').next().unwrap().to_owned();
+                refused(&[control, &top], &place(&top), unknown);
+                refused(&[control, &stage], &place(&stage), unknown);
+                refused(&[&format!("stage.1.{control}"), &stage], &place(&stage), unknown);
+            }
+        }
+    }
+}

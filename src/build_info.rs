@@ -1,0 +1,13 @@
+//! What this program was built with, for summaries and measurements.
+
+/// Version of the package.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// The compiler's own version line; `unknown` if it could not be asked.
+pub const COMPILER: &str = env!("GRAINSPAN_COMPILER");
+
+/// Optimisation level: `0` to `3`, `s` or `z`.
+pub const OPTIMISATION: &str = env!("GRAINSPAN_OPTIMISATION");
+
+/// Additional code generation flags, separated by spaces.
+pub const FLAGS: &str = env!("GRAINSPAN_FLAGS");

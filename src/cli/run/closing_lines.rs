@@ -1,0 +1,149 @@
+//! The closing lines of a run: the summary for people.
+
+use super::counters::{Concern, in_words};
+use crate::cli::start_state::MISMATCH;
+use macro_solver::observer::Outcome;
+use macro_solver::output::{CheckpointSummary, Summary};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Relative residual of the energy ledger above which the lines mention it.
+const LARGEST_RESIDUAL: f64 = 0.05;
+
+/// Where the counters are explained.
+const EXPLAINED: &str = "see docs/reference/counters.md";
+
+/// A headline and one line per subject; `folder` is the output folder.
+pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluations: u64, folder: &str) -> String {
+    let per_step = summary.evaluations_per_gauss_point / (summary.steps.max(1) as f64);
+    let slowest = &summary.slowest_trials;
+    let mut lines = vec![
+        (
+            "evaluations",
+            format!(
+                "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step",
+                summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point
+            ),
+        ),
+        (
+            "grain solver",
+            format!(
+                "{force_evaluations} force evaluations, {:.0} per evaluation",
+                force_evaluations as f64 / summary.rve_evaluations.max(1) as f64
+            ),
+        ),
+        (
+            "slowest 1 %",
+            format!(
+                "{} trials of {} to {} force evaluations, {:.1} % of all",
+                slowest.trials,
+                slowest.from_force_evaluations,
+                slowest.largest_force_evaluations,
+                100.0 * slowest.share_of_force_evaluations
+            ),
+        ),
+        ("worker time", worker_time(summary)),
+        (
+            "macro time",
+            format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
+        ),
+        ("checkpoints", checkpoints(&summary.checkpoint)),
+        ("initial residual", initial_residual(summary.initial_imbalance)),
+    ];
+    lines.push(match listed(&summary.fallback_groups, Concern::LookAtThis) {
+        found if found.is_empty() => ("warnings", "none".to_owned()),
+        found => ("warnings", format!("{found} ({EXPLAINED})")),
+    });
+    let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
+    if residual > LARGEST_RESIDUAL {
+        let percent = 100.0 * residual;
+        let text = format!("energy balance open by {percent:.0} %: steps are too large for the trapezium rule");
+        lines.push(("warnings", text));
+    }
+    lines.push(match listed(&summary.fallback_groups, Concern::Harmless) {
+        found if found.is_empty() => ("fallbacks", "none".to_owned()),
+        found => ("fallbacks", format!("{found} (no effect on accuracy, {EXPLAINED})")),
+    });
+    let skipped = super::counters::SKIPPED.map(|(name, _)| (name, summary.skipped.get(name).copied().unwrap_or(0)));
+    lines.push(match nonzero(skipped.into_iter()) {
+        found if found.is_empty() => ("skipped", "none".to_owned()),
+        found => ("skipped", found),
+    });
+    lines.push(("written to", folder.to_owned()));
+    let mut text = headline(summary, outcome) + "\n";
+    for (label, value) in lines {
+        writeln!(text, "  {label:<16} {value}").expect("writing to a String cannot fail");
+    }
+    text
+}
+
+fn headline(summary: &Summary, outcome: &Outcome) -> String {
+    let figures = format!(
+        "{} steps, {} iterations in {:.1} s with {} workers",
+        summary.steps, summary.newton_iterations, summary.time.wall_s, summary.workers
+    );
+    match outcome {
+        Outcome::Completed => format!("done: {figures}"),
+        Outcome::DidNotConverge { .. } => format!("did not converge: {figures}"),
+        Outcome::Unstable { .. } => format!("unstable: {figures}"),
+        Outcome::Interrupted => format!("interrupted: {figures}"),
+        Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
+        Outcome::Stopped(_) => format!("stopped: {figures}"),
+        Outcome::Refused(_) => format!("refused: {figures}"),
+    }
+}
+
+fn checkpoints(figures: &CheckpointSummary) -> String {
+    let share = 100.0 * figures.share_of_wall;
+    let size = figures.bytes as f64 / 1e6;
+    let resumed = match figures.resumed {
+        0 => String::new(),
+        count => format!(", continued {count} times"),
+    };
+    match figures.written {
+        0 => format!("none written, {:.3} s ({share:.2} %){resumed}", figures.seconds),
+        count => format!("{count} of {size:.2} MB, {:.3} s ({share:.2} %){resumed}", figures.seconds),
+    }
+}
+
+fn worker_time(summary: &Summary) -> String {
+    let time = &summary.time;
+    let parts =
+        [("grains", time.rve_s), ("tangent", time.tangent_s), ("transport", time.transport_s), ("idle", time.idle_s)];
+    let total: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
+    let share = |seconds: f64| if total > 0.0 { 100.0 * seconds / total } else { 0.0 };
+    parts.map(|(name, seconds)| format!("{name} {seconds:.1} s ({:.1} %)", share(seconds))).join(", ")
+}
+
+/// Out-of-balance force of the state that the run began with.
+fn initial_residual(imbalance: f64) -> String {
+    let text = format!("{imbalance:.1e} (relative to applied loads)");
+    if imbalance > MISMATCH {
+        format!(
+            "{text}: the packing was not prepared under these loads; step 0 equilibrated it (see `grainspan check`)"
+        )
+    } else {
+        text
+    }
+}
+
+/// The counters of a group in words, in the order of their names.
+fn listed(groups: &BTreeMap<String, BTreeMap<String, u64>>, concern: Concern) -> String {
+    let group = groups.get(concern.keyword()).into_iter().flatten();
+    nonzero(group.map(|(name, count)| (name.as_str(), *count)))
+}
+
+fn nonzero<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {
+    counts.filter(|(_, count)| *count > 0).map(|(name, count)| in_words(name, count)).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_that_the_packing_was_not_prepared_for_is_named() {
+        assert_eq!(initial_residual(9.4e-7), "9.4e-7 (relative to applied loads)");
+        assert!(initial_residual(0.49).contains("the packing was not prepared under these loads"));
+    }
+}

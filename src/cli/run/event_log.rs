@@ -1,0 +1,149 @@
+//! `run.jsonl`: one JSON object per event, written by `tracing`.
+
+use macro_solver::observer::{
+    CutBack, FieldsView, IterationReport, Observer, Run, Stabilised, StepReport, StopRequest,
+};
+use macro_solver::output::OutputError;
+use macro_solver::problem::{Problem, Stage};
+use std::fs::OpenOptions;
+use std::path::Path;
+use std::sync::Mutex;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Starts the event log of this process: everything from DEBUG on (the transport library from WARN on) goes to the file; a run
+/// that is continued appends to the same file.
+///
+/// # Errors
+/// The file cannot be made.
+pub(super) fn open(path: &Path) -> Result<(), OutputError> {
+    let file = OpenOptions::new().create(true).append(true).open(path);
+    let file = file.map_err(|source| OutputError::write(path, source))?;
+    let targets = Targets::new().with_default(LevelFilter::DEBUG).with_target("iceoryx2", LevelFilter::WARN);
+    let layer = tracing_subscriber::fmt::layer()
+        .json()
+        .flatten_event(true)
+        .with_current_span(false)
+        .with_span_list(false)
+        .with_writer(Mutex::new(file))
+        .with_filter(targets);
+    // A second run in one process would keep the first log; the binary starts one run.
+    let _ = tracing_subscriber::registry().with(layer).try_init();
+    Ok(())
+}
+
+/// Writes the events of the solver into the log.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct EventLog;
+
+impl Observer for EventLog {
+    fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
+        tracing::info!(
+            event = "started",
+            elements = problem.mesh.elements.len(),
+            gauss_points = problem.point_count(),
+            stages = problem.stages.len(),
+        );
+        Ok(())
+    }
+
+    fn stage_started(&mut self, number: usize, stage: &Stage) {
+        tracing::info!(
+            event = "stage",
+            stage = number,
+            name = stage.name,
+            duration = stage.duration,
+            increments = stage.control.increments,
+            tangent = stage.strategy.tangent.keyword(),
+        );
+    }
+
+    fn iterated(&mut self, report: &IterationReport) {
+        tracing::debug!(
+            event = "iteration",
+            step = report.step,
+            load = report.load,
+            iteration = report.iteration,
+            evaluations = report.evaluations,
+            force_ratio = report.force_ratio,
+            displacement_ratio = report.displacement_ratio,
+            rejected = report.turned_down,
+            // The former name, for one version.
+            turned_down = report.turned_down,
+        );
+    }
+
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        tracing::info!(
+            event = "step",
+            step = report.step,
+            stage = report.stage,
+            time = report.time,
+            load = report.load,
+            iterations = report.iterations,
+            evaluations = report.evaluations,
+            skipped = report.skipped,
+            cut_backs = report.cut_backs,
+            stabilisation_increments = report.creep,
+            // The former name, for one version.
+            creep = report.creep,
+            force_ratio = report.force_ratio,
+            displacement_ratio = report.displacement_ratio,
+            not_equilibrated = report.flags.not_equilibrated,
+            largest_unbalanced = largest_unbalanced(fields),
+            tangent_fallback = report.flags.tangent_fallback,
+            force_evaluations = fields.statistics.cost.force_evaluations,
+        );
+        if report.step == 0 {
+            tracing::info!(
+                event = "initial_stress",
+                imbalance = fields.statistics.initial_imbalance,
+                deviation = fields.statistics.initial_deviation,
+            );
+        }
+        Ok(())
+    }
+
+    fn cut_back(&mut self, event: &CutBack) {
+        tracing::warn!(
+            event = "cut_back",
+            step = event.step,
+            load = event.load,
+            from = event.from,
+            to = event.to,
+            reason = event.reason,
+        );
+    }
+
+    fn stabilised(&mut self, event: &Stabilised) {
+        tracing::warn!(
+            event = "stabilised",
+            step = event.step,
+            load = event.load,
+            increments = event.increments,
+            evaluations = event.evaluations,
+            largest_imbalance = event.largest_imbalance,
+            work = event.work,
+            reason = event.reason,
+        );
+    }
+
+    fn finished(&mut self, run: &Run) {
+        tracing::info!(
+            event = "finished",
+            outcome = ?run.outcome,
+            stage = run.stage,
+            load = run.load,
+            steps = run.statistics.steps,
+            iterations = run.statistics.iterations,
+            evaluations = run.statistics.evaluations,
+        );
+    }
+}
+
+/// Equilibrium criterion of the grains in the accepted result of the worst point.
+fn largest_unbalanced(fields: &FieldsView<'_>) -> f64 {
+    fields.points.iter().map(|point| point.scalars.unbalanced_force_ratio).fold(0.0, f64::max)
+}

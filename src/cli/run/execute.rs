@@ -1,0 +1,184 @@
+//! Solves a scene with a pool that is ready, and completes the output folder.
+
+use super::closing_lines::closing_lines;
+use super::event_log::EventLog;
+use super::failure::{failure, write_failure_case};
+use super::folder::OutputFolder;
+use super::grains::{GrainWriter, SnapshotRecorder};
+use super::observers::ObserverChain;
+use super::plot;
+use super::progress::ProgressDisplay;
+use super::resume::{Continued, RunDescription};
+use super::summary::{SummaryInputs, summary};
+use crate::engines::EngineAssignment;
+use crate::exit::{Exit, Failure};
+use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
+use macro_solver::difference::{DifferenceCounts, DifferenceTangents};
+use macro_solver::implicit::solve_kept;
+use macro_solver::observer::{Observer, Outcome, Run};
+use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
+use macro_solver::pool::Pool;
+use protocol::transport::MacroPort;
+use scene_reader::Scene;
+use std::time::Instant;
+
+/// The circumstances of a run.
+pub(super) struct RunContext<'a> {
+    /// The engines and their points.
+    pub(super) assignment: &'a EngineAssignment,
+    /// Workers requested.
+    pub(super) workers: usize,
+    /// When the first worker was started.
+    pub(super) begun: Instant,
+    /// Whether to print nothing but errors.
+    pub(super) quiet: bool,
+    /// Description of the run in its checkpoints.
+    pub(super) description: &'a RunDescription,
+    /// Where to continue; `None`: from the start.
+    pub(super) continued: Option<Continued>,
+    /// Observes the solver after the recorders.
+    pub(super) observer: &'a mut dyn Observer,
+}
+
+/// Result of the solver, with what was recorded on the way.
+struct Solved {
+    run: Run,
+    recorder: Recorder,
+    energy: EnergyLedger,
+    differences: DifferenceCounts,
+    checkpoints: CheckpointFigures,
+    /// Wall time, s; that of earlier processes of the run included.
+    wall_s: f64,
+}
+
+/// Solves the scene with the pool, records it, and closes the pool and the folder.
+///
+/// # Errors
+/// The run did not reach its end, or something could not be written; what was accepted before is in the folder.
+pub(super) fn execute<P: MacroPort>(
+    scene: &Scene,
+    mut pool: Pool<P>,
+    folder: &OutputFolder,
+    context: RunContext<'_>,
+) -> Result<Exit, Failure> {
+    let (assignment, workers, quiet, description) =
+        (context.assignment, context.workers, context.quiet, context.description);
+    let other_build = context.continued.as_ref().is_some_and(|continued| continued.other_build);
+    let solved = solve(scene, &mut pool, folder, context)?;
+    let statistics = pool.statistics();
+    let hint = pool.quarantined().map(|case| write_failure_case(case, folder));
+    pool.close();
+    let failure = failure(scene, &solved.run, hint.as_deref());
+    log_end(failure.as_ref());
+    let inputs = SummaryInputs {
+        reason: failure.as_ref().map(|failure| failure.message.clone()),
+        gauss_points: scene.problem.point_count(),
+        workers,
+        wall_s: solved.wall_s,
+        engines: assignment.description(),
+        differences: solved.differences,
+        energy: solved.energy.entries(),
+        dynamics: solved.energy.dynamics(),
+        definition: description.definition.clone(),
+        checkpoints: solved.checkpoints.clone(),
+        other_build,
+    };
+    let summary = summary(&solved.run, &statistics, inputs);
+    let written = write_results(scene, &solved, &summary, folder);
+    if !quiet {
+        let force_evaluations = solved.run.statistics.cost.force_evaluations;
+        let place = folder.path().display().to_string();
+        eprint!("{}", closing_lines(&summary, &solved.run.outcome, force_evaluations, &place));
+    }
+    // The failure of the run itself matters more than that of a file.
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    written?;
+    // Only now: a run that is killed before its summary is complete can still be continued.
+    CheckpointFile::in_folder(folder.path()).remove().map_err(|error| Failure::new(Exit::BadInput, error))?;
+    Ok(Exit::Done)
+}
+
+/// Runs the solver with all observers and checkpoints.
+///
+/// # Errors
+/// A recorder cannot make its files.
+fn solve<P: MacroPort>(
+    scene: &Scene,
+    pool: &mut Pool<P>,
+    folder: &OutputFolder,
+    context: RunContext<'_>,
+) -> Result<Solved, Failure> {
+    let mut recorder = Recorder::create(folder.path(), scene.record.clone())?;
+    let (mut material, snapshots) = SnapshotRecorder::new(pool, &drawn_points(scene, context.assignment));
+    let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, snapshots)
+        .map_err(|request| Failure::new(Exit::BadInput, request))?;
+    let (mut energy, mut event_log, mut progress) =
+        (EnergyLedger::default(), EventLog, ProgressDisplay::new(context.quiet));
+    // The recorders come first: what is displayed is already on the disk.
+    let mut observers =
+        ObserverChain(vec![&mut recorder, &mut grains, &mut energy, &mut event_log, context.observer, &mut progress]);
+    let (begun, description) = (context.begun, context.description);
+    let wall_before = context.continued.as_ref().map_or(0.0, |continued| continued.description.wall_s);
+    let wall_s = || wall_before + begun.elapsed().as_secs_f64();
+    let (earlier, figures) = context.continued.map_or((None, CheckpointFigures::default()), |continued| {
+        let figures = continued.description.figures;
+        (Some(continued.archive), CheckpointFigures { resumed: figures.resumed + 1, ..figures })
+    });
+    let describe = |archive: &mut Archive, progress, figures: &CheckpointFigures| {
+        description.put(archive, progress, wall_s(), figures);
+    };
+    let file = CheckpointFile::in_folder(folder.path());
+    let mut checkpoints = PeriodicKeeper::new(file, scene.checkpoint, earlier, figures, describe);
+    let differences = context.assignment.differences();
+    let mut material = DifferenceTangents::new(&mut material, scene.engines.difference, differences);
+    let run = solve_kept(&scene.problem, &mut material, &mut observers, &mut checkpoints);
+    let differences = material.counts();
+    if !matches!(run.outcome, Outcome::Completed) {
+        checkpoints.flush();
+    }
+    let (checkpoints, wall_s) = (checkpoints.figures().clone(), wall_s());
+    Ok(Solved { run, recorder, energy, differences, checkpoints, wall_s })
+}
+
+/// The points whose grains are drawn: those of the scene that the built-in engine solves.
+fn drawn_points(scene: &Scene, assignment: &EngineAssignment) -> Vec<usize> {
+    let points: Vec<usize> = scene.grains.iter().copied().filter(|&point| assignment.is_built_in(point)).collect();
+    if points.len() < scene.grains.len() {
+        tracing::warn!("grains are drawn only at points that the built-in engine solves");
+    }
+    points
+}
+
+/// Writes the reason of a run that did not reach its end into the event log.
+fn log_end(failure: Option<&Failure>) {
+    match failure {
+        Some(failure) if failure.exit == Exit::Interrupted => {
+            tracing::info!(event = "ended", reason = failure.message);
+        }
+        Some(failure) => tracing::error!(event = "ended", reason = failure.message),
+        None => {}
+    }
+}
+
+/// Writes the summary and the curve of the history.
+fn write_results(
+    scene: &Scene,
+    solved: &Solved,
+    summary: &Summary,
+    folder: &OutputFolder,
+) -> Result<(), OutputError> {
+    summary.write(&folder.path().join("summary.json"))?;
+    let Some((x, y)) = &scene.plot else { return Ok(()) };
+    let names: Vec<String> = scene.record.probes.iter().map(|probe| probe.name.clone()).collect();
+    match plot::curve(solved.recorder.rows(), &names, x, y) {
+        Ok(Some(picture)) => write_atomically(&folder.path().join("history.svg"), picture.as_bytes()),
+        Ok(None) => Ok(()),
+        Err(error) => {
+            // The picture is a convenience: its numbers are in the history.
+            tracing::warn!(%error, "history.svg could not be drawn");
+            Ok(())
+        }
+    }
+}

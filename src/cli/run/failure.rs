@@ -1,0 +1,83 @@
+//! Why a run did not reach its end: message, exit code, remedy, and the failure case of a trial that ends workers.
+
+use super::folder::OutputFolder;
+use crate::cli::start_state::{self, Carried};
+use crate::exit::{Exit, Failure};
+use macro_solver::checkpoint::FailureCase;
+use macro_solver::observer::{Outcome, Run};
+use scene_reader::Scene;
+
+/// Why a run did not reach its end, with the remedy; `None` for one that did. `failure_case` is the hint from
+/// [`write_failure_case`].
+pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> Option<Failure> {
+    let stage = match &scene.problem.stages[..] {
+        [_] => String::new(),
+        stages => stages.get(run.stage).map_or(String::new(), |stage| format!(" of stage '{}'", stage.name)),
+    };
+    Some(match &run.outcome {
+        Outcome::Completed => return None,
+        Outcome::DidNotConverge { reason } => {
+            let text = match no_start(scene, run) {
+                Some(explained) => {
+                    format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
+                }
+                None => format!(
+                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
+                     loading.smallest_increment, or look at the last fields; if a force exceeds the capacity, prescribe a \
+                     displacement instead",
+                    run.load
+                ),
+            };
+            Failure::new(Exit::NotConverged, text)
+        }
+        Outcome::Unstable { step, time, time_step, reason } => Failure::new(
+            Exit::NotConverged,
+            format!(
+                "the motion is unstable{stage}: at time step {step} (t = {time:.6e} s) {reason}\nhint: the step of {time_step:.3e} s is too \
+                 large; leave dynamics.time_step out or lower dynamics.safety, and if the material stiffens set \
+                 dynamics.tangent_every. If the motion does not grow, slower histories or damping resolve it, or \
+                 dynamics.longest_excess = 0 disables this check"
+            ),
+        ),
+        Outcome::Interrupted => Failure::new(
+            Exit::Interrupted,
+            format!(
+                "interrupted at load {:.4}{stage}; everything up to the last accepted step is written{}",
+                run.load,
+                if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
+            ),
+        ),
+        Outcome::WorkersLost { reason } => {
+            Failure::new(Exit::WorkersLost, format!("{reason}{}", failure_case.unwrap_or_default()))
+        }
+        Outcome::Stopped(request) => Failure::new(Exit::BadInput, request),
+        Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
+    })
+}
+
+/// Explanation of a failure in step 0, before any load was changed: more increments cannot help there. `None` for a later failure,
+/// and if packing and loads match.
+fn no_start(scene: &Scene, run: &Run) -> Option<String> {
+    if run.statistics.steps > 0 || run.stage > 0 || run.load > 0.0 {
+        return None;
+    }
+    let carried = Carried::by(scene.definition()).ok()?;
+    let explained = match carried.remarks().first() {
+        Some(remark) => remark.clone(),
+        None => start_state::mismatch(scene, &carried)?,
+    };
+    Some(format!("{explained}\nhint: {}", start_state::REMEDY))
+}
+
+/// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.
+pub(super) fn write_failure_case(case: &FailureCase, folder: &OutputFolder) -> String {
+    let path = folder.path().join("quarantine.replay");
+    match case.write(&path) {
+        Ok(()) => format!(
+            "\nhint: `grainspan element --replay {}` repeats this trial in a single process, for a debugger",
+            path.display()
+        ),
+        // The run has failed already: one line, not another failure.
+        Err(error) => format!("\nthe failing trial could not be written: {error}"),
+    }
+}

@@ -1,0 +1,239 @@
+//! `summary.json` from the figures of solver and pool.
+
+use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
+use crate::build_info;
+use macro_solver::checkpoint::CheckpointFigures;
+use macro_solver::difference::DifferenceCounts;
+use macro_solver::observer::{Outcome, Run, Statistics};
+use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
+use macro_solver::pool::PoolStatistics;
+use protocol::PROTOCOL_VERSION;
+use protocol::transport::shared_memory::ICEORYX2_VERSION;
+use std::collections::BTreeMap;
+
+/// Inputs of the summary that neither solver nor pool knows.
+pub(super) struct SummaryInputs {
+    /// Gauss points of the mesh.
+    pub(super) gauss_points: usize,
+    /// Why the run did not reach its end.
+    pub(super) reason: Option<String>,
+    /// Workers requested.
+    pub(super) workers: usize,
+    /// Wall time from the first worker's start to the end of the last step, s.
+    pub(super) wall_s: f64,
+    /// Engines with their versions and points.
+    pub(super) engines: String,
+    /// Counts of finite differences.
+    pub(super) differences: DifferenceCounts,
+    /// The energy ledger.
+    pub(super) energy: BTreeMap<String, f64>,
+    /// Figures of dynamic stages.
+    pub(super) dynamics: BTreeMap<String, f64>,
+    /// Content identity of the grains' definition.
+    pub(super) definition: String,
+    /// Cost of checkpoints.
+    pub(super) checkpoints: CheckpointFigures,
+    /// Whether a part of the run was made by another build of this program.
+    pub(super) other_build: bool,
+}
+
+/// Puts the figures of solver and pool together.
+pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -> Summary {
+    let statistics = &run.statistics;
+    let mut fallbacks = fallbacks(statistics, pool, &inputs);
+    let others = [
+        ("cutbacks", statistics.cut_backs),
+        ("worker_restarts", pool.worker_restarts),
+        ("reissued_jobs", pool.reissued),
+    ];
+    let all = fallbacks.iter().map(|(name, count)| (name.as_str(), *count)).chain(others);
+    let fallback_groups = grouped(all);
+    add_deprecated("fallbacks", &mut fallbacks);
+    let skips = [statistics.skipped, pool.duplicates_skipped, statistics.flags.null_targets];
+    let mut skipped: BTreeMap<String, u64> =
+        SKIPPED.into_iter().zip(skips).map(|((name, _), count)| (name.to_owned(), count)).collect();
+    add_deprecated("skipped", &mut skipped);
+    let deprecated =
+        |(table, former, name): (&str, &str, &str)| (format!("{table}.{former}"), format!("{table}.{name}"));
+    let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
+    Summary {
+        status: status(&run.outcome),
+        reason: inputs.reason,
+        steps: statistics.steps,
+        gauss_points: inputs.gauss_points as u64,
+        newton_iterations: statistics.iterations,
+        rve_evaluations: statistics.evaluations,
+        evaluations_per_gauss_point: statistics.evaluations as f64 / inputs.gauss_points as f64,
+        workers: inputs.workers as u64,
+        worker_restarts: pool.worker_restarts,
+        reissued_jobs: pool.reissued,
+        cutbacks: statistics.cut_backs,
+        initial_imbalance: statistics.initial_imbalance,
+        initial_deviation: statistics.initial_deviation,
+        slowest_trials: statistics.trial_costs.slowest(0.01),
+        fallbacks,
+        fallback_groups,
+        skipped,
+        deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
+        time: TimeShares {
+            wall_s: inputs.wall_s,
+            rve_s: pool.rve_s,
+            tangent_s: pool.tangent_s,
+            transport_s: pool.transport_s,
+            assembly_s: seconds(statistics.assembly_nanoseconds),
+            linear_solver_s: seconds(statistics.linear_solver_nanoseconds),
+            // A worker waits while an evaluation is under way, and all of them while the macro does anything else.
+            idle_s: pool.idle_s + (inputs.wall_s - pool.wall_s).max(0.0) * inputs.workers as f64,
+        },
+        checkpoint: CheckpointSummary {
+            written: inputs.checkpoints.written,
+            failed: inputs.checkpoints.failed,
+            bytes: inputs.checkpoints.bytes,
+            seconds: inputs.checkpoints.seconds,
+            share_of_wall: inputs.checkpoints.seconds / inputs.wall_s.max(f64::MIN_POSITIVE),
+            resumed: inputs.checkpoints.resumed,
+        },
+        energy: inputs.energy,
+        dynamics: inputs.dynamics,
+        versions: BTreeMap::from([
+            ("grainspan".to_owned(), build_info::VERSION.to_owned()),
+            ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
+            ("engines".to_owned(), inputs.engines),
+            ("iceoryx2".to_owned(), ICEORYX2_VERSION.to_owned()),
+            ("compiler".to_owned(), build_info::COMPILER.to_owned()),
+            ("definition".to_owned(), inputs.definition),
+        ]),
+    }
+}
+
+fn status(outcome: &Outcome) -> RunStatus {
+    match outcome {
+        Outcome::Completed => RunStatus::Done,
+        Outcome::DidNotConverge { .. } | Outcome::Unstable { .. } => RunStatus::NotConverged,
+        Outcome::Interrupted => RunStatus::Interrupted,
+        Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
+        Outcome::Stopped(_) => RunStatus::OutputFailed,
+        Outcome::Refused(_) => RunStatus::Refused,
+    }
+}
+
+/// Every counter of the fallbacks, by name.
+fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInputs) -> BTreeMap<String, u64> {
+    let flags = &statistics.flags;
+    named([
+        ("not_equilibrated", flags.not_equilibrated),
+        ("unfinished_trials", statistics.unfinished_trials),
+        ("tangent_fallback", flags.tangent_fallback),
+        ("tangent_regularised", flags.tangent_regularised),
+        ("large_overlap", flags.large_overlap),
+        ("no_load_bearing_contacts", flags.fluid),
+        ("damping_changed", flags.damping_changed),
+        ("tangent_floored", statistics.floored_tangents),
+        ("secant_refused", statistics.secant_refusals),
+        ("asymmetric_stresses", statistics.asymmetric_stresses),
+        ("sub_steps_of_points", statistics.sub_steps),
+        ("steps_stabilised", statistics.stabilised_steps),
+        ("stabilisation_increments", statistics.creep_increments),
+        ("stabilisation_evaluations", statistics.creep_evaluations),
+        ("rejected_iterates", statistics.turned_down),
+        ("rejected_evaluations", statistics.turned_down_evaluations),
+        ("equations_solved_directly", statistics.direct_fallbacks),
+        ("tangents_by_difference", inputs.differences.operators),
+        ("difference_evaluations", inputs.differences.probes),
+        ("replayed_trials", pool.replayed_trials),
+        ("workers_left", pool.workers_left),
+        ("workers_recycled", pool.workers_recycled),
+        ("workers_lost", pool.workers_lost),
+        ("workers_hung", pool.workers_hung),
+        ("workers_faulty", pool.workers_faulty),
+        ("messages_refused", pool.refused_messages),
+        ("checkpoints_failed", inputs.checkpoints.failed),
+        ("continued_by_another_build", u64::from(inputs.other_build)),
+    ])
+}
+
+fn named<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
+    counts.into_iter().map(|(name, count)| (name.to_owned(), count)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::closing_lines::closing_lines;
+    use super::super::counters::COUNTERS;
+    use super::*;
+    use macro_solver::problem::ProblemError;
+
+    fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
+        let inputs = SummaryInputs {
+            gauss_points: 8,
+            reason: None,
+            workers: 2,
+            wall_s: 1.0,
+            engines: String::new(),
+            differences: DifferenceCounts::default(),
+            energy: BTreeMap::new(),
+            dynamics: BTreeMap::new(),
+            definition: String::new(),
+            checkpoints: CheckpointFigures::default(),
+            other_build: false,
+        };
+        let run = Run { outcome, stage: 0, load: 1.0, statistics };
+        let summary = summary(&run, pool, inputs);
+        let text = closing_lines(&summary, &run.outcome, 1, "out/a");
+        (summary, text)
+    }
+
+    /// A counter that is added has to be put into a group and explained.
+    #[test]
+    fn every_counter_of_the_summary_has_its_group_and_there_is_no_other() {
+        let (summary, _) = ended(Outcome::Completed, Statistics::default(), &PoolStatistics::default());
+        let others = ["cutbacks", "reissued_jobs", "worker_restarts"].map(str::to_owned);
+        let is_new = |name: &&String| !summary.deprecated_names.contains_key(&format!("fallbacks.{name}"));
+        let mut found: Vec<String> = summary.fallbacks.keys().filter(is_new).cloned().chain(others).collect();
+        let mut known: Vec<String> = COUNTERS.iter().map(|counter| counter.name.to_owned()).collect();
+        found.sort();
+        known.sort();
+        assert_eq!(found, known);
+    }
+
+    #[test]
+    fn former_names_stand_next_to_the_new_ones() {
+        let statistics = Statistics { creep_increments: 5, ..Statistics::default() };
+        let (summary, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
+        for (table, former, name) in DEPRECATED_NAMES {
+            let counts = if table == "skipped" { &summary.skipped } else { &summary.fallbacks };
+            assert_eq!(counts[former], counts[name], "{former}");
+            assert_eq!(summary.deprecated_names[&format!("{table}.{former}")], format!("{table}.{name}"));
+        }
+        assert_eq!((summary.fallbacks["creep_increments"], text.matches("creep").count()), (5, 0));
+        assert!(!summary.fallback_groups["look_at_this"].contains_key("creep_increments"));
+    }
+
+    /// A good run floors thousands of tangents without any effect on its result.
+    #[test]
+    fn only_counters_that_concern_the_result_are_warnings() {
+        let good = Statistics { floored_tangents: 3531, cut_backs: 2, skipped: 1, ..Statistics::default() };
+        let (_, text) = ended(Outcome::Completed, good, &PoolStatistics::default());
+        assert!(text.contains("  warnings         none\n"), "{text}");
+        let fallbacks =
+            "  fallbacks        2 cut-backs, 3531 tangents with eigenvalue floor (no effect on accuracy, ";
+        assert!(text.contains(fallbacks), "{text}");
+        assert!(text.contains("  skipped          1 unchanged target\n"), "{text}");
+        let mut doubtful = Statistics::default();
+        doubtful.flags.not_equilibrated = 4;
+        let (summary, text) = ended(Outcome::Completed, doubtful, &PoolStatistics::default());
+        assert!(
+            text.contains("  warnings         4 trials not equilibrated (see docs/reference/counters.md)"),
+            "{text}"
+        );
+        assert_eq!(summary.fallback_groups["look_at_this"]["not_equilibrated"], 4);
+    }
+
+    #[test]
+    fn a_refused_problem_is_not_an_output_that_failed() {
+        let (summary, text) =
+            ended(Outcome::Refused(ProblemError::NoStage), Statistics::default(), &PoolStatistics::default());
+        assert_eq!(summary.status, RunStatus::Refused);
+        assert!(text.starts_with("refused: "), "{text}");
+    }
+}

@@ -1,0 +1,167 @@
+//! `grainspan element TEST.toml`, alias `rve-test`: one cell along a strain/stress path, in this process, without finite elements.
+
+use super::failure_case;
+use super::heartbeat::Heartbeat;
+use crate::exit::{Exit, Failure};
+use crate::stdout::{deliver, print};
+use protocol::TangentKind;
+use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use scene_reader::{Document, InputError, Kind, read_packing};
+use std::cell::RefCell;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// Arguments of `grainspan element`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan element scenes/rve-biaxial.toml > curve.csv
+  grainspan element --replay out/biaxial/quarantine.replay
+  grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
+pub(crate) struct Arguments {
+    /// Element test: packing, contact law and path
+    #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
+    test: Option<PathBuf>,
+    /// Repeat the trial that a run has quarantined because it ended its workers
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out"])]
+    replay: Option<PathBuf>,
+    /// File to write [default: standard output, row by row]
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// Override a key of the test
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Add the columns of a tangent operator: truss_like, truss_like_slip, quasi_static, consistent, kruyt ... (a wrong
+    /// keyword lists all)
+    #[arg(long, value_name = "KIND", default_value = "none", value_parser = tangent_kind)]
+    tangent: TangentKind,
+    /// Print nothing on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn tangent_kind(keyword: &str) -> Result<TangentKind, String> {
+    TangentKind::ALL
+        .into_iter()
+        .find(|kind| kind.keyword() == keyword)
+        .ok_or_else(|| format!("possible values: {}", TangentKind::ALL.map(TangentKind::keyword).join(", ")))
+}
+
+/// Runs the test.
+///
+/// # Errors
+/// A test that is not sound (exit code 2); a path that the cell or the stress control could not follow (exit code 1,
+/// the rows before are written).
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    if let Some(file) = &arguments.replay {
+        return failure_case::run(file);
+    }
+    let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
+    let document = Document::read(path, &arguments.overrides)?;
+    document.expect(Kind::ElementTest)?;
+    let test = checked(&document)?;
+    let buffer = Rc::new(RefCell::new(Vec::new()));
+    let mut rows = Rows::new(arguments, &buffer)?;
+    let folder = document.path().parent().unwrap_or(Path::new(""));
+    let heartbeat = Heartbeat::start(arguments.quiet);
+    let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
+    let mut done = 0;
+    heartbeat.set(format!("row 0 of {expected}"));
+    let ended = run_element(&test, folder, arguments.tangent, &mut |row| {
+        rows.add(row);
+        done += 1;
+        heartbeat.set(format!("row {done} of {expected}"));
+    });
+    drop(heartbeat);
+    rows.finish(arguments.out.as_deref())?;
+    match ended {
+        Ok(summary) => {
+            if !arguments.quiet {
+                eprintln!("{}", closing(&summary));
+            }
+            Ok(Exit::Done)
+        }
+        Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
+        Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", path.display()))),
+    }
+}
+
+/// The test with every key and its packing checked, so that a bad one is refused before anything is written.
+fn checked(document: &Document) -> Result<ElementTest, InputError> {
+    // The first reading gives the places of wrong keys and types, the second checks what the values mean together.
+    let test: ElementTest = document.deserialize()?;
+    ElementTest::from_table(document.deserialize()?).map_err(|error| document.table_error(error))?;
+    read_packing(document, &test.packing)?;
+    Ok(test)
+}
+
+/// Encodes rows; without an output file each goes to standard output at once.
+struct Rows {
+    buffer: Rc<RefCell<Vec<u8>>>,
+    csv: ElementCsv<SharedBuffer>,
+    streams: bool,
+    failure: Option<Failure>,
+}
+
+impl Rows {
+    fn new(arguments: &Arguments, buffer: &Rc<RefCell<Vec<u8>>>) -> Result<Self, Failure> {
+        let csv = ElementCsv::new(SharedBuffer(Rc::clone(buffer)), arguments.tangent)
+            .map_err(|error| Failure::new(Exit::BadInput, error))?;
+        Ok(Self { buffer: Rc::clone(buffer), csv, streams: arguments.out.is_none(), failure: None })
+    }
+
+    fn add(&mut self, row: &ElementRow) {
+        let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
+        let printed = written.and_then(|()| if self.streams { print(&self.buffer.take()) } else { Ok(()) });
+        if let Err(failure) = printed {
+            self.failure.get_or_insert(failure);
+        }
+    }
+
+    fn finish(self, out: Option<&Path>) -> Result<(), Failure> {
+        match self.failure {
+            Some(failure) => Err(failure),
+            None => deliver(out, &self.buffer.take()),
+        }
+    }
+}
+
+/// The encoder's end of the buffer.
+struct SharedBuffer(Rc<RefCell<Vec<u8>>>);
+
+impl Write for SharedBuffer {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn closing(summary: &ElementSummary) -> String {
+    let fallbacks: Vec<String> = [
+        ("not equilibrated", summary.not_equilibrated),
+        ("controlled stress not met at an instability of the cell", summary.stress_jumps),
+        ("no load-bearing contacts", summary.no_load),
+        ("relaxed with another damping", summary.damping_changed),
+        ("increments cut for the stress control", summary.cut_increments),
+        ("overlap above 10 %", summary.large_overlap),
+        (
+            "operator replaced by truss_like, or by the uniform-strain one where that is singular",
+            summary.tangent_fallbacks,
+        ),
+        ("operator with constrained mechanisms", summary.tangent_regularised),
+    ]
+    .into_iter()
+    .filter(|(_, count)| *count > 0)
+    .map(|(what, count)| format!("{what}: {count} rows"))
+    .collect();
+    let fallbacks: Vec<String> = fallbacks.into_iter().chain(summary.listed_forces.warning()).collect();
+    let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
+    format!(
+        "{} rows, {} trials, {} DEM steps; fallbacks: {fallbacks}",
+        summary.rows, summary.trials, summary.dem_steps
+    )
+}

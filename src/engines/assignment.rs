@@ -1,0 +1,129 @@
+//! The engines of one run, their capabilities, and the Gauss points of each.
+
+use super::{Catalogue, Compatibility, Engine, capabilities_of, compatibility};
+use crate::exit::{Exit, Failure};
+use protocol::{Capabilities, Definition};
+use rve_server::server::built_in_engine;
+use scene_reader::{Materials, Scene};
+
+/// One engine of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct AssignedEngine {
+    /// How its workers are started.
+    pub(crate) engine: Engine,
+    /// What it reported.
+    pub(crate) capabilities: Capabilities,
+    /// What they mean for the scene.
+    pub(crate) compatibility: Compatibility,
+}
+
+/// The definitions that a pool serves, with their engines and points.
+#[derive(Clone, Debug)]
+pub(crate) struct PoolDefinitions {
+    /// Definitions of the cells; a definition solved by two engines is listed twice.
+    pub(crate) definitions: Vec<Definition>,
+    /// Name of the engine of each definition.
+    pub(crate) engines: Vec<String>,
+    /// For each Gauss point the index of its definition.
+    pub(crate) made_of: Vec<usize>,
+}
+
+/// The engines of a run and the Gauss points of each.
+#[derive(Clone, Debug)]
+pub(crate) struct EngineAssignment {
+    /// The engines; each has at least one point.
+    pub(crate) engines: Vec<AssignedEngine>,
+    /// For each Gauss point the index of its engine.
+    pub(crate) engine_of: Vec<usize>,
+}
+
+impl EngineAssignment {
+    /// Finds the engines that the scene, or `requested` (`--engine`) in its place, names, requests the capabilities of each and
+    /// checks them against the scene.
+    ///
+    /// # Errors
+    /// An engine is not listed, cannot be started or cannot solve the scene.
+    pub(crate) fn assemble(scene: &Scene, requested: Option<&str>) -> Result<Self, Failure> {
+        let refuse = |error: anyhow::Error| Failure::new(Exit::BadInput, format!("{error:#}"));
+        let main = requested.unwrap_or(&scene.engines.engine);
+        let mut names = vec![main.to_owned()];
+        let mut engine_of = vec![0; scene.problem.point_count()];
+        for (name, points) in &scene.engines.points {
+            if name == main {
+                continue;
+            }
+            names.push(name.clone());
+            points.iter().for_each(|&point| engine_of[point] = names.len() - 1);
+        }
+        // Without points the main engine needs no workers.
+        if !engine_of.contains(&0) {
+            names.remove(0);
+            engine_of.iter_mut().for_each(|engine| *engine -= 1);
+        }
+        let catalogue = match names.iter().all(|name| built_in_engine(name).is_some()) {
+            true => Catalogue::default(),
+            false => Catalogue::read().map_err(refuse)?,
+        };
+        let mut engines = Vec::new();
+        for name in &names {
+            let engine = catalogue.find(name).map_err(refuse)?;
+            let capabilities = capabilities_of(&engine).map_err(refuse)?;
+            let compatibility = compatibility(&capabilities, &scene.materials.definitions, &scene.problem.tangents())
+                .map_err(|error| Failure::new(Exit::BadInput, error))?;
+            engines.push(AssignedEngine { engine, capabilities, compatibility });
+        }
+        Ok(Self { engines, engine_of })
+    }
+
+    /// Whether a point is solved by the engine inside this program.
+    pub(crate) fn is_built_in(&self, point: usize) -> bool {
+        self.engines[self.engine_of[point]].engine.is_built_in()
+    }
+
+    /// What the pool serves: every pair of definition and engine that occurs, and for each point the index of its pair.
+    pub(crate) fn pool_definitions(&self, materials: &Materials) -> PoolDefinitions {
+        let mut kinds: Vec<(usize, usize)> = Vec::new();
+        let mut made_of = Vec::with_capacity(self.engine_of.len());
+        for (&engine, &material) in self.engine_of.iter().zip(&materials.made_of) {
+            let place = kinds.iter().position(|kind| *kind == (engine, material)).unwrap_or_else(|| {
+                kinds.push((engine, material));
+                kinds.len() - 1
+            });
+            made_of.push(place);
+        }
+        let definitions = kinds.iter().map(|&(_, material)| materials.definitions[material].to_protocol()).collect();
+        let engines = kinds.iter().map(|&(engine, _)| self.engines[engine].capabilities.engine.clone()).collect();
+        PoolDefinitions { definitions, engines, made_of }
+    }
+
+    /// For each point, whether its tangents are found by finite differences.
+    pub(crate) fn differences(&self) -> Vec<bool> {
+        self.engine_of.iter().map(|&engine| self.engines[engine].compatibility.needs_differences).collect()
+    }
+
+    /// Remarks for the user before the run, one line each.
+    pub(crate) fn remarks(&self) -> impl Iterator<Item = &str> {
+        self.engines.iter().flat_map(|engine| engine.compatibility.remarks.iter().map(String::as_str))
+    }
+
+    /// Engines as scenes and `--engine` name them, with versions and numbers of points, for display.
+    pub(crate) fn overview(&self) -> String {
+        let parts = self.engines.iter().enumerate().map(|(index, assigned)| {
+            let points = self.engine_of.iter().filter(|&&engine| engine == index).count();
+            format!("{} {} ({points} points)", assigned.engine.name, assigned.capabilities.version)
+        });
+        parts.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Engines with their versions and numbers of points, for the summary.
+    pub(crate) fn description(&self) -> String {
+        let parts: Vec<String> = (self.engines.iter().enumerate())
+            .map(|(index, assigned)| {
+                let points = self.engine_of.iter().filter(|&&engine| engine == index).count();
+                let (engine, version) = (&assigned.capabilities.engine, &assigned.capabilities.version);
+                format!("{engine} {version} ({points} points)")
+            })
+            .collect();
+        parts.join(", ")
+    }
+}

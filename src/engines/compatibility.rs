@@ -1,0 +1,92 @@
+//! Whether an engine can solve the points of a scene, decided before anything is started.
+
+use protocol::{Capabilities, SnapshotKind, TangentKind};
+use rve_server::definition::AnyDefinition;
+
+/// Why an engine cannot solve a scene, with the remedy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Incompatibility {
+    /// The packing has another space dimension.
+    #[error(
+        "engine `{engine}` serves {served:?} dimensions, the packing has {dimension}; choose another engine or packing"
+    )]
+    Dimension {
+        /// Name of the engine.
+        engine: String,
+        /// Space dimensions that it serves.
+        served: Vec<u32>,
+        /// Space dimension of the packing.
+        dimension: u32,
+    },
+    /// The scene has another contact law.
+    #[error(
+        "engine `{engine}` serves the contact laws {served:?}, not \"{law}\"; choose another engine or contact.law"
+    )]
+    ContactLaw {
+        /// Name of the engine.
+        engine: String,
+        /// Keywords of the contact laws that it serves.
+        served: Vec<String>,
+        /// Keyword of the scene's contact law.
+        law: &'static str,
+    },
+}
+
+/// How an engine that can solve a scene will do so.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Compatibility {
+    /// Whether tangents have to be found by finite differences.
+    pub(crate) needs_differences: bool,
+    /// Remarks for the user, one line each.
+    pub(crate) remarks: Vec<String>,
+}
+
+/// Checks an engine against the definitions of a scene and the tangents that the solver requests.
+///
+/// # Errors
+/// See [`Incompatibility`].
+pub(crate) fn compatibility(
+    capabilities: &Capabilities,
+    definitions: &[AnyDefinition],
+    tangents: &[TangentKind],
+) -> Result<Compatibility, Incompatibility> {
+    let engine = &capabilities.engine;
+    for definition in definitions {
+        let dimension = definition.dimension();
+        if !capabilities.dimensions.contains(&dimension) {
+            return Err(Incompatibility::Dimension {
+                engine: engine.clone(),
+                served: capabilities.dimensions.clone(),
+                dimension,
+            });
+        }
+        let law = definition.contact().law.keyword();
+        if !capabilities.laws.iter().any(|served| served == law) {
+            return Err(Incompatibility::ContactLaw {
+                engine: engine.clone(),
+                served: capabilities.laws.clone(),
+                law,
+            });
+        }
+    }
+    let mut remarks = Vec::new();
+    let lacking = |tangent: &&TangentKind| **tangent != TangentKind::None && !capabilities.tangents.contains(tangent);
+    let lacks = tangents.iter().find(lacking);
+    if let Some(tangent) = lacks {
+        remarks.push(format!(
+            "engine `{engine}` has no tangent `{}`: tangents are found by finite differences of its stresses",
+            tangent.keyword()
+        ));
+    }
+    if capabilities.snapshot == SnapshotKind::Path {
+        remarks.push(format!(
+            "engine `{engine}` has no snapshots: a point that changes workers is solved again from the start"
+        ));
+    }
+    if !capabilities.deterministic {
+        remarks.push(format!(
+            "engine `{engine}` is not deterministic: equal trials may give different results, and reruns may differ"
+        ));
+    }
+    Ok(Compatibility { needs_differences: lacks.is_some(), remarks })
+}

@@ -1,0 +1,31 @@
+//! Data for standard output, and a place for it: a named file or the screen.
+
+use crate::exit::Failure;
+use macro_solver::output::{OutputError, write_atomically};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+/// Writes data to standard output. A reader that has seen enough (`| head`) is no failure.
+///
+/// # Errors
+/// Standard output is full or closed for another reason.
+pub fn print(data: &[u8]) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(data).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
+            Err(OutputError::write(Path::new("standard output"), source).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes data to the file, or to standard output when none is named.
+///
+/// # Errors
+/// The place cannot be written; no half file is left.
+pub fn deliver(file: Option<&Path>, data: &[u8]) -> Result<(), Failure> {
+    match file {
+        Some(path) => Ok(write_atomically(path, data)?),
+        None => print(data),
+    }
+}

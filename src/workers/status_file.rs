@@ -1,0 +1,110 @@
+//! The status file of a live run, which `grainspan status` reads: a small file next to its channels.
+//!
+//! Whether a run is alive is never read from this file but from the process that owns the channels, so that a killed run is not
+//! mistaken for a live one; the file is removed with the channels.
+
+use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
+use macro_solver::output::{OutputError, write_atomically};
+use macro_solver::pool::WorkerReport;
+use protocol::transport::shared_memory::RunRecord;
+use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// File name in the directory of a run.
+const FILE: &str = "progress.json";
+
+/// Progress of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RunProgress {
+    /// Start of the run, s since 1970.
+    pub(crate) begun: u64,
+    /// Scene file.
+    pub(crate) scene: PathBuf,
+    /// Output folder.
+    pub(crate) output: PathBuf,
+    /// Accepted steps.
+    pub(crate) step: usize,
+    /// Share of the path reached, 0 to 1.
+    pub(crate) load: f64,
+    /// Point evaluations.
+    pub(crate) evaluations: u64,
+    /// Workers, as the pool saw them at its last report.
+    #[serde(default)]
+    pub(crate) workers: Vec<WorkerReport>,
+}
+
+impl RunProgress {
+    /// A run that begins now.
+    pub(crate) fn new(scene: &Path, output: &Path) -> Self {
+        let begun = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        // Absolute, as the reader is elsewhere; a folder that cannot be resolved is shown as given.
+        let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let (scene, output) = (absolute(scene), absolute(output));
+        Self { begun, scene, output, step: 0, load: 0.0, evaluations: 0, workers: Vec::new() }
+    }
+
+    /// The last status of the run with this record; `None` if it has not written any yet.
+    pub(crate) fn of(record: &RunRecord) -> Option<Self> {
+        serde_json::from_slice(&fs::read(path(record)?).ok()?).ok()
+    }
+}
+
+fn path(record: &RunRecord) -> Option<PathBuf> {
+    Some(record.root.parent()?.join(FILE))
+}
+
+/// Writes the status of this process's run. Clones write the same file: one observes the solver, one receives the reports of the
+/// pool.
+#[derive(Clone, Debug)]
+pub(crate) struct StatusFile(Rc<RefCell<Inner>>);
+
+#[derive(Debug)]
+struct Inner {
+    path: Option<PathBuf>,
+    progress: RunProgress,
+}
+
+impl StatusFile {
+    /// Writes the first status of the run with this record.
+    pub(crate) fn create(record: &RunRecord, progress: RunProgress) -> Self {
+        let inner = Inner { path: path(record), progress };
+        inner.write();
+        Self(Rc::new(RefCell::new(inner)))
+    }
+
+    /// Writes the state of the workers.
+    pub(crate) fn report(&self, workers: &[WorkerReport]) {
+        let mut inner = self.0.borrow_mut();
+        inner.progress.workers = workers.to_vec();
+        inner.write();
+    }
+}
+
+impl Inner {
+    /// Failure affects only `grainspan status`; the run goes on.
+    fn write(&self) {
+        if let Err(error) = self.try_write() {
+            tracing::warn!(%error, "the status file could not be written; `grainspan status` shows no progress of this run");
+        }
+    }
+
+    fn try_write(&self) -> Result<(), OutputError> {
+        let Some(path) = &self.path else { return Ok(()) };
+        write_atomically(path, &serde_json::to_vec(&self.progress).expect("progress is plain data"))
+    }
+}
+
+impl Observer for StatusFile {
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        let mut inner = self.0.borrow_mut();
+        inner.progress.step = report.step;
+        inner.progress.load = report.share;
+        inner.progress.evaluations = fields.statistics.evaluations;
+        inner.write();
+        Ok(())
+    }
+}
