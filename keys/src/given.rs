@@ -14,10 +14,21 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// The written keys of the table `T`, which may be any of them. Whoever reads the document checks them against `T`.
-#[derive(Clone, Debug)]
 pub struct Given<T> {
     node: Node,
     keys: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Given<T> {
+    fn clone(&self) -> Self {
+        Self { node: self.node.clone(), keys: PhantomData }
+    }
+}
+
+impl<T> fmt::Debug for Given<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_tuple("Given").field(&self.node).finish()
+    }
 }
 
 impl<T> Default for Given<T> {

@@ -6,12 +6,12 @@
 //! shows in them.
 #![expect(clippy::print_stdout, reason = "an example reports to people")]
 
-use macro_solver::elastic::{ElasticLaw, ElasticMaterial};
-use macro_solver::implicit::solve;
+use macro_solver::material::elastic::{ElasticLaw, ElasticMaterial};
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::Silent;
 use macro_solver::problem::{Axis, Condition, EquationSolver, Platen, Problem};
+use macro_solver::solve::solve;
 
 struct Case {
     name: &'static str,

@@ -12,6 +12,7 @@ use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::solver::SolverFor;
+use rve_server::tangent::needs_grain_solver;
 use std::path::Path;
 
 /// Rounds of measurements.
@@ -77,11 +78,11 @@ fn measure<S: SolverFor>(
     let mut outcomes = vec![None; kinds.len()];
     for round in 0..ROUNDS {
         for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(&mut outcomes) {
-            let is_probed = rve_server::tangent::perturbation::is_probed(*kind);
-            if is_probed && round > 0 {
+            let needs_grain_solver = needs_grain_solver(*kind);
+            if needs_grain_solver && round > 0 {
                 continue;
             }
-            let repeats = if is_probed { 1 } else { repeats };
+            let repeats = if needs_grain_solver { 1 } else { repeats };
             let started = processor_time();
             for _ in 0..repeats {
                 *outcome = cell.operator(*kind);
@@ -91,15 +92,15 @@ fn measure<S: SolverFor>(
     }
     for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(outcomes) {
         let [least, median] = least_and_median(times);
-        let probed = outcome.expect("there is a trial");
+        let perturbed = outcome.expect("there is a trial");
         println!(
             "{:32} {least:10.3} ms ({median:10.3})  {:8.2} % of the increment, {:6} force evaluations, C1111 {:.4e}{}{}",
             kind.keyword(),
             100.0 * least / increment[0],
-            probed.force_evaluations,
-            probed.outcome.operator.get(0, 0, 0, 0),
-            if probed.outcome.fallback { " FALLBACK" } else { "" },
-            if probed.outcome.regularised { " regularised" } else { "" },
+            perturbed.force_evaluations,
+            perturbed.outcome.operator.get(0, 0, 0, 0),
+            if perturbed.outcome.fallback { " FALLBACK" } else { "" },
+            if perturbed.outcome.regularised { " regularised" } else { "" },
         );
     }
 }

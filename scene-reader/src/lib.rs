@@ -18,7 +18,6 @@ mod reference;
 mod sets;
 mod solving;
 mod stages;
-mod strategies;
 mod supervision;
 mod tables;
 

@@ -5,7 +5,7 @@ use super::input_error::InputError;
 use super::tables::{Generator, MeshTable};
 use keys::Located;
 use macro_solver::mesh::block::Block;
-use macro_solver::mesh::ground::{HalfFooting, RetainingWall, Section, Slope};
+use macro_solver::mesh::geotechnical::{HalfFooting, RetainingWall, Section, Slope};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
 use std::path::Path;

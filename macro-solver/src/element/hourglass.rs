@@ -5,8 +5,7 @@
 //! geometry and applied to the total motion they need no integration in time: the stiffness form is a quadratic
 //! potential, symmetric, path-independent and objective.
 
-use super::point_geometry;
-use crate::mesh::{Dimension, ElementKind};
+use super::{Dimension, ElementKind, point_geometry};
 use crate::problem::HourglassKeys;
 use serde::{Deserialize, Serialize};
 

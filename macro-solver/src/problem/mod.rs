@@ -32,7 +32,7 @@ mod validation;
 
 pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
-pub use criteria::{Criteria, DisplacementMeasure, ForceMeasure, Measured, Tolerances};
+pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use equations::EquationSettings;
 pub(crate) use equations::HourglassKeys;
 pub use initial_stress::{InitialState, InitialStress};

@@ -7,7 +7,7 @@ use super::{
     Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
-use crate::element::point_places;
+use crate::mesh::point_places;
 use crate::mesh::{Dimension, Side};
 use crate::nonlocal::NonlocalOperator;
 use keys::check_settings;

@@ -110,30 +110,37 @@ pub struct RveOptions {
     pub solver: SolverName,
     /// Named accuracy; `strain_per_step` and `tolerance` override its two values.
     pub accuracy: Accuracy,
-    /// Largest strain component applied in one ramp step, dimensionless.
+    /// Largest strain component applied in one ramp step.
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
     pub strain_per_step: Option<f64>,
     /// Equilibrium criterion.
     pub criterion: Criterion,
-    /// Value that the criterion must reach, dimensionless.
+    /// Value that the criterion must reach.
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
     /// Damping.
     pub damping: Damping,
-    /// Coefficient of local damping, in (0, 1); default 0.7.
+    /// Coefficient of local damping, in (0, 1).
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.7"))]
     pub local_damping: Option<f64>,
-    /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
+    /// Coefficient of viscous damping per pseudo-time step, in (0, 2). The stiffest mode is damped critically
     /// near 1.6.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.1"))]
     pub viscous_damping: Option<f64>,
-    /// Most relaxation steps after the ramp; default 20 000. A trial that gets no nearer to rest in any way of relaxing ends
+    /// Most relaxation steps after the ramp. A trial that stagnates with every damping ends
     /// sooner, after some thousand steps.
+    #[schemars(extend("x-default" = "20000"), range(min = 1))]
     pub max_steps: Option<u32>,
     /// What becomes of a trial that needs more.
     pub at_step_cap: AtStepCap,
     /// Most force evaluations of a trial, ramp and relaxation together; unlimited if absent. A trial that needs more is
     /// refused in any case, because it may not even have reached its strain.
+    #[schemars(extend("x-default" = "unlimited"), range(min = 1))]
     pub max_evaluations: Option<u64>,
-    /// Largest |H| of one trial, dimensionless; default 0.2.
+    /// Largest |H| of one trial.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.2", "exclusiveMinimum" = 0))]
     pub largest_target: Option<f64>,
-    /// How operators are probed and averaged.
+    /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,
 }
 
@@ -203,7 +210,7 @@ impl RveOptions {
         self.viscous_damping.unwrap_or(0.1)
     }
 
-    /// Whether the damping rule looks at the work of the forces before a step.
+    /// Whether the damping rule uses the work of the forces before a step.
     pub(crate) fn needs_old_power(&self) -> bool {
         self.damping == Damping::Adaptive
     }

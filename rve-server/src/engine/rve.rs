@@ -8,9 +8,7 @@ use crate::definition::{GrainDefinition, GrainModel, RveOptions};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
-use crate::tangent::network::Orderings;
-use crate::tangent::perturbation::{self, Probed};
-use crate::tangent::{self, TangentOutcome};
+use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
     Ask, Cost, Definition, DefinitionId, Observables, Question, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
     TrialAnswer, TrialFlags, answer_alone, snapshot,
@@ -67,7 +65,7 @@ struct Stretch<S: Space> {
 }
 
 /// A question whose state has been read.
-struct Opened<S: Space> {
+struct PreparedTrial<S: Space> {
     /// Its place among the questions.
     place: usize,
     state: GrainState<S>,
@@ -76,7 +74,7 @@ struct Opened<S: Space> {
 }
 
 /// An answer with the sealed snapshot of its trial state.
-type Answered = Result<(TrialAnswer, Vec<u8>), RveError>;
+type TrialOutcome = Result<(TrialAnswer, Vec<u8>), RveError>;
 
 impl<S: SolverFor> Clone for GrainRve<S> {
     /// The same cell; working memory is not copied, it cannot reach a result.
@@ -250,7 +248,7 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// Answers several questions whose states have been read and whose targets are stretches, side by side.
-    fn solve_side_by_side(&mut self, opened: Vec<Opened<S>>) -> Vec<Answered> {
+    fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
         let started = Instant::now();
         let jobs: Vec<Job<'_, S>> = opened
             .iter()
@@ -317,13 +315,14 @@ impl<S: SolverFor> GrainRve<S> {
         }
     }
 
-    /// Adds the tangent asked for, its cost and the shortcuts it took.
+    /// Adds the tangent requested, its cost and the shortcuts it took.
     fn add_tangent(&mut self, answer: &mut TrialAnswer, kind: TangentKind) {
         if kind == TangentKind::None {
             return;
         }
         let started = Instant::now();
-        let Probed { outcome, force_evaluations } = self.operator(kind).expect("the trial has just been made");
+        let OperatorEvaluation { outcome, force_evaluations } =
+            self.operator(kind).expect("the trial has just been made");
         answer.cost.force_evaluations += force_evaluations;
         if outcome.fallback {
             answer.flags.insert(TrialFlags::TANGENT_FALLBACK);
@@ -337,19 +336,17 @@ impl<S: SolverFor> GrainRve<S> {
 
     /// An operator of the present trial, as the trial itself would have returned it; `None` without a trial. What the
     /// operator learns goes into the trial state.
-    pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
+    pub fn operator(&mut self, kind: TangentKind) -> Option<OperatorEvaluation> {
         let trial = self.trial.as_mut()?;
         if !trial.state.bears_load {
             let outcome = TangentOutcome::exact(Tensor4::ZERO);
-            return Some(Probed { outcome, force_evaluations: 0 });
+            return Some(OperatorEvaluation::without_evaluations(outcome));
         }
-        if !perturbation::is_probed(kind) {
-            return Some(Probed {
-                outcome: tangent::evaluate_with(&mut self.orderings, &trial.network, kind),
-                force_evaluations: 0,
-            });
-        }
-        let question = perturbation::Trial {
+        let Method::Perturbation(perturbation) = Method::of(kind) else {
+            let outcome = tangent::evaluate_with(&mut self.orderings, &trial.network, kind);
+            return Some(OperatorEvaluation::without_evaluations(outcome));
+        };
+        let perturbed = perturbation::Trial {
             model: &self.model,
             contact: &self.contact,
             start: &self.committed,
@@ -358,7 +355,7 @@ impl<S: SolverFor> GrainRve<S> {
             network: &trial.network,
             stress: &trial.stress,
         };
-        Some(question.operator(kind, &mut *self.solver, &mut trial.state))
+        Some(perturbed.operator(perturbation, &mut *self.solver, &mut trial.state))
     }
 }
 
@@ -370,7 +367,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
     }
 
     fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
-        let mut answers: Vec<Option<Answered>> = questions.iter().map(|_| None).collect();
+        let mut answers: Vec<Option<TrialOutcome>> = questions.iter().map(|_| None).collect();
         let mut opened = Vec::new();
         for (place, question) in questions.iter().enumerate() {
             let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
@@ -381,7 +378,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                 Ok(Some((state, self.stretch(&h, &question.ask)?)))
             });
             match stretched {
-                Ok(Some((state, stretch))) => opened.push(Opened { place, state, stretch, ask: question.ask }),
+                Ok(Some((state, stretch))) => opened.push(PreparedTrial { place, state, stretch, ask: question.ask }),
                 Ok(None) => answers[place] = Some(answer_alone(self, question)),
                 Err(error) => answers[place] = Some(Err(error)),
             }

@@ -6,6 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
+/// A plane operator as `[ij][kl]`, pairs ordered 11, 12, 21, 22, Pa.
+pub(super) type PlaneOperator = [[f64; 4]; 4];
+
 /// Springs and normal force of all contacts of a lattice.
 #[derive(Clone, Copy)]
 pub(super) struct Springs {
@@ -110,7 +113,7 @@ fn balance(network: &mut ContactNetwork) {
     let mut balanced = forces;
     for _ in 0..2 {
         let imbalance = &equations * &balanced;
-        balanced -= decomposition.solve(&imbalance, 1e-10).expect("both singular bases were asked for");
+        balanced -= decomposition.solve(&imbalance, 1e-10).expect("both singular bases were requested");
     }
     for (contact, pair) in network.contacts.iter_mut().zip(balanced.as_slice().chunks(2)) {
         contact.normal_force = pair[0];

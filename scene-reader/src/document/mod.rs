@@ -166,6 +166,11 @@ impl Document {
         }
     }
 
+    /// Where the value at `path` stands, if there is one.
+    pub(crate) fn span_of(&self, path: &[&str]) -> Option<Range<usize>> {
+        self.root.at(path.iter().copied()).map(|node| node.span.clone())
+    }
+
     /// Whether the file or an override has a value at `path`.
     pub fn is_written(&self, path: &[&str]) -> bool {
         self.root.at(path.iter().copied()).is_some()
@@ -230,7 +235,7 @@ impl Document {
 }
 
 /// The command that explains a key or the table that it belongs to.
-fn explain_command(path: &[String]) -> String {
+pub(crate) fn explain_command(path: &[String]) -> String {
     let names: Vec<&str> = path.iter().map(String::as_str).filter(|part| part.parse::<usize>().is_err()).collect();
     match names.join(".") {
         key if key.is_empty() => "`grainspan explain` lists all tables and their keys".to_owned(),

@@ -5,7 +5,6 @@ mod conditions;
 mod constraints;
 mod initial_stress;
 mod mesh;
-mod motion;
 mod output;
 mod region;
 mod run;
@@ -16,14 +15,15 @@ pub(crate) use conditions::{BodyForceTable, BoundaryTable, Components, History, 
 pub(crate) use constraints::{PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
-pub(crate) use motion::*;
 pub(crate) use output::*;
 pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
 pub(crate) use solving::*;
 pub(crate) use stage::*;
 
-use keys::Located;
+use keys::{Given, Located};
+use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::dynamics::{DynamicSettings, RelaxationSettings};
 use macro_solver::nonlocal::NonlocalSettings;
 use rve_server::contact::ContactTable;
 use rve_server::definition::RveOptions;
@@ -83,13 +83,13 @@ pub(crate) struct SceneFile {
     pub(crate) procedure: ProcedureKeyword,
     /// Load steps.
     #[serde(default)]
-    pub(crate) loading: LoadingTable,
+    pub(crate) loading: Given<LoadingTable>,
     /// Explicit dynamics: keys of stages with procedure = "dynamic".
     #[serde(default)]
-    pub(crate) dynamics: DynamicsTable,
+    pub(crate) dynamics: Given<DynamicSettings>,
     /// Dynamic relaxation: keys of stages with procedure = "relaxation".
     #[serde(default)]
-    pub(crate) relaxation: RelaxationTable,
+    pub(crate) relaxation: Given<RelaxationSettings>,
     /// Nonlocal averages of strain increments over neighbouring Gauss points. Needs `solver.formulation` "corotational" or
     /// "small_strain" and no implicit stage.
     pub(crate) nonlocal: Option<NonlocalSettings>,
@@ -98,7 +98,7 @@ pub(crate) struct SceneFile {
     pub(crate) stage: Vec<Located<StageTable>>,
     /// Formulation, convergence and nonlinear solution strategy.
     #[serde(default)]
-    pub(crate) solver: SolverTable,
+    pub(crate) solver: Given<SolverTable>,
     /// What is recorded.
     #[serde(default)]
     pub(crate) output: OutputTable,
@@ -107,9 +107,9 @@ pub(crate) struct SceneFile {
     pub(crate) probe: Vec<Located<ProbeTable>>,
     /// When the state of the run is written. Changes no result and may differ when a run is continued.
     #[serde(default)]
-    pub(crate) checkpoint: CheckpointTable,
+    pub(crate) checkpoint: Given<CheckpointPolicy>,
     /// Who solves the Gauss points, and how workers are supervised. Only `engine` and `points` change a result; the other keys
     /// may differ when a run is continued.
     #[serde(default)]
-    pub(crate) pool: PoolTable,
+    pub(crate) pool: Given<PoolTable>,
 }

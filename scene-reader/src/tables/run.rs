@@ -1,39 +1,51 @@
-//! `[checkpoint]` and `[pool]`.
+//! `[pool]`: the settings of the pool and of those who use it.
 
-use keys::Located;
+use crate::BUILT_IN_ENGINE;
+use macro_solver::difference::DifferencePlan;
+use macro_solver::pool::PoolSettings;
+use protocol::transport::shared_memory::Waiting;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// `[checkpoint]`: when the state of a run is written. Changes no result.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct CheckpointTable {
-    pub(crate) enabled: Option<bool>,
-    pub(crate) steps: Option<Located<u64>>,
-    pub(crate) seconds: Option<Located<f64>>,
+/// `[pool]`.
+#[derive(JsonSchema)]
+#[expect(dead_code, reason = "it lists the keys; each of its parts reads its own from those that are written")]
+pub(crate) struct PoolTable {
+    #[serde(flatten)]
+    pool: PoolSettings,
+    #[serde(flatten)]
+    difference: DifferencePlan,
+    #[serde(flatten)]
+    run: PoolRunKeys,
 }
 
-/// `[pool]`: who solves the points and how the workers are led. Only `engine` and `points` change a result.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct PoolTable {
-    pub(crate) hang_floor: Option<Located<f64>>,
-    pub(crate) hang_factor: Option<Located<f64>>,
-    pub(crate) hang_unknown: Option<Located<f64>>,
-    pub(crate) stopped_limit: Option<Located<f64>>,
-    pub(crate) patience: Option<Located<f64>>,
-    pub(crate) restarts: Option<Located<u32>>,
-    pub(crate) quarantine_after: Option<Located<u32>>,
-    pub(crate) slice: Option<Located<usize>>,
-    pub(crate) window: Option<Located<usize>>,
-    pub(crate) lanes: Option<bool>,
-    pub(crate) wait: Option<Located<String>>,
-    pub(crate) engine: Option<String>,
-    pub(crate) points: BTreeMap<String, Vec<Located<usize>>>,
-    pub(crate) difference_strain: Option<Located<f64>>,
-    pub(crate) difference_reuses: Option<Located<u32>>,
-    pub(crate) most_workers: Option<Located<usize>>,
-    pub(crate) recycle_jobs: Option<u64>,
-    pub(crate) recycle_memory: Option<u64>,
+/// The keys of `[pool]` that are settled before there is a pool.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(crate) struct PoolRunKeys {
+    /// Whether a worker solves the trials of one RVE side by side in SIMD lanes. Without, a message holds one trial, whatever
+    /// `jobs_per_message` says; the bits are the same.
+    pub(crate) lanes: bool,
+    /// How macro solver and workers wait for messages; `--wait` overrides it.
+    #[schemars(extend("x-default" = "\"block\""))]
+    pub(crate) wait: Option<Waiting>,
+    /// Replacements of workers in a row that may end without a reply. Those after useful workers are not counted.
+    #[schemars(extend("x-default" = "20"))]
+    pub(crate) restarts: Option<u32>,
+    /// Most workers that `--workers` may ask for, all engines together. More are refused before any is started.
+    #[schemars(extend("x-default" = "64, on large machines 8 per core"), range(min = 1))]
+    pub(crate) most_workers: Option<usize>,
+    /// Engine of all points that `points` does not give to another: the one of this program, or one of the catalogue. `--engine`
+    /// overrides it.
+    pub(crate) engine: String,
+    /// Gauss points of other engines, for example `{ lammps = [0, 4] }`.
+    pub(crate) points: BTreeMap<String, Vec<usize>>,
+}
+
+impl Default for PoolRunKeys {
+    fn default() -> Self {
+        let engine = BUILT_IN_ENGINE.to_owned();
+        Self { lanes: true, wait: None, restarts: None, most_workers: None, engine, points: BTreeMap::new() }
+    }
 }

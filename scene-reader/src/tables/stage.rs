@@ -1,10 +1,11 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, DynamicsTable, LoadingTable, PeriodicTable, PressureTable, RelaxationTable,
-    RigidBodyTable, SolverTable, StageOutputTable, SumTable, TiltingPlatenTable, TractionTable,
+    BodyForceTable, BoundaryTable, LoadingTable, PeriodicTable, PressureTable, RigidBodyTable, SolverTable,
+    StageOutputTable, SumTable, TiltingPlatenTable, TractionTable,
 };
-use keys::Located;
+use keys::{Given, Located};
+use macro_solver::dynamics::{DynamicSettings, RelaxationSettings};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -19,10 +20,10 @@ pub(crate) struct StageTable {
     pub(crate) procedure: Option<ProcedureKeyword>,
     /// Keys of `[dynamics]` that differ in this stage.
     #[serde(default)]
-    pub(crate) dynamics: DynamicsTable,
+    pub(crate) dynamics: Given<DynamicSettings>,
     /// Keys of `[relaxation]` that differ in this stage.
     #[serde(default)]
-    pub(crate) relaxation: RelaxationTable,
+    pub(crate) relaxation: Given<RelaxationSettings>,
     /// Prescribed displacements that begin with this stage.
     #[serde(default)]
     pub(crate) boundary: Vec<Located<BoundaryTable>>,
@@ -52,10 +53,10 @@ pub(crate) struct StageTable {
     pub(crate) remove: Vec<Located<String>>,
     /// Keys of `[loading]` that differ in this stage.
     #[serde(default)]
-    pub(crate) loading: LoadingTable,
+    pub(crate) loading: Given<LoadingTable>,
     /// Keys of `[solver]` that differ in this stage; not those that hold for the whole run.
     #[serde(default)]
-    pub(crate) solver: SolverTable,
+    pub(crate) solver: Given<SolverTable>,
     /// Keys of `[output]` that differ in this stage.
     #[serde(default)]
     pub(crate) output: StageOutputTable,

@@ -1,6 +1,8 @@
 //! How a frame is solved.
 
 use super::constraint::FrameConstraint;
+use crate::definition::{Criterion, Damping, RveOptions};
+use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +16,7 @@ pub enum FrameDamping {
     /// `f_d = -coefficient |f| sign(v)` per component; ends at a ratio of kinetic to stored energy, [Liu2018] eq. 31.
     Local {
         /// Coefficient, in (0, 1); [Liu2018] uses 0.7.
+        #[schemars(extend("x-unit" = "-"))]
         coefficient: f64,
     },
 }
@@ -28,6 +31,7 @@ pub enum FrameControl {
     /// They are held while the inner grains relax and corrected in between, as in [Liu2018] table 2.
     Servo {
         /// Correction over the sum of loads per contact stiffness of the pair, dimensionless; 1 converges slowly but surely, 1.8 was seen to diverge.
+        #[schemars(extend("x-unit" = "-"))]
         gain: f64,
     },
 }
@@ -48,24 +52,30 @@ pub struct FrameOptions {
     /// Damping.
     #[serde(default)]
     pub damping: FrameDamping,
-    /// Strain per ramp step; default 1e-6.
+    /// Strain per ramp step.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
     pub strain_per_step: Option<f64>,
-    /// Largest load left over mean normal contact force; default 1e-3.
+    /// Largest load left over mean normal contact force.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-3"))]
     pub tolerance: Option<f64>,
-    /// Kinetic over stored energy at the end under local damping; default 1e-6. The 1e-3 of [Liu2018] leaves motion.
+    /// Kinetic over stored energy at the end under local damping. The 1e-3 of [Liu2018] leaves motion.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
     pub energy_tolerance: Option<f64>,
     /// Residual of opposite boundary loads over mean contact force; default 1e-2 for servo and local damping, otherwise
     /// thirty times the force tolerance.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `control` and `damping`"))]
     pub servo_tolerance: Option<f64>,
-    /// Most relaxation steps of one hold; default 50 000.
+    /// Most relaxation steps of one hold.
     #[serde(default)]
+    #[schemars(extend("x-default" = "50000"))]
     pub max_steps: Option<u32>,
-    /// Most corrections of the servo in one trial; default 500.
+    /// Most corrections of the servo in one trial.
     #[serde(default)]
+    #[schemars(extend("x-default" = "500"))]
     pub most_corrections: Option<u32>,
 }
 
@@ -83,6 +93,31 @@ impl FrameOptions {
             servo_tolerance: None,
             max_steps: None,
             most_corrections: None,
+        }
+    }
+
+    /// The periodic frame in place of a periodic cell: accuracy and damping are those of the cell.
+    ///
+    /// # Errors
+    /// A damping or criterion that frames do not have.
+    pub(crate) fn of_cell(options: &RveOptions) -> Result<Self, DefinitionError> {
+        let bare = Self {
+            strain_per_step: Some(options.strain_per_step()),
+            max_steps: options.max_steps,
+            ..Self::new(FrameConstraint::Periodic)
+        };
+        match (options.damping, options.criterion) {
+            (Damping::Fire, Criterion::MaxForce) => Ok(Self { tolerance: Some(options.tolerance()), ..bare }),
+            (Damping::Local, Criterion::Energy) => {
+                let damping = FrameDamping::Local { coefficient: options.local_coefficient() };
+                Ok(Self { damping, energy_tolerance: Some(options.tolerance()), ..bare })
+            }
+            (damping, criterion) => Err(DefinitionError(format!(
+                "rve: a boundary frame has no damping = \"{}\" with criterion = \"{}\"; use \"fire\" with \"max_force\" or \
+                 \"local\" with \"energy\"",
+                damping.keyword(),
+                criterion.keyword()
+            ))),
         }
     }
 
@@ -122,7 +157,7 @@ impl FrameOptions {
     ///
     /// # Errors
     /// The first offending key with the remedy.
-    pub fn validate(&self) -> Result<(), String> {
+    pub fn validate(&self) -> Result<(), DefinitionError> {
         let numbers = [
             ("strain_per_step", self.strain_per_step()),
             ("tolerance", self.tolerance()),
@@ -130,18 +165,20 @@ impl FrameOptions {
             ("servo_tolerance", self.servo_tolerance()),
         ];
         if let Some((key, value)) = numbers.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            return Err(format!("frame.{key} = {value} must be a positive number"));
+            return Err(DefinitionError(format!("frame.{key} = {value} must be a positive number")));
         }
         match self.damping {
             FrameDamping::Local { coefficient } if !(coefficient > 0.0 && coefficient < 1.0) => {
-                return Err(format!("frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"));
+                return Err(DefinitionError(format!(
+                    "frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"
+                )));
             }
             _ => (),
         }
         match self.control {
-            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => {
-                Err(format!("frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"))
-            }
+            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => Err(DefinitionError(format!(
+                "frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"
+            ))),
             _ => Ok(()),
         }
     }

@@ -1,6 +1,7 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
 use crate::contact::ContactTable;
+use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -47,12 +48,16 @@ pub enum Cut {
 #[serde(deny_unknown_fields, default)]
 pub struct MotionTable {
     /// Acceleration of gravity, m/s2, one number per axis; none if empty.
+    #[schemars(extend("x-unit" = "m/s2"))]
     pub gravity: Vec<f64>,
     /// Coefficient of local damping; 0 for none.
+    #[schemars(extend("x-unit" = "-"))]
     pub local_damping: f64,
     /// Share of the stability limit that a step takes.
+    #[schemars(extend("x-unit" = "-"))]
     pub safety: f64,
     /// Step, s; from the stability limit if absent.
+    #[schemars(extend("x-unit" = "s", "x-default" = "from the stability limit"))]
     pub step: Option<f64>,
     /// Whether masses are scaled so that all grains have the same stability limit; the unit of time is the step then.
     pub scaled_masses: bool,
@@ -69,10 +74,13 @@ impl Default for MotionTable {
 #[serde(deny_unknown_fields, default)]
 pub struct WallTable {
     /// Friction of the walls; 0 (default) makes them smooth.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub friction: f64,
-    /// Speed of the servo per missing force, relative to the walls' stiffness; default 0.02.
+    /// Speed of the servo per missing force, relative to the walls' stiffness.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.02"))]
     pub servo_gain: Option<f64>,
-    /// Largest strain of one step of a servo-controlled wall; default 1e-5.
+    /// Largest strain of one step of a servo-controlled wall.
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5"))]
     pub largest_strain_per_step: Option<f64>,
 }
 
@@ -83,22 +91,28 @@ pub struct Stage {
     /// Name in the table of results.
     pub name: String,
     /// Steps of the stage, or the most of them if `until_balance` is given.
+    #[schemars(range(min = 1))]
     pub steps: u64,
     /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
     /// targets over the mean target, are below this.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub until_balance: Option<f64>,
     /// Strain over the stage per axis, relative to its start, extension positive.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub strain: AxisTable,
     /// Stress on the walls per axis, Pa, tension positive.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "Pa"))]
     pub stress: AxisTable,
     /// Rows of the result table in this stage.
     #[serde(default = "some_rows")]
+    #[schemars(range(min = 1))]
     pub rows: u64,
     /// Friction between the grains in this stage, if not that of `[contact]`.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "that of `[contact]`"), range(min = 0.0))]
     pub friction: Option<f64>,
 }
 
@@ -109,6 +123,7 @@ fn some_rows() -> u64 {
 /// Values by axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-folded" = true))]
 pub struct AxisTable {
     /// Along x.
     pub xx: Option<f64>,
@@ -130,60 +145,76 @@ impl SpecimenTest {
     ///
     /// # Errors
     /// The key and the remedy.
-    pub fn validate(&self, dimension: usize) -> Result<(), String> {
+    pub fn validate(&self, dimension: usize) -> Result<(), DefinitionError> {
         let contact = self.contact_without_damping();
-        contact.validate().and_then(|()| contact.validate_for(dimension)).map_err(|error| error.to_string())?;
+        contact.validate().and_then(|()| contact.validate_for(dimension))?;
         if !(0.0..=10.0).contains(&self.contact.damping) {
-            return Err(format!("contact.damping = {} is a damping ratio, 0 to 10", self.contact.damping));
+            return Err(DefinitionError(format!(
+                "contact.damping = {} is a damping ratio, 0 to 10",
+                self.contact.damping
+            )));
         }
         if self.tiles.len() != dimension || self.tiles.iter().any(|count| *count == 0 || *count > 1000) {
-            return Err(format!("tiles = {:?} needs {dimension} whole numbers from 1 to 1000", self.tiles));
+            return Err(DefinitionError(format!(
+                "tiles = {:?} needs {dimension} whole numbers from 1 to 1000",
+                self.tiles
+            )));
         }
         if self.cut == Cut::Frames && (dimension == 3 || !self.periodic.is_empty()) {
-            return Err("cut = \"frames\" is for plane specimens without periodic axes".into());
+            return Err(DefinitionError("cut = \"frames\" is for plane specimens without periodic axes".into()));
         }
         self.periodic_axes(dimension)?;
         self.check_motion(dimension)?;
         if !(self.walls.friction.is_finite() && self.walls.friction >= 0.0) {
-            return Err(format!("walls.friction = {} must be zero or positive", self.walls.friction));
+            return Err(DefinitionError(format!(
+                "walls.friction = {} must be zero or positive",
+                self.walls.friction
+            )));
         }
         for (key, value) in
             [("servo_gain", self.walls.servo_gain), ("largest_strain_per_step", self.walls.largest_strain_per_step)]
         {
             if value.is_some_and(|value| !(value.is_finite() && value > 0.0 && value <= 1.0)) {
-                return Err(format!("walls.{key} must lie between 0 and 1"));
+                return Err(DefinitionError(format!("walls.{key} must lie between 0 and 1")));
             }
         }
         if self.stage.is_empty() {
-            return Err("at least one [[stage]] is needed".into());
+            return Err(DefinitionError("at least one [[stage]] is needed".into()));
         }
         let periodic = self.periodic_axes(dimension)?;
         self.stage.iter().enumerate().try_for_each(|(number, stage)| {
-            stage.validate(dimension, periodic).map_err(|reason| format!("stage {}: {reason}", number + 1))
+            stage
+                .validate(dimension, periodic)
+                .map_err(|reason| DefinitionError(format!("stage {}: {reason}", number + 1)))
         })
     }
 
-    fn check_motion(&self, dimension: usize) -> Result<(), String> {
+    fn check_motion(&self, dimension: usize) -> Result<(), DefinitionError> {
         let motion = &self.motion;
         let gravity_is_sound = (motion.gravity.is_empty() || motion.gravity.len() == dimension)
             && motion.gravity.iter().all(|value| value.is_finite());
         if !gravity_is_sound {
-            return Err(format!("motion.gravity needs {dimension} numbers, m/s2"));
+            return Err(DefinitionError(format!("motion.gravity needs {dimension} numbers, m/s2")));
         }
         if motion.scaled_masses && motion.gravity.iter().any(|value| *value != 0.0) {
-            return Err("motion.gravity needs physical masses: set motion.scaled_masses = false".into());
+            return Err(DefinitionError(
+                "motion.gravity needs physical masses: set motion.scaled_masses = false".into(),
+            ));
         }
         if !(0.0..1.0).contains(&motion.local_damping) {
-            return Err(format!("motion.local_damping = {} must be at least 0 and below 1", motion.local_damping));
+            return Err(DefinitionError(format!(
+                "motion.local_damping = {} must be at least 0 and below 1",
+                motion.local_damping
+            )));
         }
         if !(motion.safety > 0.0 && motion.safety < 1.0) {
-            return Err(format!("motion.safety = {} must lie between 0 and 1", motion.safety));
+            return Err(DefinitionError(format!("motion.safety = {} must lie between 0 and 1", motion.safety)));
         }
         if motion.step.is_some_and(|step| !(step.is_finite() && step > 0.0)) {
-            return Err("motion.step must be a positive time, s".into());
+            return Err(DefinitionError("motion.step must be a positive time, s".into()));
         }
         if motion.scaled_masses && motion.step.is_some() {
-            return Err("motion.step has no meaning with scaled masses; remove it".into());
+            return Err(DefinitionError("motion.step has no meaning with scaled masses; remove it".into()));
         }
         Ok(())
     }
@@ -192,12 +223,16 @@ impl SpecimenTest {
     ///
     /// # Errors
     /// An axis that does not exist.
-    pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], String> {
+    pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], DefinitionError> {
         let mut periodic = [false; 3];
         for name in &self.periodic {
             match ["x", "y", "z"].iter().position(|axis| axis == name) {
                 Some(axis) if axis < dimension => periodic[axis] = true,
-                _ => return Err(format!("periodic = \"{name}\" is no axis of a specimen of {dimension} dimensions")),
+                _ => {
+                    return Err(DefinitionError(format!(
+                        "periodic = \"{name}\" is no axis of a specimen of {dimension} dimensions"
+                    )));
+                }
             }
         }
         Ok(periodic)
@@ -210,29 +245,31 @@ impl SpecimenTest {
 }
 
 impl Stage {
-    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), String> {
+    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), DefinitionError> {
         if self.steps == 0 || self.rows == 0 {
-            return Err("steps and rows must be at least 1".into());
+            return Err(DefinitionError("steps and rows must be at least 1".into()));
         }
         if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
-            return Err("until_balance must be a positive number".into());
+            return Err(DefinitionError("until_balance must be a positive number".into()));
         }
         if self.friction.is_some_and(|value| !(value.is_finite() && value >= 0.0)) {
-            return Err("friction must be zero or positive".into());
+            return Err(DefinitionError("friction must be zero or positive".into()));
         }
         for (axis, (strain, stress)) in self.strain.values().into_iter().zip(self.stress.values()).enumerate() {
             let name = ["xx", "yy", "zz"][axis];
             if (strain.is_some() || stress.is_some()) && (axis >= dimension || periodic[axis]) {
-                return Err(format!("{name} has no walls in this specimen"));
+                return Err(DefinitionError(format!("{name} has no walls in this specimen")));
             }
             if strain.is_some() && stress.is_some() {
-                return Err(format!("{name}: give strain or stress, not both"));
+                return Err(DefinitionError(format!("{name}: give strain or stress, not both")));
             }
             if strain.is_some_and(|value| !(value > -0.9 && value < 10.0)) {
-                return Err(format!("strain.{name} must lie between -0.9 and 10"));
+                return Err(DefinitionError(format!("strain.{name} must lie between -0.9 and 10")));
             }
             if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
-                return Err(format!("stress.{name} must be compressive (negative): grains bear no tension"));
+                return Err(DefinitionError(format!(
+                    "stress.{name} must be compressive (negative): grains bear no tension"
+                )));
             }
         }
         Ok(())
