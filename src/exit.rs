@@ -1,7 +1,7 @@
 //! How the program ends: five exit codes, one message.
 
-use crate::scene::InputError;
 use macro_solver::output::OutputError;
+use scene_reader::InputError;
 use std::fmt;
 use std::process::ExitCode;
 

@@ -5,7 +5,6 @@ pub mod build_info;
 mod cli;
 mod engines;
 pub mod exit;
-pub mod scene;
 pub mod stdout;
 mod workers;
 

@@ -7,9 +7,9 @@ use crate::report::Report;
 use crate::table::Table;
 use crate::workers::{StudyPool, grain_definition, processor_seconds};
 use charts::{Chart, Scale};
-use grainspan::scene::JOBS_A_MESSAGE;
 use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
+use scene_reader::JOBS_A_MESSAGE;
 
 /// Points of the fixed work; a fourth of it is the work of one worker in the other series.
 const POINTS: usize = 256;

@@ -1,8 +1,8 @@
 //! Estimate of wall time and memory of a run, to the order of magnitude, from measured figures.
 
-use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
 use macro_solver::problem::Procedure;
+use scene_reader::Scene;
 
 /// Force evaluations of one point evaluation, measured on biaxial tests between the first steps and those after the peak.
 const FORCE_EVALUATIONS: [f64; 2] = [300.0, 1500.0];

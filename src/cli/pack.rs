@@ -2,11 +2,11 @@
 
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
-use crate::scene::{Document, Kind};
 use crate::stdout::deliver;
 use rve_server::contact::LawName;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
+use scene_reader::{Document, Kind};
 use std::path::PathBuf;
 
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.

@@ -3,10 +3,10 @@
 use super::failure_case;
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
-use crate::scene::{Document, InputError, Kind, read_packing};
 use crate::stdout::{deliver, print};
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use scene_reader::{Document, InputError, Kind, read_packing};
 use std::cell::RefCell;
 use std::io::Write;
 use std::path::{Path, PathBuf};

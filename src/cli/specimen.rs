@@ -1,7 +1,6 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
 use crate::exit::{Exit, Failure};
-use crate::scene::{Document, Kind};
 use crate::stdout::deliver;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
@@ -10,6 +9,7 @@ use rve_server::programs::specimen::{
     SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
     run_specimen,
 };
+use scene_reader::{Document, Kind};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan specimen`.

@@ -4,7 +4,6 @@
 //! first step; most often no equilibrium is found.
 
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::mesh::{Dimension, Mesh};
 use macro_solver::observer::Silent;
@@ -13,6 +12,7 @@ use macro_solver::solve::solve;
 use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
 use rve_server::definition::AnyDefinition;
 use rve_server::engine::{GrainRve, ListedForces};
+use scene_reader::Scene;
 use std::collections::BTreeMap;
 
 /// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay

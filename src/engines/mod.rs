@@ -11,5 +11,5 @@ pub(crate) use capabilities::capabilities_of;
 pub(crate) use catalogue::{Catalogue, Engine};
 pub(crate) use compatibility::{Compatibility, compatibility};
 
-/// Keyword of the engine inside this program.
-pub(crate) const BUILT_IN: &str = "grains";
+/// Keyword of the engine inside this program, as scenes write it.
+pub(crate) use scene_reader::BUILT_IN_ENGINE as BUILT_IN;

@@ -7,9 +7,9 @@ use crate::report::Report;
 use crate::table::Table;
 use crate::workers::{EMPTY_SNAPSHOTS, Role, StudyPool, grain_definition, idle_definition};
 use anyhow::Context;
-use grainspan::scene::JOBS_A_MESSAGE;
 use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
+use scene_reader::JOBS_A_MESSAGE;
 use std::num::NonZeroUsize;
 
 /// Rounds of a comparison of batches.

@@ -1,7 +1,6 @@
 //! One problem solved on grains, with workers in this process.
 
 use anyhow::Context;
-use grainspan::scene::{JOBS_A_MESSAGE, drawn};
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use macro_solver::problem::{Problem, Stabilisation};
@@ -13,6 +12,7 @@ use rve_server::engine::GrainEngine;
 use rve_server::preparation::{PackingRecipe, generate_any};
 use rve_server::server::{ServeOptions, serve};
 use rve_server::space::Discs;
+use scene_reader::{JOBS_A_MESSAGE, drawn};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};

@@ -7,10 +7,10 @@ use super::path::Kind;
 use crate::Effort;
 use anyhow::Context;
 use grainspan::exit::{Exit, Failure};
-use grainspan::scene::Document;
 use rayon::prelude::*;
 use rve_server::definition::Packing;
 use rve_server::programs::rve_test::ElementTest;
+use scene_reader::Document;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
@@ -78,7 +78,7 @@ impl Campaign {
         let text = toml::to_string(&case.test).context("a case as TOML")?;
         let overrides: Vec<String> = self.overrides.iter().chain(more).cloned().collect();
         let name = format!("case {}", case.number);
-        let refused = |error: grainspan::scene::InputError| anyhow::Error::from(Failure::from(error));
+        let refused = |error: scene_reader::InputError| anyhow::Error::from(Failure::from(error));
         let document = Document::from_text(Path::new(&name), text, &overrides).map_err(refused)?;
         let test = ElementTest::from_table(document.deserialize().map_err(refused)?)
             .map_err(|error| refused(document.table_error(error)))?;

@@ -2,8 +2,8 @@
 
 use super::picture;
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
+use scene_reader::Scene;
 use serde_json::Value;
 use std::fs;
 use std::io::ErrorKind;

@@ -1,7 +1,7 @@
 //! The mesh of a scene as a picture.
 
-use crate::scene::Scene;
 use macro_solver::mesh::Dimension;
+use scene_reader::Scene;
 use std::fmt::Write;
 
 /// Meshes of more elements are a grey area.

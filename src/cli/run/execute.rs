@@ -12,7 +12,6 @@ use super::resume::{Continued, RunDescription};
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
 use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::observer::{Observer, Outcome, Run};
@@ -20,6 +19,7 @@ use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_a
 use macro_solver::pool::Pool;
 use macro_solver::solve::solve_kept;
 use protocol::transport::MacroPort;
+use scene_reader::Scene;
 use std::time::Instant;
 
 /// The circumstances of a run.

@@ -3,9 +3,9 @@
 use super::folder::OutputFolder;
 use crate::cli::start_state::{self, PackingState};
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
+use scene_reader::Scene;
 
 /// Why a run did not reach its end, with the remedy; `None` for one that did. `failure_case` is the hint from
 /// [`write_failure_case`].

@@ -1,8 +1,8 @@
 //! The output folder of a run: created only when all input has been checked, and never over foreign files.
 
 use crate::exit::Failure;
-use crate::scene::{InputError, PackingCopy};
 use macro_solver::output::{OutputError, write_atomically};
+use scene_reader::{InputError, PackingCopy};
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

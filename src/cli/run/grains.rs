@@ -3,7 +3,6 @@
 //! [`SnapshotRecorder`] stands between solver and pool and copies the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
-use crate::scene::Materials;
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
@@ -16,6 +15,7 @@ use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
 use rve_server::solver::SolverFor;
 use rve_server::space::Components;
+use scene_reader::Materials;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;

@@ -6,12 +6,12 @@ use super::folder::OutputFolder;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use crate::workers::{LaunchPlan, RunProgress, SignalWatch, StatusFile, WorkerGroups, WorkerProcesses, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
+use scene_reader::Scene;
 use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 

@@ -18,10 +18,10 @@ mod tests;
 
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use crate::scene::Scene;
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
 use resume::{RunDescription, Start};
+use scene_reader::Scene;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 

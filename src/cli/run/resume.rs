@@ -1,10 +1,10 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
 use crate::exit::{Exit, Failure};
-use crate::scene::changes;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
 use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
+use scene_reader::changes;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;

@@ -3,20 +3,20 @@
 use super::document::Document;
 use super::input_error::InputError;
 use super::schema::PoolTable;
-use crate::engines::BUILT_IN;
+use crate::BUILT_IN_ENGINE;
 use macro_solver::difference::DifferencePlan;
 use macro_solver::problem::Problem;
 use std::collections::BTreeMap;
 
 /// The table, checked.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct EnginePlan {
+pub struct EnginePlan {
     /// Engine of all points that `points` does not give to another.
-    pub(crate) engine: String,
+    pub engine: String,
     /// Points of other engines: results then depend on this table, and on nothing else.
-    pub(crate) points: BTreeMap<String, Vec<usize>>,
+    pub points: BTreeMap<String, Vec<usize>>,
     /// How tangents are found for engines that have none.
-    pub(crate) difference: DifferencePlan,
+    pub difference: DifferencePlan,
 }
 
 impl EnginePlan {
@@ -50,7 +50,7 @@ impl EnginePlan {
             difference.reuses = (*reuses.get_ref()).max(1);
         }
         Ok(Self {
-            engine: table.engine.clone().unwrap_or_else(|| BUILT_IN.to_owned()),
+            engine: table.engine.clone().unwrap_or_else(|| BUILT_IN_ENGINE.to_owned()),
             points: table
                 .points
                 .iter()

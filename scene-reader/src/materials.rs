@@ -13,31 +13,31 @@ use toml::Spanned;
 
 /// The definitions behind the points of a scene.
 #[derive(Clone, Debug)]
-pub(crate) struct Materials {
+pub struct Materials {
     /// What points can be made of; the first is the packing of the scene itself.
-    pub(crate) definitions: Vec<AnyDefinition>,
+    pub definitions: Vec<AnyDefinition>,
     /// For each Gauss point the place of its definition.
-    pub(crate) made_of: Vec<usize>,
+    pub made_of: Vec<usize>,
     /// Packing files behind them.
-    pub(crate) files: Vec<PackingCopy>,
+    pub files: Vec<PackingCopy>,
     /// One line per region, for people.
-    pub(crate) remarks: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
 /// A packing file as it goes along with a run.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PackingCopy {
+pub struct PackingCopy {
     /// Path to the key of the scene that names it, with dots.
-    pub(crate) key: String,
+    pub key: String,
     /// Where it lies in the output folder.
-    pub(crate) name: String,
+    pub name: String,
     /// Its text.
-    pub(crate) text: String,
+    pub text: String,
 }
 
 impl Materials {
     /// Identity of everything that the points are made of.
-    pub(crate) fn identity(&self) -> String {
+    pub fn identity(&self) -> String {
         let ids: Vec<String> =
             self.definitions.iter().map(|definition| definition.to_protocol().id().to_string()).collect();
         match &ids[..] {
@@ -50,7 +50,7 @@ impl Materials {
     }
 
     /// Dimension of the cells: 2 for discs, 3 for spheres.
-    pub(crate) fn cell_dimension(&self) -> usize {
+    pub fn cell_dimension(&self) -> usize {
         match self.definitions[0] {
             AnyDefinition::Discs(_) => 2,
             AnyDefinition::Spheres(_) => 3,
@@ -58,7 +58,7 @@ impl Materials {
     }
 
     /// Mass densities of the body, voids included.
-    pub(crate) fn densities(&self, mesh: &Mesh) -> Densities {
+    pub fn densities(&self, mesh: &Mesh) -> Densities {
         let packing = self.definitions[0].bulk_density();
         // A turned packing weighs the same but for rounding.
         let rounded = |density: f64| if (density / packing - 1.0).abs() < 1e-9 { packing } else { density };
@@ -79,18 +79,18 @@ impl Materials {
     }
 
     /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
-    pub(crate) fn renamed(&self) -> Vec<(&str, &str)> {
+    pub fn renamed(&self) -> Vec<(&str, &str)> {
         self.files.iter().map(|file| (file.key.as_str(), file.name.as_str())).collect()
     }
 }
 
 /// Mass per volume of the body, voids included, kg/m3.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Densities {
+pub struct Densities {
     /// Of the packing of the scene itself.
-    pub(crate) packing: f64,
+    pub packing: f64,
     /// Of every element, the mean over its Gauss points; empty where all have that of the packing.
-    pub(crate) by_element: Vec<f64>,
+    pub by_element: Vec<f64>,
 }
 
 /// Reads all packings and gives every point its own.
@@ -266,7 +266,7 @@ pub fn drawn(seed: u64, number: u64, count: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Scene, weak_element as scene};
+    use crate::{Scene, weak_element as scene};
     use macro_solver::problem::Procedure;
 
     #[test]

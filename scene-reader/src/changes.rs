@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const HARMLESS: [&str; 6] = ["checkpoint", "pool", "name", "output.plot", "output.plot_x", "output.plot_y"];
 
 /// One sentence per key that differs and matters. Texts that are not TOML have no keys.
-pub(crate) fn changes(before: &str, now: &str) -> Vec<String> {
+pub fn changes(before: &str, now: &str) -> Vec<String> {
     let (before, now) = (leaves(before), leaves(now));
     let paths: BTreeSet<&String> = before.keys().chain(now.keys()).collect();
     paths

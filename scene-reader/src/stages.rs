@@ -173,7 +173,7 @@ fn duration(document: &Document, duration: &mut f64, table: &LoadingTable) -> Re
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::Scene;
+    use crate::Scene;
     use macro_solver::problem::{Amplitude, Condition, Origin, Stabilisation, Stage};
     use std::path::Path;
 
@@ -193,7 +193,7 @@ mod tests {
     }
 
     fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{scene}.toml"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{scene}.toml"));
         let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
         Scene::load(&path, &overrides).map(|scene| scene.problem.stages).map_err(|error| error.to_string())
     }

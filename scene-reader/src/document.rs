@@ -27,7 +27,7 @@ struct Override {
 
 /// What an input file is for, told from the keys that only one kind has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
     /// `grainspan run` and `grainspan check`.
     Scene,
     /// `grainspan element`.
@@ -92,7 +92,7 @@ impl Document {
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, holds a NaN or infinity, or an override does not fit it.
-    pub(crate) fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+    pub fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             InputError::at(path.display(), format!("could not read it: {source}"))
                 .hint("check the path; it is relative to the current folder")
@@ -126,7 +126,7 @@ impl Document {
     ///
     /// # Errors
     /// The file is of another kind; the command that takes it is named.
-    pub(crate) fn expect(&self, wanted: Kind) -> Result<(), InputError> {
+    pub fn expect(&self, wanted: Kind) -> Result<(), InputError> {
         match self.kind() {
             Some(found) if found != wanted => Err(self
                 .error(format!("this is {}, not {}: it has the key `{}`", found.name(), wanted.name(), found.mark()))
@@ -141,12 +141,12 @@ impl Document {
     }
 
     /// Where the file lies.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// A path written in the file, taken relative to the file's own folder.
-    pub(crate) fn resolve(&self, written: &Path) -> PathBuf {
+    pub fn resolve(&self, written: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(written)
     }
 
@@ -160,18 +160,18 @@ impl Document {
     }
 
     /// An error about the text at `span`, with its place.
-    pub(crate) fn error_at(&self, span: Range<usize>, problem: impl ToString) -> InputError {
+    pub fn error_at(&self, span: Range<usize>, problem: impl ToString) -> InputError {
         let (place, excerpt) = self.place(&span);
         InputError::at(place, problem.to_string()).excerpt(excerpt)
     }
 
     /// An error about the file as a whole.
-    pub(crate) fn error(&self, problem: impl ToString) -> InputError {
+    pub fn error(&self, problem: impl ToString) -> InputError {
         InputError::at(self.path.display(), problem.to_string())
     }
 
     /// An error about the value at `path`, or about the nearest table above it that is written.
-    pub(crate) fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
+    pub fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
         let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
         let written = self
             .table()
@@ -184,7 +184,7 @@ impl Document {
     }
 
     /// Whether the file or an override has a value at `path`.
-    pub(crate) fn is_written(&self, path: &[&str]) -> bool {
+    pub fn is_written(&self, path: &[&str]) -> bool {
         let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
         self.table().is_ok_and(|root| find(root.get_ref(), &path).is_some())
     }

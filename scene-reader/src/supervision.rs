@@ -22,7 +22,7 @@ const MOST: usize = 4096;
 
 /// How the workers of a run are led; what is left out takes the pool's default.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct PoolKeys {
+pub struct PoolKeys {
     hang_floor: Option<Duration>,
     hang_factor: Option<f64>,
     hang_unknown: Option<Duration>,
@@ -33,11 +33,11 @@ pub(crate) struct PoolKeys {
     window: Option<NonZeroUsize>,
     recycling: Recycling,
     /// How macro and workers wait for messages.
-    pub(crate) wait: Option<Waiting>,
+    pub wait: Option<Waiting>,
     /// Most workers that `--workers` may ask for, where the scene says so.
-    pub(crate) most_workers: Option<usize>,
+    pub most_workers: Option<usize>,
     /// Fruitless replacements in a row before a run gives up.
-    pub(crate) restarts: Option<u32>,
+    pub restarts: Option<u32>,
 }
 
 impl PoolKeys {
@@ -79,7 +79,7 @@ impl PoolKeys {
     }
 
     /// Replaces what is given.
-    pub(crate) fn apply(&self, settings: &mut PoolSettings) {
+    pub fn apply(&self, settings: &mut PoolSettings) {
         settings.slice = self.slice.unwrap_or(JOBS_A_MESSAGE);
         replace(&mut settings.window, self.window);
         settings.recycling = self.recycling;
@@ -167,7 +167,7 @@ mod tests {
 
     /// The settings of a pool after the keys of a scene.
     fn settings(more: &[&str]) -> Result<PoolSettings, String> {
-        let scene = crate::scene::weak_element(more)?;
+        let scene = crate::weak_element(more)?;
         let mut settings = PoolSettings::new("test");
         scene.pool.apply(&mut settings);
         Ok(settings)

@@ -13,18 +13,18 @@ pub struct InputError {
 
 impl InputError {
     /// A problem at a place: `file:line`, a file, or a command-line argument.
-    pub(crate) fn at(place: impl ToString, problem: impl ToString) -> Self {
+    pub fn at(place: impl ToString, problem: impl ToString) -> Self {
         Self { place: place.to_string(), problem: problem.to_string(), excerpt: None, hint: None }
     }
 
     /// Adds the remedy.
-    pub(crate) fn hint(mut self, hint: impl ToString) -> Self {
+    pub fn hint(mut self, hint: impl ToString) -> Self {
         self.hint = Some(hint.to_string());
         self
     }
 
     /// Adds the line in question.
-    pub(crate) fn excerpt(mut self, excerpt: Option<String>) -> Self {
+    pub fn excerpt(mut self, excerpt: Option<String>) -> Self {
         self.excerpt = excerpt;
         self
     }

@@ -189,7 +189,7 @@ pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &Sol
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::weak_element as scene;
+    use crate::weak_element as scene;
     use macro_solver::problem::Strategy;
     use protocol::TangentKind;
     use rve_server::definition::OperatorOptions;

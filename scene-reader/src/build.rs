@@ -30,36 +30,36 @@ const LOOSEST: f64 = 0.1;
 
 /// A scene, checked and ready to run.
 #[derive(Debug)]
-pub(crate) struct Scene {
+pub struct Scene {
     /// Its name: names the output folder.
-    pub(crate) name: String,
+    pub name: String,
     /// The file it came from.
-    pub(crate) document: Document,
+    pub document: Document,
     /// What the solver solves.
-    pub(crate) problem: Problem,
+    pub problem: Problem,
     /// What the Gauss points are made of.
-    pub(crate) materials: Materials,
+    pub materials: Materials,
     /// Where the packing was read.
-    pub(crate) packing_path: PathBuf,
+    pub packing_path: PathBuf,
     /// Who solves the points.
-    pub(crate) engines: EnginePlan,
+    pub engines: EnginePlan,
     /// What is recorded.
-    pub(crate) record: RecordPlan,
+    pub record: RecordPlan,
     /// Gauss points whose grains are written.
-    pub(crate) grains: Vec<usize>,
+    pub grains: Vec<usize>,
     /// Columns of the plot, x and y; `None` = no plot.
-    pub(crate) plot: Option<(String, String)>,
+    pub plot: Option<(String, String)>,
     /// When the state of the run is written.
-    pub(crate) checkpoint: CheckpointPolicy,
+    pub checkpoint: CheckpointPolicy,
     /// How the workers are led.
-    pub(crate) pool: PoolKeys,
+    pub pool: PoolKeys,
     /// What is allowed and hardly meant, one line each.
-    pub(crate) remarks: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
 impl Scene {
     /// The packing of the scene itself with its law and options; regions may differ in packing and law.
-    pub(crate) fn definition(&self) -> &AnyDefinition {
+    pub fn definition(&self) -> &AnyDefinition {
         &self.materials.definitions[0]
     }
 
@@ -67,7 +67,7 @@ impl Scene {
     ///
     /// # Errors
     /// The first thing that is wrong, with its place and remedy.
-    pub(crate) fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         let document = Document::read(path, overrides)?;
         document.expect(Kind::Scene)?;
         let file: SceneFile = document.deserialize()?;
@@ -232,7 +232,7 @@ fn definition(
 ///
 /// # Errors
 /// The packing's own error.
-pub(crate) fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
+pub fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
     let path = document.resolve(written);
     let read = refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
     read.map_err(|error| {

@@ -1,0 +1,41 @@
+//! Input files of Grainspan: from TOML text to a checked problem, the definition of the grains behind it, and what to
+//! record. Every error names its file and line, or the `--set` argument that caused it, and the remedy.
+
+mod build;
+mod changes;
+mod conditions;
+mod document;
+mod engines;
+mod initial;
+mod input_error;
+mod links;
+mod materials;
+mod mesh;
+mod motion;
+mod probes;
+mod recording;
+mod schema;
+mod sets;
+mod solving;
+mod stages;
+mod strategies;
+mod supervision;
+
+pub use build::{Scene, read_packing};
+pub use changes::changes;
+pub use document::{Document, Kind};
+pub use engines::EnginePlan;
+pub use input_error::InputError;
+pub use materials::{Densities, Materials, PackingCopy, drawn};
+pub use supervision::{JOBS_A_MESSAGE, PoolKeys};
+
+/// Keyword of the engine inside this program.
+pub const BUILT_IN_ENGINE: &str = "grains";
+
+/// The scene that unit tests change: one element, two kinds of cells. Errors as people see them.
+#[cfg(test)]
+fn weak_element(more: &[&str]) -> Result<Scene, String> {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/biaxial-weak-element.toml");
+    let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+    Scene::load(&path, &overrides).map_err(|error| error.to_string())
+}
