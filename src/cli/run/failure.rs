@@ -73,7 +73,7 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
 /// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.
 pub(super) fn write_failure_case(case: &FailureCase, folder: &OutputFolder) -> String {
     let path = folder.path().join("quarantine.replay");
-    match case.write(&path) {
+    match macro_solver::output::write_atomically(&path, &case.encode()) {
         Ok(()) => format!(
             "\nhint: `grainspan element --replay {}` repeats this trial in a single process, for a debugger",
             path.display()

@@ -133,10 +133,10 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("asymmetric_stresses", statistics.asymmetric_stresses),
         ("sub_steps_of_points", statistics.sub_steps),
         ("steps_stabilised", statistics.stabilised_steps),
-        ("stabilisation_increments", statistics.creep_increments),
-        ("stabilisation_evaluations", statistics.creep_evaluations),
-        ("rejected_iterates", statistics.turned_down),
-        ("rejected_evaluations", statistics.turned_down_evaluations),
+        ("stabilisation_increments", statistics.stabilisation_increments),
+        ("stabilisation_evaluations", statistics.stabilisation_evaluations),
+        ("rejected_iterates", statistics.rejected),
+        ("rejected_evaluations", statistics.rejected_evaluations),
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", inputs.differences.operators),
         ("difference_evaluations", inputs.differences.probes),
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn former_names_stand_next_to_the_new_ones() {
-        let statistics = Statistics { creep_increments: 5, ..Statistics::default() };
+        let statistics = Statistics { stabilisation_increments: 5, ..Statistics::default() };
         let (summary, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
         for (table, former, name) in DEPRECATED_NAMES {
             let counts = if table == "skipped" { &summary.skipped } else { &summary.fallbacks };
