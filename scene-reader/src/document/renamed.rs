@@ -40,6 +40,12 @@ pub(crate) fn current_word(path: &str, value: &toml::Value) -> toml::Value {
     renamed.map_or_else(|| value.clone(), |(_, _, new)| toml::Value::String((*new).to_owned()))
 }
 
+/// The present names of all keys that have had another one.
+#[cfg(test)]
+pub(crate) fn present_names() -> impl Iterator<Item = &'static str> {
+    KEYS.iter().map(|(_, new)| *new)
+}
+
 /// The old path of a key, or its only one.
 pub(super) fn former(path: &[String]) -> Vec<String> {
     exchanged(path, |key| KEYS.iter().find(|(_, new)| *new == key).map(|(old, _)| *old))
