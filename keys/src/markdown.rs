@@ -89,7 +89,7 @@ fn section<'a>(text: &mut String, table: &Table, keys: impl Iterator<Item = &'a 
 
 fn rows(text: &mut String, prefix: &str, key: &Key, table: &Table, root: &Table) {
     let at_top = root.key(&key.name).filter(|top| !std::ptr::eq(*top, key) && top.shape.table().is_some());
-    let repeated = at_top.filter(|top| top.shape == key.shape && !std::ptr::eq(table, root));
+    let repeated = at_top.filter(|top| has_same_keys(&top.shape, &key.shape) && !std::ptr::eq(table, root));
     let default = if key.required { "required".to_owned() } else { code(&key.default) };
     let value = match repeated {
         Some(top) => format!("as `{}` at the top", top.name),
@@ -110,6 +110,14 @@ fn rows(text: &mut String, prefix: &str, key: &Key, table: &Table, root: &Table)
     let _ = writeln!(text, "| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "));
     if repeated.is_none() {
         below(text, &name, &key.shape, root);
+    }
+}
+
+/// Whether two tables, or lists of them, have the same keys, whatever their own documentation says.
+fn has_same_keys(one: &Shape, other: &Shape) -> bool {
+    match (one.table(), other.table()) {
+        (Some(one), Some(other)) => one.keys == other.keys,
+        _ => false,
     }
 }
 

@@ -199,6 +199,10 @@ fn either(parts: &[Json], doc: &str) -> Shape {
     for part in parts.iter().filter(|part| part.get("type").and_then(Json::as_str) != Some("null")) {
         match shape(part) {
             Shape::Words(found) => words.extend(found),
+            Shape::Table(mut table) => {
+                describe_alternative(&mut table, &text(part, "x-unit"));
+                others.push(Shape::Table(table));
+            }
             other => others.push(other),
         }
     }
@@ -216,6 +220,25 @@ fn either(parts: &[Json], doc: &str) -> Shape {
             only
         }
         _ => Shape::Either(others),
+    }
+}
+
+/// Gives the key that tells an alternative from the others, its tag or its only key, the documentation of the alternative. An only
+/// key is required of nobody: there are the others.
+fn describe_alternative(table: &mut Table, unit: &str) {
+    let is_only = table.keys.len() == 1;
+    for key in &mut table.keys {
+        let is_tag = matches!(&key.shape, Shape::Words(words) if words.len() == 1);
+        if (is_tag || is_only) && key.doc.is_empty() {
+            table.doc.clone_into(&mut key.doc);
+        }
+        if is_only && !is_tag {
+            key.required = false;
+            if key.unit.is_empty() {
+                unit.clone_into(&mut key.unit);
+                inherit_unit(&mut key.shape, unit);
+            }
+        }
     }
 }
 

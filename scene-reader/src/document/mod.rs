@@ -141,6 +141,7 @@ impl Document {
         };
         let explain = explain_command(&fault.path);
         error.hint(match &fault.hint {
+            Some(hint) if hint.ends_with('?') => format!("{hint} {explain}"),
             Some(hint) => format!("{hint}; {explain}"),
             None => explain,
         })
