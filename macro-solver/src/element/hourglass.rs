@@ -6,12 +6,15 @@
 //! potential, symmetric, path-independent and objective.
 
 use super::{Dimension, ElementKind, point_geometry};
+use crate::problem::HourglassKeys;
+use serde::{Deserialize, Serialize};
 
 /// Nodes of the largest element with one point and hourglass modes.
 pub const MAX_HOURGLASS_NODES: usize = 8;
 
 /// How hourglass modes are held.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "HourglassKeys", into = "HourglassKeys")]
 pub enum HourglassControl {
     /// By springs: `Q = c (3 G / d) V (b . b) q` with the shear modulus `G` and the coefficient `c`. At a Poisson's ratio
     /// of 1/4 this is the published form with the P-wave modulus, which would lock near incompressibility.
