@@ -28,7 +28,7 @@ impl LawName {
     }
 }
 
-/// What unloading does to the tangential force of Hertz-Mindlin contacts.
+/// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentialUnloading {
@@ -81,7 +81,7 @@ pub struct ContactTable {
     /// elastic force it causes. It acts while grains move and on them alone; no quasi-static result depends on it.
     #[serde(default)]
     pub damping: f64,
-    /// What unloading does to the tangential force of Hertz-Mindlin contacts.
+    /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unloading: Option<TangentialUnloading>,
     /// Rolling stiffness over k_t R1 R2, dimensionless; 0 = none.

@@ -73,7 +73,7 @@ impl Damping {
     }
 }
 
-/// What becomes of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
+/// Treatment of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AtStepCap {
@@ -125,7 +125,7 @@ pub struct RveOptions {
     /// Most relaxation steps after the ramp; default 20 000. A trial that stagnates with every damping ends
     /// sooner, after some thousand steps.
     pub max_steps: Option<u32>,
-    /// What becomes of a trial that needs more.
+    /// Treatment of a trial that needs more.
     pub at_step_cap: AtStepCap,
     /// Most force evaluations of a trial, ramp and relaxation together; unlimited if absent. A trial that needs more is
     /// refused in any case, because it may not even have reached its strain.

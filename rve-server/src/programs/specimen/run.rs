@@ -86,7 +86,7 @@ pub struct SpecimenStart {
     pub slant: f64,
 }
 
-/// What a test cost and where it fell short.
+/// Cost of a test, and counts of missed tolerances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpecimenSummary {
     /// The specimen before anything has moved.
@@ -124,7 +124,7 @@ pub struct SpecimenPicture {
     pub velocities: Vec<[f64; 3]>,
 }
 
-/// What a run reports while it goes.
+/// Events of a run in progress.
 pub enum SpecimenEvent<'a> {
     /// A step of `steps` in stage `stage` of the test is done; called every hundred steps.
     Progress {
