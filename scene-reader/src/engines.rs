@@ -4,7 +4,7 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::schema::PoolTable;
 use crate::BUILT_IN_ENGINE;
-use macro_solver::difference::DifferencePlan;
+use macro_solver::material::difference::DifferencePlan;
 use macro_solver::problem::Problem;
 use std::collections::BTreeMap;
 

@@ -4,7 +4,7 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::schema::{Generator, MeshTable};
 use macro_solver::mesh::block::Block;
-use macro_solver::mesh::ground::{HalfFooting, RetainingWall, Section, Slope};
+use macro_solver::mesh::geotechnical::{HalfFooting, RetainingWall, Section, Slope};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
 use std::path::Path;

@@ -59,7 +59,7 @@ fn formulation(keyword: FormulationKeyword) -> Formulation {
     match keyword {
         FormulationKeyword::SmallStrain => Formulation::SmallStrain,
         FormulationKeyword::TotalLagrangian => Formulation::TotalLagrangian,
-        FormulationKeyword::Updated => Formulation::Updated,
+        FormulationKeyword::Updated => Formulation::UpdatedLagrangian,
         FormulationKeyword::Corotational => Formulation::Corotational,
     }
 }

@@ -49,7 +49,7 @@ fn drained(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut pipe) = pipe {
-            // What can be read is used; the exit status tells whether something went wrong.
+            // A partial text is used too; the exit status shows whether the engine failed.
             let _ = pipe.read_to_end(&mut bytes);
         }
         String::from_utf8_lossy(&bytes).into_owned()

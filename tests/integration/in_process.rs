@@ -1,10 +1,10 @@
 //! Solves a problem with one worker of the real service on a thread of this process.
 #![allow(unreachable_pub, missing_docs, reason = "each test file compiles its own copy")]
 
-use macro_solver::implicit::solve;
 use macro_solver::observer::{Observer, Run};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use macro_solver::problem::Problem;
+use macro_solver::solve::solve;
 use protocol::Definition;
 use protocol::transport::in_process::channel;
 use rve_server::engine::GrainEngine;

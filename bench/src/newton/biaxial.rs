@@ -144,7 +144,7 @@ fn each(all: &[(&Variant, &StrategyRun)], points: f64) -> Table {
                 report.iterations.into(),
                 (report.evaluations as f64 / points).into(),
                 report.cut_backs.into(),
-                report.creep.into(),
+                report.stabilisation_increments.into(),
                 report.force_ratio.into(),
                 (*ratio).into(),
             ]);

@@ -1,10 +1,10 @@
 //! One problem solved on grains, with workers in this process.
 
 use anyhow::Context;
-use macro_solver::implicit::solve;
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use macro_solver::problem::{Problem, Stabilisation};
+use macro_solver::solve::solve;
 use protocol::Definition;
 use protocol::transport::in_process::channel;
 use rve_server::definition::{Accuracy, GrainDefinition, Packing, PackingFile, RveOptions};

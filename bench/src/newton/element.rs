@@ -146,7 +146,7 @@ fn each(all: &[Of<'_>], steps: usize) -> Table {
                 (report.evaluations as f64 / POINTS).into(),
                 report.iterations.into(),
                 report.cut_backs.into(),
-                report.creep.into(),
+                report.stabilisation_increments.into(),
                 report.force_ratio.into(),
                 step.ratio.into(),
             ]);

@@ -148,10 +148,12 @@ fn sampled(seed: u64, number: u64, slots: &[Slot]) -> anyhow::Result<Scene> {
         ]),
         elements: stream.pick(&ELEMENTS),
         formulation: match range {
-            Range::Everyday => Formulation::Updated,
-            Range::Hard => {
-                stream.pick(&[Formulation::TotalLagrangian, Formulation::Updated, Formulation::Corotational])
-            }
+            Range::Everyday => Formulation::UpdatedLagrangian,
+            Range::Hard => stream.pick(&[
+                Formulation::TotalLagrangian,
+                Formulation::UpdatedLagrangian,
+                Formulation::Corotational,
+            ]),
         },
         loading,
         strain,

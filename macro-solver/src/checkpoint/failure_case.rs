@@ -1,7 +1,6 @@
 //! A trial that ended its workers, with all that is needed to repeat it: `grainspan element --replay` reads it.
 
 use super::CheckpointError;
-use crate::output::{OutputError, write_atomically};
 use protocol::{Ask, ContentId, Definition, Observables, TangentKind, Tensor2};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -43,20 +42,17 @@ impl FailureCase {
         Ask { tangent: self.tangent, ramp_steps: self.ramp_steps, observables: self.observables }
     }
 
-    /// Writes the file.
-    ///
-    /// # Errors
-    /// [`OutputError::Write`].
+    /// Content of the file.
     ///
     /// # Panics
     /// Never: all fields are plain data.
-    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+    pub fn encode(&self) -> Vec<u8> {
         let body = rmp_serde::to_vec_named(self).expect("a failure case is plain data");
         let mut bytes = MARK.to_vec();
         bytes.extend(FORMAT.to_le_bytes());
         bytes.extend(ContentId::of(&body).0);
         bytes.extend(body);
-        write_atomically(path, &bytes)
+        bytes
     }
 
     /// Reads the file.

@@ -35,12 +35,12 @@ struct Index {
     lengths: Vec<u64>,
 }
 
-/// What a folder holds.
+/// Result of reading the checkpoint of a folder.
 #[derive(Debug)]
-pub enum Found {
-    /// No checkpoint was ever completed there.
+pub enum StoredCheckpoint {
+    /// No checkpoint was ever completed in the folder.
     Nothing,
-    /// The newest whole one; with the reason if it is not the last that was begun.
+    /// The newest complete checkpoint; with an error if a newer one is damaged.
     Archive(Box<Archive>, Option<CheckpointError>),
 }
 
@@ -104,15 +104,15 @@ impl CheckpointFile {
     ///
     /// # Errors
     /// There are files, but none of them is whole; or the newest has another format, which is not to be skipped silently.
-    pub fn read(&self) -> Result<Found, CheckpointError> {
+    pub fn read(&self) -> Result<StoredCheckpoint, CheckpointError> {
         let first = match read(&self.current) {
-            Ok(archive) => return Ok(Found::Archive(Box::new(archive), None)),
+            Ok(archive) => return Ok(StoredCheckpoint::Archive(Box::new(archive), None)),
             Err(error @ CheckpointError::Format { .. }) => return Err(error),
             Err(error) => error,
         };
         match read(&self.previous) {
-            Ok(archive) => Ok(Found::Archive(Box::new(archive), (!is_absent(&first)).then_some(first))),
-            Err(second) if is_absent(&second) && is_absent(&first) => Ok(Found::Nothing),
+            Ok(archive) => Ok(StoredCheckpoint::Archive(Box::new(archive), (!is_absent(&first)).then_some(first))),
+            Err(second) if is_absent(&second) && is_absent(&first) => Ok(StoredCheckpoint::Nothing),
             Err(second) if is_absent(&first) => Err(second),
             Err(_) => Err(first),
         }

@@ -5,25 +5,23 @@
 //! of the run (displacements, load, step size, per-point memory), the material (committed states) and the observers
 //! (rows written, sums). Each owns one named, versioned section, and restores from it or refuses with a reason.
 //!
-//! A driver takes part with three lines: it asks its [`Keeper`] for an earlier archive before its first step and restores
-//! from it, and it calls [`keep`] after every accepted step, when everything about the step has been committed and told.
-//! [`CheckpointFile`] makes files of archives, [`PeriodicKeeper`] decides when.
+//! The driver of a run takes an earlier archive from its [`CheckpointStore`] before the first step, and hands every accepted step to it
+//! when everything about the step has been committed and reported. [`CheckpointFile`] makes files of archives,
+//! [`PeriodicCheckpoints`] decides when.
 
 mod archive;
 mod failure_case;
 mod file;
-mod keeper;
+mod periodic;
 #[cfg(test)]
 mod tests;
 
 pub use archive::Archive;
 pub use failure_case::FailureCase;
 pub use failure_case::FailureCase as Reproducer;
-pub use file::{CHECKPOINT_FORMAT, CheckpointFile, Found};
-pub use keeper::{CheckpointFigures, CheckpointPolicy, PeriodicKeeper};
+pub use file::{CHECKPOINT_FORMAT, CheckpointFile, StoredCheckpoint};
+pub use periodic::{CheckpointFigures, CheckpointPolicy, PeriodicCheckpoints};
 
-use crate::material::PointMaterial;
-use crate::observer::Observer;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -112,9 +110,9 @@ pub trait Checkpointed {
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError>;
 }
 
-/// Where a run stands when it is saved.
+/// Progress of a run when it is saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mark {
+pub struct Progress {
     /// Accepted steps.
     pub step: u64,
     /// Stage, from 0.
@@ -123,55 +121,23 @@ pub struct Mark {
     pub load: f64,
 }
 
-/// Keeps what a run saves, and hands back what an earlier process of the run has saved.
-pub trait Keeper {
-    /// The state to continue from; asked once, before the first step. `None`: from the start.
+/// Stores the checkpoints of a run and returns the one to continue from.
+pub trait CheckpointStore {
+    /// The state to continue from, saved by an earlier process of the run; called once, before the first step. `None`: from the start.
     fn earlier(&mut self) -> Option<Archive>;
 
-    /// A step is complete. `fill` collects the state of the run; nothing that goes wrong here ends a run.
-    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive));
+    /// A step is complete. `fill` collects the state of the run; no error here ends a run.
+    fn save_step(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive));
 }
 
-/// Keeps nothing.
+/// Stores nothing.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct NoKeeper;
+pub struct NoCheckpoints;
 
-impl Keeper for NoKeeper {
+impl CheckpointStore for NoCheckpoints {
     fn earlier(&mut self) -> Option<Archive> {
         None
     }
 
-    fn keep(&mut self, _mark: Mark, _fill: &mut dyn FnMut(&mut Archive)) {}
-}
-
-/// Saves the three parts of a run after an accepted step.
-pub fn keep(
-    keeper: &mut dyn Keeper,
-    mark: Mark,
-    driver: &dyn Checkpointed,
-    material: &dyn PointMaterial,
-    observer: &dyn Observer,
-) {
-    keeper.keep(mark, &mut |archive| {
-        driver.save(archive);
-        material.save(archive);
-        observer.save(archive);
-    });
-}
-
-/// Restores the three parts of a run; `false` without an earlier archive.
-///
-/// # Errors
-/// The first part that does not fit.
-pub fn resume(
-    keeper: &mut dyn Keeper,
-    driver: &mut dyn Checkpointed,
-    material: &mut dyn PointMaterial,
-    observer: &mut dyn Observer,
-) -> Result<bool, CheckpointError> {
-    let Some(archive) = keeper.earlier() else { return Ok(false) };
-    driver.restore(&archive)?;
-    material.restore(&archive)?;
-    observer.restore(&archive)?;
-    Ok(true)
+    fn save_step(&mut self, _progress: Progress, _fill: &mut dyn FnMut(&mut Archive)) {}
 }

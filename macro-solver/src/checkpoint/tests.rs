@@ -5,10 +5,11 @@ use crate::material::PointMaterial;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
+use crate::observer::Observer;
 use crate::observer::{FieldsView, Outcome, Silent, Statistics, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, NamedStrategy, PathControl, Platen, PressureKind, Problem};
 use crate::solve::tests::stabilisation::{pulled, weak_at_the_bottom};
-use crate::solve::{solve, solve_kept};
+use crate::solve::{solve, solve_with_checkpoints};
 use protocol::StateId;
 use std::fs;
 use std::sync::Arc;
@@ -34,28 +35,30 @@ fn text_of(archive: &Archive) -> String {
 fn the_newest_whole_checkpoint_is_found_whatever_was_cut_short() {
     let folder = tempfile::tempdir().unwrap();
     let file = CheckpointFile::in_folder(folder.path());
-    assert!(matches!(file.read().unwrap(), Found::Nothing));
+    assert!(matches!(file.read().unwrap(), StoredCheckpoint::Nothing));
     for text in ["first", "second", "third"] {
         file.write(&archive(text)).unwrap();
     }
     let current = folder.path().join("checkpoint.bin");
     let whole = fs::read(&current).unwrap();
-    let Found::Archive(found, None) = file.read().unwrap() else { panic!("the newest is whole") };
+    let StoredCheckpoint::Archive(found, None) = file.read().unwrap() else { panic!("the newest is whole") };
     assert_eq!(text_of(&found), "third");
     assert_eq!(*found, archive("third"), "snapshots included");
     for length in (0..whole.len()).step_by(97).chain([whole.len() - 1]) {
         fs::write(&current, &whole[..length]).unwrap();
-        let Found::Archive(found, Some(_)) = file.read().unwrap() else { panic!("{length} bytes are not whole") };
+        let StoredCheckpoint::Archive(found, Some(_)) = file.read().unwrap() else {
+            panic!("{length} bytes are not whole")
+        };
         assert_eq!(text_of(&found), "second");
     }
     for place in (0..whole.len()).filter(|place| !(8..12).contains(place)).step_by(61) {
         let mut damaged = whole.clone();
         damaged[place] ^= 4;
         fs::write(&current, &damaged).unwrap();
-        assert!(matches!(file.read().unwrap(), Found::Archive(_, Some(_))), "byte {place}");
+        assert!(matches!(file.read().unwrap(), StoredCheckpoint::Archive(_, Some(_))), "byte {place}");
     }
     fs::remove_file(&current).unwrap();
-    assert!(matches!(file.read().unwrap(), Found::Archive(_, None)), "between the two renames");
+    assert!(matches!(file.read().unwrap(), StoredCheckpoint::Archive(_, None)), "between the two renames");
     fs::write(folder.path().join("checkpoint.previous.bin"), b"GSCKPT").unwrap();
     assert!(file.read().unwrap_err().to_string().contains("shorter than its header"));
     file.remove().unwrap();
@@ -91,11 +94,11 @@ fn a_checkpoint_that_finds_no_room_leaves_the_last_one_and_the_run_alone() {
     // A folder in the way of the draft makes the write fail at its first step.
     fs::create_dir(folder.path().join(".checkpoint.partial")).unwrap();
     let policy = CheckpointPolicy { steps: Some(1), ..CheckpointPolicy::default() };
-    let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
-    keeper.keep(Mark { step: 1, stage: 0, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
-    assert_eq!((keeper.figures().written, keeper.figures().failed), (0, 1));
-    assert!(keeper.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
-    let Found::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
+    let mut store = PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+    store.save_step(Progress { step: 1, stage: 0, load: 0.5 }, &mut |archive| archive.put("part", 3, &1));
+    assert_eq!((store.figures().written, store.figures().failed), (0, 1));
+    assert!(store.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
+    let StoredCheckpoint::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
     assert_eq!(text_of(&found), "good");
 }
 
@@ -104,15 +107,16 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let file = CheckpointFile::in_folder(folder.path());
     let written = |policy: CheckpointPolicy| {
-        let mut keeper = PeriodicKeeper::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+        let mut store =
+            PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
         let counts: Vec<u64> = (0..5)
             .map(|step| {
-                keeper.keep(Mark { step, stage: 0, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
-                keeper.figures().written
+                store.save_step(Progress { step, stage: 0, load: 0.0 }, &mut |archive| archive.put("part", 1, &step));
+                store.figures().written
             })
             .collect();
-        keeper.flush();
-        (counts, keeper.figures().written)
+        store.flush();
+        (counts, store.figures().written)
     };
     let policy = CheckpointPolicy::default();
     assert_eq!(written(CheckpointPolicy { steps: Some(2), ..policy }), (vec![0, 1, 1, 2, 2], 3));
@@ -137,7 +141,7 @@ fn a_failure_case_reads_back_and_damage_is_noticed() {
         ramp_steps: 12,
         observables: protocol::Observables::ALL,
     };
-    written.write(&path).unwrap();
+    fs::write(&path, written.encode()).unwrap();
     assert_eq!(FailureCase::read(&path).unwrap(), written);
     let mut bytes = fs::read(&path).unwrap();
     let last = bytes.len() - 1;
@@ -179,12 +183,12 @@ struct Shelf {
     kept: Vec<Archive>,
 }
 
-impl Keeper for Shelf {
+impl CheckpointStore for Shelf {
     fn earlier(&mut self) -> Option<Archive> {
         self.earlier.take()
     }
 
-    fn keep(&mut self, _mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push(archive);
@@ -246,13 +250,13 @@ fn continues_to_the_same_bits(problem: &Problem) -> u64 {
 
 fn continues_with<M: PointMaterial>(problem: &Problem, material: impl Fn() -> M) -> Statistics {
     let (mut whole, mut shelf) = (Witness::default(), Shelf::default());
-    let run = solve_kept(problem, &mut material(), &mut whole, &mut shelf);
+    let run = solve_with_checkpoints(problem, &mut material(), &mut whole, &mut shelf);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?} {:?}", problem.stages[0].strategy, run.outcome);
     assert!(whole.0.len() > 6, "{} steps", whole.0.len());
     assert_eq!(shelf.kept.len(), whole.0.len());
     for (step, archive) in shelf.kept.iter().enumerate() {
-        let (mut rest, mut keeper) = (Witness::default(), Shelf { earlier: Some(archive.clone()), kept: Vec::new() });
-        solve_kept(problem, &mut material(), &mut rest, &mut keeper);
+        let (mut rest, mut store) = (Witness::default(), Shelf { earlier: Some(archive.clone()), kept: Vec::new() });
+        solve_with_checkpoints(problem, &mut material(), &mut rest, &mut store);
         assert_eq!(rest.0, whole.0[step + 1..], "continued after step {step}");
     }
     run.statistics
@@ -262,16 +266,16 @@ fn continues_with<M: PointMaterial>(problem: &Problem, material: impl Fn() -> M)
 fn an_archive_of_another_mesh_is_refused_before_anything_is_solved() {
     let mut shelf = Shelf::default();
     let small = problem();
-    solve_kept(&small, &mut law(&small), &mut Silent, &mut shelf);
+    solve_with_checkpoints(&small, &mut law(&small), &mut Silent, &mut shelf);
     let mut other = problem();
     other.mesh = Block::plane([1.0, 2.0], [2, 4], ElementKind::Q8).mesh().unwrap();
-    let mut keeper = Shelf { earlier: shelf.kept.pop(), kept: Vec::new() };
-    let run = solve_kept(&other, &mut law(&other), &mut Silent, &mut keeper);
-    let Outcome::Stopped(request) = run.outcome else { panic!("{:?}", run.outcome) };
-    assert!(request.reason.contains("does not fit"), "{}", request.reason);
+    let mut store = Shelf { earlier: shelf.kept.pop(), kept: Vec::new() };
+    let run = solve_with_checkpoints(&other, &mut law(&other), &mut Silent, &mut store);
+    let Outcome::CheckpointRefused(error) = run.outcome else { panic!("{:?}", run.outcome) };
+    assert!(error.to_string().contains("does not fit"), "{error}");
     assert_eq!(run.statistics.evaluations, 0);
-    let mut keeper = Shelf { earlier: Some(Archive::new()), kept: Vec::new() };
-    let run = solve_kept(&small, &mut law(&small), &mut Silent, &mut keeper);
-    assert!(matches!(run.outcome, Outcome::Stopped(_)));
+    let mut store = Shelf { earlier: Some(Archive::new()), kept: Vec::new() };
+    let run = solve_with_checkpoints(&small, &mut law(&small), &mut Silent, &mut store);
+    assert!(matches!(run.outcome, Outcome::CheckpointRefused(_)));
     assert!(matches!(solve(&small, &mut law(&small), &mut Silent).outcome, Outcome::Completed));
 }

@@ -2,9 +2,8 @@
 
 use super::hourglass::HourglassModes;
 use super::integrals::add_stiffness;
-use super::point_geometry;
+use super::{ElementKind, point_geometry};
 use crate::formulation::Operator;
-use crate::mesh::ElementKind;
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Largest natural frequency of an element, rad/s: largest `omega` of `K u = omega^2 M u` with the symmetric part of `K`.
@@ -53,12 +52,6 @@ pub fn largest_frequency_of(
     SymmetricEigen::new(scaled).eigenvalues.max().max(0.0).sqrt()
 }
 
-/// Upper bound of [`largest_frequency`] for elements with one point and equal node masses (Flanagan and Belytschko
-/// 1981): `omega^2 <= (M / m) V b_ai b_ai` with the P-wave modulus `M`, Pa, and the mass of a node `m`, kg.
-pub fn flanagan_belytschko_frequency(modes: &HourglassModes, dimension: usize, modulus: f64, mass: f64) -> f64 {
-    (modulus * modes.scale * dimension as f64 / mass).sqrt()
-}
-
 /// Largest stable step of the central difference method, s, for the largest frequency, rad/s, and the damping ratio at
 /// it: `(2 / omega) (sqrt(1 + xi^2) - xi)`, [Liu2015] eq. 62.
 pub fn critical_step(frequency: f64, damping_ratio: f64) -> f64 {
@@ -71,6 +64,12 @@ mod tests {
     use crate::element::mass::{Lumping, lumped_masses};
     use crate::material::elastic::isotropic_moduli;
     use crate::mesh::block::Block;
+
+    /// Upper bound of [`largest_frequency`] for elements with one point and equal node masses (Flanagan and Belytschko
+    /// 1981): `omega^2 <= (M / m) V b_ai b_ai` with the P-wave modulus `M`, Pa, and the mass of a node `m`, kg.
+    fn flanagan_belytschko_frequency(modes: &HourglassModes, dimension: usize, modulus: f64, mass: f64) -> f64 {
+        (modulus * modes.scale * dimension as f64 / mass).sqrt()
+    }
 
     /// Bulk and shear modulus and density of [Liu2015] table II and section 3.3.
     const BULK: f64 = 335e6;

@@ -5,8 +5,7 @@
 //! geometry and applied to the total motion they need no integration in time: the stiffness form is a quadratic
 //! potential, symmetric, path-independent and objective.
 
-use super::point_geometry;
-use crate::mesh::{Dimension, ElementKind};
+use super::{Dimension, ElementKind, point_geometry};
 
 /// Nodes of the largest element with one point and hourglass modes.
 pub const MAX_HOURGLASS_NODES: usize = 8;

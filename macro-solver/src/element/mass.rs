@@ -1,7 +1,6 @@
 //! Lumped masses of elements.
 
-use super::{GaussPoint, gauss_points, geometry_of_shape, shape};
-use crate::mesh::{Dimension, ElementKind};
+use super::{ElementKind, geometry_of_shape, shape};
 use thiserror::Error;
 
 /// How the mass of an element is given to its nodes.
@@ -52,7 +51,7 @@ pub fn lumped_masses(
 ) -> Result<Vec<f64>, MassError> {
     let mut total = 0.0;
     let (mut rows, mut squares) = (vec![0.0; kind.node_count()], vec![0.0; kind.node_count()]);
-    for point in mass_points(kind) {
+    for point in (kind.definition().mass_points)() {
         let shape = shape(kind, point.place);
         let mass = density * point.weight * geometry_of_shape(kind, &shape, positions).volume;
         total += mass;
@@ -71,50 +70,10 @@ pub fn lumped_masses(
     }
 }
 
-/// Points that integrate `N_a^2` exactly over a natural element.
-fn mass_points(kind: ElementKind) -> Vec<GaussPoint> {
-    match kind {
-        ElementKind::Q4Single => gauss_points(ElementKind::Q4).to_vec(),
-        ElementKind::Q8 => gauss_points(ElementKind::Q8Full).to_vec(),
-        ElementKind::H8Single => gauss_points(ElementKind::H8).to_vec(),
-        ElementKind::H20 => gauss_points(ElementKind::H20Full).to_vec(),
-        ElementKind::T3 | ElementKind::T6 | ElementKind::T4 | ElementKind::T10 => simplex_points(kind.dimension()),
-        ElementKind::Q4 | ElementKind::Q8Full | ElementKind::H8 | ElementKind::H20Full => gauss_points(kind).to_vec(),
-    }
-}
-
-/// Four-point Gauss rule on 0 to 1.
-const FOUR: [(f64, f64); 4] = [
-    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
-    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
-    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
-    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
-];
-
-/// A product rule collapsed onto the triangle or tetrahedron, exact for polynomials of degree 4.
-fn simplex_points(dimension: Dimension) -> Vec<GaussPoint> {
-    let mut points = Vec::new();
-    for (u, wu) in FOUR {
-        for (v, wv) in FOUR {
-            let (x, y) = (u, v * (1.0 - u));
-            match dimension {
-                Dimension::Plane => {
-                    points.push(GaussPoint { place: [x, y, 0.0], weight: wu * wv * (1.0 - u) });
-                }
-                Dimension::Space => points.extend(FOUR.iter().map(|(w, ww)| GaussPoint {
-                    place: [x, y, w * (1.0 - x - y)],
-                    weight: wu * wv * ww * (1.0 - u) * (1.0 - x - y),
-                })),
-            }
-        }
-    }
-    points
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::node_places;
+    use crate::element::{gauss_points, node_places};
 
     fn shares(kind: ElementKind, lumping: Lumping) -> Result<Vec<f64>, MassError> {
         let masses = lumped_masses(kind, node_places(kind), 3.0, lumping)?;

@@ -4,19 +4,20 @@
 //! Node order is that of [`ElementKind`]. A plane element is treated as a slab of unit thickness: its third natural
 //! coordinate is `z`, and nothing depends on it.
 
-use crate::mesh::{Dimension, ElementKind, Mesh};
+use kinds::SinglePoint;
 use nalgebra::Matrix3;
 
+mod dimension;
 pub mod frequency;
-pub mod hexahedra;
 pub mod hourglass;
 pub mod integrals;
+mod kinds;
 pub mod mass;
 pub mod quadrature;
-pub mod quadrilaterals;
 pub mod side;
-pub mod simplices;
 
+pub use dimension::Dimension;
+pub use kinds::{ElementKind, SideKind};
 pub use quadrature::{GaussPoint, gauss_points, shapes_at_points};
 
 /// Nodes of the largest element; arrays of smaller elements are padded with zeros.
@@ -44,27 +45,12 @@ impl Shape {
 
 /// Shape functions of an element kind at natural coordinates `place`.
 pub fn shape(kind: ElementKind, place: [f64; 3]) -> Shape {
-    match kind {
-        ElementKind::Q4 | ElementKind::Q4Single => quadrilaterals::bilinear(place),
-        ElementKind::Q8 | ElementKind::Q8Full => quadrilaterals::serendipity(place),
-        ElementKind::T3 => simplices::linear_triangle(place),
-        ElementKind::T6 => simplices::quadratic_triangle(place),
-        ElementKind::H8 | ElementKind::H8Single => hexahedra::trilinear(place),
-        ElementKind::H20 | ElementKind::H20Full => hexahedra::serendipity(place),
-        ElementKind::T4 => simplices::linear_tetrahedron(place),
-        ElementKind::T10 => simplices::quadratic_tetrahedron(place),
-    }
+    (kind.interpolation().shape)(place)
 }
 
 /// Natural coordinates of the nodes of an element kind.
 pub fn node_places(kind: ElementKind) -> &'static [[f64; 3]] {
-    let places: &[[f64; 3]] = match kind {
-        ElementKind::Q4 | ElementKind::Q4Single | ElementKind::Q8 | ElementKind::Q8Full => &quadrilaterals::NODES,
-        ElementKind::T3 | ElementKind::T6 => &simplices::TRIANGLE_NODES,
-        ElementKind::H8 | ElementKind::H8Single | ElementKind::H20 | ElementKind::H20Full => &hexahedra::NODES,
-        ElementKind::T4 | ElementKind::T10 => &simplices::TETRAHEDRON_NODES,
-    };
-    &places[..kind.node_count()]
+    kind.interpolation().places
 }
 
 /// Gradients in space and the volume that a Gauss point stands for.
@@ -105,12 +91,9 @@ impl PointGeometry {
 }
 
 /// Geometry of Gauss point `local` of an element whose nodes lie at `positions`.
-///
-/// The one point of H8Single carries the mean gradients over the element (Flanagan and Belytschko 1981): those at the
-/// centre would fail the patch test on irregular hexahedra.
 pub fn point_geometry(kind: ElementKind, positions: &[[f64; 3]], local: usize) -> PointGeometry {
-    if kind == ElementKind::H8Single {
-        return mean_geometry(ElementKind::H8, positions);
+    if let Some(SinglePoint::MeanOver(kind)) = kind.definition().single_point {
+        return mean_geometry(kind, positions);
     }
     let weight = gauss_points(kind)[local].weight;
     let mut geometry = geometry_of_shape(kind, &shapes_at_points(kind)[local], positions);
@@ -157,21 +140,6 @@ pub fn geometry_of_shape(kind: ElementKind, shape: &Shape, positions: &[[f64; 3]
         }
     }
     PointGeometry { gradients, volume }
-}
-
-/// Initial places of all Gauss points of a mesh, m.
-pub fn point_places(mesh: &Mesh) -> Vec<[f64; 3]> {
-    let of_element = |element: usize| {
-        let positions = mesh.element_positions(element);
-        shapes_at_points(mesh.kinds[element]).iter().map(move |shape| {
-            let mut place = [0.0; 3];
-            for (position, value) in positions.iter().zip(&shape.values) {
-                (0..3).for_each(|axis| place[axis] += value * position[axis]);
-            }
-            place
-        })
-    };
-    (0..mesh.elements.len()).flat_map(of_element).collect()
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! Gauss points of every element kind and the shape functions there, tabulated once.
 
-use super::{Shape, shape};
-use crate::mesh::ElementKind;
+use super::{Dimension, ElementKind, Shape, shape};
 use std::sync::LazyLock;
 
 /// One quadrature point.
@@ -27,12 +26,12 @@ const fn point(x: f64, y: f64, z: f64, weight: f64) -> GaussPoint {
 }
 
 /// Counter-clockwise from the lower left.
-const SQUARE_FOUR: [GaussPoint; 4] =
+pub(crate) static SQUARE_FOUR: [GaussPoint; 4] =
     [point(-TWO, -TWO, 0.0, 1.0), point(TWO, -TWO, 0.0, 1.0), point(TWO, TWO, 0.0, 1.0), point(-TWO, TWO, 0.0, 1.0)];
-const SQUARE_ONE: [GaussPoint; 1] = [point(0.0, 0.0, 0.0, 4.0)];
-const CUBE_ONE: [GaussPoint; 1] = [point(0.0, 0.0, 0.0, 8.0)];
+pub(crate) static SQUARE_ONE: [GaussPoint; 1] = [point(0.0, 0.0, 0.0, 4.0)];
+pub(crate) static CUBE_ONE: [GaussPoint; 1] = [point(0.0, 0.0, 0.0, 8.0)];
 /// In the order of the corners of a hexahedron.
-const CUBE_EIGHT: [GaussPoint; 8] = [
+pub(crate) static CUBE_EIGHT: [GaussPoint; 8] = [
     point(-TWO, -TWO, -TWO, 1.0),
     point(TWO, -TWO, -TWO, 1.0),
     point(TWO, TWO, -TWO, 1.0),
@@ -42,14 +41,14 @@ const CUBE_EIGHT: [GaussPoint; 8] = [
     point(TWO, TWO, TWO, 1.0),
     point(-TWO, TWO, TWO, 1.0),
 ];
-const TRIANGLE_ONE: [GaussPoint; 1] = [point(1.0 / 3.0, 1.0 / 3.0, 0.0, 0.5)];
-const TRIANGLE_THREE: [GaussPoint; 3] = [
+pub(crate) static TRIANGLE_ONE: [GaussPoint; 1] = [point(1.0 / 3.0, 1.0 / 3.0, 0.0, 0.5)];
+pub(crate) static TRIANGLE_THREE: [GaussPoint; 3] = [
     point(1.0 / 6.0, 1.0 / 6.0, 0.0, 1.0 / 6.0),
     point(2.0 / 3.0, 1.0 / 6.0, 0.0, 1.0 / 6.0),
     point(1.0 / 6.0, 2.0 / 3.0, 0.0, 1.0 / 6.0),
 ];
-const TETRAHEDRON_ONE: [GaussPoint; 1] = [point(0.25, 0.25, 0.25, 1.0 / 6.0)];
-const TETRAHEDRON_FOUR: [GaussPoint; 4] = [
+pub(crate) static TETRAHEDRON_ONE: [GaussPoint; 1] = [point(0.25, 0.25, 0.25, 1.0 / 6.0)];
+pub(crate) static TETRAHEDRON_FOUR: [GaussPoint; 4] = [
     point(TETRAHEDRON, TETRAHEDRON, TETRAHEDRON, 1.0 / 24.0),
     point(1.0 - 3.0 * TETRAHEDRON, TETRAHEDRON, TETRAHEDRON, 1.0 / 24.0),
     point(TETRAHEDRON, 1.0 - 3.0 * TETRAHEDRON, TETRAHEDRON, 1.0 / 24.0),
@@ -72,20 +71,47 @@ static CUBE_TWENTY_SEVEN: LazyLock<Vec<GaussPoint>> = LazyLock::new(|| {
     LINE_THREE.iter().flat_map(layer).collect()
 });
 
+/// 3x3 points, row by row from the lower left.
+pub(crate) fn square_nine() -> &'static [GaussPoint] {
+    &SQUARE_NINE
+}
+
+/// 3x3x3 points, layer by layer.
+pub(crate) fn cube_twenty_seven() -> &'static [GaussPoint] {
+    &CUBE_TWENTY_SEVEN
+}
+
+/// Four-point Gauss rule on 0 to 1.
+const FOUR: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
+
+/// A product rule collapsed onto the triangle or tetrahedron, exact for polynomials of degree 4.
+pub(crate) fn collapsed_points(dimension: Dimension) -> Vec<GaussPoint> {
+    let mut points = Vec::new();
+    for (u, wu) in FOUR {
+        for (v, wv) in FOUR {
+            let (x, y) = (u, v * (1.0 - u));
+            match dimension {
+                Dimension::Plane => {
+                    points.push(GaussPoint { place: [x, y, 0.0], weight: wu * wv * (1.0 - u) });
+                }
+                Dimension::Space => points.extend(FOUR.iter().map(|(w, ww)| GaussPoint {
+                    place: [x, y, w * (1.0 - x - y)],
+                    weight: wu * wv * ww * (1.0 - u) * (1.0 - x - y),
+                })),
+            }
+        }
+    }
+    points
+}
+
 /// The quadrature points of an element kind, by local number.
 pub fn gauss_points(kind: ElementKind) -> &'static [GaussPoint] {
-    match kind {
-        ElementKind::Q4 | ElementKind::Q8 => &SQUARE_FOUR,
-        ElementKind::Q4Single => &SQUARE_ONE,
-        ElementKind::Q8Full => &SQUARE_NINE,
-        ElementKind::T3 => &TRIANGLE_ONE,
-        ElementKind::T6 => &TRIANGLE_THREE,
-        ElementKind::H8 | ElementKind::H20 => &CUBE_EIGHT,
-        ElementKind::H8Single => &CUBE_ONE,
-        ElementKind::H20Full => &CUBE_TWENTY_SEVEN,
-        ElementKind::T4 => &TETRAHEDRON_ONE,
-        ElementKind::T10 => &TETRAHEDRON_FOUR,
-    }
+    (kind.definition().points)()
 }
 
 static TABLES: LazyLock<Vec<Vec<Shape>>> = LazyLock::new(|| {

@@ -3,9 +3,8 @@
 //! The two tangents of a side span it; their cross product is the outward normal times the area per natural area.
 //! An edge of a plane element is a strip of unit thickness, whose second tangent is the unit vector along z.
 
-use super::quadrilaterals::{bilinear, serendipity};
-use super::simplices::{linear_triangle, quadratic_triangle};
-use crate::mesh::SideKind;
+use super::SideKind;
+use super::kinds::{bilinear, linear_triangle, quadratic_triangle, serendipity};
 use nalgebra::Vector3;
 use std::sync::LazyLock;
 
@@ -110,8 +109,7 @@ fn face_shape(plane: &super::Shape, count: usize, weight: f64) -> SideShape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::{node_places, shape};
-    use crate::mesh::{Dimension, ElementKind};
+    use crate::element::{Dimension, ElementKind, node_places, shape};
 
     /// Integrals of the normal over the closed surface vanish, and `x . n` integrates to dimension times volume.
     #[test]

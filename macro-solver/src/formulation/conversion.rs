@@ -1,5 +1,5 @@
-//! One stress-strain law in three guises: Cauchy stress, nominal stress on the current configuration, first Piola
-//! stress on another one. The conversions are exact and inverse to each other.
+//! Conversions of stresses and moduli between configurations: Cauchy stress, nominal stress on the current configuration,
+//! first Piola stress on another one. They are exact.
 
 use super::tensor::Operator;
 use nalgebra::Matrix3;
@@ -10,11 +10,6 @@ use nalgebra::Matrix3;
 /// The first added term is the change of volume, the second the change of the area that carries the traction.
 pub fn spatial_moduli(tangent: &Operator, stress: &Matrix3<f64>) -> Operator {
     tangent + area_and_volume(stress)
-}
-
-/// The inverse of [`spatial_moduli`].
-pub fn cauchy_moduli(moduli: &Operator, stress: &Matrix3<f64>) -> Operator {
-    moduli - area_and_volume(stress)
 }
 
 fn area_and_volume(stress: &Matrix3<f64>) -> Operator {
@@ -31,19 +26,9 @@ pub fn first_piola(determinant: f64, inverse: &Matrix3<f64>, stress: &Matrix3<f6
     determinant * stress * inverse.transpose()
 }
 
-/// `sigma = P F^T / det F`.
-pub fn cauchy_stress(deformation: &Matrix3<f64>, first_piola: &Matrix3<f64>) -> Matrix3<f64> {
-    first_piola * deformation.transpose() / deformation.determinant()
-}
-
 /// `dP_iJ / dF_kL = det F F^-1_Jj F^-1_Ll A_ijkl` from `det F`, `F^-1` and the spatial moduli `A`.
 pub fn piola_moduli(determinant: f64, inverse: &Matrix3<f64>, moduli: &Operator) -> Operator {
     transported(moduli, inverse) * determinant
-}
-
-/// `A_ijkl = F_jJ F_lL (dP_iJ / dF_kL) / det F`: the inverse of [`piola_moduli`].
-pub fn spatial_from_piola(deformation: &Matrix3<f64>, moduli: &Operator) -> Operator {
-    transported(moduli, deformation) / deformation.determinant()
 }
 
 /// `M_iJkL = T_Jj T_Ll A_ijkl`, one pair of indices at a time.
@@ -63,4 +48,30 @@ fn transported(moduli: &Operator, transport: &Matrix3<f64>) -> Operator {
         }
     }
     whole
+}
+
+/// The inverse conversions, for tests.
+#[cfg(test)]
+pub(super) mod inverse {
+    use super::{area_and_volume, transported};
+    use crate::formulation::Operator;
+    use nalgebra::Matrix3;
+
+    /// The inverse of [`super::spatial_moduli`].
+    pub(in crate::formulation) fn cauchy_moduli(moduli: &Operator, stress: &Matrix3<f64>) -> Operator {
+        moduli - area_and_volume(stress)
+    }
+
+    /// `sigma = P F^T / det F`.
+    pub(in crate::formulation) fn cauchy_stress(
+        deformation: &Matrix3<f64>,
+        first_piola: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        first_piola * deformation.transpose() / deformation.determinant()
+    }
+
+    /// `A_ijkl = F_jJ F_lL (dP_iJ / dF_kL) / det F`: the inverse of [`super::piola_moduli`].
+    pub(in crate::formulation) fn spatial_from_piola(deformation: &Matrix3<f64>, moduli: &Operator) -> Operator {
+        transported(moduli, deformation) / deformation.determinant()
+    }
 }

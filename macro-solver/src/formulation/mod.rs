@@ -28,7 +28,7 @@ pub enum Formulation {
     /// The step's displacement gradient on the committed geometry and the Cauchy stress on the current one, as in
     /// [Argilaga2018] section 2. The same equations as the total Lagrangian form.
     #[default]
-    Updated,
+    UpdatedLagrangian,
     /// The rate form of [Liu2015] section 2.3.3: the symmetric gradient of the step on the midpoint geometry, turned
     /// into the corotated frame by the polar decomposition of `F`; the Cauchy stress is turned out of the frame and
     /// integrated on the current geometry. Second-order accurate in the step; the material never sees a rotation.
@@ -58,14 +58,15 @@ pub struct Response {
 
 impl Formulation {
     /// All formulations.
-    pub const ALL: [Self; 4] = [Self::SmallStrain, Self::TotalLagrangian, Self::Updated, Self::Corotational];
+    pub const ALL: [Self; 4] =
+        [Self::SmallStrain, Self::TotalLagrangian, Self::UpdatedLagrangian, Self::Corotational];
 
     /// The keyword of scene files.
     pub fn keyword(self) -> &'static str {
         match self {
             Self::SmallStrain => "small_strain",
             Self::TotalLagrangian => "total_lagrangian",
-            Self::Updated => "updated",
+            Self::UpdatedLagrangian => "updated",
             Self::Corotational => "corotational",
         }
     }
@@ -74,7 +75,7 @@ impl Formulation {
     pub fn reference(self) -> Configuration {
         match self {
             Self::SmallStrain => Configuration::Initial,
-            Self::TotalLagrangian | Self::Updated | Self::Corotational => Configuration::Committed,
+            Self::TotalLagrangian | Self::UpdatedLagrangian | Self::Corotational => Configuration::Committed,
         }
     }
 
@@ -82,7 +83,7 @@ impl Formulation {
     pub fn integration(self) -> Configuration {
         match self {
             Self::SmallStrain | Self::TotalLagrangian => Configuration::Initial,
-            Self::Updated | Self::Corotational => Configuration::Current,
+            Self::UpdatedLagrangian | Self::Corotational => Configuration::Current,
         }
     }
 
@@ -91,7 +92,7 @@ impl Formulation {
     pub fn target(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         match self {
             Self::SmallStrain => Some(0.5 * (gradient + gradient.transpose())),
-            Self::TotalLagrangian | Self::Updated => Some(*gradient),
+            Self::TotalLagrangian | Self::UpdatedLagrangian => Some(*gradient),
             Self::Corotational => Corotation::target(&Corotation::of_step(committed, gradient)?.strain),
         }
     }
@@ -101,7 +102,7 @@ impl Formulation {
     pub fn strain(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         match self {
             Self::SmallStrain => Some(0.5 * (gradient + gradient.transpose())),
-            Self::TotalLagrangian | Self::Updated => None,
+            Self::TotalLagrangian | Self::UpdatedLagrangian => None,
             Self::Corotational => Some(Corotation::of_step(committed, gradient)?.spatial_strain),
         }
     }
@@ -116,7 +117,7 @@ impl Formulation {
     ) -> Option<Matrix3<f64>> {
         match self {
             Self::SmallStrain => Some(*strain),
-            Self::TotalLagrangian | Self::Updated => None,
+            Self::TotalLagrangian | Self::UpdatedLagrangian => None,
             Self::Corotational => Corotation::target(&Corotation::of_step(committed, gradient)?.into_frame(strain)),
         }
     }
@@ -144,7 +145,7 @@ impl Formulation {
     ) -> Option<Response> {
         match self {
             Self::SmallStrain => Some(Response { stress: *stress, moduli: small_strain_moduli(gradient, tangent)? }),
-            Self::TotalLagrangian | Self::Updated => {
+            Self::TotalLagrangian | Self::UpdatedLagrangian => {
                 Some(Response { stress: *stress, moduli: spatial_moduli(tangent, stress) })
             }
             Self::Corotational => {

@@ -1,6 +1,6 @@
 //! Every tangent against differences, every conversion against its inverse, rigid rotations.
 
-use super::conversion::{cauchy_moduli, cauchy_stress, spatial_from_piola};
+use super::conversion::inverse::{cauchy_moduli, cauchy_stress, spatial_from_piola};
 use super::tensor::{column, operator, unit};
 use super::*;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
@@ -80,8 +80,8 @@ fn moduli_of_every_formulation_are_the_derivative_of_its_stress() {
 #[test]
 fn conversions_between_tangents_are_inverse_to_each_other() {
     let mut sample = Sample::new();
-    let response = sample.respond(Formulation::Updated, &step());
-    let deformation = Formulation::Updated.deformation(&sample.committed, &step());
+    let response = sample.respond(Formulation::UpdatedLagrangian, &step());
+    let deformation = Formulation::UpdatedLagrangian.deformation(&sample.committed, &step());
     let (determinant, inverse) = (deformation.determinant(), deformation.try_inverse().unwrap());
     let piola = piola_moduli(determinant, &inverse, &response.moduli);
     assert!((spatial_from_piola(&deformation, &piola) - response.moduli).amax() < 1e-13);

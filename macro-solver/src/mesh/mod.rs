@@ -8,16 +8,15 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub mod block;
-mod dimension;
 pub mod geotechnical;
 pub use geotechnical as ground;
 pub mod gmsh;
-mod kind;
 mod lattice;
 mod validation;
 
-pub use dimension::Dimension;
-pub use kind::{ElementKind, SideKind};
+pub use crate::element::{Dimension, ElementKind, SideKind};
+
+use crate::element::shapes_at_points;
 
 /// One side of one element: an edge of a plane element, a face of a solid one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -220,4 +219,19 @@ pub enum MeshError {
         /// Elements each way.
         elements: String,
     },
+}
+
+/// Initial places of all Gauss points of a mesh, m.
+pub fn point_places(mesh: &Mesh) -> Vec<[f64; 3]> {
+    let of_element = |element: usize| {
+        let positions = mesh.element_positions(element);
+        shapes_at_points(mesh.kinds[element]).iter().map(move |shape| {
+            let mut place = [0.0; 3];
+            for (position, value) in positions.iter().zip(&shape.values) {
+                (0..3).for_each(|axis| place[axis] += value * position[axis]);
+            }
+            place
+        })
+    };
+    (0..mesh.elements.len()).flat_map(of_element).collect()
 }

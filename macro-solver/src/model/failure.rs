@@ -12,6 +12,16 @@ pub(crate) enum Failure {
     Run(Outcome),
 }
 
+impl Failure {
+    /// The end of the run where no smaller step can be tried.
+    pub(crate) fn into_outcome(self) -> Outcome {
+        match self {
+            Self::Run(outcome) => outcome,
+            Self::Attempt(reason) => Outcome::WorkersLost { reason },
+        }
+    }
+}
+
 /// What a material's error means for the run.
 pub(crate) fn failure(error: MaterialError) -> Failure {
     match error {

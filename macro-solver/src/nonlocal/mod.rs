@@ -226,22 +226,6 @@ impl NonlocalOperator {
         }
         collected.iter().zip(volumes).map(|(sum, volume)| sum / *volume).collect()
     }
-
-    /// Work that the nodes do minus work that the grains see, `sum V sigma:(e - <e>)`, J. Erratum: [Liu2015] takes the two for
-    /// equal; they are with [`NonlocalSettings::adjoint`] only.
-    pub fn work_mismatch(
-        &self,
-        stress: &[Matrix3<f64>],
-        increments: &[Matrix3<f64>],
-        averages: &[Matrix3<f64>],
-        volumes: &[f64],
-    ) -> f64 {
-        let integrated = self.integrated_stress(stress, volumes);
-        let work = |point: usize| {
-            volumes[point] * (integrated[point].dot(&increments[point]) - stress[point].dot(&averages[point]))
-        };
-        (0..self.len()).map(work).sum()
-    }
 }
 
 impl NonlocalSettings {

@@ -90,11 +90,11 @@ pub struct IterationReport {
     /// Out-of-balance over reactions and loads, see [`crate::problem::ForceMeasure`].
     pub force_ratio: f64,
     /// Next correction over the displacements of a full step, see [`crate::problem::DisplacementMeasure`]; `None` when
-    /// the iterate was turned down before a correction was computed.
+    /// the iterate was rejected before a correction was computed.
     pub displacement_ratio: Option<f64>,
-    /// Whether this iterate was turned down by the safeguard, so that the next one goes back towards the best one, or is an
-    /// increment of creep that was taken back.
-    pub turned_down: bool,
+    /// Whether this iterate was rejected by the globalisation, so that the next one goes back towards the last accepted one, or is a
+    /// rejected increment of viscous stabilisation.
+    pub rejected: bool,
 }
 
 /// One accepted step.
@@ -120,8 +120,8 @@ pub struct StepReport {
     pub skipped: u64,
     /// Failed attempts before this step.
     pub cut_backs: usize,
-    /// Increments of creep in this step, see [`Stabilised`]; 0 unless it was stabilised.
-    pub creep: usize,
+    /// Increments of viscous stabilisation in this step, see [`Stabilised`]; 0 unless it was stabilised.
+    pub stabilisation_increments: usize,
     /// Out-of-balance ratio of the accepted state.
     pub force_ratio: f64,
     /// Displacement ratio of the accepted state; 0 for an initial equilibrium that needed no iteration.
@@ -145,20 +145,20 @@ pub struct CutBack {
     pub reason: String,
 }
 
-/// A step in which the body crept to balance, see [`crate::problem::Stabilisation`].
+/// A step that reached equilibrium by viscous stabilisation, see [`crate::problem::Stabilisation`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stabilised {
     /// Step.
     pub step: usize,
     /// Load factor.
     pub load: f64,
-    /// Increments committed on the way.
+    /// Increments committed.
     pub increments: usize,
-    /// Point evaluations, those of increments taken back included.
+    /// Point evaluations, those of rejected increments included.
     pub evaluations: u64,
-    /// Largest out-of-balance force of a state on the way over reactions and loads.
+    /// Largest out-of-balance force of an intermediate state over reactions and loads.
     pub largest_imbalance: f64,
-    /// Work that the drag took, J, in the plane per metre.
+    /// Viscous work, J, in the plane per metre.
     pub work: f64,
     /// Why the last attempt without it failed.
     pub reason: String,
@@ -290,32 +290,32 @@ pub struct Statistics {
     pub largest_forces: f64,
     /// Iterations of accepted and failed attempts.
     pub iterations: u64,
-    /// Iterates turned down by the safeguard, and increments of creep taken back.
-    pub turned_down: u64,
+    /// Iterates rejected by the globalisation, and rejected increments of viscous stabilisation.
+    pub rejected: u64,
     /// Point evaluations of these iterates.
-    pub turned_down_evaluations: u64,
+    pub rejected_evaluations: u64,
     /// Point evaluations.
     pub evaluations: u64,
     /// Point evaluations by point.
     pub evaluations_per_point: Vec<u64>,
-    /// Point evaluations that were asked for a tangent operator and got one.
+    /// Point evaluations that were evaluated with a tangent operator.
     pub tangents: u64,
     /// Evaluations saved because a target had not changed in any bit.
     pub skipped: u64,
     /// Failed attempts.
     pub cut_backs: u64,
-    /// Steps that found balance by creep, see [`Stabilised`].
+    /// Steps that reached equilibrium by viscous stabilisation, see [`Stabilised`].
     pub stabilised_steps: u64,
-    /// Committed increments of creep, none of them in balance but the last of each stabilised step. Like the next two they
-    /// count creep that came to no balance too.
-    pub creep_increments: u64,
-    /// Point evaluations of creep, those of increments taken back included.
-    pub creep_evaluations: u64,
-    /// Work that the drag took, J, in the plane per metre.
-    pub creep_work: f64,
+    /// Committed increments of viscous stabilisation, none of them in balance but the last of each stabilised step. Like the
+    /// next two they include attempts that did not reach equilibrium.
+    pub stabilisation_increments: u64,
+    /// Point evaluations of viscous stabilisation, those of rejected increments included.
+    pub stabilisation_evaluations: u64,
+    /// Viscous work of stabilisation, J, in the plane per metre.
+    pub stabilisation_work: f64,
     /// Secant corrections applied to point tangents.
     pub secant_corrections: u64,
-    /// Secant corrections that a gate or the floor turned down.
+    /// Secant corrections that a gate or the floor rejected.
     pub secant_refusals: u64,
     /// Evaluations whose tangent was stiffened in at least one direction by
     /// [`crate::problem::Strategy::tangent_floor`].
@@ -383,6 +383,8 @@ pub enum Outcome {
     Stopped(StopRequest),
     /// The problem is not solvable as posed; nothing was evaluated.
     Refused(ProblemError),
+    /// The checkpoint to continue from does not fit the problem; nothing was evaluated.
+    CheckpointRefused(CheckpointError),
 }
 
 /// A finished run.

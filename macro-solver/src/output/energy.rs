@@ -80,7 +80,7 @@ impl Observer for EnergyLedger {
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
         self.hourglass = view.hourglass_energy;
-        self.stabilisation = view.statistics.creep_work;
+        self.stabilisation = view.statistics.stabilisation_work;
         if let Some(motion) = &view.dynamics {
             let largest = |name: &str, now: f64| now.max(self.dynamics.get(name).copied().unwrap_or(0.0));
             let residual = largest("energy_residual", motion.energy.largest_relative_residual());

@@ -5,7 +5,7 @@ use crate::mesh::ElementKind;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
+    Attribute, Attributes, ByteOrder, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
 /// Named numbers, `components` per node or cell: 1 scalar, 3 vector, 9 tensor row by row.
@@ -48,20 +48,6 @@ pub struct FieldGrid<'a> {
     pub kinds: &'a [ElementKind],
 }
 
-/// The cell type of VTK.
-fn cell_type(kind: ElementKind) -> CellType {
-    match kind {
-        ElementKind::Q4 | ElementKind::Q4Single => CellType::Quad,
-        ElementKind::Q8 | ElementKind::Q8Full => CellType::QuadraticQuad,
-        ElementKind::T3 => CellType::Triangle,
-        ElementKind::T6 => CellType::QuadraticTriangle,
-        ElementKind::H8 | ElementKind::H8Single => CellType::Hexahedron,
-        ElementKind::H20 | ElementKind::H20Full => CellType::QuadraticHexahedron,
-        ElementKind::T4 => CellType::Tetra,
-        ElementKind::T10 => CellType::QuadraticTetra,
-    }
-}
-
 /// Writes one `.vtu` with fields on nodes and on elements.
 ///
 /// # Errors
@@ -83,7 +69,7 @@ pub fn write_grid(
         if element.len() != kind.node_count() {
             return Err(OutputError::encode(path, format!("a {kind:?} with {} nodes", element.len())));
         }
-        types.push(cell_type(kind));
+        types.push(kind.interpolation().vtk);
         connectivity.extend(element.iter().map(|&node| node as u64));
         offsets.push(connectivity.len() as u64);
     }
@@ -202,7 +188,7 @@ mod tests {
                 panic!("not an unstructured grid")
             };
             let piece = pieces[0].load_piece_data(None).unwrap();
-            assert_eq!(piece.cells.types, vec![cell_type(kind)]);
+            assert_eq!(piece.cells.types, vec![kind.interpolation().vtk]);
             assert_eq!(piece.num_points(), nodes.len());
             assert_eq!(values(&piece.data.point[0]), displacement.as_flattened());
             assert_eq!(values(&piece.data.cell[0]), stress.0);

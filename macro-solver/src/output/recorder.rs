@@ -98,7 +98,7 @@ impl Recorder {
             stage: report.stage,
             probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
             cut_backs: report.cut_backs as u64,
-            stabilised: report.creep as u64,
+            stabilised: report.stabilisation_increments as u64,
         };
         if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);

@@ -62,7 +62,7 @@ impl Criteria {
 
 /// The measures of one iterate, each to be held below its tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct ConvergenceMeasures {
     /// Out-of-balance over the force that [`Criteria::force`] names.
     pub force: f64,
     /// Next correction over what [`Criteria::displacement`] names.
@@ -74,11 +74,11 @@ pub struct Measured {
 /// Tolerances and which of them count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
-    /// Of [`Measured::force`].
+    /// Of [`ConvergenceMeasures::force`].
     pub force: f64,
-    /// Of [`Measured::displacement`].
+    /// Of [`ConvergenceMeasures::displacement`].
     pub displacement: f64,
-    /// Of [`Measured::energy`].
+    /// Of [`ConvergenceMeasures::energy`].
     pub energy: f64,
     /// Which of them have to hold.
     pub criteria: Criteria,
@@ -103,7 +103,7 @@ impl Tolerances {
 
     /// The measures that count over their tolerances: force, then the larger of displacement and energy; 0 where none
     /// counts.
-    pub fn excess(&self, measured: &Measured) -> [f64; 2] {
+    pub fn excess(&self, measured: &ConvergenceMeasures) -> [f64; 2] {
         let counted = |counts: bool, value: f64, tolerance: f64| if counts { value / tolerance } else { 0.0 };
         let displacement = counted(self.criteria.displacement.is_some(), measured.displacement, self.displacement);
         let energy = counted(self.criteria.energy, measured.energy, self.energy);
@@ -119,14 +119,14 @@ mod tests {
 
     #[test]
     fn only_criteria_that_count_are_held_against_an_iterate() {
-        let measured = Measured { force: 4e-3, displacement: 2e-3, energy: 3e-6 };
+        let measured = ConvergenceMeasures { force: 4e-3, displacement: 2e-3, energy: 3e-6 };
         let with = |criteria| Tolerances { force: 1e-3, displacement: 1e-2, energy: 1e-6, criteria };
         let excess = |criteria| with(criteria).excess(&measured).map(|value| (value * 1e6).round() / 1e6);
         assert_eq!(excess(Criteria::default()), [4.0, 0.2]);
         assert_eq!(excess(Criteria { energy: true, ..Criteria::default() }), [4.0, 3.0]);
         assert_eq!(excess(Criteria::CORRECTION_OVER_STEP), [0.0, 0.2]);
         assert_eq!(excess(Criteria::FORCE_OVER_REACTIONS), [4.0, 0.0]);
-        let lost = Measured { energy: f64::NAN, ..measured };
+        let lost = ConvergenceMeasures { energy: f64::NAN, ..measured };
         assert!(with(Criteria { energy: true, ..Criteria::default() }).excess(&lost)[1].is_nan());
         assert!(Criteria { force: None, displacement: None, energy: false }.is_empty());
     }

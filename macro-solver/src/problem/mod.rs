@@ -28,7 +28,7 @@ mod validation;
 
 pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
-pub use criteria::{Criteria, DisplacementMeasure, ForceMeasure, Measured, Tolerances};
+pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use initial_stress::{InitialState, InitialStress};
 pub use link::{Link, LinkTerm};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};

@@ -7,7 +7,7 @@ use super::{
     Procedure, Renewal, Stage, Tolerances,
 };
 use crate::element::hourglass::HourglassControl;
-use crate::element::point_places;
+use crate::mesh::point_places;
 use crate::mesh::{Dimension, Side};
 use crate::nonlocal::NonlocalOperator;
 

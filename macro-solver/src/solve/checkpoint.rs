@@ -1,10 +1,10 @@
-//! What the solver saves between two steps. The geometry, the balance of forces and the factors of the global matrix
+//! The state of the driver between two steps, for checkpoints. The geometry, the balance of forces and the factors of the global matrix
 //! follow from it; they are computed again from the same numbers in the same order.
 
-use super::driver::Solver;
+use super::driver::{Session, Solver};
 use super::newton::quasi_newton::{Memory, Pair};
-use super::newton::tangent_update::RenewerRecord;
-use crate::checkpoint::{Archive, CheckpointError, Checkpointed};
+use super::newton::tangent_update::TangentUpdaterRecord;
+use crate::checkpoint::{Archive, CheckpointError, Checkpointed, Progress};
 use crate::model::points::{PointRecord, copy};
 use crate::observer::Statistics;
 use crate::solve::explicit::{Integrator, IntegratorRecord};
@@ -34,10 +34,34 @@ struct Record {
     integrator: Option<IntegratorRecord>,
     /// Strain increments of the last step, for the staggered average; empty without neighbours.
     strains: Vec<Vec<f64>>,
-    renewer: RenewerRecord,
+    tangents: TangentUpdaterRecord,
     /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
     kept_matrix: Vec<f64>,
     pairs: Vec<Pair>,
+}
+
+impl Solver<'_> {
+    /// Saves driver, material and observer after an accepted step.
+    pub(super) fn save_all(&self, progress: Progress, session: &mut Session<'_>) {
+        let Session { material, observer, store } = session;
+        store.save_step(progress, &mut |archive| {
+            self.save(archive);
+            material.save(archive);
+            observer.save(archive);
+        });
+    }
+
+    /// Restores driver, material and observer from an earlier process; `false` without a checkpoint.
+    ///
+    /// # Errors
+    /// The first part that does not fit.
+    pub(super) fn resume(&mut self, session: &mut Session<'_>) -> Result<bool, CheckpointError> {
+        let Some(archive) = session.store.earlier() else { return Ok(false) };
+        self.restore(&archive)?;
+        session.material.restore(&archive)?;
+        session.observer.restore(&archive)?;
+        Ok(true)
+    }
 }
 
 impl Checkpointed for Solver<'_> {
@@ -49,17 +73,17 @@ impl Checkpointed for Solver<'_> {
             stage: self.stage as u64,
             stage_start: self.stage_start.clone(),
             load: self.load,
-            passed: self.passed,
+            passed: self.stage_fraction,
             arc_length: self.arc_length,
             last_load_change: self.last_load_change,
             step: self.step as u64,
-            size: self.size,
+            size: self.step_size,
             statistics: self.statistics.clone(),
             analysed: self.linear.is_analysed(),
             integrator: self.integrator.as_ref().map(Integrator::record),
             strains: self.points.previous_strains(),
-            renewer: self.renewer.record(),
-            kept_matrix: if self.renewer.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
+            tangents: self.tangents.record(),
+            kept_matrix: if self.tangents.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
         };
         archive.put(SECTION, VERSION, &record);
@@ -75,7 +99,7 @@ impl Checkpointed for Solver<'_> {
         }
         self.points.restore(SECTION, record.points)?;
         self.last_increment = record.last_increment;
-        (self.load, self.passed, self.size) = (record.load, record.passed, record.size);
+        (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);
         let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));
         (self.step, self.stage) = (number(record.step)?, number(record.stage)?);
@@ -84,16 +108,16 @@ impl Checkpointed for Solver<'_> {
         }
         copy(SECTION, &mut self.stage_start, &record.stage_start)?;
         self.statistics = record.statistics;
-        self.tangent_asked = self.stage().strategy.tangent;
+        self.tangent_kind = self.stage().strategy.tangent;
         self.body.settle();
         self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
-        self.renewer.restore(record.renewer);
+        self.tangents.restore(record.tangents);
         if !record.kept_matrix.is_empty() {
             let again = self.linear.factorize_again(&record.kept_matrix);
             if !again.map_err(|error| CheckpointError::unfit(SECTION, error))? {
                 return Err(CheckpointError::unfit(SECTION, "the kept stiffness is that of another mesh"));
             }
-            self.renewer.keep_factors();
+            self.tangents.keep_factors();
         }
         if let Some(memory) = &mut self.memory
             && !memory.restore(record.pairs, self.constraints.free().len())

@@ -1,30 +1,48 @@
-//! The check of the stress that the points start with, before anything is moved.
+//! The check of the stress that the points start with, before any load step.
 
 use super::driver::Solver;
-use super::newton::Evaluated;
+use super::newton::ResidualNorms;
 use crate::problem::{ForceMeasure, InitialState};
+use thiserror::Error;
+
+/// A limit of the problem that the initial stress exceeds.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub(super) enum InitialStateDefect {
+    /// Another stress than expected.
+    #[error(
+        "the points start with a stress that differs by {deviation:.2e} of the largest expected component from what \
+         initial_stress expects; take packings prepared at the stress of their place, or allow more"
+    )]
+    Deviation {
+        /// Largest deviation over the largest component expected.
+        deviation: f64,
+    },
+    /// Out of balance.
+    #[error(
+        "the initial stress is out of balance by {imbalance:.2e} of the loads and reactions; let the loads of the first \
+         step be those that the packings were prepared under, or allow more and let step 0 equilibrate it"
+    )]
+    Imbalance {
+        /// Out-of-balance force over loads and reactions.
+        imbalance: f64,
+    },
+}
 
 impl Solver<'_> {
-    /// Books how far the initial stress is from balance and from what is expected.
+    /// Records how far the initial stress is from balance and from what is expected.
     ///
     /// # Errors
-    /// A limit of the problem is passed; the reason with its remedy.
-    pub(super) fn check_initial_state(&mut self, start: &Evaluated) -> Result<(), String> {
+    /// A limit of the problem is exceeded.
+    pub(super) fn check_initial_state(&mut self, start: &ResidualNorms) -> Result<(), InitialStateDefect> {
         self.statistics.initial_imbalance = start.ratio(ForceMeasure::Largest);
         self.statistics.initial_deviation = self.initial_deviation();
         let InitialState { largest_deviation, largest_imbalance, .. } = self.problem.initial;
         let (imbalance, deviation) = (self.statistics.initial_imbalance, self.statistics.initial_deviation);
         if largest_deviation.is_some_and(|limit| deviation > limit) {
-            return Err(format!(
-                "the points start with a stress that differs by {deviation:.2e} of the largest expected component from \
-                 what initial_stress expects; take packings prepared at the stress of their place, or allow more"
-            ));
+            return Err(InitialStateDefect::Deviation { deviation });
         }
         if largest_imbalance.is_some_and(|limit| imbalance > limit) {
-            return Err(format!(
-                "the initial stress is out of balance by {imbalance:.2e} of the loads and reactions; let the loads of the \
-                 first step be those that the packings were prepared under, or allow more and let step 0 equilibrate it"
-            ));
+            return Err(InitialStateDefect::Imbalance { imbalance });
         }
         Ok(())
     }

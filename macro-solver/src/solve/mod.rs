@@ -1,19 +1,21 @@
 //! Solution of a problem, stage after stage.
 //!
-//! [`driver`] takes steps along the stages of a run, whatever their procedure; `newton`, `relaxation` and `explicit` are the
-//! procedures. They share the rooms of `model`: body, points, constraints, loads, assembly of the elements.
+//! The `driver` takes load steps or time steps along the stages of a run; `procedure` lists the procedures, each in a folder of
+//! its own: `newton`, `relaxation`, `explicit`. They share body, points, constraints, loads and the assembly of the elements,
+//! which are in `crate::model`. A new procedure is a folder here and a line in `procedure`.
 
 mod checkpoint;
 mod driver;
 mod explicit;
-mod fields;
 mod initial;
 mod linear_solver;
 mod newton;
+mod procedure;
 mod relaxation;
+mod report;
 mod stabilisation;
 mod stage;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use driver::{solve, solve_kept};
+pub use driver::{solve, solve_with_checkpoints};

@@ -4,7 +4,7 @@ use super::driver::{Session, Solver};
 use super::linear_solver::LinearSolver;
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
-use super::newton::tangent_update::Renewer;
+use super::newton::tangent_update::TangentUpdater;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
 use crate::model::loads::Loads;
@@ -57,13 +57,13 @@ impl<'a> Solver<'a> {
             return Ok(false);
         }
         self.stage += 1;
-        (self.load, self.passed) = (0.0, 0.0);
+        (self.load, self.stage_fraction) = (0.0, 0.0);
         (self.arc_length, self.last_load_change) = (None, 0.0);
-        self.size = 1.0 / self.stage().control.increments as f64;
+        self.step_size = 1.0 / self.stage().control.increments as f64;
         self.last_increment = None;
         self.carried_velocity = self.integrator.take().map(|integrator| integrator.velocity().to_vec());
         self.stage_start.clone_from(&self.body.displacements);
-        self.tangent_asked = self.stage().strategy.tangent;
+        self.tangent_kind = self.stage().strategy.tangent;
         let counted = self.linear.counts();
         self.set_up().map_err(Outcome::Refused)?;
         self.linear.go_on_counting(counted);
@@ -83,7 +83,7 @@ impl<'a> Solver<'a> {
         let stage = &self.problem.stages[self.stage];
         self.points.choose(self.problem, stage);
         let strategy = &stage.strategy;
-        self.renewer = Renewer::new(strategy.renewal, strategy.secant.is_some());
+        self.tangents = TangentUpdater::new(strategy.renewal, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);
         self.balance = self.body.balance(&self.body.zero(), self.points.all(), &self.loads, moment);

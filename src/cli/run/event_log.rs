@@ -69,9 +69,9 @@ impl Observer for EventLog {
             evaluations = report.evaluations,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
-            rejected = report.turned_down,
+            rejected = report.rejected,
             // The former name, for one version.
-            turned_down = report.turned_down,
+            turned_down = report.rejected,
         );
     }
 
@@ -86,9 +86,9 @@ impl Observer for EventLog {
             evaluations = report.evaluations,
             skipped = report.skipped,
             cut_backs = report.cut_backs,
-            stabilisation_increments = report.creep,
+            stabilisation_increments = report.stabilisation_increments,
             // The former name, for one version.
-            creep = report.creep,
+            creep = report.stabilisation_increments,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
             not_equilibrated = report.flags.not_equilibrated,

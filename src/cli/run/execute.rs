@@ -12,12 +12,12 @@ use super::resume::{Continued, RunDescription};
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicKeeper};
-use macro_solver::difference::{DifferenceCounts, DifferenceTangents};
-use macro_solver::implicit::solve_kept;
+use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
+use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
 use macro_solver::pool::Pool;
+use macro_solver::solve::solve_with_checkpoints;
 use protocol::transport::MacroPort;
 use scene_reader::Scene;
 use std::time::Instant;
@@ -130,10 +130,10 @@ fn solve<P: MacroPort>(
         description.put(archive, progress, wall_s(), figures);
     };
     let file = CheckpointFile::in_folder(folder.path());
-    let mut checkpoints = PeriodicKeeper::new(file, scene.checkpoint, earlier, figures, describe);
+    let mut checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);
     let differences = context.assignment.differences();
     let mut material = DifferenceTangents::new(&mut material, scene.engines.difference, differences);
-    let run = solve_kept(&scene.problem, &mut material, &mut observers, &mut checkpoints);
+    let run = solve_with_checkpoints(&scene.problem, &mut material, &mut observers, &mut checkpoints);
     let differences = material.counts();
     if !matches!(run.outcome, Outcome::Completed) {
         checkpoints.flush();

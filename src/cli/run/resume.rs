@@ -1,7 +1,9 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
 use crate::exit::{Exit, Failure};
-use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFigures, CheckpointFile, Found, Mark};
+use macro_solver::checkpoint::{
+    Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
+};
 use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
 use scene_reader::changes;
@@ -35,7 +37,7 @@ pub(super) struct RunDescription {
 
 impl RunDescription {
     /// Puts the description into an archive.
-    pub(super) fn put(&self, archive: &mut Archive, mark: Mark, wall_s: f64, figures: &CheckpointFigures) {
+    pub(super) fn put(&self, archive: &mut Archive, mark: Progress, wall_s: f64, figures: &CheckpointFigures) {
         let description = Self { step: mark.step, load: mark.load, wall_s, figures: figures.clone(), ..self.clone() };
         archive.put(SECTION, VERSION, &description);
     }
@@ -90,7 +92,7 @@ pub(super) enum Start {
 /// The folder belongs to a run of another scene, or its checkpoint cannot be used.
 pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start, Failure> {
     match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
-        Found::Archive(archive, damage) => {
+        StoredCheckpoint::Archive(archive, damage) => {
             let mut earlier: RunDescription = archive.get(SECTION, VERSION).map_err(unusable)?;
             // The figures were taken before this checkpoint was written.
             earlier.figures.written += 1;
@@ -100,7 +102,7 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
             let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
             refuse_changes(folder, &earlier.scene, description, is_changed)?;
             if is_changed {
-                // The checkpoint is checked by its sum; the file beside it is what people and `report` read.
+                // The checkpoint is checked by its sum; the file next to it is for people and `report`.
                 write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
             }
             if earlier.definition != description.definition {
@@ -129,7 +131,7 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
             }
             Ok(Start::From(Box::new(Continued { archive: *archive, description: earlier, remarks, other_build })))
         }
-        Found::Nothing => {
+        StoredCheckpoint::Nothing => {
             let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Beginning) };
             refuse_changes(folder, &before, description, true)?;
             let summary = fs::read(folder.join("summary.json")).ok();
@@ -193,7 +195,7 @@ mod tests {
     fn damaged() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let mut archive = Archive::new();
-        let mark = Mark { step: 1, stage: 0, load: 0.5 };
+        let mark = Progress { step: 1, stage: 0, load: 0.5 };
         note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default());
         CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
         fs::write(folder.path().join("scene.toml"), "b = 1").unwrap();

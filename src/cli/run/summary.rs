@@ -3,7 +3,7 @@
 use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
-use macro_solver::difference::DifferenceCounts;
+use macro_solver::material::difference::DifferenceCounts;
 use macro_solver::observer::{Outcome, Run, Statistics};
 use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
@@ -113,7 +113,7 @@ fn status(outcome: &Outcome) -> RunStatus {
         Outcome::Interrupted => RunStatus::Interrupted,
         Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
         Outcome::Stopped(_) => RunStatus::OutputFailed,
-        Outcome::Refused(_) => RunStatus::Refused,
+        Outcome::Refused(_) | Outcome::CheckpointRefused(_) => RunStatus::Refused,
     }
 }
 
@@ -133,10 +133,10 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("asymmetric_stresses", statistics.asymmetric_stresses),
         ("sub_steps_of_points", statistics.sub_steps),
         ("steps_stabilised", statistics.stabilised_steps),
-        ("stabilisation_increments", statistics.creep_increments),
-        ("stabilisation_evaluations", statistics.creep_evaluations),
-        ("rejected_iterates", statistics.turned_down),
-        ("rejected_evaluations", statistics.turned_down_evaluations),
+        ("stabilisation_increments", statistics.stabilisation_increments),
+        ("stabilisation_evaluations", statistics.stabilisation_evaluations),
+        ("rejected_iterates", statistics.rejected),
+        ("rejected_evaluations", statistics.rejected_evaluations),
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", inputs.differences.operators),
         ("difference_evaluations", inputs.differences.probes),
@@ -161,6 +161,7 @@ mod tests {
     use super::super::closing_lines::closing_lines;
     use super::super::counters::COUNTERS;
     use super::*;
+    use macro_solver::checkpoint::CheckpointError;
     use macro_solver::problem::ProblemError;
 
     fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
@@ -198,7 +199,7 @@ mod tests {
 
     #[test]
     fn former_names_stand_next_to_the_new_ones() {
-        let statistics = Statistics { creep_increments: 5, ..Statistics::default() };
+        let statistics = Statistics { stabilisation_increments: 5, ..Statistics::default() };
         let (summary, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
         for (table, former, name) in DEPRECATED_NAMES {
             let counts = if table == "skipped" { &summary.skipped } else { &summary.fallbacks };
@@ -230,10 +231,12 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_problem_is_not_an_output_that_failed() {
-        let (summary, text) =
-            ended(Outcome::Refused(ProblemError::NoStage), Statistics::default(), &PoolStatistics::default());
-        assert_eq!(summary.status, RunStatus::Refused);
-        assert!(text.starts_with("refused: "), "{text}");
+    fn a_refused_problem_or_checkpoint_is_not_an_output_that_failed() {
+        let checkpoint = CheckpointError::unfit("solver", "another mesh");
+        for outcome in [Outcome::Refused(ProblemError::NoStage), Outcome::CheckpointRefused(checkpoint)] {
+            let (summary, text) = ended(outcome, Statistics::default(), &PoolStatistics::default());
+            assert_eq!(summary.status, RunStatus::Refused);
+            assert!(text.starts_with("refused: "), "{text}");
+        }
     }
 }

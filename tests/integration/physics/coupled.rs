@@ -5,12 +5,13 @@
 //! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points and what their grains store
 //! and lose (I-10).
 
-use macro_solver::dynamics::{DynamicSettings, RayleighDamping, RelaxationSettings, Reporting};
 use macro_solver::formulation::Formulation;
 use macro_solver::formulation::tensor::matrix;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::problem::dynamics::{DynamicSettings, RayleighDamping, Reporting};
+use macro_solver::problem::relaxation::RelaxationSettings;
 use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
 use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
@@ -134,8 +135,8 @@ fn three_procedures_agree_on_a_biaxial_test() {
         assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
         (record.top_reaction.last().unwrap() / record.width.last().unwrap() / -PRESSURE, record.evaluations)
     };
-    let (newton, few) = run(Procedure::Implicit, Formulation::Updated);
-    let (relaxed, many) = run(Procedure::Relaxation(RelaxationSettings::default()), Formulation::Updated);
+    let (newton, few) = run(Procedure::Implicit, Formulation::UpdatedLagrangian);
+    let (relaxed, many) = run(Procedure::Relaxation(RelaxationSettings::default()), Formulation::UpdatedLagrangian);
     // In the one second of the stage a wave of this density crosses the body some hundred times.
     let slow = DynamicSettings {
         damping: RayleighDamping { mass: 200.0, stiffness: 0.0 },
@@ -167,10 +168,10 @@ fn strategies_and_formulations_agree_between_rough_platens() {
         assert!(matches!(outcome, Outcome::Completed), "{} {formulation:?}: {outcome:?}", strategy.keyword());
         record.top_reaction.last().unwrap() / -PRESSURE
     };
-    let newton = ratio(NamedStrategy::Newton, Formulation::Updated);
+    let newton = ratio(NamedStrategy::Newton, Formulation::UpdatedLagrangian);
     assert!(newton > 1.2, "{newton}");
     for strategy in NamedStrategy::ALL {
-        let found = ratio(strategy, Formulation::Updated);
+        let found = ratio(strategy, Formulation::UpdatedLagrangian);
         assert!((found / newton - 1.0).abs() < 1e-3, "{}: {found} against {newton}", strategy.keyword());
     }
     for formulation in [Formulation::SmallStrain, Formulation::TotalLagrangian, Formulation::Corotational] {
@@ -231,8 +232,8 @@ fn boundary_work_is_stress_work_is_work_of_the_grains() {
     for (formulation, kind) in [
         (Formulation::SmallStrain, ElementKind::Q4),
         (Formulation::TotalLagrangian, ElementKind::Q8),
-        (Formulation::Updated, ElementKind::Q4),
-        (Formulation::Updated, ElementKind::Q8),
+        (Formulation::UpdatedLagrangian, ElementKind::Q4),
+        (Formulation::UpdatedLagrangian, ElementKind::Q8),
         (Formulation::Corotational, ElementKind::Q4),
     ] {
         let mut problem = biaxial_problem(kind, [2, 1], 2e-3, 8, 5e-6);

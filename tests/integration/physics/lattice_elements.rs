@@ -4,11 +4,11 @@
 //! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
 //! as the overlap bonds it without stress, so that it also carries tension.
 
-use macro_solver::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::formulation::Formulation;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
+use macro_solver::problem::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::problem::{
     Amplitude, Applied, Axis, Condition, Link, LinkTerm, PressureKind, Problem, Procedure, Strategy, Tolerances,
 };
@@ -182,7 +182,7 @@ fn a_column_of_lattices_carries_a_standing_shear_wave() {
 /// length, the inclined contacts shorten; `sigma = sum f b x e / area` with `f = k_n (l0 - l)`.
 #[test]
 fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
-    for formulation in [Formulation::Updated, Formulation::TotalLagrangian, Formulation::Corotational] {
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian, Formulation::Corotational] {
         let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
         let hold = |nodes: &str, axis| Condition::fixed(nodes, axis);
         let conditions = vec![

@@ -5,24 +5,20 @@ use super::{ElementKind, GmshError, Mesh};
 use crate::mesh::{Dimension, Side};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Shapes that Gmsh numbers: number, dimension, nodes.
-const SHAPES: [(u32, usize, usize); 11] = [
-    (15, 0, 1),
-    (1, 1, 2),
-    (8, 1, 3),
-    (2, 2, 3),
-    (3, 2, 4),
-    (9, 2, 6),
-    (16, 2, 8),
-    (4, 3, 4),
-    (5, 3, 8),
-    (11, 3, 10),
-    (17, 3, 20),
-];
+/// Shapes of points and edges that Gmsh numbers: number, dimension, nodes. Those of elements are in the definitions of the kinds.
+const LOWER_SHAPES: [(u32, usize, usize); 3] = [(15, 0, 1), (1, 1, 2), (8, 1, 3)];
 
-/// Gmsh's place of each of our nodes, for the two kinds that order middle nodes differently.
-const T10_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
-const H20_ORDER: [usize; 20] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15];
+/// Dimension and number of nodes of a shape that Gmsh numbers; `None` for shapes that are not supported.
+fn size_of_shape(shape: u32) -> Option<(usize, usize)> {
+    let lower = LOWER_SHAPES.iter().find(|(number, _, _)| *number == shape);
+    let lower = lower.map(|(_, dimension, nodes)| (*dimension, *nodes));
+    lower.or_else(|| kinds_of(shape).next().map(|kind| (kind.dimension().count(), kind.node_count())))
+}
+
+/// Kinds of elements with a shape that Gmsh numbers, the usual one first.
+fn kinds_of(shape: u32) -> impl Iterator<Item = ElementKind> {
+    ElementKind::ALL.into_iter().filter(move |kind| kind.interpolation().gmsh == shape)
+}
 
 /// Builds the mesh.
 pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<Mesh, GmshError> {
@@ -50,16 +46,16 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
     };
     let mut sets: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
     for element in content.elements.iter().filter(|element| dimension_of(element) == highest) {
-        let kind = kind_of(element.shape, preferred);
-        let order: Vec<usize> = match kind {
-            ElementKind::T10 => T10_ORDER.to_vec(),
-            ElementKind::H20 | ElementKind::H20Full => H20_ORDER.to_vec(),
-            _ => (0..kind.node_count()).collect(),
+        let preferred = kinds_of(element.shape).find(|kind| Some(*kind) == preferred);
+        let Some(kind) = preferred.or_else(|| kinds_of(element.shape).next()) else { continue };
+        let in_our_order: Vec<usize> = match kind.interpolation().gmsh_order {
+            [] => (0..kind.node_count()).collect(),
+            order => order.to_vec(),
         };
         for group in names(&content, element) {
             sets.entry(group).or_default().insert(mesh.elements.len());
         }
-        mesh.elements.push(order.iter().map(|&place| numbers[&element.nodes[place]]).collect());
+        mesh.elements.push(in_our_order.iter().map(|&place| numbers[&element.nodes[place]]).collect());
         mesh.kinds.push(kind);
     }
     mesh.element_sets = sets.into_iter().map(|(name, elements)| (name, elements.into_iter().collect())).collect();
@@ -71,7 +67,7 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
 }
 
 fn check(element: &RawElement, content: &Content) -> Result<(), GmshError> {
-    let Some((_, _, count)) = SHAPES.iter().find(|(shape, _, _)| *shape == element.shape) else {
+    let Some((_, count)) = size_of_shape(element.shape) else {
         let (problem, remedy) = match element.shape {
             10 => ("a 9-node quadrilateral", "set Mesh.SecondOrderIncomplete = 1 for 8-node ones"),
             12 => ("a 27-node hexahedron", "set Mesh.SecondOrderIncomplete = 1 for 20-node ones"),
@@ -80,7 +76,7 @@ fn check(element: &RawElement, content: &Content) -> Result<(), GmshError> {
         };
         return Err(GmshError::new(element.line, format!("{problem} (shape {})", element.shape), remedy));
     };
-    if element.nodes.len() != *count {
+    if element.nodes.len() != count {
         let problem = format!("{} nodes where shape {} has {count}", element.nodes.len(), element.shape);
         return Err(GmshError::new(element.line, problem, "save the mesh again"));
     }
@@ -92,26 +88,7 @@ fn check(element: &RawElement, content: &Content) -> Result<(), GmshError> {
 
 /// 4 for shapes that [`check`] refuses.
 fn dimension_of(element: &RawElement) -> usize {
-    SHAPES.iter().find(|(shape, _, _)| *shape == element.shape).map_or(4, |(_, dimension, _)| *dimension)
-}
-
-fn kind_of(shape: u32, preferred: Option<ElementKind>) -> ElementKind {
-    let usual = match shape {
-        2 => ElementKind::T3,
-        3 => ElementKind::Q4,
-        9 => ElementKind::T6,
-        16 => ElementKind::Q8,
-        4 => ElementKind::T4,
-        5 => ElementKind::H8,
-        11 => ElementKind::T10,
-        _ => ElementKind::H20,
-    };
-    let same = |kind: &ElementKind| {
-        kind.dimension() == usual.dimension()
-            && kind.node_count() == usual.node_count()
-            && kind.corner_count() == usual.corner_count()
-    };
-    preferred.filter(same).unwrap_or(usual)
+    size_of_shape(element.shape).map_or(4, |(dimension, _)| dimension)
 }
 
 /// Names of the groups of an element.

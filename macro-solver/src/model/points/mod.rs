@@ -9,18 +9,18 @@ mod secant;
 
 pub(crate) use record::{PointRecord, copy};
 
-use crate::element::point_places;
 use crate::formulation::tensor::{matrix, operator, tensor};
 use crate::formulation::{Formulation, Operator, Response};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Dimension;
+use crate::mesh::point_places;
 use crate::model::failure::{Failure, failure};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::{FlagCounts, Statistics};
 use crate::problem::{Problem, SecantGates, Stage};
 use nalgebra::Matrix3;
 use protocol::{Ask, Cost, Observables, TangentKind, TrialAnswer};
-use secant::{Sample, Yardstick, corrected, floored};
+use secant::{ReferenceModuli, Sample, corrected, floored};
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ pub(crate) struct Point {
     /// Cost since the start.
     pub(crate) cost: Cost,
     tangent: Operator,
-    yardstick: Option<Yardstick>,
+    reference: Option<ReferenceModuli>,
     ramp_steps: u32,
     /// Gradient whose answer stands.
     held: Option<Matrix3<f64>>,
@@ -68,7 +68,7 @@ impl Point {
             step_cost: Cost::default(),
             cost: Cost::default(),
             tangent: Operator::zeros(),
-            yardstick: None,
+            reference: None,
             ramp_steps: 0,
             held: None,
             last_sample: None,
@@ -89,15 +89,15 @@ impl Point {
     /// Lamé modulus and shear modulus of an isotropic solid as stiff as the first tangent, Pa; 0 before it.
     pub(crate) fn first_moduli(&self) -> [f64; 2] {
         // Grains under a high stress ratio may be stiffer in shear than isotropic solids are.
-        self.yardstick.map_or([0.0; 2], |yardstick| {
-            let shear = yardstick.shear.min(0.5 * yardstick.vertical);
-            [yardstick.vertical - 2.0 * shear, shear]
+        self.reference.map_or([0.0; 2], |reference| {
+            let shear = reference.shear.min(0.5 * reference.vertical);
+            [reference.vertical - 2.0 * shear, shear]
         })
     }
 
     /// Mean shear modulus of the first tangent, Pa; 0 before it.
     pub(crate) fn first_shear_modulus(&self) -> f64 {
-        self.yardstick.map_or(0.0, |yardstick| yardstick.shear)
+        self.reference.map_or(0.0, |reference| reference.shear)
     }
 
     /// A Cauchy stress of the point at its latest evaluation as the element integrals need it.
@@ -259,7 +259,7 @@ impl Points {
         tangent: TangentKind,
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
-    ) -> Result<Sweep, Failure> {
+    ) -> Result<EvaluationCounts, Failure> {
         self.evaluate_by(gradients, tangent, statistics, |_, trials, _| material.evaluate(trials))
     }
 
@@ -274,7 +274,7 @@ impl Points {
         tangent: TangentKind,
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
-    ) -> Result<Sweep, Failure> {
+    ) -> Result<EvaluationCounts, Failure> {
         self.evaluate_by(gradients, tangent, statistics, |points, trials, statistics| {
             points.answers_in_parts(trials, material, statistics)
         })
@@ -286,7 +286,7 @@ impl Points {
         tangent: TangentKind,
         statistics: &mut Statistics,
         answers: impl FnOnce(&mut Self, &mut [PointTrial], &mut Statistics) -> Result<Vec<TrialAnswer>, MaterialError>,
-    ) -> Result<Sweep, Failure> {
+    ) -> Result<EvaluationCounts, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
         let seen = self.average_strains(gradients)?;
         for (number, (point, gradient)) in self.points.iter_mut().zip(gradients).enumerate() {
@@ -305,10 +305,11 @@ impl Points {
             let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
             trials.push(PointTrial { point: number, target: tensor(&target), ask });
         }
-        let sweep = Sweep { asked: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
-        statistics.skipped += sweep.skipped;
+        let counts =
+            EvaluationCounts { evaluated: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
+        statistics.skipped += counts.skipped;
         if trials.is_empty() {
-            return Ok(sweep);
+            return Ok(counts);
         }
         let answers = answers(self, &mut trials, statistics).map_err(|error| {
             statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
@@ -319,7 +320,7 @@ impl Points {
             self.count(trial.point, &answer, statistics);
             self.take(trial, &gradients[trial.point], answer, statistics)?;
         }
-        Ok(sweep)
+        Ok(counts)
     }
 
     /// What the points see of the strain increments of the elements; `None` without neighbours.
@@ -381,11 +382,11 @@ impl Points {
         if let Some(tangent) = &answer.tangent {
             point.tangent = operator(tangent);
         }
-        let yardstick = *point.yardstick.get_or_insert_with(|| Yardstick::of(dimension, &point.tangent));
+        let reference = *point.reference.get_or_insert_with(|| ReferenceModuli::of(dimension, &point.tangent));
         let mut response = formulation
             .response(&point.deformation, gradient, &matrix(&answer.stress), &point.tangent)
             .ok_or_else(|| inside_out(trial.point))?;
-        let floor = self.tangent_floor.and_then(|floor| floored(dimension, &response.moduli, &yardstick, floor));
+        let floor = self.tangent_floor.and_then(|floor| floored(dimension, &response.moduli, &reference, floor));
         if let Some(moduli) = floor {
             response.moduli = moduli;
             statistics.floored_tangents += 1;
@@ -397,7 +398,7 @@ impl Points {
             }
             let sample = Sample::new(formulation, gradient, &response.stress);
             if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
-                match corrected(dimension, &response.moduli, last, sample, &yardstick, &gates) {
+                match corrected(dimension, &response.moduli, last, sample, &reference, &gates) {
                     Some(moduli) => {
                         response.moduli = moduli;
                         statistics.secant_corrections += 1;
@@ -462,9 +463,9 @@ impl Points {
 
 /// One evaluation of all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Sweep {
+pub(crate) struct EvaluationCounts {
     /// Points evaluated.
-    pub(crate) asked: u64,
+    pub(crate) evaluated: u64,
     /// Points that kept their answer.
     pub(crate) skipped: u64,
 }

@@ -1,7 +1,7 @@
 //! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
 //! held and no sample is kept, and the counters of a step begin anew with it.
 
-use super::{Point, Points, Yardstick};
+use super::{Point, Points, ReferenceModuli};
 use crate::checkpoint::CheckpointError;
 use crate::formulation::Operator;
 use crate::nonlocal::NonlocalLayer;
@@ -16,7 +16,7 @@ pub(crate) struct PointRecord {
     stress: Vec<f64>,
     moduli: Vec<f64>,
     tangent: Vec<f64>,
-    yardstick: Option<[f64; 3]>,
+    reference: Option<[f64; 3]>,
     correction: Option<Vec<f64>>,
     last_step: Vec<f64>,
     ramp_steps: u32,
@@ -84,7 +84,7 @@ impl Point {
             stress: self.response.stress.as_slice().to_vec(),
             moduli: self.response.moduli.as_slice().to_vec(),
             tangent: self.tangent.as_slice().to_vec(),
-            yardstick: self.yardstick.map(|yardstick| [yardstick.norm, yardstick.vertical, yardstick.shear]),
+            reference: self.reference.map(|reference| [reference.norm, reference.vertical, reference.shear]),
             correction: self.correction.as_ref().map(|correction| correction.as_slice().to_vec()),
             last_step: self.last_step.as_slice().to_vec(),
             ramp_steps: self.ramp_steps,
@@ -113,7 +113,7 @@ impl Point {
         }
         copy(section, self.response.moduli.as_mut_slice(), &record.moduli)?;
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
-        self.yardstick = record.yardstick.map(|[norm, vertical, shear]| Yardstick { norm, vertical, shear });
+        self.reference = record.reference.map(|[norm, vertical, shear]| ReferenceModuli { norm, vertical, shear });
         self.ramp_steps = record.ramp_steps;
         self.evaluations = record.evaluations;
         self.cost = record.cost;

@@ -40,9 +40,9 @@ impl Sample {
     }
 }
 
-/// Size of a point's first tangent, the yardstick of gates and floor.
+/// Size of a point's first tangent, the reference of gates and floor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Yardstick {
+pub(crate) struct ReferenceModuli {
     /// Frobenius norm, Pa.
     pub(crate) norm: f64,
     /// `C_2222`, Pa.
@@ -51,7 +51,7 @@ pub(crate) struct Yardstick {
     pub(crate) shear: f64,
 }
 
-impl Yardstick {
+impl ReferenceModuli {
     /// Of a first tangent.
     pub(crate) fn of(dimension: Dimension, tangent: &Operator) -> Self {
         let axes = dimension.count();
@@ -68,7 +68,7 @@ pub(crate) fn corrected(
     moduli: &Operator,
     from: &Sample,
     to: &Sample,
-    yardstick: &Yardstick,
+    reference: &ReferenceModuli,
     gates: &SecantGates,
 ) -> Option<Operator> {
     let change = to.gradient - from.gradient;
@@ -80,26 +80,26 @@ pub(crate) fn corrected(
     let carried_stress = (to.nominal - from.nominal) * to.carrier.transpose() / to.carrier.determinant();
     let (gradient, stress) = (column(&carried_change), column(&carried_stress));
     let length = gradient.norm_squared();
-    if stress.norm() > gates.max_ratio * yardstick.norm * length.sqrt() {
+    if stress.norm() > gates.max_ratio * reference.norm * length.sqrt() {
         return None;
     }
     let update = (stress - moduli * gradient) * gradient.transpose() / length;
-    let floor = (gates.floor * yardstick.vertical).min(smallest_eigenvalue(dimension, moduli));
+    let floor = (gates.floor * reference.vertical).min(smallest_eigenvalue(dimension, moduli));
     [1.0, 0.5, 0.25]
         .into_iter()
         .map(|share| moduli + share * update)
         .find(|candidate| smallest_eigenvalue(dimension, candidate) >= floor)
 }
 
-/// The moduli with every direction of strain at least as stiff as `floor` times the yardstick, or `None` if they
+/// The moduli with every direction of strain at least as stiff as `floor` times the reference, or `None` if they
 /// already are.
 pub(crate) fn floored(
     dimension: Dimension,
     moduli: &Operator,
-    yardstick: &Yardstick,
+    reference: &ReferenceModuli,
     floor: f64,
 ) -> Option<Operator> {
-    let least = floor * yardstick.vertical;
+    let least = floor * reference.vertical;
     let eigen = strain_stiffness(dimension, moduli);
     if eigen.eigenvalues.min() >= least {
         return None;
@@ -167,13 +167,13 @@ mod tests {
         (sample(-change, -stress), sample(Matrix3::zeros(), Matrix3::zeros()))
     }
 
-    const YARDSTICK: Yardstick = Yardstick { norm: 5.0, vertical: 3.0, shear: 1.0 };
+    const REFERENCE: ReferenceModuli = ReferenceModuli { norm: 5.0, vertical: 3.0, shear: 1.0 };
 
     #[test]
     fn corrected_moduli_reproduce_the_last_pair() {
         let stiff = isotropic(1.0, 1.0);
         let (from, to) = samples(&(0.4 * stiff), 1e-3);
-        let corrected = corrected(PLANE, &stiff, &from, &to, &YARDSTICK, &SecantGates::default()).unwrap();
+        let corrected = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &SecantGates::default()).unwrap();
         let change = column(&(to.gradient - from.gradient));
         let stress = column(&(to.nominal - from.nominal));
         assert!((corrected * change - stress).norm() < 1e-15);
@@ -184,7 +184,7 @@ mod tests {
         for (dimension, count) in [(Dimension::Plane, 3), (Dimension::Space, 6)] {
             let mut soft = isotropic(1.0, 1.0);
             soft[(0, 0)] = -1.0;
-            let stiffened = floored(dimension, &soft, &YARDSTICK, 0.02).unwrap();
+            let stiffened = floored(dimension, &soft, &REFERENCE, 0.02).unwrap();
             let sorted = |moduli: &Operator| {
                 let mut values: Vec<f64> = strain_stiffness(dimension, moduli).eigenvalues.iter().copied().collect();
                 values.sort_by(f64::total_cmp);
@@ -193,7 +193,7 @@ mod tests {
             let (before, after) = (sorted(&soft), sorted(&stiffened));
             assert!(before[0] < 0.0 && (after[0] - 0.06).abs() < 1e-12 && before.len() == count);
             assert!(before[1..].iter().zip(&after[1..]).all(|(before, after)| (before - after).abs() < 1e-12));
-            assert_eq!(floored(dimension, &isotropic(1.0, 1.0), &YARDSTICK, 0.02), None);
+            assert_eq!(floored(dimension, &isotropic(1.0, 1.0), &REFERENCE, 0.02), None);
         }
     }
 
@@ -201,11 +201,11 @@ mod tests {
     fn gates_refuse_close_pairs_and_jumps_and_the_floor_refuses_softening() {
         let (gates, stiff) = (SecantGates::default(), isotropic(1.0, 1.0));
         let (from, to) = samples(&stiff, 1e-5);
-        assert_eq!(corrected(PLANE, &stiff, &from, &to, &YARDSTICK, &gates), None);
+        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates), None);
         let (from, to) = samples(&(10.0 * stiff), 1e-3);
-        assert_eq!(corrected(PLANE, &stiff, &from, &to, &YARDSTICK, &gates), None);
+        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates), None);
         let (from, to) = samples(&(-2.0 * stiff), 1e-3);
-        let kept = corrected(PLANE, &stiff, &from, &to, &YARDSTICK, &gates);
-        assert!(kept.is_none_or(|moduli| smallest_eigenvalue(PLANE, &moduli) >= gates.floor * YARDSTICK.vertical));
+        let kept = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates);
+        assert!(kept.is_none_or(|moduli| smallest_eigenvalue(PLANE, &moduli) >= gates.floor * REFERENCE.vertical));
     }
 }

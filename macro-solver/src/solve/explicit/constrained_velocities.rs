@@ -1,17 +1,17 @@
 //! Displacements that follow others in motion: rigid bodies, tilting platens, periodic faces.
 //!
-//! With `u = T v + g` the forces that keep the ties do no work along them, so the velocities after a step are those of the
-//! untied nodes, moved to the nearest ones that the ties allow in the metric `A = m / dt + C / 2` of masses and dampers (Gauss's principle
-//! of least constraint): `T^T A T w = T^T A (v' - g')`. Displacements meet the ties at every instant, without drift. Ties leave
+//! With `u = T v + g` the forces that keep the velocity_constraints do no work along them, so the velocities after a step are those of the
+//! untied nodes, moved to the nearest ones that the velocity_constraints allow in the metric `A = m / dt + C / 2` of masses and dampers (Gauss's principle
+//! of least constraint): `T^T A T w = T^T A (v' - g')`. Displacements meet the velocity_constraints at every instant, without drift. VelocityConstraints leave
 //! the step stable: a body that may move in fewer ways has no higher frequency.
 
 use crate::model::constraints::Constraints;
 use crate::problem::{Moment, ProblemError};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// All ties of a stage, in groups that share no free component.
+/// All velocity_constraints of a stage, in groups that share no free component.
 #[derive(Clone, Debug)]
-pub(super) struct Ties {
+pub(super) struct VelocityConstraints {
     groups: Vec<Group>,
     /// Factors of the groups' equations for the metric that they were last asked for.
     factors: Vec<(Vec<f64>, Cholesky<f64, Dyn>)>,
@@ -25,7 +25,7 @@ struct Group {
     followers: Vec<(usize, Vec<(usize, f64)>)>,
 }
 
-impl Ties {
+impl VelocityConstraints {
     /// Those of a stage; `has_oblique_damper` tells of a degree of freedom whether a damper couples it with others of its node.
     ///
     /// # Errors
@@ -91,7 +91,7 @@ impl Ties {
         self.groups.iter().flat_map(of_group)
     }
 
-    /// Moves velocities onto the ties. `weight` is the diagonal of the metric by degree of freedom, `given` what followers move at
+    /// Moves velocities onto the velocity_constraints. `weight` is the diagonal of the metric by degree of freedom, `given` what followers move at
     /// without their masters, m/s.
     pub(super) fn keep(&mut self, velocity: &mut [f64], weight: impl Fn(usize) -> f64, given: &[f64]) {
         for (number, group) in self.groups.iter().enumerate() {
@@ -142,7 +142,7 @@ impl Group {
 }
 
 /// Velocities of followers whose masters stand still, over a step of `step` (s) that ends at `next`: with them displacements
-/// meet the ties then.
+/// meet the velocity_constraints then.
 pub(super) fn given_velocities(
     constraints: &Constraints,
     displacements: &[f64],

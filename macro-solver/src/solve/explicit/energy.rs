@@ -52,7 +52,7 @@ pub(super) struct Monitor {
 
 /// Why the monitor stops a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Excess {
+pub(super) enum BalanceViolation {
     /// The body holds far more energy than it was given, or something is no number.
     Unstable,
     /// The residual has been beyond the tolerance for too many instants in a row.
@@ -105,12 +105,12 @@ impl Monitor {
     }
 
     /// What is wrong with the balance, if anything.
-    pub(super) fn excess(&self) -> Option<Excess> {
+    pub(super) fn excess(&self) -> Option<BalanceViolation> {
         let ratio = self.balance.relative_residual();
         let grows = ratio > self.tolerance && self.balance.largest > AMPLIFICATION * self.supplied;
         if grows || !ratio.is_finite() {
-            return Some(Excess::Unstable);
+            return Some(BalanceViolation::Unstable);
         }
-        (self.patience > 0 && self.in_a_row >= self.patience).then_some(Excess::Unresolved)
+        (self.patience > 0 && self.in_a_row >= self.patience).then_some(BalanceViolation::Unresolved)
     }
 }

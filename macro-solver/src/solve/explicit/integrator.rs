@@ -4,9 +4,9 @@
 //! of the half step behind, and with it the displacements of the instant `n + 1`. Dampers inside elements see the half
 //! step before, dampers at nodes the mean of both. A report about an instant is complete: its velocity is that mean.
 
-use super::constrained_velocities::{Ties, given_velocities};
+use super::constrained_velocities::{VelocityConstraints, given_velocities};
 use super::dashpots::{Dashpots, next_velocity};
-use super::energy::{Excess, Forces, Monitor};
+use super::energy::{BalanceViolation, Forces, Monitor};
 use super::masses::{element_masses, nodal_masses, scale_factors};
 use crate::element::PointGeometry;
 use crate::element::hourglass::HourglassControl;
@@ -55,7 +55,7 @@ pub(crate) struct Integrator {
     /// Added by mass scaling, kg.
     pub(super) added_mass: f64,
     pub(super) dashpots: Dashpots,
-    pub(super) ties: Ties,
+    pub(super) velocity_constraints: VelocityConstraints,
     /// Time step, s, the instant from which it holds, s, and the number of that instant.
     pub(super) step: f64,
     pub(super) origin: (f64, u64),
@@ -97,14 +97,14 @@ impl Integrator {
             specimen.points.all().iter().map(|point| Isotropic::of(dimension, &point.response.moduli)).collect();
         let viscosity = Viscosity::new(settings.damping, settings.viscosity, settings.density);
         let dashpots = Dashpots::of_stage(specimen, &stiffness);
-        let ties = specimen.ties(&dashpots).map_err(Outcome::Refused)?;
+        let velocity_constraints = specimen.velocity_constraints(&dashpots).map_err(Outcome::Refused)?;
         let mut integrator = Self {
             viscosity,
             scale_factors: Vec::new(),
             masses: Vec::new(),
             added_mass: 0.0,
             dashpots,
-            ties,
+            velocity_constraints,
             stiffness,
             step: 0.0,
             origin: (0.0, 0),
@@ -167,7 +167,7 @@ impl Integrator {
             }
         }
         let mut velocity = std::mem::take(&mut self.velocity);
-        self.keep_ties(specimen, &mut velocity, None);
+        self.apply_constraints(specimen, &mut velocity, None);
         self.velocity = velocity;
         self.ahead.clone_from(&self.velocity);
         self.collect_forces(specimen);
@@ -187,8 +187,8 @@ impl Integrator {
             }
         }
         let mut ahead = std::mem::take(&mut self.ahead);
-        self.keep_ties(specimen, &mut ahead, None);
-        for dof in self.ties.tied() {
+        self.apply_constraints(specimen, &mut ahead, None);
+        for dof in self.velocity_constraints.tied() {
             self.acceleration[dof] = (ahead[dof] - self.velocity[dof]) / (0.5 * self.step);
         }
         self.ahead = ahead;
@@ -244,11 +244,11 @@ impl Integrator {
         let (largest, residual) = (balance.largest, balance.relative_residual());
         match self.monitor.excess() {
             None => Ok(()),
-            Some(Excess::Unstable) => Err(self.unstable(format!(
+            Some(BalanceViolation::Unstable) => Err(self.unstable(format!(
                 "the body holds {largest:.1e} J, far more than it was given, and the energy balance is off by {residual:.1e} \
                  of that"
             ))),
-            Some(Excess::Unresolved) => Err(self.unstable(format!(
+            Some(BalanceViolation::Unresolved) => Err(self.unstable(format!(
                 "the energy balance has been off by more than it may for {} steps, now by {residual:.1e} of the largest \
                  energy: the motion is too fast for the time step, though it does not grow",
                 balance.longest_excess
@@ -283,7 +283,7 @@ impl Integrator {
             let velocity = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
             (0..axes).for_each(|axis| next[axes * node + axis] = velocity[axis]);
         }
-        self.keep_ties(specimen, &mut next, Some(mean_step));
+        self.apply_constraints(specimen, &mut next, Some(mean_step));
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let (behind, ahead) = (triple(&self.ahead, axes, node), triple(&next, axes, node));
@@ -342,10 +342,10 @@ impl Integrator {
         forces.loads[dof] - forces.internal[dof] - forces.hourglass[dof] - forces.viscous[dof]
     }
 
-    /// Moves velocities of the coming step onto the ties. After a change over `mean_step` (s) nodes resist by their masses and dampers;
+    /// Moves velocities of the coming step onto the velocity_constraints. After a change over `mean_step` (s) nodes resist by their masses and dampers;
     /// at the start, `None`, by their masses alone.
-    fn keep_ties(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
-        if self.ties.is_empty() {
+    fn apply_constraints(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
+        if self.velocity_constraints.is_empty() {
             return;
         }
         let next = self.moment(specimen, self.time() + self.step);
@@ -359,7 +359,7 @@ impl Integrator {
                 Some(step) => masses[node] / step + 0.5 * dashpots.of_node(node, masses[node], rate)[(axis, axis)],
             }
         };
-        self.ties.keep(velocity, weight, &given);
+        self.velocity_constraints.keep(velocity, weight, &given);
     }
 
     fn find_reactions(&mut self, specimen: &Specimen<'_>, axes: usize) {
@@ -482,10 +482,10 @@ impl Integrator {
 }
 
 impl Specimen<'_> {
-    /// The ties of the stage between nodes with these dampers.
-    pub(super) fn ties(&self, dashpots: &Dashpots) -> Result<Ties, ProblemError> {
+    /// The velocity_constraints of the stage between nodes with these dampers.
+    pub(super) fn velocity_constraints(&self, dashpots: &Dashpots) -> Result<VelocityConstraints, ProblemError> {
         let axes = self.problem.mesh.dimension.count();
-        Ties::of_stage(self.constraints, |dof| dashpots.is_oblique(dof / axes, dof % axes))
+        VelocityConstraints::of_stage(self.constraints, |dof| dashpots.is_oblique(dof / axes, dof % axes))
     }
 
     /// Asks the points for their answers to the gradients of a step.

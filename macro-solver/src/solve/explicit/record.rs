@@ -70,11 +70,12 @@ impl Integrator {
         }
         let settings = specimen.settings;
         let dashpots = Dashpots::of_stage(specimen, &record.stiffness);
-        let ties = specimen.ties(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
+        let velocity_constraints =
+            specimen.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
         Ok(Self {
             viscosity: Viscosity::new(settings.damping, settings.viscosity, settings.density),
             dashpots,
-            ties,
+            velocity_constraints,
             stiffness: record.stiffness,
             scale_factors: record.scale_factors,
             masses: record.masses,

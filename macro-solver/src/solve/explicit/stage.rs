@@ -1,12 +1,13 @@
-//! A dynamic stage among the stages of a run: what the integrator moves, and what is told about it.
+//! A dynamic stage among the stages of a run: the parts of the solver that the integrator moves, and its reports.
 
 use crate::checkpoint::CheckpointError;
 use crate::model::body::by_node;
-use crate::observer::{DynamicsView, FieldsView, Outcome, StepReport};
+use crate::observer::{DynamicsView, Outcome};
 use crate::problem::Procedure;
 use crate::problem::dynamics::DynamicSettings;
-use crate::solve::driver::{Counters, Session, Solver};
+use crate::solve::driver::{Session, Solver};
 use crate::solve::explicit::{Integrator, IntegratorRecord, Specimen};
+use crate::solve::report::{AcceptedState, Counters};
 
 impl Solver<'_> {
     /// Follows the motion to the end of the stage. Steps of the run are its reports; a checkpoint is kept with each.
@@ -28,7 +29,7 @@ impl Solver<'_> {
                 (counters, reported) = (Counters::of(&self.statistics), integrator.done());
                 self.points.start_step();
                 self.integrator = Some(integrator);
-                self.keep(session);
+                self.save_step(session);
                 integrator = self.integrator.take().expect("just put there");
             }
         }
@@ -44,7 +45,7 @@ impl Solver<'_> {
         if self.stage == 0 {
             integrator = self.report(integrator, 0, &counters, session)?;
             self.integrator = Some(integrator);
-            self.keep(session);
+            self.save_step(session);
             integrator = self.integrator.take().expect("just put there");
         }
         Ok(integrator)
@@ -63,7 +64,7 @@ impl Solver<'_> {
         }
     }
 
-    /// Tells the state of the instant; `reported` is the number of the instant told before.
+    /// Reports the state of the instant; `reported` is the number of the instant reported before.
     fn report(
         &mut self,
         integrator: Integrator,
@@ -72,31 +73,20 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<Integrator, Outcome> {
         let load = integrator.load(self.stage());
-        let report = StepReport {
-            step: self.step,
-            stage: self.stage,
-            load,
-            time: self.problem.begin_of(self.stage) + self.moment(load).time,
-            share: (self.stage as f64 + load) / self.problem.stages.len() as f64,
-            size: load - self.load,
-            iterations: usize::try_from(integrator.done() - reported).unwrap_or(usize::MAX),
-            evaluations: self.statistics.evaluations - before.evaluations,
-            skipped: self.statistics.skipped - before.skipped,
-            cut_backs: 0,
-            creep: 0,
-            force_ratio: 0.0,
-            displacement_ratio: 0.0,
-            flags: self.points.flags(),
-        };
+        let step_size = load - self.load;
         self.load = load;
-        let fields = self.fields(integrator.gradients(), integrator.reactions(), integrator.loads());
         let dimension = self.body.mesh().dimension.count();
         let (added_mass, mass) = integrator.added_mass();
-        let view = FieldsView {
-            mesh: self.body.mesh(),
-            displacements: &fields.displacements,
-            reactions: &fields.reactions,
-            loads: &fields.loads,
+        let state = AcceptedState {
+            load,
+            stage_fraction: load,
+            step_size,
+            iterations: usize::try_from(integrator.done() - reported).unwrap_or(usize::MAX),
+            force_ratio: 0.0,
+            displacement_ratio: 0.0,
+            gradients: integrator.gradients(),
+            reactions: integrator.reactions(),
+            loads: integrator.loads(),
             hourglass_energy: integrator.hourglass_energy(),
             dynamics: Some(DynamicsView {
                 velocities: &by_node(dimension, integrator.velocity()),
@@ -106,10 +96,8 @@ impl Solver<'_> {
                 added_mass,
                 mass,
             }),
-            points: &fields.points,
-            statistics: &self.statistics,
         };
-        session.observer.accepted(&report, &view).map_err(Outcome::Stopped)?;
+        self.report_accepted(&state, before, session)?;
         Ok(integrator)
     }
 

@@ -1,51 +1,52 @@
-//! What keeps Newton's method together where the material is rough: a cap, retreats, and giving up in time.
+//! Globalisation of Newton's method for materials that are not smooth: a cap on corrections, backtracking, and an early end of
+//! attempts that make no progress.
 //!
 //! Sizes of corrections are measured by the largest component of any point's displacement gradient. An iterate is
-//! turned down when a point refuses it, an element inverts, or the out-of-balance force grows more than
+//! rejected when a point refuses it, an element inverts, or the out-of-balance force grows more than
 //! [`LARGEST_GROWTH`]-fold; the next one then lies half way back. Smaller growth is accepted, because a frictional
 //! material is not smooth enough to insist on descent, but lowers the cap on further corrections of the attempt. A
 //! radius that shrinks at every growth was measured against this and needed a third more evaluations past the peak.
 
-/// Growth of the out-of-balance force, relative to the last accepted iterate, that turns an iterate down.
+/// Growth of the out-of-balance force, relative to the last accepted iterate, at which an iterate is rejected.
 const LARGEST_GROWTH: f64 = 3.0;
 
-/// Consecutive iterates that may be turned down before the attempt fails.
-const LARGEST_RETREATS: usize = 3;
+/// Consecutive iterates that may be rejected before the attempt fails.
+const MAX_BACKTRACKS: usize = 3;
 
-/// An attempt is given up when its distance from convergence has not fallen below [`PROGRESS`] times its least value
+/// An attempt is abandoned when its distance from convergence has not fallen below [`PROGRESS`] times its least value
 /// for this many evaluations: a smaller step costs less.
 const LONGEST_STAGNATION: usize = 5;
 
 /// See [`LONGEST_STAGNATION`].
 const PROGRESS: f64 = 0.9;
 
-/// Guards one attempt.
+/// Globalisation of one attempt.
 #[derive(Clone, Debug)]
-pub(in crate::solve) struct Safeguard {
+pub(in crate::solve) struct Globalisation {
     base: Option<Base>,
-    retreats: usize,
+    backtracks: usize,
     cap: f64,
     lowered_cap: f64,
     least: [f64; 2],
     idle: usize,
 }
 
-/// The last iterate that was not turned down.
+/// The last accepted iterate.
 #[derive(Clone, Debug)]
 struct Base {
     increment: Vec<f64>,
     residual: f64,
 }
 
-impl Safeguard {
+impl Globalisation {
     /// Lets corrections change displacement gradients by up to `cap`, and by up to `lowered_cap` once the residual
     /// has grown.
     pub(in crate::solve) fn new(cap: f64, lowered_cap: f64) -> Self {
-        Self { base: None, retreats: 0, cap, lowered_cap, least: [f64::INFINITY; 2], idle: 0 }
+        Self { base: None, backtracks: 0, cap, lowered_cap, least: [f64::INFINITY; 2], idle: 0 }
     }
 
-    /// Judges an evaluated iterate by its out-of-balance force; growth below `settled` does not matter. `false` asks
-    /// for a [`Safeguard::retreat`].
+    /// Whether an evaluated iterate is accepted, by its out-of-balance force; growth below `settled` does not matter. After
+    /// `false` comes [`Globalisation::backtrack`].
     pub(in crate::solve) fn accepts(&mut self, iterate: &[f64], residual: f64, settled: f64) -> bool {
         if let Some(base) = &self.base {
             let before = base.residual.max(settled);
@@ -56,22 +57,21 @@ impl Safeguard {
                 self.lower_cap();
             }
         }
-        self.retreats = 0;
+        self.backtracks = 0;
         self.base = Some(Base { increment: iterate.to_vec(), residual });
         true
     }
 
-    /// Half way back from an iterate that was turned down; `None` when there is nothing to go back to or it has been
-    /// tried often enough.
-    pub(in crate::solve) fn retreat(&mut self, iterate: &[f64]) -> Option<Vec<f64>> {
-        self.retreats += 1;
+    /// Half way back from a rejected iterate; `None` without an accepted iterate or after too many rejections in a row.
+    pub(in crate::solve) fn backtrack(&mut self, iterate: &[f64]) -> Option<Vec<f64>> {
+        self.backtracks += 1;
         self.lower_cap();
-        let base = self.base.as_ref().filter(|_| self.retreats <= LARGEST_RETREATS)?;
+        let base = self.base.as_ref().filter(|_| self.backtracks <= MAX_BACKTRACKS)?;
         Some(base.increment.iter().zip(iterate).map(|(from, to)| from + 0.5 * (to - from)).collect())
     }
 
-    /// Takes an accepted iterate's force and displacement criteria, each over its tolerance, and tells whether the
-    /// attempt no longer gets anywhere. The displacement counts only while the force criterion holds: capped
+    /// Takes an accepted iterate's force and displacement criteria, each over its tolerance, and returns whether the
+    /// attempt makes no progress. The displacement counts only while the force criterion holds: capped
     /// corrections can fall while the balance does not improve.
     pub(in crate::solve) fn stagnates(&mut self, criteria: [f64; 2]) -> bool {
         let watched = usize::from(criteria[0] <= 1.0);
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn growth_lowers_the_cap_for_good() {
-        let mut guard = Safeguard::new(4e-3, 1e-3);
+        let mut guard = Globalisation::new(4e-3, 1e-3);
         assert!(guard.accepts(&[0.0], 1.0, 0.01));
         assert_eq!((guard.share(2e-3), guard.share(8e-3)), (1.0, 0.5));
         assert!(guard.accepts(&[1.0], 1.2, 0.01));
@@ -111,33 +111,33 @@ mod tests {
 
     #[test]
     fn growth_below_the_tolerance_does_not_matter() {
-        let mut guard = Safeguard::new(4e-3, 1e-3);
+        let mut guard = Globalisation::new(4e-3, 1e-3);
         assert!(guard.accepts(&[0.0], 1e-4, 0.01) && guard.accepts(&[1.0], 9e-3, 0.01));
         assert_eq!(guard.share(4e-3), 1.0);
     }
 
     #[test]
-    fn retreats_halve_the_way_and_end() {
-        let mut guard = Safeguard::new(1e-3, 1e-3);
-        assert_eq!(guard.retreat(&[1.0]), None);
-        let mut guard = Safeguard::new(1e-3, 1e-3);
+    fn backtracking_halves_the_step_and_ends() {
+        let mut guard = Globalisation::new(1e-3, 1e-3);
+        assert_eq!(guard.backtrack(&[1.0]), None);
+        let mut guard = Globalisation::new(1e-3, 1e-3);
         assert!(guard.accepts(&[1.0], 1.0, 0.01));
         assert!(!guard.accepts(&[2.0], 4.0, 0.01));
-        assert_eq!(guard.retreat(&[2.0]), Some(vec![1.5]));
-        assert_eq!(guard.retreat(&[1.5]), Some(vec![1.25]));
-        assert_eq!(guard.retreat(&[1.25]), Some(vec![1.125]));
-        assert_eq!(guard.retreat(&[1.125]), None);
+        assert_eq!(guard.backtrack(&[2.0]), Some(vec![1.5]));
+        assert_eq!(guard.backtrack(&[1.5]), Some(vec![1.25]));
+        assert_eq!(guard.backtrack(&[1.25]), Some(vec![1.125]));
+        assert_eq!(guard.backtrack(&[1.125]), None);
     }
 
     #[test]
-    fn an_attempt_that_hovers_is_given_up_but_not_one_that_creeps() {
+    fn stagnant_attempt_is_abandoned_but_not_a_slow_one() {
         let given_up = |factor: f64| {
-            let mut guard = Safeguard::new(1e-3, 1e-3);
+            let mut guard = Globalisation::new(1e-3, 1e-3);
             (0..8).any(|turn| guard.stagnates([9.0 * factor.powi(turn), 9.0 * 0.5f64.powi(turn)]))
         };
         assert!(given_up(1.0) && given_up(0.99));
         assert!(!given_up(0.85));
-        let mut guard = Safeguard::new(1e-3, 1e-3);
+        let mut guard = Globalisation::new(1e-3, 1e-3);
         assert!((0..8).any(|_| guard.stagnates([0.5, 3.0])), "noise beyond the displacement tolerance");
     }
 }

@@ -9,39 +9,41 @@ pub(in crate::solve) mod tangent_update;
 
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::{LinearSolverError, norm};
+use super::procedure::{Converged, LoadStepMethod};
 use crate::model::failure::Failure;
 use crate::observer::IterationReport;
-use crate::problem::{DisplacementMeasure, ForceMeasure, Measured, Predictor};
-use globalisation::Safeguard;
+use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure, Predictor};
+use globalisation::Globalisation;
 use nalgebra::Matrix3;
+use path::Constraint;
 use protocol::TangentKind;
+use thiserror::Error;
 
 /// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
 const ROUND_OFF: f64 = 1e-12;
-
-/// A converged step, not yet committed.
-#[derive(Clone, Debug)]
-pub(super) struct Converged {
-    /// Change of the displacements, m, by degree of freedom.
-    pub(super) increment: Vec<f64>,
-    /// Load factor reached.
-    pub(super) load: f64,
-    /// Iterations used.
-    pub(super) iterations: usize,
-    /// Force ratio reached.
-    pub(super) force_ratio: f64,
-    /// Displacement ratio reached.
-    pub(super) displacement_ratio: f64,
-}
 
 /// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
 
-/// What one evaluation of an iterate gives.
-pub(super) struct Evaluated {
+/// Why an iterate is rejected.
+#[derive(Clone, Debug, Error, PartialEq)]
+enum Rejection {
+    /// A point or an element does not go along.
+    #[error("{0}")]
+    Evaluation(String),
+    /// Too far from balance.
+    #[error("the out-of-balance force grew to {force_ratio:.2e}")]
+    Growth {
+        /// Out-of-balance ratio.
+        force_ratio: f64,
+    },
+}
+
+/// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
+pub(super) struct ResidualNorms {
     /// Points evaluated.
-    pub(super) asked: u64,
+    pub(super) evaluations: u64,
     /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
     pub(super) residual: f64,
     /// Norm of the reactions or of the loads, whichever is larger, and at least [`LEAST_FORCES`] of what they were, N, in the plane per metre.
@@ -50,7 +52,7 @@ pub(super) struct Evaluated {
     pub(super) reactions: f64,
 }
 
-impl Evaluated {
+impl ResidualNorms {
     /// Out-of-balance over the forces that a measure names.
     pub(super) fn ratio(&self, measure: ForceMeasure) -> f64 {
         let scale = match measure {
@@ -61,82 +63,132 @@ impl Evaluated {
     }
 }
 
-impl Solver<'_> {
-    /// Tries the step from the committed state to the share `passed` of the stage's path; `again` after a failed attempt at
-    /// this step.
-    pub(super) fn attempt(
-        &mut self,
-        passed: f64,
+/// Newton's method with predictor, globalisation and the tangent updates of the strategy.
+pub(super) struct Newton;
+
+impl LoadStepMethod for Newton {
+    fn attempt(
+        &self,
+        solver: &mut Solver<'_>,
+        stage_fraction: f64,
         again: bool,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
-        self.renewer.begin_attempt(again);
+        solver.attempt_newton(stage_fraction, again, session)
+    }
+
+    fn iterations_govern_step_size(&self) -> bool {
+        true
+    }
+
+    fn can_be_stabilised(&self) -> bool {
+        true
+    }
+}
+
+/// An attempt that is under way.
+struct Attempt {
+    /// Share of the stage's path that it aims at.
+    target: f64,
+    /// Of an initial state there is none: it is brought to balance under its own loads.
+    constraint: Option<Constraint>,
+    /// First iterate.
+    first: Vec<f64>,
+    /// Change of the displacements, m, by degree of freedom.
+    iterate: Vec<f64>,
+    /// Load factor of the iterate.
+    load: f64,
+    globalisation: Globalisation,
+}
+
+impl Solver<'_> {
+    /// Tries the step from the committed state to the share `target` of the stage's path; `again` after a failed attempt at
+    /// this step.
+    fn attempt_newton(&mut self, target: f64, again: bool, session: &mut Session<'_>) -> Result<Converged, Failure> {
+        let mut attempt = self.begin_attempt(target, again)?;
+        let full_step = self.full_step(target);
+        let mut last = String::new();
+        let max_iterations = self.stage().control.max_iterations;
+        for iteration in 1..=max_iterations {
+            self.statistics.iterations += 1;
+            let mut report = self.blank_report(attempt.load, iteration);
+            // The load factor is a part of the iterate: backtracking takes it back as well.
+            let joined: Vec<f64> = attempt.iterate.iter().copied().chain([attempt.load]).collect();
+            if let Err(rejection) = self.try_iterate(&mut attempt, &joined, &mut report, session)? {
+                self.reject(report, session);
+                let next = attempt.globalisation.backtrack(&joined);
+                attempt.iterate = next.ok_or_else(|| Failure::Attempt(rejection.to_string()))?;
+                attempt.load = attempt.iterate.pop().expect("the load factor was joined");
+                continue;
+            }
+            let (correction, load_change) = self.correction_of(&attempt)?;
+            let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
+            report.displacement_ratio = Some(measures.displacement);
+            session.observer.iterated(&report);
+            let tolerances = &self.stage().tolerances;
+            let excess = tolerances.excess(&measures);
+            if excess.iter().all(|excess| *excess <= 1.0) {
+                return Ok(Converged {
+                    increment: attempt.iterate,
+                    load: attempt.load,
+                    iterations: iteration,
+                    force_ratio: measures.force,
+                    displacement_ratio: measures.displacement,
+                });
+            }
+            last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
+            if tolerances.criteria.energy {
+                last = format!("{last}, energy {:.2e}", measures.energy);
+            }
+            if attempt.globalisation.stagnates(excess) {
+                return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
+            }
+            let share = attempt.globalisation.share(largest_component(&self.body.gradients(&correction)));
+            for (value, change) in attempt.iterate.iter_mut().zip(&correction) {
+                *value += share * change;
+            }
+            attempt.load += share * load_change;
+        }
+        Err(Failure::Attempt(format!("not converged after {max_iterations} iterations: {last}")))
+    }
+
+    /// First iterate of an attempt, and the points prepared for it.
+    fn begin_attempt(&mut self, target: f64, again: bool) -> Result<Attempt, Failure> {
+        self.tangents.begin_attempt(again);
         if let Some(memory) = &mut self.memory {
             memory.begin_attempt(again);
         }
-        // An initial state is brought to balance under its own loads.
-        let constraint = self.constraint.clone().filter(|_| passed > self.passed);
-        let (mut iterate, mut load) = match &constraint {
-            None => (self.predict(passed)?, passed),
-            Some(constraint) => self.predict_path(constraint, passed - self.passed)?,
+        let constraint = self.constraint.clone().filter(|_| target > self.stage_fraction);
+        let (iterate, load) = match &constraint {
+            None => (self.predict(target)?, target),
+            Some(constraint) => self.predict_path(constraint, target - self.stage_fraction)?,
         };
-        let first = iterate.clone();
         let gradients = self.body.gradients(&iterate);
         self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
-        let mut safeguard = Safeguard::new(largest_component(&gradients).max(capped_change), capped_change);
-        let tolerances = &self.stage().tolerances;
-        let full_step = self.full_step(passed);
-        let mut last = String::new();
-        for iteration in 1..=self.stage().control.max_iterations {
-            self.statistics.iterations += 1;
-            let mut report = self.blank_report(load, iteration);
-            // The load factor is a part of the iterate: a retreat takes it back as well.
-            let joined: Vec<f64> = iterate.iter().copied().chain([load]).collect();
-            if let Err(reason) = self.try_iterate(&iterate, &joined, &mut safeguard, &mut report, session)? {
-                self.turn_down(report, session);
-                iterate = safeguard.retreat(&joined).ok_or(Failure::Attempt(reason))?;
-                load = iterate.pop().expect("the load factor was joined");
-                continue;
-            }
-            let (correction, load_change) = match &constraint {
-                None => (self.correction(&iterate).map_err(|error| Failure::Attempt(error.to_string()))?, 0.0),
-                Some(constraint) => {
-                    self.correction_on_path(constraint, &iterate, &first, load, passed - self.passed)?
-                }
-            };
-            let measured = self.measured(report.force_ratio, &iterate, &correction, full_step);
-            report.displacement_ratio = Some(measured.displacement);
-            session.observer.iterated(&report);
-            let excess = tolerances.excess(&measured);
-            if excess.iter().all(|excess| *excess <= 1.0) {
-                return Ok(Converged {
-                    increment: iterate,
-                    load,
-                    iterations: iteration,
-                    force_ratio: measured.force,
-                    displacement_ratio: measured.displacement,
-                });
-            }
-            last = format!("out-of-balance {:.2e}, correction {:.2e}", measured.force, measured.displacement);
-            if tolerances.criteria.energy {
-                last = format!("{last}, energy {:.2e}", measured.energy);
-            }
-            if safeguard.stagnates(excess) {
-                return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
-            }
-            let share = safeguard.share(largest_component(&self.body.gradients(&correction)));
-            for (value, change) in iterate.iter_mut().zip(&correction) {
-                *value += share * change;
-            }
-            load += share * load_change;
-        }
-        let iterations = self.stage().control.max_iterations;
-        Err(Failure::Attempt(format!("not converged after {iterations} iterations: {last}")))
+        let globalisation = Globalisation::new(largest_component(&gradients).max(capped_change), capped_change);
+        Ok(Attempt { target, constraint, first: iterate.clone(), iterate, load, globalisation })
     }
 
-    /// The measures of an iterate that would still get `correction`.
-    pub(super) fn measured(&self, force: f64, iterate: &[f64], correction: &[f64], full_step: f64) -> Measured {
+    /// Correction of the evaluated iterate and of its load factor.
+    fn correction_of(&mut self, attempt: &Attempt) -> Result<(Vec<f64>, f64), Failure> {
+        let Attempt { target, constraint, first, iterate, load, .. } = attempt;
+        match constraint {
+            None => Ok((self.correction(iterate).map_err(|error| Failure::Attempt(error.to_string()))?, 0.0)),
+            Some(constraint) => {
+                self.correction_on_path(constraint, iterate, first, *load, target - self.stage_fraction)
+            }
+        }
+    }
+
+    /// Convergence measures of an iterate whose next correction is `correction`.
+    pub(super) fn convergence_measures(
+        &self,
+        force: f64,
+        iterate: &[f64],
+        correction: &[f64],
+        full_step: f64,
+    ) -> ConvergenceMeasures {
         let size = match self.stage().tolerances.criteria.displacement {
             Some(DisplacementMeasure::Step) => norm(iterate),
             Some(DisplacementMeasure::FullStep) | None => full_step * norm(iterate),
@@ -145,15 +197,15 @@ impl Solver<'_> {
         let work = |forces: &[f64], along: &[f64]| {
             forces.iter().zip(along).map(|(force, along)| force * along).sum::<f64>().abs()
         };
-        let given_up = work(&self.balance.residual(), correction);
-        Measured {
+        let energy = work(&self.balance.residual(), correction);
+        ConvergenceMeasures {
             force,
             displacement: ratio(norm(correction), size, round_off),
-            energy: if given_up == 0.0 { 0.0 } else { given_up / work(&self.balance.internal, iterate) },
+            energy: if energy == 0.0 { 0.0 } else { energy / work(&self.balance.internal, iterate) },
         }
     }
 
-    /// Displacement gradients of an increment as points are asked for them.
+    /// Displacement gradients of an increment as they are sent to the points.
     pub(super) fn gradients(&self, increment: &[f64]) -> Vec<Matrix3<f64>> {
         self.points.rounded(self.body.gradients(increment))
     }
@@ -167,40 +219,40 @@ impl Solver<'_> {
             evaluations: 0,
             force_ratio: f64::INFINITY,
             displacement_ratio: None,
-            turned_down: false,
+            rejected: false,
         }
     }
 
-    /// Counts an iterate that is turned down, and tells the observer.
-    pub(super) fn turn_down(&mut self, report: IterationReport, session: &mut Session<'_>) {
-        self.statistics.turned_down += 1;
-        self.statistics.turned_down_evaluations += report.evaluations;
-        session.observer.iterated(&IterationReport { turned_down: true, ..report });
+    /// Counts a rejected iterate and reports it.
+    pub(super) fn reject(&mut self, report: IterationReport, session: &mut Session<'_>) {
+        self.statistics.rejected += 1;
+        self.statistics.rejected_evaluations += report.evaluations;
+        session.observer.iterated(&IterationReport { rejected: true, ..report });
     }
 
-    /// Evaluates an iterate, known to the safeguard together with its load factor, and fills its report; the inner result says why the iterate is turned down.
+    /// Evaluates the iterate, which the globalisation knows together with its load factor (`joined`), and fills its report; the
+    /// inner result says why the iterate is rejected.
     fn try_iterate(
         &mut self,
-        iterate: &[f64],
+        attempt: &mut Attempt,
         joined: &[f64],
-        safeguard: &mut Safeguard,
         report: &mut IterationReport,
         session: &mut Session<'_>,
-    ) -> Result<Result<(), String>, Failure> {
-        let evaluated = match self.evaluate(iterate, report.load, session) {
-            Ok(evaluated) => evaluated,
-            Err(Failure::Attempt(reason)) => return Ok(Err(reason)),
+    ) -> Result<Result<(), Rejection>, Failure> {
+        let norms = match self.evaluate(&attempt.iterate, report.load, session) {
+            Ok(norms) => norms,
+            Err(Failure::Attempt(reason)) => return Ok(Err(Rejection::Evaluation(reason))),
             Err(ended) => return Err(ended),
         };
-        report.evaluations = evaluated.asked;
+        report.evaluations = norms.evaluations;
         let tolerances = &self.stage().tolerances;
-        report.force_ratio = evaluated.ratio(tolerances.criteria.force.unwrap_or_default());
-        let settled = tolerances.force * evaluated.scale;
-        if safeguard.accepts(joined, evaluated.residual, settled) {
-            self.renewer.judge(evaluated.residual);
+        report.force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
+        let settled = tolerances.force * norms.scale;
+        if attempt.globalisation.accepts(joined, norms.residual, settled) {
+            self.tangents.judge(norms.residual);
             return Ok(Ok(()));
         }
-        Ok(Err(format!("the out-of-balance force grew to {:.2e}", report.force_ratio)))
+        Ok(Err(Rejection::Growth { force_ratio: report.force_ratio }))
     }
 
     /// Evaluates all points at an iterate and assembles forces and stiffness.
@@ -209,19 +261,19 @@ impl Solver<'_> {
         increment: &[f64],
         load: f64,
         session: &mut Session<'_>,
-    ) -> Result<Evaluated, Failure> {
-        let kind = self.renewer.kind(self.tangent_asked);
-        let asked = self.ask(increment, kind, session)?;
-        self.renewer.evaluated();
+    ) -> Result<ResidualNorms, Failure> {
+        let kind = self.tangents.kind(self.tangent_kind);
+        let evaluations = self.evaluate_points(increment, kind, session)?;
+        self.tangents.evaluated();
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
             self.body.balance(increment, self.points.all(), &self.loads, moment)
         });
-        Ok(self.evaluated(asked))
+        Ok(self.residual_norms(evaluations))
     }
 
-    /// Asks all points for their answers to an iterate.
-    pub(super) fn ask(
+    /// Evaluates all points at an iterate; the number of evaluations.
+    pub(super) fn evaluate_points(
         &mut self,
         increment: &[f64],
         tangent: TangentKind,
@@ -233,19 +285,19 @@ impl Solver<'_> {
             return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
         }
         let mut waiting = 0;
-        let asked =
+        let counts =
             timed(&mut waiting, || self.points.evaluate(&gradients, tangent, session.material, &mut self.statistics));
         self.statistics.material_nanoseconds += waiting;
-        Ok(asked?.asked)
+        Ok(counts?.evaluated)
     }
 
-    /// How far the assembled balance is from zero.
-    pub(super) fn evaluated(&self, asked: u64) -> Evaluated {
+    /// Norms of the assembled balance.
+    pub(super) fn residual_norms(&self, evaluations: u64) -> ResidualNorms {
         let residual = self.balance.residual();
         let reactions = self.reactions(&residual);
         let least = LEAST_FORCES * self.statistics.largest_forces;
-        Evaluated {
-            asked,
+        ResidualNorms {
+            evaluations,
             residual: norm(&self.constraints.restrict(&residual)),
             scale: reactions.max(norm(&self.balance.external)).max(least),
             reactions: reactions.max(least),
@@ -262,8 +314,8 @@ impl Solver<'_> {
         norm(&reactions).max(1e-9 * self.balance.largest_diagonal() * self.body.extent())
     }
 
-    /// The correction of the evaluated iterate, zero at prescribed degrees of freedom: Newton's, with tangents as fresh as
-    /// the strategy wants them, and what quasi-Newton pairs make of it.
+    /// The correction of the evaluated iterate, zero at prescribed degrees of freedom: Newton's, with the tangents of the
+    /// strategy's update rule, modified by quasi-Newton pairs.
     fn correction(&mut self, iterate: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
         let residual = self.constraints.restrict(&self.balance.residual());
         let right: Vec<f64> = residual.iter().map(|value| -value).collect();
@@ -271,7 +323,7 @@ impl Solver<'_> {
             let change = |step: &[f64]| largest_component(&self.body.gradients(&self.constraints.expand(step)));
             memory.learn(&self.constraints.select(iterate), &residual, change);
         }
-        if self.renewer.factorizes() {
+        if self.tangents.factorizes() {
             self.factorize()?;
         }
         self.solve_linear(&right)
@@ -281,7 +333,7 @@ impl Solver<'_> {
     pub(super) fn factorize(&mut self) -> Result<(), LinearSolverError> {
         let blocks = self.constraints.condense(&self.balance.blocks);
         timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&blocks))?;
-        self.renewer.factorized();
+        self.tangents.factorized();
         Ok(())
     }
 
@@ -318,7 +370,7 @@ impl Solver<'_> {
                 for (value, pulled) in right.iter_mut().zip(self.balance.stiffness_times(&increment)) {
                     *value = -(*value + pulled);
                 }
-                if self.renewer.factorizes() {
+                if self.tangents.factorizes() {
                     self.factorize().map_err(|error| Failure::Attempt(error.to_string()))?;
                 }
                 let free = self.solve_linear(&self.constraints.restrict(&right));
@@ -332,9 +384,9 @@ impl Solver<'_> {
         Ok(increment)
     }
 
-    /// Size of a full step over that of the step to `passed`; 1 for the initial equilibrium, which has no size.
-    pub(super) fn full_step(&self, passed: f64) -> f64 {
-        let size = passed - self.passed;
+    /// Size of a full step over that of the step to `stage_fraction`; 1 for the initial equilibrium, which has no size.
+    pub(super) fn full_step(&self, stage_fraction: f64) -> f64 {
+        let size = stage_fraction - self.stage_fraction;
         if size > 0.0 { 1.0 / (self.stage().control.increments as f64 * size) } else { 1.0 }
     }
 }

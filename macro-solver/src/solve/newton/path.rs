@@ -2,7 +2,7 @@
 //!
 //! Both solve with the stiffness twice, for the out-of-balance force and for the load, and let a constraint on the
 //! displacements decide how much of the second there is [Crisfield 1981; de Borst 1987]. The load factor travels with the
-//! displacements as one vector, so that caps and retreats act on both.
+//! displacements as one vector, so that caps and backtracks act on both.
 
 use crate::model::failure::Failure;
 use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError};
@@ -114,7 +114,7 @@ impl Solver<'_> {
         size: f64,
     ) -> Result<(Vec<f64>, f64), Failure> {
         let fail = |error: LinearSolverError| Failure::Attempt(error.to_string());
-        if self.renewer.factorizes() {
+        if self.tangents.factorizes() {
             self.factorize().map_err(fail)?;
         }
         let residual = self.constraints.restrict(&self.balance.residual());
@@ -159,7 +159,7 @@ impl Solver<'_> {
         let fail = |error: LinearSolverError| Failure::Attempt(error.to_string());
         self.balance.clone_from(&self.committed_balance);
         let still = self.body.zero();
-        if self.renewer.factorizes() {
+        if self.tangents.factorizes() {
             self.factorize().map_err(fail)?;
         }
         let direction = self.load_direction(&still, self.load).map_err(fail)?;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Keeps count of the tangents in use.
 #[derive(Clone, Debug)]
-pub(in crate::solve) struct Renewer {
+pub(in crate::solve) struct TangentUpdater {
     renewal: Renewal,
     /// Whether point tangents change between renewals, by secant corrections.
     corrected: bool,
@@ -21,12 +21,12 @@ pub(in crate::solve) struct Renewer {
 
 /// What of it outlives a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(in crate::solve) struct RenewerRecord {
+pub(in crate::solve) struct TangentUpdaterRecord {
     due: bool,
     uses: u64,
 }
 
-impl Renewer {
+impl TangentUpdater {
     pub(in crate::solve) fn new(renewal: Renewal, corrected: bool) -> Self {
         Self { renewal, corrected, due: true, fresh: true, uses: 0, last_residual: None }
     }
@@ -75,11 +75,11 @@ impl Renewer {
         self.last_residual = Some(residual);
     }
 
-    pub(in crate::solve) fn record(&self) -> RenewerRecord {
-        RenewerRecord { due: self.due, uses: self.uses as u64 }
+    pub(in crate::solve) fn record(&self) -> TangentUpdaterRecord {
+        TangentUpdaterRecord { due: self.due, uses: self.uses as u64 }
     }
 
-    pub(in crate::solve) fn restore(&mut self, record: RenewerRecord) {
+    pub(in crate::solve) fn restore(&mut self, record: TangentUpdaterRecord) {
         self.due = record.due;
         self.uses = usize::try_from(record.uses).unwrap_or(usize::MAX);
     }
@@ -103,19 +103,19 @@ mod tests {
 
     /// Kinds asked for over evaluations with these residuals, all within one attempt.
     fn asked(renewal: Renewal, residuals: &[f64]) -> String {
-        let mut renewer = Renewer::new(renewal, false);
-        renewer.started(true);
+        let mut tangents = TangentUpdater::new(renewal, false);
+        tangents.started(true);
         let mut letters = String::new();
         for attempt in 0..2 {
-            renewer.begin_attempt(false);
+            tangents.begin_attempt(false);
             for &residual in residuals {
-                let asks = renewer.kind(WANTED) == WANTED;
-                renewer.evaluated();
-                renewer.judge(residual);
-                let factorizes = renewer.factorizes();
+                let asks = tangents.kind(WANTED) == WANTED;
+                tangents.evaluated();
+                tangents.judge(residual);
+                let factorizes = tangents.factorizes();
                 letters.push(if asks { 'T' } else { 's' });
                 if factorizes {
-                    renewer.factorized();
+                    tangents.factorized();
                     letters.push('F');
                 }
             }
@@ -137,15 +137,15 @@ mod tests {
 
     #[test]
     fn a_failed_attempt_renews_and_corrected_tangents_are_always_factorized() {
-        let mut renewer = Renewer::new(Renewal::Once, true);
-        assert_eq!(renewer.kind(WANTED), WANTED);
-        renewer.started(true);
-        renewer.begin_attempt(false);
-        assert_eq!(renewer.kind(WANTED), TangentKind::None);
-        renewer.evaluated();
-        renewer.factorized();
-        assert!(renewer.factorizes());
-        renewer.begin_attempt(true);
-        assert_eq!(renewer.kind(WANTED), WANTED);
+        let mut tangents = TangentUpdater::new(Renewal::Once, true);
+        assert_eq!(tangents.kind(WANTED), WANTED);
+        tangents.started(true);
+        tangents.begin_attempt(false);
+        assert_eq!(tangents.kind(WANTED), TangentKind::None);
+        tangents.evaluated();
+        tangents.factorized();
+        assert!(tangents.factorizes());
+        tangents.begin_attempt(true);
+        assert_eq!(tangents.kind(WANTED), WANTED);
     }
 }

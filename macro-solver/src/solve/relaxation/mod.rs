@@ -7,7 +7,8 @@ mod motion;
 
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::norm;
-use super::newton::{Converged, Evaluated};
+use super::newton::ResidualNorms;
+use super::procedure::{Converged, LoadStepMethod};
 use crate::element::mass::{Lumping, lumped_masses};
 use crate::model::assembly::balance::Balance;
 use crate::model::assembly::forces::{ElementLaws, Motion};
@@ -21,9 +22,29 @@ use motion::Relaxation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
+impl LoadStepMethod for RelaxationSettings {
+    fn attempt(
+        &self,
+        solver: &mut Solver<'_>,
+        stage_fraction: f64,
+        _again: bool,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        solver.relax(self, stage_fraction, session)
+    }
+
+    fn iterations_govern_step_size(&self) -> bool {
+        false
+    }
+
+    fn can_be_stabilised(&self) -> bool {
+        false
+    }
+}
+
 impl Solver<'_> {
     /// Tries to reach `load` from the committed state.
-    pub(super) fn relax(
+    fn relax(
         &mut self,
         settings: &RelaxationSettings,
         load: f64,
@@ -40,7 +61,7 @@ impl Solver<'_> {
         let mut before = self.body.zero();
         for iteration in 1..=settings.max_iterations {
             self.statistics.iterations += 1;
-            let evaluated = self.evaluate_forces(&iterate, load, session)?;
+            let norms = self.evaluate_forces(&iterate, load, session)?;
             match settings.form {
                 RelaxationForm::Corrected if iteration == 1 => {}
                 RelaxationForm::Corrected => {
@@ -51,14 +72,14 @@ impl Solver<'_> {
                 }
             }
             before.clone_from(&self.balance.internal);
-            let force_ratio = evaluated.ratio(ForceMeasure::Largest);
+            let force_ratio = norms.ratio(ForceMeasure::Largest);
             last = format!("out-of-balance {force_ratio:.2e}, kinetic energy {:.2e}", relaxation.kinetic_ratio());
             if !force_ratio.is_finite() {
                 return Err(Failure::Attempt(format!("the motion grew without bound in iteration {iteration}")));
             }
             if iteration > 1 && relaxation.is_settled(force_ratio <= tolerance) {
                 let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
-                self.tell(load, iteration, evaluated.asked, force_ratio, displacement_ratio, session);
+                self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
                 return Ok(Converged {
                     increment: iterate,
                     load,
@@ -81,9 +102,9 @@ impl Solver<'_> {
     }
 
     /// Masses of all degrees of freedom for a mass density of 1 kg/m3, and the bound of the frequencies with them, rad/s. Every point
-    /// is asked for its elastic tangent at the committed state.
+    /// is evaluated once for its elastic tangent at the committed state.
     fn relaxation_masses(&mut self, session: &mut Session<'_>) -> Result<(Vec<f64>, f64), Failure> {
-        self.ask(&self.body.zero(), TangentKind::TrussLike, session)?;
+        self.evaluate_points(&self.body.zero(), TangentKind::TrussLike, session)?;
         let (mesh, dimension) = (self.body.mesh(), self.body.mesh().dimension.count());
         let mut by_element = Vec::with_capacity(mesh.elements.len());
         let mut masses = self.body.zero();
@@ -132,8 +153,8 @@ impl Solver<'_> {
         iterate: &[f64],
         load: f64,
         session: &mut Session<'_>,
-    ) -> Result<Evaluated, Failure> {
-        let asked = self.ask(iterate, TangentKind::None, session)?;
+    ) -> Result<ResidualNorms, Failure> {
+        let evaluations = self.evaluate_points(iterate, TangentKind::None, session)?;
         let positions = self.body.positions(iterate);
         let mut assembling = 0;
         self.balance = timed(&mut assembling, || {
@@ -151,7 +172,7 @@ impl Solver<'_> {
             }
         });
         self.statistics.assembly_nanoseconds += assembling;
-        Ok(self.evaluated(asked))
+        Ok(self.residual_norms(evaluations))
     }
 
     fn element_laws(&self) -> ElementLaws<'_> {
@@ -165,7 +186,7 @@ impl Solver<'_> {
         }
     }
 
-    fn tell(
+    fn report_iteration(
         &self,
         load: f64,
         iteration: usize,
@@ -181,7 +202,7 @@ impl Solver<'_> {
             evaluations,
             force_ratio,
             displacement_ratio: Some(displacement_ratio),
-            turned_down: false,
+            rejected: false,
         });
     }
 }

@@ -8,21 +8,21 @@ use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{Link, Platen, PressureKind, Procedure};
-use crate::solve::solve_kept;
+use crate::solve::solve_with_checkpoints;
 
 /// Continues a run after each of its steps.
 fn assert_continues(problem: &Problem, what: &str) {
     let law = DamageLaw { lambda: 2.0e7, shear: 1.0e7, threshold: 1e-2, softening: 5e-2 };
     let material = || DamageMaterial::new(vec![law; problem.point_count()]);
     let (mut whole, mut shelf) = (Recorder::default(), Shelf::default());
-    let undisturbed = solve_kept(problem, &mut material(), &mut whole, &mut shelf);
+    let undisturbed = solve_with_checkpoints(problem, &mut material(), &mut whole, &mut shelf);
     assert!(matches!(undisturbed.outcome, Outcome::Completed), "{what}: {:?}", undisturbed.outcome);
     assert!(shelf.kept.len() > 4 && whole.reactions.iter().flatten().any(|value| *value != 0.0), "{what}");
     let last = shelf.kept.len() - 1;
     for (mark, archive) in shelf.kept.into_iter().take(last) {
         let mut rest = Recorder::default();
         let mut shelf = Shelf { earlier: Some(archive), ..Shelf::default() };
-        let resumed = solve_kept(problem, &mut material(), &mut rest, &mut shelf);
+        let resumed = solve_with_checkpoints(problem, &mut material(), &mut rest, &mut shelf);
         let what = format!("{what}, continued after step {} of stage {}", mark.step, mark.stage);
         assert!(matches!(resumed.outcome, Outcome::Completed), "{what}: {:?}", resumed.outcome);
         assert!(rest.steps[..] == whole.steps[mark.step as usize + 1..], "{what}: the steps differ");
@@ -109,7 +109,7 @@ fn implicit_stages_with_links_go_on_to_the_same_bits() {
     let twice = [Procedure::Implicit, Procedure::Implicit];
     for head in [Head::Tilting, Head::Turned, Head::Periodic] {
         for (kind, formulation) in [
-            (ElementKind::Q4, Formulation::Updated),
+            (ElementKind::Q4, Formulation::UpdatedLagrangian),
             (ElementKind::Q8, Formulation::TotalLagrangian),
             (ElementKind::Q4Single, Formulation::Corotational),
             (ElementKind::Q4, Formulation::SmallStrain),
@@ -123,7 +123,7 @@ fn implicit_stages_with_links_go_on_to_the_same_bits() {
 fn dynamic_stages_go_on_to_the_same_bits_from_their_first_instant_on() {
     let twice = [motion(), motion()];
     for head in [Head::Platen, Head::Tilting, Head::Turned, Head::Periodic] {
-        for formulation in [Formulation::Updated, Formulation::Corotational, Formulation::SmallStrain] {
+        for formulation in [Formulation::UpdatedLagrangian, Formulation::Corotational, Formulation::SmallStrain] {
             let problem = squeezed(ElementKind::Q4Single, formulation, head, &twice);
             assert_continues(&problem, &format!("{head:?} {formulation:?}"));
         }
@@ -139,5 +139,8 @@ fn stages_of_all_procedures_go_on_to_the_same_bits() {
         assert_continues(&problem, &format!("{kind:?}"));
     }
     let linked = [Procedure::Implicit, motion(), Procedure::Implicit];
-    assert_continues(&squeezed(ElementKind::Q4, Formulation::Updated, Head::Turned, &linked), "motion between");
+    assert_continues(
+        &squeezed(ElementKind::Q4, Formulation::UpdatedLagrangian, Head::Turned, &linked),
+        "motion between",
+    );
 }

@@ -56,7 +56,7 @@ fn distance(one: &Recorder, other: &Recorder) -> f64 {
 fn total_lagrangian_and_updated_forms_agree() {
     for kind in [ElementKind::Q8, ElementKind::H8, ElementKind::T10, ElementKind::H8Single] {
         let total = solved(&squeezed(kind, Formulation::TotalLagrangian, 4));
-        let updated = solved(&squeezed(kind, Formulation::Updated, 4));
+        let updated = solved(&squeezed(kind, Formulation::UpdatedLagrangian, 4));
         assert!(distance(&total, &updated) < 1e-10, "{kind:?}: {:e}", distance(&total, &updated));
         for (one, other) in total.points.iter().zip(&updated.points) {
             assert!((matrix(&one.stress) - matrix(&other.stress)).amax() < 1e-8 * 1e7);
@@ -89,7 +89,7 @@ fn all_formulations_agree_for_small_strains() {
         }
         solved(&problem)
     };
-    let updated = run(Formulation::Updated);
+    let updated = run(Formulation::UpdatedLagrangian);
     for formulation in Formulation::ALL {
         let error = distance(&run(formulation), &updated) / 4e-6;
         assert!(error < 1e-4, "{formulation:?}: {error:e}");
@@ -129,8 +129,8 @@ fn rotation_superposed_on_compression_leaves_the_stress_in_the_material_frame() 
     };
     let quarter = std::f64::consts::FRAC_PI_2;
     let turn = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), quarter);
-    let driven = path(Formulation::Updated, 0.0);
-    for formulation in [Formulation::Updated, Formulation::Corotational] {
+    let driven = path(Formulation::UpdatedLagrangian, 0.0);
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::Corotational] {
         let turned = turn.matrix().transpose() * path(formulation, quarter) * turn.matrix();
         let error = (turned - driven).amax() / driven.amax();
         assert!(error < 1e-4, "{formulation:?}: {error:e}");
@@ -177,7 +177,7 @@ fn a_compressed_solid_follows_its_closed_form() {
 /// The iterative way to solve the global equations changes nothing but round-off, and is really taken.
 #[test]
 fn the_iterative_equations_give_the_same_body() {
-    let mut problem = squeezed(ElementKind::H8, Formulation::Updated, 2);
+    let mut problem = squeezed(ElementKind::H8, Formulation::UpdatedLagrangian, 2);
     let direct = solved(&problem);
     problem.equations = crate::problem::EquationSolver::Iterative;
     let (run, iterative) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));

@@ -84,10 +84,14 @@ fn a_snap_under_displacement_control_ends_on_the_far_branch() {
     let exact = strain_beyond(1e-2);
     assert!((material.largest_strain(0) / exact - 1.0).abs() < 1e-6, "{} {exact}", material.largest_strain(0));
     let [event] = &watch.0[..] else { panic!("{:?}", watch.0) };
-    assert_eq!((run.statistics.stabilised_steps, run.statistics.creep_increments), (1, event.increments as u64));
+    assert_eq!(
+        (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),
+        (1, event.increments as u64)
+    );
     assert!(event.work > 0.0 && event.largest_imbalance > 1e-2 && event.increments < 60, "{event:?}");
     let Watch(_, recorder) = watch;
-    let stabilised: Vec<&StepReport> = recorder.steps.iter().filter(|step| step.creep > 0).collect();
+    let stabilised: Vec<&StepReport> =
+        recorder.steps.iter().filter(|step| step.stabilisation_increments > 0).collect();
     assert_eq!(stabilised.len(), 1);
     assert!(stabilised[0].force_ratio < 1e-8 && (stabilised[0].load - 0.6).abs() < 0.05, "{stabilised:?}");
     // The gradients of the step are those of the whole way.
@@ -130,10 +134,10 @@ fn a_collapse_is_told_from_a_snap() {
     let statistics = &run.statistics;
     assert_eq!(statistics.stabilised_steps, 0);
     let creep = &recorder.iterations[recorder.iterations.len() - 100..];
-    let taken_back = creep.iter().filter(|report| report.turned_down).count() as u64;
-    assert_eq!(statistics.creep_increments + taken_back, 100);
-    assert_eq!(statistics.creep_evaluations, creep.iter().map(|report| report.evaluations).sum::<u64>());
-    assert!(statistics.creep_work > 0.0, "{}", statistics.creep_work);
+    let taken_back = creep.iter().filter(|report| report.rejected).count() as u64;
+    assert_eq!(statistics.stabilisation_increments + taken_back, 100);
+    assert_eq!(statistics.stabilisation_evaluations, creep.iter().map(|report| report.evaluations).sum::<u64>());
+    assert!(statistics.stabilisation_work > 0.0, "{}", statistics.stabilisation_work);
 }
 
 /// Refuses targets beyond a limit, and counts how often.
@@ -176,19 +180,22 @@ fn increments_that_points_refuse_are_taken_back_and_counted() {
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let Watch(events, Recorder { iterations, .. }) = watch;
     let refused = |reports: &[IterationReport]| {
-        reports.iter().filter(|report| report.turned_down && report.evaluations == 0).count()
+        reports.iter().filter(|report| report.rejected && report.evaluations == 0).count()
     };
     assert_eq!(refused(&iterations), material.refused);
-    assert_eq!(run.statistics.turned_down, iterations.iter().filter(|report| report.turned_down).count() as u64);
+    assert_eq!(run.statistics.rejected, iterations.iter().filter(|report| report.rejected).count() as u64);
     // Creep begins to count iterations anew after the attempt that failed.
     let snap = &events[0];
     let of_step: Vec<IterationReport> = iterations.into_iter().filter(|report| report.step == snap.step).collect();
     let creep = &of_step[of_step.iter().rposition(|report| report.iteration == 1).unwrap()..];
     assert!(refused(creep) > 3, "{}", refused(creep));
-    assert_eq!(creep.iter().filter(|report| !report.turned_down).count(), snap.increments);
+    assert_eq!(creep.iter().filter(|report| !report.rejected).count(), snap.increments);
     assert_eq!(creep.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
     let increments: u64 = events.iter().map(|event| event.increments as u64).sum();
-    assert_eq!((run.statistics.stabilised_steps, run.statistics.creep_increments), (events.len() as u64, increments));
+    assert_eq!(
+        (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),
+        (events.len() as u64, increments)
+    );
 }
 
 /// Without it a snap ends the run, as an honest failure; sooner, it saves the attempts with smaller steps.

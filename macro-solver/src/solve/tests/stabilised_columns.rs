@@ -183,7 +183,7 @@ fn the_drag_changes_the_way_and_not_the_far_branch() {
         let run = solve(&problem, &mut material, &mut watch);
         assert!(matches!(run.outcome, Outcome::Completed), "{drag}: {:?}", run.outcome);
         let increments: usize = watch.0.iter().map(|event| event.increments).sum();
-        (material.largest_strain(0), run.statistics.creep_work, increments)
+        (material.largest_strain(0), run.statistics.stabilisation_work, increments)
     });
     for end in &ends {
         assert!((end.0 / ends[1].0 - 1.0).abs() < 1e-6 && (end.1 / ends[1].1 - 1.0).abs() < 0.1, "{ends:?}");

@@ -1,10 +1,10 @@
 //! Several stages: what holds over a stage, histories, and going on within and between stages to the same bits.
 
 use super::*;
-use crate::checkpoint::{Archive, Keeper, Mark};
+use crate::checkpoint::{Archive, CheckpointStore, Progress};
 use crate::observer::Outcome;
 use crate::problem::{Amplitude, Applied, Origin, Platen, PressureKind, ProblemError, Stage};
-use crate::solve::solve_kept;
+use crate::solve::solve_with_checkpoints;
 
 const PRESSURE: f64 = 1e5;
 
@@ -68,19 +68,19 @@ fn compression_then_shear_is_one_run_with_steps_counted_through() {
     assert!((yy + PRESSURE + stiffness * 0.01 / (1.0 - shortened)).abs() < 0.03 * stiffness * 0.01, "{yy}");
 }
 
-/// Takes steps until the keeper has seen `stop` of them, then stops; hands out what was kept.
+/// Takes steps until the store has seen `stop` of them, then stops; hands out what was kept.
 #[derive(Default)]
 pub(super) struct Shelf {
     pub(super) earlier: Option<Archive>,
-    pub(super) kept: Vec<(Mark, Archive)>,
+    pub(super) kept: Vec<(Progress, Archive)>,
 }
 
-impl Keeper for Shelf {
+impl CheckpointStore for Shelf {
     fn earlier(&mut self) -> Option<Archive> {
         self.earlier.take()
     }
 
-    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push((mark, archive));
@@ -92,7 +92,8 @@ fn a_run_goes_on_within_and_between_stages_to_the_same_bits() {
     let problem = compression_and_shear();
     let mut shelf = Shelf::default();
     let mut whole = Recorder::default();
-    let undisturbed = solve_kept(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem), &mut whole, &mut shelf);
+    let undisturbed =
+        solve_with_checkpoints(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem), &mut whole, &mut shelf);
     assert_eq!(shelf.kept.len(), 6);
     let marks: Vec<(u64, u64)> = shelf.kept.iter().map(|(mark, _)| (mark.step, mark.stage)).collect();
     assert_eq!(marks, [(0, 0), (1, 0), (2, 0), (3, 1), (4, 1), (5, 1)]);
@@ -100,7 +101,7 @@ fn a_run_goes_on_within_and_between_stages_to_the_same_bits() {
         let mut rest = Recorder::default();
         let mut shelf = Shelf { earlier: Some(archive), ..Shelf::default() };
         let mut material = elastic(ElasticLaw::SaintVenant, &problem);
-        let resumed = solve_kept(&problem, &mut material, &mut rest, &mut shelf);
+        let resumed = solve_with_checkpoints(&problem, &mut material, &mut rest, &mut shelf);
         assert_eq!((resumed.stage, resumed.load), (1, 1.0));
         assert_eq!(resumed.statistics.symbolic_factorizations, undisturbed.statistics.symbolic_factorizations);
         assert_eq!(resumed.statistics.numeric_factorizations, undisturbed.statistics.numeric_factorizations);

@@ -1,7 +1,7 @@
 //! The global tangent against differences of the global residual, and the rate of Newton's method (H-8).
 
 use super::*;
-use crate::checkpoint::NoKeeper;
+use crate::checkpoint::NoCheckpoints;
 use crate::formulation::Formulation;
 use crate::observer::{Outcome, Silent};
 use crate::problem::{Applied, Platen, PressureKind};
@@ -49,11 +49,11 @@ fn the_stiffness_is_the_derivative_of_the_residual() {
         let initial = [[-3.0e6, 2.0e5, 0.0], [2.0e5, -1.0e6, 0.0], [0.0; 3]];
         let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
         let mut solver = Solver::new(&problem).unwrap();
-        let mut session = Session { material: &mut material, observer: &mut Silent, keeper: &mut NoKeeper };
+        let mut session = Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
         let count = problem.mesh.degrees_of_freedom();
         let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
-        // The yardstick of the hourglass control is that of the undeformed state, as in a run.
-        solver.tangent_asked = problem.stages[0].strategy.tangent;
+        // The reference of the hourglass control is that of the undeformed state, as in a run.
+        solver.tangent_kind = problem.stages[0].strategy.tangent;
         solver.evaluate(&vec![0.0; count], 0.0, &mut session).unwrap();
         let mut residual = |increment: &[f64]| {
             solver.evaluate(increment, 1.0, &mut session).unwrap();

@@ -66,7 +66,7 @@ impl Observer for Last {
 /// Displacements after a compression under prestress in three increments, and the evaluations that it took.
 fn compressed(procedure: Procedure, duration: f64) -> (Vec<[f64; 3]>, u64) {
     let mut problem = block(2, 4, procedure);
-    problem.formulation = Formulation::Updated;
+    problem.formulation = Formulation::UpdatedLagrangian;
     let sides = ["left", "right"].map(|sides| Condition::Pressure {
         sides: sides.into(),
         value: 0.02,

@@ -1,11 +1,11 @@
 //! A dynamic run that was interrupted goes on to the same bits.
 
 use super::*;
-use crate::checkpoint::{Archive, Keeper, Mark};
+use crate::checkpoint::{Archive, CheckpointStore, Progress};
 use crate::nonlocal::{Kernel, NonlocalSettings, Update};
 use crate::problem::Link;
 use crate::problem::dynamics::RayleighDamping;
-use crate::solve::solve_kept;
+use crate::solve::solve_with_checkpoints;
 
 /// Keeps every archive, and hands one back.
 #[derive(Default)]
@@ -14,12 +14,12 @@ struct Shelf {
     earlier: Option<Archive>,
 }
 
-impl Keeper for Shelf {
+impl CheckpointStore for Shelf {
     fn earlier(&mut self) -> Option<Archive> {
         self.earlier.take()
     }
 
-    fn keep(&mut self, _mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, _mark: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         let mut archive = Archive::new();
         fill(&mut archive);
         self.kept.push(archive);
@@ -56,7 +56,7 @@ fn an_interrupted_dynamic_run_ends_in_the_same_bits() {
     let law = DamageLaw { lambda: 1.0, shear: 1.0, threshold: 1e-3, softening: 1e-2 };
     let material = || DamageMaterial::new(vec![law; problem.point_count()]);
     let mut whole = (Film::default(), Shelf::default());
-    let run = solve_kept(&problem, &mut material(), &mut whole.0, &mut whole.1);
+    let run = solve_with_checkpoints(&problem, &mut material(), &mut whole.0, &mut whole.1);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     assert_eq!(whole.1.kept.len(), whole.0.instants.len());
     let ends = whole.0.last();
@@ -64,7 +64,7 @@ fn an_interrupted_dynamic_run_ends_in_the_same_bits() {
     for (number, archive) in whole.1.kept.iter().enumerate() {
         let mut film = Film::default();
         let mut shelf = Shelf { earlier: Some(archive.clone()), ..Shelf::default() };
-        let again = solve_kept(&problem, &mut material(), &mut film, &mut shelf);
+        let again = solve_with_checkpoints(&problem, &mut material(), &mut film, &mut shelf);
         assert!(matches!(again.outcome, Outcome::Completed), "{:?}", again.outcome);
         assert_eq!(film.instants.len(), whole.0.instants.len() - number - 1);
         if let Some(last) = film.instants.last() {

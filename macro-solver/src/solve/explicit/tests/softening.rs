@@ -115,7 +115,7 @@ fn combinations_without_a_meaning_are_refused_with_the_remedy() {
             other => panic!("{other:?}"),
         }
     };
-    assert!(refused(&|problem| problem.formulation = Formulation::Updated).contains("\"corotational\""));
+    assert!(refused(&|problem| problem.formulation = Formulation::UpdatedLagrangian).contains("\"corotational\""));
     assert!(refused(&|problem| problem.stages[0].procedure = Procedure::Implicit).contains("\"relaxation\""));
 }
 

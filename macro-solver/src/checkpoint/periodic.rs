@@ -2,7 +2,7 @@
 
 use super::archive::Archive;
 use super::file::CheckpointFile;
-use super::{Keeper, Mark};
+use super::{CheckpointStore, Progress};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// run goes into writing.
 const LEAST_PAUSE: u32 = 20;
 
-/// When checkpoints are written, beside the one at the end of a run that did not reach its end.
+/// When checkpoints are written, in addition to the one at the end of a run that did not reach its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckpointPolicy {
     /// Whether any are written.
@@ -45,12 +45,12 @@ pub struct CheckpointFigures {
 }
 
 /// Collects the state after every step and writes it when it is due.
-pub struct PeriodicKeeper<'a> {
+pub struct PeriodicCheckpoints<'a> {
     file: CheckpointFile,
     policy: CheckpointPolicy,
     earlier: Option<Archive>,
-    /// Puts what the run as a whole needs into every archive, with the figures so far.
-    about: Box<dyn Fn(&mut Archive, Mark, &CheckpointFigures) + 'a>,
+    /// Adds the description of the run to every archive, with the figures so far.
+    description: Box<dyn Fn(&mut Archive, Progress, &CheckpointFigures) + 'a>,
     /// State after the last accepted step, if it is not on the disk.
     pending: Option<Archive>,
     steps: u64,
@@ -59,20 +59,20 @@ pub struct PeriodicKeeper<'a> {
     figures: CheckpointFigures,
 }
 
-impl<'a> PeriodicKeeper<'a> {
-    /// A keeper that continues from `earlier`. `figures` are those of the processes before.
+impl<'a> PeriodicCheckpoints<'a> {
+    /// A store that continues from `earlier`. `figures` are those of the processes before.
     pub fn new(
         file: CheckpointFile,
         policy: CheckpointPolicy,
         earlier: Option<Archive>,
         figures: CheckpointFigures,
-        about: impl Fn(&mut Archive, Mark, &CheckpointFigures) + 'a,
+        description: impl Fn(&mut Archive, Progress, &CheckpointFigures) + 'a,
     ) -> Self {
         Self {
             file,
             policy,
             earlier,
-            about: Box::new(about),
+            description: Box::new(description),
             pending: None,
             steps: 0,
             last: Instant::now(),
@@ -86,7 +86,7 @@ impl<'a> PeriodicKeeper<'a> {
         if let Some(archive) = self.pending.take() {
             let begun = Instant::now();
             self.write(&archive);
-            self.book(begun);
+            self.count_cost(begun);
         }
     }
 
@@ -115,18 +115,18 @@ impl<'a> PeriodicKeeper<'a> {
         }
     }
 
-    fn book(&mut self, begun: Instant) {
+    fn count_cost(&mut self, begun: Instant) {
         self.last_cost = begun.elapsed();
         self.figures.seconds += self.last_cost.as_secs_f64();
     }
 }
 
-impl Keeper for PeriodicKeeper<'_> {
+impl CheckpointStore for PeriodicCheckpoints<'_> {
     fn earlier(&mut self) -> Option<Archive> {
         self.earlier.take()
     }
 
-    fn keep(&mut self, mark: Mark, fill: &mut dyn FnMut(&mut Archive)) {
+    fn save_step(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         if !self.policy.enabled {
             return;
         }
@@ -135,7 +135,7 @@ impl Keeper for PeriodicKeeper<'_> {
         let due = self.is_due();
         let mut archive = Archive::new();
         fill(&mut archive);
-        (self.about)(&mut archive, mark, &self.figures);
+        (self.description)(&mut archive, progress, &self.figures);
         if !due {
             self.figures.seconds += begun.elapsed().as_secs_f64();
             self.pending = Some(archive);
@@ -144,7 +144,7 @@ impl Keeper for PeriodicKeeper<'_> {
         self.pending = None;
         self.steps = 0;
         self.write(&archive);
-        self.book(begun);
+        self.count_cost(begun);
         self.last = Instant::now();
     }
 }

@@ -1,0 +1,127 @@
+//! What observers get of an accepted state; the same for all procedures.
+
+use super::driver::{Session, Solver};
+use crate::formulation::tensor::tensor;
+use crate::model::body::by_node;
+use crate::observer::{DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepReport};
+use nalgebra::Matrix3;
+
+/// Counters at the start of a step, and what happened before it was accepted.
+#[derive(Clone, Copy)]
+pub(super) struct Counters {
+    pub(super) evaluations: u64,
+    pub(super) skipped: u64,
+    /// Failed attempts.
+    pub(super) cut_backs: usize,
+    /// Increments of viscous stabilisation.
+    pub(super) stabilisation_increments: usize,
+}
+
+impl Counters {
+    /// At this moment.
+    pub(super) fn of(statistics: &Statistics) -> Self {
+        Self {
+            evaluations: statistics.evaluations,
+            skipped: statistics.skipped,
+            cut_backs: 0,
+            stabilisation_increments: 0,
+        }
+    }
+}
+
+/// An accepted and committed state, as its procedure knows it. Forces run over all degrees of freedom, N, in the plane per metre
+/// of thickness.
+pub(super) struct AcceptedState<'a> {
+    /// Load factor.
+    pub(super) load: f64,
+    /// Share of the stage's path.
+    pub(super) stage_fraction: f64,
+    /// Share of the path that the step covers.
+    pub(super) step_size: f64,
+    /// Iterations or time steps.
+    pub(super) iterations: usize,
+    /// See [`StepReport::force_ratio`].
+    pub(super) force_ratio: f64,
+    /// See [`StepReport::displacement_ratio`].
+    pub(super) displacement_ratio: f64,
+    /// Displacement gradients of the points in the step.
+    pub(super) gradients: &'a [Matrix3<f64>],
+    /// Forces of supports and multi-point constraints.
+    pub(super) reactions: &'a [f64],
+    /// Forces of the loads.
+    pub(super) loads: &'a [f64],
+    /// Energy of the hourglass control, J, in the plane per metre.
+    pub(super) hourglass_energy: f64,
+    /// Motion, in a dynamic stage.
+    pub(super) dynamics: Option<DynamicsView<'a>>,
+}
+
+impl Solver<'_> {
+    /// Reports an accepted state to the observer; `before` are the counters at the start of the step.
+    ///
+    /// # Errors
+    /// The observer requests a stop.
+    pub(super) fn report_accepted(
+        &self,
+        state: &AcceptedState<'_>,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<(), Outcome> {
+        let report = StepReport {
+            step: self.step,
+            stage: self.stage,
+            load: state.load,
+            time: self.problem.begin_of(self.stage) + self.moment(state.stage_fraction).time,
+            share: (self.stage as f64 + state.stage_fraction) / self.problem.stages.len() as f64,
+            size: state.step_size,
+            iterations: state.iterations,
+            evaluations: self.statistics.evaluations - before.evaluations,
+            skipped: self.statistics.skipped - before.skipped,
+            cut_backs: before.cut_backs,
+            stabilisation_increments: before.stabilisation_increments,
+            force_ratio: state.force_ratio,
+            displacement_ratio: state.displacement_ratio,
+            flags: self.points.flags(),
+        };
+        let dimension = self.body.mesh().dimension.count();
+        let view = FieldsView {
+            mesh: self.body.mesh(),
+            displacements: &by_node(dimension, &self.body.displacements),
+            reactions: &by_node(dimension, state.reactions),
+            loads: &by_node(dimension, state.loads),
+            hourglass_energy: state.hourglass_energy,
+            dynamics: state.dynamics,
+            points: &self.point_fields(state.gradients),
+            statistics: &self.statistics,
+        };
+        session.observer.accepted(&report, &view).map_err(Outcome::Stopped)
+    }
+
+    /// Committed states of the points; `gradients` are those of the step that led there.
+    fn point_fields(&self, gradients: &[Matrix3<f64>]) -> Vec<PointFields> {
+        let still = self.body.zero();
+        let (positions, geometry) = (self.body.positions(&still), self.body.geometry(&still));
+        let mut fields = Vec::with_capacity(gradients.len());
+        for (number, point) in self.points.all().iter().enumerate() {
+            let answer = point.answer.as_ref().expect("every point is evaluated before a state is accepted");
+            fields.push(PointFields {
+                element: self.body.element_of(number),
+                local: self.body.local_number(number),
+                initial_position: self.body.place(number, &self.body.mesh().nodes),
+                position: self.body.place(number, &positions),
+                volume: geometry[number].volume,
+                deformation: tensor(&point.deformation),
+                step_gradient: tensor(&gradients[number]),
+                stress: tensor(&point.response.stress),
+                scalars: answer.scalars,
+                observed: answer.observed,
+                flags: answer.flags,
+                step_evaluations: point.step_evaluations,
+                evaluations: point.evaluations,
+                cost: point.cost,
+                step_cost: point.step_cost,
+            });
+        }
+        fields
+    }
+}

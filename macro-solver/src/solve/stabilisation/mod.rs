@@ -1,0 +1,341 @@
+//! Viscous stabilisation: where no equilibrium lies near the committed state, the body moves to one further on.
+//!
+//! When grains rearrange suddenly, the stress of a point jumps, and Newton's method finds no equilibrium near the committed
+//! state. Then the body follows the viscous motion `C du/dt = -R(u)`, where `C` is its first stiffness, taken as isotropic.
+//! Supports and loads move to the end of the step as fast as no point is strained by more than the cap in one increment, and
+//! stay there; they also stay while the linear answer of the body at fixed supports and loads strains some point by more than
+//! half the cap. Increments are linearly implicit (`(K + viscosity C) du = -R`), each evaluated once and **committed** though it
+//! is not in balance, because the material depends on its history: a restart from the old state would meet the same jump again.
+//! The viscosity falls with the out-of-balance force and rises when that changes direction, so that the last increments are
+//! Newton's. The state that is accepted in the end fulfils the criteria of every other step, without viscosity.
+
+mod path;
+
+use super::driver::{Session, Solver};
+use super::linear_solver::{LinearSolverError, norm};
+use super::newton::largest_component;
+use super::procedure::{Converged, LoadStepMethod};
+use super::report::Counters;
+use crate::model::failure::{Failure, failure};
+use crate::observer::{Outcome, Stabilised};
+use crate::problem::Stabilisation;
+use path::StabilisedPath;
+
+/// Growth of the out-of-balance force at which an increment is rejected and made smaller.
+const LARGEST_GROWTH: f64 = 2.0;
+
+/// Times that an increment is rejected: a jump of the material does not get smaller with the increment.
+const MAX_BACKTRACKS: usize = 3;
+
+/// Share of the cap by which the response at fixed loads may strain the body while supports and loads move.
+const LARGEST_LAG: f64 = 0.5;
+
+/// Excess over the cap that is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Times that a motion of supports and loads is halved because it strains the body by more than it should.
+const MAX_HALVINGS: usize = 20;
+
+/// An increment in which supports and loads cover less than this share of the step counts as one at fixed loads.
+const LEAST_ADVANCE: f64 = 1e-3;
+
+/// An increment to be tried.
+struct Trial {
+    increment: Vec<f64>,
+    /// Share of the stage's path at which supports and loads are after it.
+    to: f64,
+    /// Out-of-balance force along the unknowns before it, with the part that the motion of supports and loads adds.
+    residual: Vec<f64>,
+}
+
+impl Solver<'_> {
+    /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now.
+    pub(super) fn stabilises(&self, method: &dyn LoadStepMethod, failed: usize, from: f64) -> Option<Stabilisation> {
+        let control = &self.stage().control;
+        let is_smallest = from * control.cut < control.min;
+        control
+            .stabilisation
+            .filter(|settings| is_smallest || settings.after.is_some_and(|after| failed >= after))
+            .filter(|_| self.constraint.is_none() && method.can_be_stabilised())
+    }
+
+    /// Takes a step to the share `target` of the path by viscous stabilisation, after attempts of which the last failed for
+    /// `reason`; `before` are the counters of the step with these attempts.
+    pub(super) fn stabilise(
+        &mut self,
+        settings: Stabilisation,
+        target: f64,
+        reason: String,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<(), Outcome> {
+        self.statistics.cut_backs += 1;
+        let mut path = self.stabilised_path(settings.drag, target, reason);
+        // Viscous forces are no part of the pairs that quasi-Newton updates are made of.
+        let mut memory = self.memory.take();
+        let followed = self.follow(&mut path, settings, target, session);
+        if let Some(memory) = &mut memory {
+            memory.begin_attempt(true);
+        }
+        self.memory = memory;
+        let converged = followed.map_err(|failure| match failure {
+            Failure::Run(outcome) => outcome,
+            Failure::Attempt(lost) => {
+                let first = self.explained(target, &path.event.reason);
+                Outcome::DidNotConverge { reason: format!("{first}; stabilised: {lost}") }
+            }
+        })?;
+        self.statistics.stabilised_steps += 1;
+        session.observer.stabilised(&path.event);
+        let before = Counters { stabilisation_increments: path.event.increments, ..*before };
+        self.accept(&converged, target, &path.gradients, &before, session)
+    }
+
+    /// A path that begins at the committed state.
+    fn stabilised_path(&self, viscosity: f64, target: f64, reason: String) -> StabilisedPath {
+        let event = Stabilised {
+            step: self.step,
+            load: target,
+            increments: 0,
+            evaluations: 0,
+            largest_imbalance: 0.0,
+            work: 0.0,
+            reason,
+        };
+        let points = self.points.all();
+        let moduli = |point: usize| points[point].first_moduli();
+        StabilisedPath::new(&self.body, moduli, points.len(), viscosity, self.stage_fraction, event)
+    }
+
+    /// Follows the path to a balanced state at the share `target` of the stage's path, which is settled then. Increments are
+    /// committed and counted one by one, also if no balanced state is found.
+    fn follow(
+        &mut self,
+        path: &mut StabilisedPath,
+        settings: Stabilisation,
+        target: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        let mut last = String::new();
+        // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
+        let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
+        for iteration in 1.. {
+            if at_fixed_loads == settings.most_increments {
+                break;
+            }
+            self.statistics.iterations += 1;
+            let from = path.stage_fraction;
+            let force_ratio = self.try_increment(path, target, iteration, session)?;
+            at_fixed_loads +=
+                usize::from(path.stage_fraction >= target || path.stage_fraction - from < least_advance);
+            last = format!("out-of-balance {force_ratio:.2e}");
+            if path.stage_fraction < target {
+                continue;
+            }
+            let tolerances = &self.stage().tolerances;
+            if path.backtracks > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
+                continue;
+            }
+            // Without viscosity: the correction of Newton's method.
+            let correction = match self.newton_correction() {
+                Ok(correction) => correction,
+                Err(error) => {
+                    last = error.to_string();
+                    continue;
+                }
+            };
+            let full_step = self.full_step(target);
+            let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
+            if self.stage().tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
+                return Ok(Converged {
+                    increment: std::mem::take(&mut path.increment),
+                    load: target,
+                    iterations: iteration,
+                    force_ratio: measures.force,
+                    displacement_ratio: measures.displacement,
+                });
+            }
+            last = format!("{last}, correction {:.2e}", measures.displacement);
+            path.viscosity = 0.0;
+        }
+        let most = settings.most_increments;
+        Err(Failure::Attempt(format!("no equilibrium after {most} increments of viscous stabilisation: {last}")))
+    }
+
+    /// One increment; the out-of-balance ratio after it. It has been rejected if the path has backtracks then.
+    fn try_increment(
+        &mut self,
+        path: &mut StabilisedPath,
+        target: f64,
+        iteration: usize,
+        session: &mut Session<'_>,
+    ) -> Result<f64, Failure> {
+        let trial = self.viscous_increment(path, target).map_err(failed)?;
+        self.tangents.begin_attempt(true);
+        let predicted = self.body.gradients(&trial.increment);
+        self.points.begin_attempt(&predicted);
+        let mut report = self.blank_report(target, iteration);
+        let norms = match self.evaluate(&trial.increment, trial.to, session) {
+            Err(Failure::Attempt(reason)) => {
+                self.reject(report, session);
+                if path.backtracks >= MAX_BACKTRACKS {
+                    return Err(Failure::Attempt(reason));
+                }
+                self.drop_trial(path, session);
+                return Ok(f64::INFINITY);
+            }
+            other => other?,
+        };
+        self.statistics.stabilisation_evaluations += norms.evaluations;
+        path.event.evaluations += norms.evaluations;
+        let after = self.constraints.restrict(&self.balance.residual());
+        let growth = norm(&after) / norm(&trial.residual);
+        let tolerances = &self.stage().tolerances;
+        let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
+        (report.evaluations, report.force_ratio) = (norms.evaluations, force_ratio);
+        if growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.backtracks < MAX_BACKTRACKS {
+            self.reject(report, session);
+            self.drop_trial(path, session);
+            return Ok(force_ratio);
+        }
+        session.observer.iterated(&report);
+        self.commit_increment(path, &trial, &after, growth, session)?;
+        path.event.largest_imbalance = path.event.largest_imbalance.max(force_ratio);
+        Ok(force_ratio)
+    }
+
+    /// Commits an increment that left the out-of-balance force `after` along the unknowns, `growth` times that before it.
+    fn commit_increment(
+        &mut self,
+        path: &mut StabilisedPath,
+        trial: &Trial,
+        after: &[f64],
+        growth: f64,
+        session: &mut Session<'_>,
+    ) -> Result<(), Failure> {
+        session.material.commit().map_err(failure)?;
+        let along = self.constraints.select(&trial.increment);
+        // The part that supports and loads add does no viscous work.
+        let at_its_begin = dot(&self.constraints.restrict(&self.committed_balance.residual()), &along);
+        let work = -0.5 * (at_its_begin + dot(after, &along));
+        let gradients = self.settle(&trial.increment);
+        let loads_moved = trial.to > path.stage_fraction;
+        path.stage_fraction = trial.to;
+        path.backtracks = 0;
+        path.adapt(growth, dot(&trial.residual, after) < 0.0, loads_moved);
+        path.add(&trial.increment, &gradients, self.body.formulation());
+        path.event.work += work;
+        self.statistics.stabilisation_work += work;
+        path.event.increments += 1;
+        self.statistics.stabilisation_increments += 1;
+        Ok(())
+    }
+
+    /// Drops an increment that went too far.
+    fn drop_trial(&mut self, path: &mut StabilisedPath, session: &mut Session<'_>) {
+        session.material.rollback();
+        self.points.forget_trials();
+        self.points.forget_corrections();
+        path.backtrack();
+    }
+
+    /// The next increment on the way to the share `target` of the path. No component of a displacement gradient is
+    /// larger than `capped_change` in it, next to a support as anywhere else.
+    fn viscous_increment(&mut self, path: &StabilisedPath, target: f64) -> Result<Trial, LinearSolverError> {
+        self.balance = self.committed_balance.clone();
+        // Blocks of elements come first.
+        for (block, viscous) in self.balance.blocks.iter_mut().zip(&path.viscous_blocks) {
+            for (entry, viscous) in block.matrix.iter_mut().zip(&viscous.matrix) {
+                *entry += path.viscosity * viscous;
+            }
+        }
+        self.factorize()?;
+        let cap = self.stage().strategy.capped_change;
+        let at_fixed_loads = self.linear_response(path.stage_fraction)?;
+        let lag = self.largest_change(&at_fixed_loads);
+        if path.stage_fraction < target
+            && let Some(trial) =
+                self.loading_increment(path.stage_fraction, target, &at_fixed_loads, lag, path.loading_cap(cap))?
+        {
+            return Ok(trial);
+        }
+        let Trial { mut increment, to, residual } = at_fixed_loads;
+        let share = (cap / lag).min(path.step_factor);
+        for &dof in self.constraints.free() {
+            increment[dof] *= share;
+        }
+        let moment = self.moment(to);
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        Ok(Trial { increment, to, residual })
+    }
+
+    /// An increment in which supports and loads move from the share `from` of the path as far towards `target` as no
+    /// point is strained by more than `cap`; `None` while the body lags behind. `at_fixed_loads` is the increment in
+    /// which they do not move, and `lag` the largest change of a displacement gradient in it.
+    fn loading_increment(
+        &mut self,
+        from: f64,
+        target: f64,
+        at_fixed_loads: &Trial,
+        lag: f64,
+        cap: f64,
+    ) -> Result<Option<Trial>, LinearSolverError> {
+        let whole = self.linear_response(target)?;
+        if self.largest_change(&whole) <= cap {
+            return Ok(Some(whole));
+        }
+        if lag > LARGEST_LAG * cap {
+            return Ok(None);
+        }
+        let by_loading: Vec<f64> =
+            whole.increment.iter().zip(&at_fixed_loads.increment).map(|(whole, fixed)| whole - fixed).collect();
+        let mut share = (cap - lag) / largest_component(&self.body.gradients(&by_loading));
+        for _ in 0..MAX_HALVINGS {
+            let part = self.linear_response(from + share * (target - from))?;
+            if self.largest_change(&part) <= cap * (1.0 + ROUNDING) {
+                return Ok(Some(part));
+            }
+            // Histories need not be straight.
+            share *= 0.5;
+        }
+        Ok(None)
+    }
+
+    /// The linear response of the body to supports and loads at the share `to` of the path, from the committed state and with
+    /// the factors in place. Prescribed components are exact.
+    fn linear_response(&mut self, to: f64) -> Result<Trial, LinearSolverError> {
+        let moment = self.moment(to);
+        let mut increment = self.given(moment);
+        self.balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
+        let mut forces = self.balance.residual();
+        for (force, of_supports) in forces.iter_mut().zip(self.balance.stiffness_times(&increment)) {
+            *force += of_supports;
+        }
+        let residual = self.constraints.restrict(&forces);
+        let free = self.solve_linear(&residual.iter().map(|force| -force).collect::<Vec<f64>>())?;
+        for &dof in self.constraints.free() {
+            increment[dof] = free[dof];
+        }
+        self.constraints.complete(&mut increment, &self.body.displacements, moment);
+        Ok(Trial { increment, to, residual })
+    }
+
+    fn largest_change(&self, of: &Trial) -> f64 {
+        largest_component(&self.body.gradients(&of.increment))
+    }
+
+    /// Newton's correction of the committed state.
+    fn newton_correction(&mut self) -> Result<Vec<f64>, LinearSolverError> {
+        self.factorize()?;
+        let residual = self.constraints.restrict(&self.balance.residual());
+        self.solve_linear(&residual.iter().map(|value| -value).collect::<Vec<f64>>())
+    }
+}
+
+fn dot(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
+}
+
+fn failed(error: LinearSolverError) -> Failure {
+    Failure::Attempt(error.to_string())
+}

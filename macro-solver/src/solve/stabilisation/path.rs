@@ -1,0 +1,126 @@
+//! A stabilised step under way: its viscosity, its increments so far, and what is reported about them.
+
+use crate::element::integrals::add_stiffness;
+use crate::formulation::{Configuration, Formulation};
+use crate::material::elastic::isotropic_moduli;
+use crate::model::assembly::block::Block;
+use crate::model::body::{Body, degrees_of_freedom};
+use crate::observer::Stabilised;
+use nalgebra::Matrix3;
+
+/// Viscosity after an increment that went too far is at least this share of the first.
+const LEAST_VISCOSITY: f64 = 0.1;
+
+/// Share of the out-of-balance force that an increment may leave without a larger step factor for the next one.
+const SLOW: f64 = 0.5;
+
+/// Largest factor on an increment.
+const LARGEST_STEP_FACTOR: f64 = 32.0;
+
+/// Factor on the viscosity after a rejected increment.
+const BACKTRACK_FACTOR: f64 = 4.0;
+
+/// The path of a stabilised step.
+pub(super) struct StabilisedPath {
+    /// Viscosity of the first increment, as a factor on the first stiffness.
+    first_viscosity: f64,
+    /// Viscosity of the next increment.
+    pub(super) viscosity: f64,
+    /// Factor on the next increment.
+    pub(super) step_factor: f64,
+    /// `C`: stiffness of every element with its first moduli.
+    pub(super) viscous_blocks: Vec<Block>,
+    /// Rejected increments in a row.
+    pub(super) backtracks: usize,
+    /// Share of the stage's path that supports and loads have reached.
+    pub(super) stage_fraction: f64,
+    /// Change of the displacements so far, m, by degree of freedom.
+    pub(super) increment: Vec<f64>,
+    /// Displacement gradients of the points over the path so far.
+    pub(super) gradients: Vec<Matrix3<f64>>,
+    /// Report about the path so far.
+    pub(super) event: Stabilised,
+}
+
+impl StabilisedPath {
+    /// A path from the committed state of `body`, at the share `stage_fraction` of the stage; `moduli` are the first ones of
+    /// every point.
+    pub(super) fn new(
+        body: &Body,
+        moduli: impl Fn(usize) -> [f64; 2],
+        points: usize,
+        first_viscosity: f64,
+        stage_fraction: f64,
+        event: Stabilised,
+    ) -> Self {
+        Self {
+            first_viscosity,
+            viscosity: first_viscosity,
+            step_factor: 1.0,
+            viscous_blocks: first_stiffness(body, moduli),
+            backtracks: 0,
+            stage_fraction,
+            increment: body.zero(),
+            gradients: vec![Matrix3::zeros(); points],
+            event,
+        }
+    }
+
+    /// Makes the next increment smaller after one that was rejected.
+    pub(super) fn backtrack(&mut self) {
+        self.backtracks += 1;
+        self.viscosity = (BACKTRACK_FACTOR * self.viscosity).max(self.first_viscosity);
+        self.step_factor = 1.0;
+    }
+
+    /// Largest change of a displacement gradient that supports and loads may bring, for a cap of `cap`: a motion that went too
+    /// far is made smaller too.
+    pub(super) fn loading_cap(&self, cap: f64) -> f64 {
+        cap / BACKTRACK_FACTOR.powi(i32::try_from(self.backtracks).unwrap_or(i32::MAX))
+    }
+
+    /// Chooses viscosity and step factor after an increment that left the share `left` of the out-of-balance force, or reversed
+    /// it; `loads_moved` if supports and loads moved in it.
+    ///
+    /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
+    /// short: neither requires more viscosity.
+    pub(super) fn adapt(&mut self, left: f64, reversed: bool, loads_moved: bool) {
+        if reversed {
+            self.viscosity = (2.0 * self.viscosity).max(LEAST_VISCOSITY * self.first_viscosity);
+        } else if left < 1.0 {
+            self.viscosity *= (0.5 * left).max(0.2);
+        }
+        let is_slow = !reversed && !loads_moved && left > SLOW;
+        self.step_factor = if is_slow { (2.0 * self.step_factor).min(LARGEST_STEP_FACTOR) } else { 1.0 };
+    }
+
+    /// Adds a committed increment.
+    pub(super) fn add(&mut self, increment: &[f64], gradients: &[Matrix3<f64>], formulation: Formulation) {
+        for (value, change) in self.increment.iter_mut().zip(increment) {
+            *value += change;
+        }
+        for (total, gradient) in self.gradients.iter_mut().zip(gradients) {
+            // Each refers to the configuration before it, unless all refer to the initial one.
+            let carried = match formulation.reference() {
+                Configuration::Initial => *gradient,
+                Configuration::Committed | Configuration::Current => gradient + gradient * *total,
+            };
+            *total += carried;
+        }
+    }
+}
+
+/// Stiffness of every element with the moduli of its points, on the committed geometry.
+fn first_stiffness(body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block> {
+    let (dimension, geometry) = (body.mesh().dimension.count(), body.settled_geometry());
+    let of_element = |(element, nodes): (usize, &Vec<usize>)| {
+        let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+        for point in body.points_of(element) {
+            let [lambda, shear] = moduli(point);
+            let moduli = isotropic_moduli(lambda, shear);
+            add_stiffness(dimension, &geometry[point], nodes.len(), &moduli, &mut block.matrix);
+        }
+        block
+    };
+    body.mesh().elements.iter().enumerate().map(of_element).collect()
+}
