@@ -3,7 +3,7 @@
 /// Version of the package.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// The compiler's own version line; `unknown` if it could not be asked.
+/// The compiler's own version line; `unknown` if it could not be started.
 pub const COMPILER: &str = env!("GRAINSPAN_COMPILER");
 
 /// Optimisation level: `0` to `3`, `s` or `z`.

@@ -16,7 +16,7 @@ pub enum Exit {
     BadInput,
     /// Workers were lost and could not be replaced.
     WorkersLost,
-    /// A person or the system asked to stop.
+    /// A stop was requested by a person or the system.
     Interrupted,
 }
 
@@ -33,7 +33,7 @@ impl Exit {
     }
 }
 
-/// The end of a command that did not do what was asked: one message and the exit code.
+/// Failure of a command: one message and the exit code.
 #[derive(Debug)]
 pub struct Failure {
     /// Exit code.

@@ -18,6 +18,7 @@ pub mod control;
 pub mod engine;
 pub mod identity;
 pub mod layout;
+pub mod process;
 pub mod snapshot;
 pub mod tensor;
 pub mod transport;

@@ -12,6 +12,7 @@ use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::solver::SolverFor;
+use rve_server::tangent::needs_grain_solver;
 use std::path::Path;
 
 /// Rounds of measurements.
@@ -77,11 +78,11 @@ fn measure<S: SolverFor>(
     let mut outcomes = vec![None; kinds.len()];
     for round in 0..ROUNDS {
         for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(&mut outcomes) {
-            let is_probed = rve_server::tangent::perturbation::is_probed(*kind);
-            if is_probed && round > 0 {
+            let needs_grain_solver = needs_grain_solver(*kind);
+            if needs_grain_solver && round > 0 {
                 continue;
             }
-            let repeats = if is_probed { 1 } else { repeats };
+            let repeats = if needs_grain_solver { 1 } else { repeats };
             let started = processor_time();
             for _ in 0..repeats {
                 *outcome = cell.operator(*kind);

@@ -1,7 +1,7 @@
 //! `grainspan check SCENE.toml`: validates everything a run would need and runs nothing.
 
 use super::estimate::Estimate;
-use super::start_state::{self, Carried};
+use super::start_state::{self, PackingState};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
@@ -35,13 +35,13 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
     let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
-    let carried = Carried::by(scene.definition())?;
-    print(overview(&scene, &assignment, &carried).as_bytes())?;
+    let packing = PackingState::of(scene.definition())?;
+    print(overview(&scene, &assignment, &packing).as_bytes())?;
     Ok(Exit::Done)
 }
 
 /// Overview of a run of the scene.
-fn overview(scene: &Scene, assignment: &EngineAssignment, carried: &Carried) -> String {
+fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState) -> String {
     let problem = &scene.problem;
     let options = scene.definition().options();
     let points = problem.point_count();
@@ -74,8 +74,8 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, carried: &Carried) -> 
         ),
         ("Gauss points", points.to_string()),
         ("packing", packing_line(scene)),
-        ("packing stress", carried.stress_text()),
-        ("packing state", carried.state_text()),
+        ("packing stress", packing.stress_text()),
+        ("packing state", packing.state_text()),
         (
             "grain solver",
             format!(
@@ -102,9 +102,9 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, carried: &Carried) -> 
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
-    let mut notes: Vec<String> = carried.listed_forces.warning().into_iter().collect();
-    notes.extend(carried.remarks());
-    if let Some(mismatch) = start_state::mismatch(scene, carried).filter(|_| !carried.carries_nothing()) {
+    let mut notes: Vec<String> = packing.listed_forces.warning().into_iter().collect();
+    notes.extend(packing.remarks());
+    if let Some(mismatch) = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load()) {
         notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::REMEDY));
     }
     notes.extend(scene.remarks.iter().cloned());

@@ -9,7 +9,7 @@ use protocol::transport::shared_memory::RunDirectory;
 #[command(after_help = "Live runs are left alone. Output folders are never touched.")]
 pub(crate) struct Arguments {}
 
-/// Removes and tells what was removed.
+/// Removes the remains of dead runs and lists them.
 ///
 /// # Errors
 /// The folder of runs cannot be read; standard output cannot be written.

@@ -1,4 +1,4 @@
-//! What a run will take, to the order of magnitude: wall time and memory. Measured figures, no clock.
+//! Estimate of wall time and memory of a run, to the order of magnitude, from measured figures.
 
 use macro_solver::mesh::Dimension;
 use macro_solver::problem::Procedure;
@@ -19,7 +19,7 @@ const STATES: f64 = 2.0;
 /// Bytes of the macro process for a point: tangents, fields, records.
 const BYTES_PER_POINT: f64 = 4e3;
 
-/// What a run will take.
+/// Estimated cost of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Estimate {
     /// Processor time of all workers, s: least and most; `None` for motions, whose steps are counted when they run.
@@ -29,7 +29,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// Of a scene whose steps are not cut back, with so many evaluations of a point.
+    /// Of a scene whose steps are not cut back, with the given least and most evaluations.
     pub(crate) fn of(scene: &Scene, evaluations: [usize; 2]) -> Self {
         let problem = &scene.problem;
         let definition = scene.definition();
@@ -48,7 +48,7 @@ impl Estimate {
         Self { seconds: motionless.then_some(seconds), bytes }
     }
 
-    /// Both for people, on a machine with so many cores.
+    /// Time and memory for people, on a machine with this many cores.
     pub(crate) fn text(&self, cores: usize) -> String {
         let memory = format!("{} of memory", size(self.bytes));
         match self.seconds {

@@ -48,12 +48,12 @@ fn trial_text(case: &FailureCase) -> String {
     text
 }
 
-fn result_text(answer: &TrialAnswer) -> String {
+fn result_text(result: &TrialAnswer) -> String {
     let mut text = String::new();
-    line(&mut text, "stress", &format!("{:?}", answer.stress.0));
-    line(&mut text, "scalars", &format!("{:?}", answer.scalars));
-    line(&mut text, "cost", &format!("{:?}", answer.cost));
-    line(&mut text, "flags", &answer.flags.0.to_string());
+    line(&mut text, "stress", &format!("{:?}", result.stress.0));
+    line(&mut text, "scalars", &format!("{:?}", result.scalars));
+    line(&mut text, "cost", &format!("{:?}", result.cost));
+    line(&mut text, "flags", &result.flags.0.to_string());
     text
 }
 

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two lines where there is no terminal: a log shows that something goes on, and stays short.
+/// Between two lines where there is no terminal: a log shows that the command is running, and stays short.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// A moving line on a terminal, otherwise a line now and then, otherwise nothing.

@@ -16,10 +16,10 @@ use scene_reader::Scene;
 use std::collections::BTreeMap;
 
 /// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay
-/// below it; half the pressure asked for is far above.
+/// below it; a load of half the packing pressure is far above.
 pub(crate) const MISMATCH: f64 = 0.1;
 
-/// Largest over smallest radius of a packing that anybody has prepared on purpose.
+/// Largest over smallest radius above which a packing is likely to mix units.
 const WIDEST_GRADING: f64 = 1e3;
 
 /// Meshes with more points are not assembled for a check.
@@ -30,27 +30,27 @@ const MOST_SETS: usize = 8;
 
 /// A packing as given, before any grain has moved.
 #[derive(Clone, Debug)]
-pub(crate) struct Carried {
+pub(crate) struct PackingState {
     /// Stress, Pa, tension positive.
     pub(crate) stress: Tensor2,
     /// Space dimension of the packing.
     pub(crate) dimension: usize,
-    /// What else is known of it.
+    /// Density, contacts and overlaps.
     pub(crate) scalars: Scalars,
     /// Coordination number without rattlers.
     pub(crate) coordination_no_rattlers: f64,
-    /// What became of the tangential forces that it lists.
+    /// How many of the tangential forces in its file could be used.
     pub(crate) listed_forces: ListedForces,
     /// Largest over smallest radius.
     pub(crate) radius_ratio: f64,
 }
 
-impl Carried {
-    /// Looks at the packing of a definition.
+impl PackingState {
+    /// The state of the packing of a definition.
     ///
     /// # Errors
     /// Forces that are not finite.
-    pub(crate) fn by(definition: &AnyDefinition) -> Result<Self, Failure> {
+    pub(crate) fn of(definition: &AnyDefinition) -> Result<Self, Failure> {
         let refused = |error| Failure::new(Exit::BadInput, error);
         let (answer, listed_forces, radii): (TrialAnswer, ListedForces, Vec<f64>) = match definition {
             AnyDefinition::Discs(discs) => {
@@ -76,8 +76,8 @@ impl Carried {
         })
     }
 
-    /// Whether no chain of contacts goes through the cell.
-    pub(crate) fn carries_nothing(&self) -> bool {
+    /// Whether no chain of contacts spans the cell.
+    pub(crate) fn carries_no_load(&self) -> bool {
         self.coordination_no_rattlers == 0.0 || self.stress.0.iter().all(|component| *component == 0.0)
     }
 
@@ -107,13 +107,12 @@ impl Carried {
         )
     }
 
-    /// What a person should look at, one line each.
+    /// Warnings, one line each.
     pub(crate) fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
-        if self.carries_nothing() {
+        if self.carries_no_load() {
             remarks.push(
-                "the packing carries no load: no contact between its grains holds another; a run would find a singular \
-                 stiffness. Prepare one with `grainspan pack`"
+                "the packing carries no load: no chain of contacts spans the cell; the stiffness of a run would be singular. Prepare one with `grainspan pack`"
                     .to_owned(),
             );
         }
@@ -134,28 +133,28 @@ impl Carried {
     }
 }
 
-/// Says, where it is so, that the loads of the first step are not those that the packing carries: what it carries and what the
-/// loads ask for. `None` where they match, or where the first stage balances nothing.
-pub(crate) fn mismatch(scene: &Scene, carried: &Carried) -> Option<String> {
+/// A description of the difference between the stress of the packing and the loads of the first step. `None` if they match, or if
+/// the first stage is a motion.
+pub(crate) fn mismatch(scene: &Scene, packing: &PackingState) -> Option<String> {
     let imbalance = imbalance(scene)?;
-    (imbalance > MISMATCH).then(|| comparison(&scene.problem, carried, imbalance))
+    (imbalance > MISMATCH).then(|| comparison(&scene.problem, packing, imbalance))
 }
 
-/// What the packing carries and what the loads at the start ask for.
-pub(crate) fn comparison(problem: &Problem, carried: &Carried, imbalance: f64) -> String {
+/// The stress of the packing and the initial loads.
+fn comparison(problem: &Problem, packing: &PackingState, imbalance: f64) -> String {
     format!(
-        "out of balance by {imbalance:.1e} of the loads: the packing carries {}; the loads at the start ask for {}",
-        carried.stress_text(),
-        asked(problem, &carried.stress)
+        "initial residual {imbalance:.1e} (relative to applied loads): the packing has the stress {}; the initial loads are {}",
+        packing.stress_text(),
+        initial_loads(problem, &packing.stress)
     )
 }
 
-/// What can be done where loads and packing do not match.
-pub(crate) const REMEDY: &str = "begin at the stress of the packing (a pressure with history = \"constant\") and go to the \
-                                 wanted loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
+/// Remedy if loads and packing do not match.
+pub(crate) const REMEDY: &str = "start at the stress of the packing (a pressure with history = \"constant\") and apply the \
+                                 loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
                                  `grainspan check` compares both";
 
-/// Out-of-balance force of the packings' stress under the loads of the start, over the loads or reactions; `None` where the
+/// Out-of-balance force of the packings' stress under the initial loads, over the loads or reactions; `None` where the
 /// first stage is a motion, or the mesh is too large to be assembled for a check.
 fn imbalance(scene: &Scene) -> Option<f64> {
     let mut problem = scene.problem.clone();
@@ -163,28 +162,32 @@ fn imbalance(scene: &Scene) -> Option<f64> {
     if matches!(first.procedure, Procedure::Dynamic(_)) || problem.point_count() > MOST_POINTS {
         return None;
     }
-    let stress: Option<Vec<Tensor2>> =
-        scene.materials.definitions.iter().map(|one| Carried::by(one).ok().map(|carried| carried.stress)).collect();
-    // Whatever is out of balance at all ends the run after its first evaluation.
+    let stress: Option<Vec<Tensor2>> = scene
+        .materials
+        .definitions
+        .iter()
+        .map(|one| PackingState::of(one).ok().map(|packing| packing.stress))
+        .collect();
+    // With this limit any residual ends the run after its first evaluation.
     problem.initial.largest_imbalance = Some(0.0);
-    let mut material = AsGiven { stress: stress?, made_of: &scene.materials.made_of, asked: false };
+    let mut material = AsGiven { stress: stress?, made_of: &scene.materials.made_of, evaluated: false };
     let run = solve(&problem, &mut material, &mut Silent);
     Some(run.statistics.initial_imbalance)
 }
 
-/// Points that have the stress of their packing, and answer once.
+/// A material with the stress of the packings, for a single evaluation.
 struct AsGiven<'a> {
     stress: Vec<Tensor2>,
     made_of: &'a [usize],
-    asked: bool,
+    evaluated: bool,
 }
 
 impl PointMaterial for AsGiven<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
-        if std::mem::replace(&mut self.asked, true) {
+        if std::mem::replace(&mut self.evaluated, true) {
             return Err(MaterialError::Interrupted);
         }
-        let answer = |trial: &PointTrial| TrialAnswer {
+        let result = |trial: &PointTrial| TrialAnswer {
             stress: self.stress[self.made_of[trial.point]],
             tangent: (trial.ask.tangent != TangentKind::None).then(|| Box::new(Tensor4::ZERO)),
             scalars: Scalars::default(),
@@ -192,7 +195,7 @@ impl PointMaterial for AsGiven<'_> {
             cost: Cost::default(),
             flags: TrialFlags::default(),
         };
-        Ok(trials.iter().map(answer).collect())
+        Ok(trials.iter().map(result).collect())
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
@@ -202,8 +205,8 @@ impl PointMaterial for AsGiven<'_> {
     fn rollback(&mut self) {}
 }
 
-/// What the loads and the free faces ask for at the start, set by set, and what the packing presses there with.
-fn asked(problem: &Problem, stress: &Tensor2) -> String {
+/// The initial loads and the free faces, set by set, with the pressure of the packing on each.
+fn initial_loads(problem: &Problem, stress: &Tensor2) -> String {
     let Some(stage) = problem.stages.first() else { return "nothing".to_owned() };
     let mut loads: BTreeMap<&str, f64> = BTreeMap::new();
     let mut others = Vec::new();
@@ -233,13 +236,13 @@ fn asked(problem: &Problem, stress: &Tensor2) -> String {
     for free in problem.mesh.side_sets.keys().filter(|set| is_free(stage, set)) {
         loads.entry(free).or_insert(0.0);
     }
-    let told = loads.iter().map(|(set, pressure)| match pressed(&problem.mesh, set, stress) {
-        Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing presses with {carried:.3e})"),
+    let pressures = loads.iter().map(|(set, pressure)| match pressed(&problem.mesh, set, stress) {
+        Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing has {carried:.3e})"),
         None => format!("a pressure of {pressure:.3e} Pa on {set}"),
     });
-    let told: Vec<String> = told.chain(others).collect();
-    let more = told.len().saturating_sub(MOST_SETS);
-    let mut text = told[..told.len().min(MOST_SETS)].join(", ");
+    let parts: Vec<String> = pressures.chain(others).collect();
+    let more = parts.len().saturating_sub(MOST_SETS);
+    let mut text = parts[..parts.len().min(MOST_SETS)].join(", ");
     if more > 0 {
         text += &format!(" and {more} more");
     }
@@ -300,26 +303,26 @@ mod tests {
         Scene::load(&path, &overrides.iter().map(|&given| given.to_owned()).collect::<Vec<_>>()).unwrap()
     }
 
-    fn said(scene: &Scene) -> Option<String> {
-        mismatch(scene, &Carried::by(scene.definition()).unwrap())
+    fn text_of(scene: &Scene) -> Option<String> {
+        mismatch(scene, &PackingState::of(scene.definition()).unwrap())
     }
 
     #[test]
-    fn loads_that_the_packing_does_not_carry_are_named_with_both_stresses() {
-        assert_eq!(said(&scene("biaxial-small.toml", &[])), None);
-        let text = said(&scene("biaxial-small.toml", &["pressure.0.value=2e5", "pressure.1.value=2e5"])).unwrap();
-        for part in ["xx -1.000e5", "yy -1.000e5", "2.000e5 Pa on left (the packing presses with 1.000e5)"] {
+    fn loads_that_do_not_match_the_packing_are_named_with_both_stresses() {
+        assert_eq!(text_of(&scene("biaxial-small.toml", &[])), None);
+        let text = text_of(&scene("biaxial-small.toml", &["pressure.0.value=2e5", "pressure.1.value=2e5"])).unwrap();
+        for part in ["xx -1.000e5", "yy -1.000e5", "2.000e5 Pa on left (the packing has 1.000e5)"] {
             assert!(text.contains(part), "'{part}' is missing in: {text}");
         }
-        let text = said(&scene("biaxial-small.toml", &["pressure.1.value=-1e5"])).unwrap();
+        let text = text_of(&scene("biaxial-small.toml", &["pressure.1.value=-1e5"])).unwrap();
         assert!(text.contains("-1.000e5 Pa on right"), "{text}");
     }
 
-    /// Whoever forgets a face asks for a pressure of 0 there.
+    /// A face without a condition has a pressure of 0.
     #[test]
     fn free_faces_are_named() {
-        let text = said(&scene("biaxial-small.toml", &["pressure=[]"])).unwrap();
-        assert!(text.contains("0.000e0 Pa on left (the packing presses with 1.000e5)"), "{text}");
+        let text = text_of(&scene("biaxial-small.toml", &["pressure=[]"])).unwrap();
+        assert!(text.contains("0.000e0 Pa on left (the packing has 1.000e5)"), "{text}");
         assert!(!text.contains("on bottom"), "a held face is not free: {text}");
     }
 
@@ -332,15 +335,15 @@ mod tests {
             "single-element.toml",
             "biaxial-weak-element.toml",
         ] {
-            assert_eq!(said(&scene(file, &[])), None, "{file}");
+            assert_eq!(text_of(&scene(file, &[])), None, "{file}");
         }
     }
 
     #[test]
     fn the_mean_pressure_of_a_packing_of_spheres_is_over_three_axes() {
-        let carried = Carried::by(scene("single-hexahedron-biaxial.toml", &[]).definition()).unwrap();
-        let trace: f64 = [0, 4, 8].map(|place| carried.stress.0[place]).iter().sum();
-        assert!((carried.pressure() + trace / 3.0).abs() < 1e-9 * carried.pressure());
-        assert!(carried.stress_text().contains("zz ") && !carried.carries_nothing());
+        let packing = PackingState::of(scene("single-hexahedron-biaxial.toml", &[]).definition()).unwrap();
+        let trace: f64 = [0, 4, 8].map(|place| packing.stress.0[place]).iter().sum();
+        assert!((packing.pressure() + trace / 3.0).abs() < 1e-9 * packing.pressure());
+        assert!(packing.stress_text().contains("zz ") && !packing.carries_no_load());
     }
 }

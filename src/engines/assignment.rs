@@ -1,8 +1,9 @@
 //! The engines of one run, their capabilities, and the Gauss points of each.
 
-use super::{BUILT_IN, Catalogue, Compatibility, Engine, capabilities_of, compatibility};
+use super::{Catalogue, Compatibility, Engine, capabilities_of, compatibility};
 use crate::exit::{Exit, Failure};
 use protocol::{Capabilities, Definition};
+use rve_server::server::built_in_engine;
 use scene_reader::{Materials, Scene};
 
 /// One engine of a run.
@@ -59,7 +60,7 @@ impl EngineAssignment {
             names.remove(0);
             engine_of.iter_mut().for_each(|engine| *engine -= 1);
         }
-        let catalogue = match names.iter().all(|name| name == BUILT_IN) {
+        let catalogue = match names.iter().all(|name| built_in_engine(name).is_some()) {
             true => Catalogue::default(),
             false => Catalogue::read().map_err(refuse)?,
         };

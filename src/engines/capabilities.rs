@@ -3,8 +3,8 @@
 
 use super::Engine;
 use anyhow::{Context, bail};
-use protocol::{Capabilities, RveEngine};
-use rve_server::engine::GrainEngine;
+use protocol::Capabilities;
+use rve_server::server::built_in_engine;
 use std::io::Read;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -17,8 +17,8 @@ const REPORT_TIMEOUT: Duration = Duration::from_secs(60);
 /// # Errors
 /// It cannot be started, does not reply in time, or replies with something else; with the last line of its standard error.
 pub(crate) fn capabilities_of(engine: &Engine) -> anyhow::Result<Capabilities> {
-    if engine.is_built_in() {
-        return Ok(GrainEngine.capabilities());
+    if let Some(built_in) = built_in_engine(&engine.name) {
+        return Ok((built_in.create)().capabilities());
     }
     let name = &engine.name;
     let mut child = Command::new(&engine.program)
@@ -49,7 +49,7 @@ fn drained(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut pipe) = pipe {
-            // What can be read is used; the exit status tells whether something went wrong.
+            // A partial text is used too; the exit status shows whether the engine failed.
             let _ = pipe.read_to_end(&mut bytes);
         }
         String::from_utf8_lossy(&bytes).into_owned()

@@ -2,6 +2,7 @@
 
 use super::BUILT_IN;
 use anyhow::{Context, bail};
+use rve_server::server::{BUILT_IN_ENGINES, built_in_engine};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -24,22 +25,22 @@ pub(crate) struct Engine {
 }
 
 impl Engine {
-    /// The engine inside this program.
+    /// An engine inside this program.
     ///
     /// # Errors
     /// The path of this executable is unknown.
-    pub(crate) fn built_in() -> std::io::Result<Self> {
+    pub(crate) fn built_in(name: &str) -> std::io::Result<Self> {
         Ok(Self {
-            name: BUILT_IN.to_owned(),
+            name: name.to_owned(),
             program: std::env::current_exe()?,
-            arguments: vec!["rve-server".into(), "--engine".into(), BUILT_IN.into()],
+            arguments: vec!["rve-server".into(), "--engine".into(), name.into()],
             environment: BTreeMap::new(),
         })
     }
 
-    /// Whether it is the engine inside this program.
+    /// Whether it is the engine of periodic cells inside this program.
     pub(crate) fn is_built_in(&self) -> bool {
-        self.name == BUILT_IN
+        self.name == BUILT_IN || self.name == BUILT_IN_ENGINES[0].keyword
     }
 }
 
@@ -94,13 +95,17 @@ impl Catalogue {
     /// # Errors
     /// There is none; the text lists the known names and the file they come from.
     pub(crate) fn find(&self, name: &str) -> anyhow::Result<Engine> {
-        if name == BUILT_IN {
-            return Engine::built_in().context("could not find this program");
+        if built_in_engine(name).is_some() {
+            return Engine::built_in(name).context("could not find this program");
         }
         if let Some(engine) = self.engines.get(name) {
             return Ok(engine.clone());
         }
-        let known: Vec<&str> = std::iter::once(BUILT_IN).chain(self.engines.keys().map(String::as_str)).collect();
+        let known: Vec<&str> = BUILT_IN_ENGINES
+            .iter()
+            .map(|engine| engine.keyword)
+            .chain(self.engines.keys().map(String::as_str))
+            .collect();
         let place = match &self.path {
             Some(path) => format!("{} lists", path.display()),
             None => format!("no engines.toml was found (set {VARIABLE}); there is"),
@@ -113,8 +118,8 @@ fn parse(text: &str, folder: &str) -> anyhow::Result<BTreeMap<String, Engine>> {
     let entries: BTreeMap<String, Entry> = toml::from_str(text)?;
     let mut engines = BTreeMap::new();
     for (name, entry) in entries {
-        if name == BUILT_IN {
-            bail!("'{BUILT_IN}' is the engine inside this program; choose another name");
+        if built_in_engine(&name).is_some() {
+            bail!("'{name}' is an engine inside this program; choose another name");
         }
         let mut words = entry.command.iter().map(|word| word.replace("{here}", folder));
         let Some(program) = words.next() else { bail!("engine '{name}' has an empty command") };

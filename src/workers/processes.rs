@@ -124,7 +124,7 @@ impl WorkerProcesses {
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
         let mut child = launched(command.process_group(0))?;
-        let stderr = child.stderr.take().expect("standard error was asked to be a pipe");
+        let stderr = child.stderr.take().expect("standard error is a pipe");
         let tail = StderrTail::of(child.id(), stderr)?;
         tracing::debug!(pid = child.id(), "worker started");
         self.children.push(WorkerChild {

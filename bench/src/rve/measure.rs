@@ -2,13 +2,13 @@
 
 use super::case::Case;
 use super::window::CurveRow;
+use crate::workers::measured_processor_seconds;
 use anyhow::Context;
 use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use rve_server::engine::GrainEngine;
-use std::fs;
 use std::time::Instant;
 
 /// A curve and its price.
@@ -98,11 +98,9 @@ fn independent(stress: &Tensor2, planar: bool) -> Vec<f64> {
     places.iter().map(|place| stress.0[*place]).collect()
 }
 
-/// Processor time of this thread, s; wall time where the system does not tell.
+/// Processor time of this thread, s; wall time where the system does not report it.
 fn thread_time() -> f64 {
-    let text = fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = text.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| epoch().elapsed().as_secs_f64(), |value| value * 1e-9)
+    measured_processor_seconds("thread-self").unwrap_or_else(|| epoch().elapsed().as_secs_f64())
 }
 
 fn epoch() -> Instant {

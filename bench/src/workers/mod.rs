@@ -6,7 +6,7 @@ mod pool;
 
 pub(crate) use echo::{Echo, answer_jobs};
 pub(crate) use engines::{EMPTY_SNAPSHOTS, idle_definition, pausing_definition};
-pub(crate) use pool::{StudyPool, fresh_name, grain_definition, processor_seconds};
+pub(crate) use pool::{StudyPool, fresh_name, grain_definition, measured_processor_seconds, processor_seconds};
 
 use anyhow::{Context, bail};
 use engines::{IdleEngine, PausingEngine};
@@ -15,7 +15,6 @@ use protocol::transport::shared_memory::SharedMemoryWorkerPort;
 use rve_server::server::{ServeOptions, serve};
 use std::ffi::OsString;
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::str::FromStr;
 use std::time::Duration;
 
 /// How long a helper waits for the run that it belongs to.
@@ -47,14 +46,6 @@ impl Role {
             Self::Idle => "idle",
             Self::Pausing => "pausing",
         }
-    }
-}
-
-impl FromStr for Role {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|role| role.keyword() == text).ok_or_else(|| format!("`{text}` is no role"))
     }
 }
 
@@ -114,7 +105,8 @@ pub(crate) fn work(run: &str) -> ExitCode {
 pub(crate) fn help(role: &str, address: &str) -> anyhow::Result<()> {
     // A study that was killed must not leave processes behind.
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
-    let role = role.parse::<Role>().map_err(anyhow::Error::msg)?;
+    let role =
+        Role::ALL.into_iter().find(|one| one.keyword() == role).with_context(|| format!("unknown role `{role}`"))?;
     if role == Role::SocketEcho {
         return echo::answer_socket(address);
     }

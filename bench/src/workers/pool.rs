@@ -19,10 +19,15 @@ pub(crate) fn fresh_name() -> String {
 /// Strain of one call: that of an increment of the shipped scenes.
 const STRAIN: f64 = 1e-4;
 
-/// Processor time of a thread, s; 0 when the system does not tell. `thread-self` is the calling thread.
+/// Processor time of a thread, s, if the system reports it. `thread-self` is the calling thread.
+pub(crate) fn measured_processor_seconds(thread: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok()?;
+    Some(1e-9 * text.split_whitespace().next()?.parse::<f64>().ok()?)
+}
+
+/// The same; 0 if the system does not report it.
 pub(crate) fn processor_seconds(thread: &str) -> f64 {
-    let text = std::fs::read_to_string(format!("/proc/{thread}/schedstat")).unwrap_or_default();
-    text.split_whitespace().next().and_then(|text| text.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
+    measured_processor_seconds(thread).unwrap_or(0.0)
 }
 
 /// The 400 discs of the shipped scene with its contact law.

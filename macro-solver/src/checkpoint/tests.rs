@@ -271,11 +271,11 @@ fn an_archive_of_another_mesh_is_refused_before_anything_is_solved() {
     other.mesh = Block::plane([1.0, 2.0], [2, 4], ElementKind::Q8).mesh().unwrap();
     let mut store = Shelf { earlier: shelf.kept.pop(), kept: Vec::new() };
     let run = solve_with_checkpoints(&other, &mut law(&other), &mut Silent, &mut store);
-    let Outcome::Stopped(request) = run.outcome else { panic!("{:?}", run.outcome) };
-    assert!(request.reason.contains("does not fit"), "{}", request.reason);
+    let Outcome::CheckpointRefused(error) = run.outcome else { panic!("{:?}", run.outcome) };
+    assert!(error.to_string().contains("does not fit"), "{error}");
     assert_eq!(run.statistics.evaluations, 0);
     let mut store = Shelf { earlier: Some(Archive::new()), kept: Vec::new() };
     let run = solve_with_checkpoints(&small, &mut law(&small), &mut Silent, &mut store);
-    assert!(matches!(run.outcome, Outcome::Stopped(_)));
+    assert!(matches!(run.outcome, Outcome::CheckpointRefused(_)));
     assert!(matches!(solve(&small, &mut law(&small), &mut Silent).outcome, Outcome::Completed));
 }

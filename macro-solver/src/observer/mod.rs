@@ -383,6 +383,8 @@ pub enum Outcome {
     Stopped(StopRequest),
     /// The problem is not solvable as posed; nothing was evaluated.
     Refused(ProblemError),
+    /// The checkpoint to continue from does not fit the problem; nothing was evaluated.
+    CheckpointRefused(CheckpointError),
 }
 
 /// A finished run.

@@ -39,12 +39,12 @@ use batch::Batch;
 use coordinator::{Action, Coordinator};
 use points::PointTable;
 use protocol::control::ToWorker;
+use protocol::process::resident_mebibytes;
 use protocol::transport::{MacroPort, TransportError, Waker};
 use protocol::{Definition, DefinitionId, TrialAnswer};
-use recycling::resident_mebibytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use workers::process_stats::ProcessStats;
+use workers::process_stats::process_stat;
 
 /// Time between two checks of the processes of busy workers.
 const CHECK_INTERVAL: Duration = Duration::from_millis(500);
@@ -239,8 +239,8 @@ impl<P: MacroPort> Pool<P> {
             return;
         }
         self.checked = now;
-        self.any_stopped = self.coordinator.workers.check(now, ProcessStats::of);
-        self.coordinator.retire_the_large(resident_mebibytes);
+        self.any_stopped = self.coordinator.workers.check(now, process_stat);
+        self.coordinator.retire_after_growth(resident_mebibytes);
         if let Some(reporter) = &mut self.reporter {
             reporter(&report::of(&self.coordinator, now));
         }

@@ -22,7 +22,7 @@ use crate::model::constraints::Constraints;
 use crate::model::failure::{Failure, failure};
 use crate::model::loads::Loads;
 use crate::model::points::Points;
-use crate::observer::{CutBack, Observer, Outcome, Run, Statistics, StopRequest};
+use crate::observer::{CutBack, Observer, Outcome, Run, Statistics};
 use crate::problem::{PathControl, Problem, ProblemError};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -158,8 +158,7 @@ impl<'a> Solver<'a> {
 
     fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
-        let unfit = |error| Outcome::Stopped(StopRequest { reason: format!("{error}") });
-        if !self.resume(session).map_err(unfit)? {
+        if !self.resume(session).map_err(Outcome::CheckpointRefused)? {
             session.observer.stage_started(self.stage, self.stage());
             if let StageMethod::LoadSteps(method) = self.method() {
                 self.equilibrate(method, session)?;

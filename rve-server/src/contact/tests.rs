@@ -2,8 +2,7 @@
 
 use super::linear::NormalStiffness;
 use super::*;
-use crate::space::{Components, KernelSpace, Spheres};
-use proptest::prelude::*;
+use crate::space::Spheres;
 
 fn hertz(unloading: Unloading) -> PlainHertzMindlin {
     PlainHertzMindlin {
@@ -214,49 +213,4 @@ fn rolling_spring_is_elastic_and_then_plastic() {
     assert!((lost / (largest * yield_angle) - 1.0).abs() < 1e-12);
     let (moment, _) = roll(-0.5 * yield_angle);
     assert!((moment / largest + 0.5).abs() < 1e-12);
-}
-
-proptest! {
-    /// A pair that rotates rigidly about any axis slips by nothing and carries its force along exactly.
-    #[test]
-    fn rigid_rotation_is_no_slip(
-        axis in proptest::array::uniform3(-1.0..1.0f64), angle in -0.02..0.02f64,
-        start in proptest::array::uniform3(-1.0..1.0f64), across in proptest::array::uniform3(-1.0..1.0f64),
-    ) {
-        prop_assume!(axis.norm() > 0.1 && start.norm() > 0.1);
-        let axis = axis.times(1.0 / axis.norm());
-        let before = start.times(1.0 / start.norm());
-        let turn = |v: [f64; 3]| {
-            let cross = Spheres::cross(axis, v);
-            let twice = Spheres::cross(axis, cross);
-            v.plus(cross.times(angle.sin())).plus(twice.times(2.0 * (0.5 * angle).sin().powi(2)))
-        };
-        let force = Spheres::cross(before, across);
-        let spin = axis.times(angle);
-        let (length, arms) = (1.9, [0.7, 1.2]);
-        let slip = slip_of_spheres(before, turn(before), 1.0 / length, length, arms, [spin, spin]);
-        prop_assert!(slip.slip.norm() < 1e-15, "{:?}", slip.slip);
-        prop_assert!(slip.carried(force).minus(turn(force)).norm() < 1e-15);
-    }
-
-    /// To first order the slip is that of the two surfaces; the order of the grains does not matter.
-    #[test]
-    fn slip_is_the_motion_of_the_surfaces(
-        motion in proptest::array::uniform3(-1e-6..1e-6f64), spins in proptest::array::uniform6(-1e-6..1e-6f64),
-    ) {
-        let before = [0.6, 0.0, 0.8];
-        let (length, arms) = (1.9, [0.7, 1.2]);
-        let branch = before.times(length).plus(motion);
-        let after = branch.times(1.0 / branch.norm());
-        let spins = [[spins[0], spins[1], spins[2]], [spins[3], spins[4], spins[5]]];
-        let slip = slip_of_spheres(before, after, 1.0 / length, length, arms, spins).slip;
-        let surface = motion
-            .minus(Spheres::cross(spins[0], before.times(arms[0])))
-            .minus(Spheres::cross(spins[1], before.times(arms[1])));
-        let across = surface.minus(before.times(surface.dot(before)));
-        prop_assert!(Spheres::cross(slip, before).minus(across).norm() < 1e-11);
-        let swapped =
-            slip_of_spheres(before.times(-1.0), after.times(-1.0), 1.0 / length, length, [arms[1], arms[0]], [spins[1], spins[0]]);
-        prop_assert!(swapped.slip.minus(slip).norm() < 1e-15);
-    }
 }

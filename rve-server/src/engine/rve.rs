@@ -8,9 +8,7 @@ use crate::definition::{GrainDefinition, GrainModel, RveOptions};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
-use crate::tangent::network::Orderings;
-use crate::tangent::perturbation::{self, Probed};
-use crate::tangent::{self, TangentOutcome};
+use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
     Ask, Cost, Definition, DefinitionId, Observables, Question, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
     TrialAnswer, TrialFlags, answer_alone, snapshot,
@@ -323,7 +321,8 @@ impl<S: SolverFor> GrainRve<S> {
             return;
         }
         let started = Instant::now();
-        let Probed { outcome, force_evaluations } = self.operator(kind).expect("the trial has just been made");
+        let OperatorEvaluation { outcome, force_evaluations } =
+            self.operator(kind).expect("the trial has just been made");
         answer.cost.force_evaluations += force_evaluations;
         if outcome.fallback {
             answer.flags.insert(TrialFlags::TANGENT_FALLBACK);
@@ -337,19 +336,17 @@ impl<S: SolverFor> GrainRve<S> {
 
     /// An operator of the present trial, as the trial itself would have returned it; `None` without a trial. What the
     /// operator learns goes into the trial state.
-    pub fn operator(&mut self, kind: TangentKind) -> Option<Probed> {
+    pub fn operator(&mut self, kind: TangentKind) -> Option<OperatorEvaluation> {
         let trial = self.trial.as_mut()?;
         if !trial.state.bears_load {
             let outcome = TangentOutcome::exact(Tensor4::ZERO);
-            return Some(Probed { outcome, force_evaluations: 0 });
+            return Some(OperatorEvaluation::without_evaluations(outcome));
         }
-        if !perturbation::is_probed(kind) {
-            return Some(Probed {
-                outcome: tangent::evaluate_with(&mut self.orderings, &trial.network, kind),
-                force_evaluations: 0,
-            });
-        }
-        let question = perturbation::Trial {
+        let Method::Perturbation(perturbation) = Method::of(kind) else {
+            let outcome = tangent::evaluate_with(&mut self.orderings, &trial.network, kind);
+            return Some(OperatorEvaluation::without_evaluations(outcome));
+        };
+        let perturbed = perturbation::Trial {
             model: &self.model,
             contact: &self.contact,
             start: &self.committed,
@@ -358,7 +355,7 @@ impl<S: SolverFor> GrainRve<S> {
             network: &trial.network,
             stress: &trial.stress,
         };
-        Some(question.operator(kind, &mut *self.solver, &mut trial.state))
+        Some(perturbed.operator(perturbation, &mut *self.solver, &mut trial.state))
     }
 }
 

@@ -3,15 +3,6 @@
 use crate::cell::ContactNetwork;
 use crate::space::{Components, Space, Tensor};
 
-/// Contacts without those of rattlers, and the grains that carry them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Backbone {
-    /// Grains with at least two contacts after all others have been removed.
-    pub grains: usize,
-    /// Contacts between them.
-    pub contacts: usize,
-}
-
 impl<S: Space> ContactNetwork<S> {
     /// Void area or volume over that of the grains. Overlaps count twice as grain, as is usual.
     pub fn void_ratio(&self) -> f64 {
@@ -22,51 +13,6 @@ impl<S: Space> ContactNetwork<S> {
     /// 2 x contacts over grains.
     pub fn coordination_number(&self) -> f64 {
         2.0 * self.contacts.len() as f64 / self.positions.len() as f64
-    }
-
-    /// Removes grains with fewer than two contacts until none is left that has.
-    pub fn backbone(&self) -> Backbone {
-        let (degree, alive) = self.pruned();
-        Backbone {
-            grains: degree.iter().filter(|degree| **degree >= 2).count(),
-            contacts: alive.iter().filter(|alive| **alive).count(),
-        }
-    }
-
-    /// Whether each grain is a rattler: removed with its contacts on the way to the backbone.
-    pub fn rattlers(&self) -> Vec<bool> {
-        self.pruned().0.into_iter().map(|degree| degree < 2).collect()
-    }
-
-    /// Contacts left of each grain, and whether each contact is left, after pruning.
-    fn pruned(&self) -> (Vec<u32>, Vec<bool>) {
-        let mut degree = vec![0u32; self.positions.len()];
-        for contact in &self.contacts {
-            degree[contact.origin as usize] += 1;
-            degree[contact.end as usize] += 1;
-        }
-        let mut alive: Vec<bool> = vec![true; self.contacts.len()];
-        loop {
-            let mut changed = false;
-            for (contact, alive) in self.contacts.iter().zip(&mut alive) {
-                let (o, e) = (contact.origin as usize, contact.end as usize);
-                if *alive && (degree[o] < 2 || degree[e] < 2) {
-                    *alive = false;
-                    degree[o] -= 1;
-                    degree[e] -= 1;
-                    changed = true;
-                }
-            }
-            if !changed {
-                return (degree, alive);
-            }
-        }
-    }
-
-    /// 2 x contacts over non-rattlers, contacts of rattlers left out; 0 if all are rattlers.
-    pub fn coordination_number_no_rattlers(&self) -> f64 {
-        let backbone = self.backbone();
-        if backbone.grains == 0 { 0.0 } else { 2.0 * backbone.contacts as f64 / backbone.grains as f64 }
     }
 
     /// Contact fabric `1/C sum n x n`; zero without contacts.

@@ -4,4 +4,5 @@
 
 pub mod fabric;
 pub(crate) mod observation;
+pub(crate) mod rattlers;
 pub mod stress;

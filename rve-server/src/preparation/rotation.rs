@@ -80,10 +80,10 @@ mod tests {
         let angle = 0.7;
         let turned = upright.rotated(angle).unwrap();
         let turn = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), angle).into_inner();
-        let stress =
+        let initial =
             |packing: &Packing| Matrix3::from_row_slice(&cell(packing).observe(Observables::NONE).unwrap().stress.0);
-        let start = turn * stress(&upright) * turn.transpose();
-        assert!((stress(&turned) - start).amax() < 1e-9 * 1e5, "the start");
+        let start = turn * initial(&upright) * turn.transpose();
+        assert!((initial(&turned) - start).amax() < 1e-9 * 1e5, "the start");
         let isotropic = Matrix3::from_diagonal(&[-1e-4, -1e-4, 0.0].into());
         let shear = Matrix3::new(2e-4, 5e-5, 0.0, 1e-4, -3e-4, 0.0, 0.0, 0.0, 0.0);
         for (target, tolerance) in [(isotropic, 1e-6), (shear, 1e-5)] {

@@ -4,10 +4,13 @@
 //! working on. Every successful reply therefore carries the snapshot of its trial state; a copy of 50 kB costs about
 //! 10 us against solves of a millisecond and more.
 
+mod engines;
 mod job_runner;
 mod state_cache;
 #[cfg(test)]
 mod tests;
+
+pub use engines::{BUILT_IN_ENGINES, BuiltInEngine, built_in_engine};
 
 use job_runner::{Answer, Bench};
 use protocol::control::{FromWorker, ToWorker};

@@ -6,6 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
+/// A plane operator as `[ij][kl]`, pairs ordered 11, 12, 21, 22, Pa.
+pub(super) type PlaneOperator = [[f64; 4]; 4];
+
 /// Springs and normal force of all contacts of a lattice.
 #[derive(Clone, Copy)]
 pub(super) struct Springs {

@@ -1,11 +1,10 @@
 //! Which contacts slide, and what that leaves of their tangential stiffness.
 
 use super::link::{Link, dot};
-use protocol::TangentKind;
 
 /// Where the set of sliding contacts is taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SlidingSet {
+pub(crate) enum SlidingSet {
     /// The contacts that slid during the ramp of the evaluation.
     OfRamp,
     /// The contacts at the Coulomb limit in the relaxed state. The last relaxation steps unload the cone, so this set
@@ -15,7 +14,7 @@ pub(super) enum SlidingSet {
 
 /// What a sliding contact does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sliding {
+pub(crate) enum Sliding {
     /// It sticks like all others.
     Sticks,
     /// It has no stiffness along its slip.
@@ -25,18 +24,6 @@ pub(super) enum Sliding {
 }
 
 impl Sliding {
-    /// The law of a network operator; `None` for kinds that are none.
-    pub(super) fn of(kind: TangentKind) -> Option<Self> {
-        Some(match kind {
-            TangentKind::TrussLike => Self::Sticks,
-            TangentKind::TrussLikeSlip => Self::Slips(SlidingSet::OfRamp),
-            TangentKind::TrussLikeSlipAtRest => Self::Slips(SlidingSet::AtRest),
-            TangentKind::TrussLikeReleased => Self::Released(SlidingSet::OfRamp),
-            TangentKind::TrussLikeReleasedAtRest => Self::Released(SlidingSet::AtRest),
-            _ => return None,
-        })
-    }
-
     /// Whether the operator is symmetric but for the prestress.
     pub(super) fn is_symmetric(self) -> bool {
         !matches!(self, Self::Slips(_))

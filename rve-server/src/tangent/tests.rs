@@ -1,10 +1,11 @@
 //! Checks D-1, D-2, D-6 (lattices with closed-form moduli), T-2, T-3, T-5 (identities and bound on random networks), and
 //! the ways in which a network can be unfit: rattlers, floating clusters, mechanisms, grains that only slide.
 
-use super::sample_networks::{Springs, random, square, stress, triangular};
+use super::sample_networks::{PlaneOperator, Springs, random, square, stress, triangular};
 use super::*;
-use crate::cell::NetworkContact;
+use crate::cell::{ContactNetwork, NetworkContact};
 use nalgebra::Matrix3;
+use protocol::{TangentKind, Tensor4};
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 

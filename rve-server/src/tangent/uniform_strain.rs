@@ -8,11 +8,8 @@ use super::sliding::{ContactStiffness, Sliding};
 use super::strain::{PAIRS, objective, pair, stretched};
 use protocol::Tensor4;
 
-/// Factors of `k_n` and `k_t`.
-pub(crate) type Factors = [f64; 2];
-
-/// No calibration.
-pub(crate) const UNCALIBRATED: Factors = [1.0, 1.0];
+/// Factors of `k_n` and `k_t` without calibration.
+pub(super) const UNCALIBRATED: [f64; 2] = [1.0, 1.0];
 
 /// UKO in its objective form, Pa: grains follow the mean strain and spin with the mean rotation.
 ///
@@ -20,7 +17,7 @@ pub(crate) const UNCALIBRATED: Factors = [1.0, 1.0];
 /// changes the stress and `d sigma` is not symmetric. Here strain alone acts, which symmetrises the tangential part in
 /// both index pairs; that is also the true upper bound of the network operators at vanishing prestress. Prestress terms
 /// are left out. All contacts stick.
-pub(super) fn kruyt<const D: usize, const B: usize>(grains: &LinkedGrains<D>, factors: Factors) -> Tensor4 {
+pub(super) fn kruyt<const D: usize, const B: usize>(grains: &LinkedGrains<D>, factors: [f64; 2]) -> Tensor4 {
     let mut sum = [[0.0; B]; PAIRS];
     for link in &grains.links {
         let normal_stiffness = factors[0] * link.normal_stiffness;
@@ -45,7 +42,7 @@ pub(super) fn kruyt<const D: usize, const B: usize>(grains: &LinkedGrains<D>, fa
 }
 
 /// UKO as printed, [Argilaga2018] eq. 13, Pa: grains do not spin, so a rigid rotation shears every contact.
-pub(super) fn kruyt_printed<const D: usize>(grains: &LinkedGrains<D>, factors: Factors) -> Tensor4 {
+pub(super) fn kruyt_printed<const D: usize>(grains: &LinkedGrains<D>, factors: [f64; 2]) -> Tensor4 {
     let mut operator = Tensor4::ZERO;
     for link in &grains.links {
         let e = &link.normal;

@@ -107,12 +107,12 @@ fn warnings(log: &str) -> (Vec<String>, usize) {
 
 fn line_of(entry: &Value, level: &str) -> String {
     let fields = entry.as_object().into_iter().flatten();
-    let said =
+    let parts =
         fields.filter(|(key, _)| !matches!(key.as_str(), "level" | "target" | "timestamp")).map(|(key, value)| {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             if matches!(key.as_str(), "message" | "event") { value } else { format!("{key} = {value}") }
         });
-    format!("{level}: {}", said.collect::<Vec<_>>().join(", "))
+    format!("{level}: {}", parts.collect::<Vec<_>>().join(", "))
 }
 
 #[cfg(test)]

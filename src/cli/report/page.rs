@@ -66,8 +66,8 @@ pub(super) fn page(contents: &Contents) -> Result<String, ChartError> {
 }
 
 fn status(contents: &Contents) -> Markup {
-    let said = contents.summary.as_ref().and_then(|summary| summary.get("status")).and_then(Value::as_str);
-    match said {
+    let status = contents.summary.as_ref().and_then(|summary| summary.get("status")).and_then(Value::as_str);
+    match status {
         Some("done") => html! { "done" },
         Some(other) => html! { span.bad { (other.replace('_', " ")) } },
         None => html! { span.bad { "not ended (no summary.json)" } },
@@ -89,7 +89,7 @@ fn concerns(summary: Option<&Value>) -> Markup {
         found.iter().map(|(name, count)| in_words(name, count.as_u64().unwrap_or(0))).collect();
     html! {
         @if warnings.is_empty() { p { "Accuracy: no warnings." } }
-        @else { p.bad { "Accuracy: " (warnings.join(", ")) " (docs/reference/counters.md says what the counters mean)." } }
+        @else { p.bad { "Accuracy: " (warnings.join(", ")) " (docs/reference/counters.md explains the counters)." } }
     }
 }
 

@@ -103,7 +103,7 @@ pub(super) fn add_deprecated(table: &str, counts: &mut BTreeMap<String, u64>) {
     }
 }
 
-/// What a counter means for the result; an unknown one asks for a look.
+/// What a counter means for the result; unknown ones count as warnings.
 pub(crate) fn concern(name: &str) -> Concern {
     COUNTERS.iter().find(|counter| counter.name == name).map_or(LookAtThis, |counter| counter.concern)
 }

@@ -1,7 +1,7 @@
 //! Why a run did not reach its end: message, exit code, remedy, and the failure case of a trial that ends workers.
 
 use super::folder::OutputFolder;
-use crate::cli::start_state::{self, Carried};
+use crate::cli::start_state::{self, PackingState};
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
@@ -52,6 +52,7 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
         }
         Outcome::Stopped(request) => Failure::new(Exit::BadInput, request),
         Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
+        Outcome::CheckpointRefused(error) => Failure::new(Exit::BadInput, error),
     })
 }
 
@@ -61,10 +62,10 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
     if run.statistics.steps > 0 || run.stage > 0 || run.load > 0.0 {
         return None;
     }
-    let carried = Carried::by(scene.definition()).ok()?;
-    let explained = match carried.remarks().first() {
+    let packing = PackingState::of(scene.definition()).ok()?;
+    let explained = match packing.remarks().first() {
         Some(remark) => remark.clone(),
-        None => start_state::mismatch(scene, &carried)?,
+        None => start_state::mismatch(scene, &packing)?,
     };
     Some(format!("{explained}\nhint: {}", start_state::REMEDY))
 }

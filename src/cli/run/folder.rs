@@ -1,4 +1,4 @@
-//! The output folder of a run: made only when everything else is known to be sound, and never over foreign files.
+//! The output folder of a run: created only when all input has been checked, and never over foreign files.
 
 use crate::exit::Failure;
 use macro_solver::output::{OutputError, write_atomically};
@@ -22,7 +22,7 @@ const FILES: [&str; 13] = [
     "gauss_points.pvd",
     "run.jsonl",
     "packing.json",
-    // Written by `grainspan report`; of no use beside another run.
+    // Written by `grainspan report`; of no use next to another run.
     "report.html",
 ];
 
@@ -126,7 +126,7 @@ fn is_draft(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".partial")
 }
 
-/// What is not there need not be removed.
+/// A missing file need not be removed.
 fn absent(removed: std::io::Result<()>) -> std::io::Result<()> {
     match removed {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),

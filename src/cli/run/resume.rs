@@ -102,7 +102,7 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
             let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
             refuse_changes(folder, &earlier.scene, description, is_changed)?;
             if is_changed {
-                // The checkpoint is checked by its sum; the file beside it is what people and `report` read.
+                // The checkpoint is checked by its sum; the file next to it is for people and `report`.
                 write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
             }
             if earlier.definition != description.definition {

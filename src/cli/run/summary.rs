@@ -113,7 +113,7 @@ fn status(outcome: &Outcome) -> RunStatus {
         Outcome::Interrupted => RunStatus::Interrupted,
         Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
         Outcome::Stopped(_) => RunStatus::OutputFailed,
-        Outcome::Refused(_) => RunStatus::Refused,
+        Outcome::Refused(_) | Outcome::CheckpointRefused(_) => RunStatus::Refused,
     }
 }
 
@@ -161,6 +161,7 @@ mod tests {
     use super::super::closing_lines::closing_lines;
     use super::super::counters::COUNTERS;
     use super::*;
+    use macro_solver::checkpoint::CheckpointError;
     use macro_solver::problem::ProblemError;
 
     fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
@@ -230,10 +231,12 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_problem_is_not_an_output_that_failed() {
-        let (summary, text) =
-            ended(Outcome::Refused(ProblemError::NoStage), Statistics::default(), &PoolStatistics::default());
-        assert_eq!(summary.status, RunStatus::Refused);
-        assert!(text.starts_with("refused: "), "{text}");
+    fn a_refused_problem_or_checkpoint_is_not_an_output_that_failed() {
+        let checkpoint = CheckpointError::unfit("solver", "another mesh");
+        for outcome in [Outcome::Refused(ProblemError::NoStage), Outcome::CheckpointRefused(checkpoint)] {
+            let (summary, text) = ended(outcome, Statistics::default(), &PoolStatistics::default());
+            assert_eq!(summary.status, RunStatus::Refused);
+            assert!(text.starts_with("refused: "), "{text}");
+        }
     }
 }

@@ -6,8 +6,7 @@ use crate::engines::{BUILT_IN, Catalogue};
 use crate::exit::{Exit, Failure};
 use crate::workers::{RUN_END_TIMEOUT, follow_parent};
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
-use rve_server::engine::GrainEngine;
-use rve_server::server::{ExitReason, ServeError, ServeOptions, serve};
+use rve_server::server::{BuiltInEngine, ExitReason, ServeError, ServeOptions, built_in_engine, serve};
 use std::io::IsTerminal;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -52,34 +51,39 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     log_to_stderr();
     let worker_failed = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
-    if arguments.standing && arguments.engine != BUILT_IN {
-        let engine = &arguments.engine;
-        let message = format!("--standing serves with the engine `{BUILT_IN}` only; start `{engine}` for each run");
-        return Err(Failure::new(Exit::BadInput, message));
-    }
-    if arguments.engine != BUILT_IN {
+    let Some(engine) = built_in_engine(&arguments.engine) else {
+        if arguments.standing {
+            let engine = &arguments.engine;
+            let message =
+                format!("--standing serves with engines inside this program only; start `{engine}` for each run");
+            return Err(Failure::new(Exit::BadInput, message));
+        }
         return Err(become_external(arguments));
-    }
+    };
     follow_parent(arguments.parent, &arguments.run).map_err(|error| {
         // A run that has ended before its first worker joined is removed by no one else.
         let _ = RunDirectory::remove_once_dead(&arguments.run, RUN_END_TIMEOUT);
         Failure::new(Exit::WorkersLost, format!("could not follow the run's process: {error}"))
     })?;
     if arguments.standing {
-        return standing::serve_for_ever(&arguments.run, |port| serve_one(port, arguments));
+        return standing::serve_for_ever(&arguments.run, |port| serve_one(engine, port, arguments));
     }
     let port = SharedMemoryWorkerPort::join(&arguments.run, Duration::from_secs(arguments.timeout))
         .map_err(|error| worker_failed(&error))?;
-    match serve_one(port, arguments).map_err(|error| worker_failed(&error))? {
+    match serve_one(engine, port, arguments).map_err(|error| worker_failed(&error))? {
         ExitReason::Drained | ExitReason::Dismissed => Ok(Exit::Done),
         ExitReason::MacroLost(reason) => Err(Failure::new(Exit::WorkersLost, format!("the run has ended: {reason}"))),
     }
 }
 
 /// Serves the run behind the port until it ends or dismisses this worker.
-fn serve_one(mut port: SharedMemoryWorkerPort, arguments: &Arguments) -> Result<ExitReason, ServeError> {
+fn serve_one(
+    engine: BuiltInEngine,
+    mut port: SharedMemoryWorkerPort,
+    arguments: &Arguments,
+) -> Result<ExitReason, ServeError> {
     let options = ServeOptions { state_cache: arguments.state_cache, ..ServeOptions::new(&arguments.run) };
-    let served = serve(&mut GrainEngine, &mut port, &options);
+    let served = serve(&mut *(engine.create)(), &mut port, &options);
     drop(port);
     // The run may have ended without removing its memory; a live one is left alone. There is nobody to report a failure to.
     let timeout = if matches!(served, Ok(ExitReason::MacroLost(_))) { RUN_END_TIMEOUT } else { Duration::ZERO };

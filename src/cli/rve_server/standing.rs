@@ -32,7 +32,7 @@ pub(super) fn serve_for_ever(
                             return Err(restart());
                         }
                     }
-                    // It may be ending, or have no room: the next look tells.
+                    // It may be ending, or have no room: the next search shows.
                     Err(error) => tracing::debug!(run = name, %error, "could not join"),
                 }
             }

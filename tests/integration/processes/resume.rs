@@ -157,7 +157,7 @@ fn no_checkpoint_means_from_the_start_and_none_are_written_when_switched_off() {
     assert!(!stopped.stderr.contains("--resume"), "{}", stopped.stderr);
     assert!(!site.path("a/checkpoint.bin").exists());
     let ended = run(&site, "a", &["--resume"]);
-    assert!(ended.status.success() && ended.stderr.contains("from the start"), "{}", ended.stderr);
+    assert!(ended.status.success() && ended.stderr.contains("starting from the beginning"), "{}", ended.stderr);
     assert_eq!(site.history("a"), site.history("whole"));
 }
 

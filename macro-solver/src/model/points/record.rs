@@ -1,7 +1,8 @@
 //! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
 //! held and no sample is kept, and the counters of a step begin anew with it.
 
-use super::{Point, Points, ReferenceModuli};
+use super::secant::ReferenceModuli;
+use super::{Point, Points};
 use crate::checkpoint::CheckpointError;
 use crate::formulation::Operator;
 use crate::nonlocal::NonlocalLayer;

@@ -5,11 +5,13 @@ use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
 use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
-use crate::definition::PackingFile;
+use crate::definition::{GrainDefinition, PackingFile};
+use crate::error::DefinitionError;
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
 use crate::programs::specimen::{Body, ContactSums, Grain};
 use crate::simd::Tuple;
+use crate::solver::chosen_ramp_steps;
 use crate::space::plane::{self, Plane};
 use crate::space::{Discs, Space};
 use protocol::{
@@ -24,9 +26,6 @@ pub const FRAME_ENGINE_NAME: &str = "grainspan-frame";
 
 /// Largest |H| of one trial.
 const LARGEST_TARGET: f64 = 0.2;
-
-/// Fewest ramp steps that the engine chooses by itself.
-const FEWEST_RAMP_STEPS: u32 = 5;
 
 /// Overlap over radius from which an answer is flagged.
 const LARGE_OVERLAP: f64 = 0.2;
@@ -44,6 +43,21 @@ pub struct FrameDefinition {
 }
 
 impl FrameDefinition {
+    /// Reads a definition: that of a frame, or that of a periodic cell as scenes make it, whose packing is then cut into a
+    /// periodic frame.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`].
+    pub fn from_protocol(definition: &Definition) -> Result<Self, RveError> {
+        if let Ok(frame) = rmp_serde::from_slice(&definition.bytes) {
+            return Ok(frame);
+        }
+        let refuse = |error: DefinitionError| RveError::Definition(error.to_string());
+        let GrainDefinition { packing, contact, options } =
+            GrainDefinition::from_protocol(definition).map_err(refuse)?;
+        Ok(Self { packing, contact, frame: FrameOptions::of_cell(&options).map_err(refuse)? })
+    }
+
     /// The bytes that travel to workers; the packing's provenance is left out.
     pub fn to_protocol(&self) -> Definition {
         let packing = PackingFile { provenance: serde_json::Value::Null, ..self.packing.clone() };
@@ -70,9 +84,7 @@ impl RveEngine for FrameEngine {
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
-        let parsed: FrameDefinition = rmp_serde::from_slice(&definition.bytes)
-            .map_err(|error| RveError::Definition(format!("these bytes are not a definition of a frame: {error}")))?;
-        Ok(Box::new(FrameRve::new(&parsed)?))
+        Ok(Box::new(FrameRve::new(&FrameDefinition::from_protocol(definition)?)?))
     }
 }
 
@@ -199,9 +211,8 @@ impl FrameRve {
         if norm > LARGEST_TARGET {
             return Err(RveError::TargetTooLarge { norm, limit: LARGEST_TARGET });
         }
-        let steps = (plane::largest_component(&polar.strain) / self.options.strain_per_step()).ceil();
         let ramp_steps = match ask.ramp_steps {
-            0 => (steps.min(f64::from(u32::MAX)) as u32).max(FEWEST_RAMP_STEPS),
+            0 => chosen_ramp_steps(&polar.strain, self.options.strain_per_step()),
             given => given,
         };
         let start = self.committed.clone();

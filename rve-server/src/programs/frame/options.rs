@@ -1,6 +1,8 @@
 //! How a frame is solved.
 
 use super::constraint::FrameConstraint;
+use crate::definition::{Criterion, Damping, RveOptions};
+use crate::error::DefinitionError;
 use serde::{Deserialize, Serialize};
 
 /// Damping of the grains.
@@ -82,6 +84,31 @@ impl FrameOptions {
             servo_tolerance: None,
             max_steps: None,
             most_corrections: None,
+        }
+    }
+
+    /// The periodic frame in place of a periodic cell: accuracy and damping are those of the cell.
+    ///
+    /// # Errors
+    /// A damping or criterion that frames do not have.
+    pub(crate) fn of_cell(options: &RveOptions) -> Result<Self, DefinitionError> {
+        let bare = Self {
+            strain_per_step: Some(options.strain_per_step()),
+            max_steps: options.max_steps,
+            ..Self::new(FrameConstraint::Periodic)
+        };
+        match (options.damping, options.criterion) {
+            (Damping::Fire, Criterion::MaxForce) => Ok(Self { tolerance: Some(options.tolerance()), ..bare }),
+            (Damping::Local, Criterion::Energy) => {
+                let damping = FrameDamping::Local { coefficient: options.local_coefficient() };
+                Ok(Self { damping, energy_tolerance: Some(options.tolerance()), ..bare })
+            }
+            (damping, criterion) => Err(DefinitionError(format!(
+                "rve: a boundary frame has no damping = \"{}\" with criterion = \"{}\"; use \"fire\" with \"max_force\" or \
+                 \"local\" with \"energy\"",
+                damping.keyword(),
+                criterion.keyword()
+            ))),
         }
     }
 

@@ -8,7 +8,7 @@ use crate::contact::{
 use crate::definition::{Criterion, Damping, GrainDefinition, PackingFile, RveOptions};
 use crate::solver::kernel::backend::Backend;
 use crate::space::plane::Plane;
-use crate::space::{Discs, Spheres, Tensor};
+use crate::space::{Discs, Spheres};
 use std::path::Path;
 
 type Solver = RelaxationSolver<Discs, PlainLinear>;

@@ -5,7 +5,7 @@
 //! changes included; this is appendix B of [Argilaga2018] with the mean field moved to the right-hand side. Only strains
 //! are solved for: what a superposed rotation does is known exactly.
 
-use super::backbone::Backbone;
+use super::bearing::BearingNetwork;
 use super::block_matrix::{BlockMatrix, Columns, Place, add};
 use super::response::Response;
 use crate::tangent::link::LinkedGrains;
@@ -28,26 +28,26 @@ pub(super) struct System<const D: usize, const B: usize, const P: usize> {
 }
 
 impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
-    /// Assembles the equations of the backbone; pinned unknowns are zero.
+    /// Assembles the equations of the load-bearing network; pinned unknowns are zero.
     #[inline(always)]
     pub(super) fn of(
         network: &LinkedGrains<D>,
-        backbone: &Backbone<D, B>,
+        bearing: &BearingNetwork<D, B>,
         stiffness: &[ContactStiffness<D>],
         typical: f64,
     ) -> Self {
-        let ends: Vec<[usize; 2]> = backbone.contacts.iter().map(|contact| [contact.origin, contact.end]).collect();
-        let (matrix, places) = BlockMatrix::with_pattern(backbone.radii.len(), &ends);
+        let ends: Vec<[usize; 2]> = bearing.contacts.iter().map(|contact| [contact.origin, contact.end]).collect();
+        let (matrix, places) = BlockMatrix::with_pattern(bearing.radii.len(), &ends);
         let mut system = Self {
             matrix,
-            loads: vec![[[0.0; P]; B]; backbone.radii.len()],
-            shares: vec![[[0.0; PAIRS]; B]; backbone.radii.len()],
+            loads: vec![[[0.0; P]; B]; bearing.radii.len()],
+            shares: vec![[[0.0; PAIRS]; B]; bearing.radii.len()],
             uniform: [[0.0; B]; PAIRS],
             force_branch: [[0.0; D]; D],
         };
-        for ((contact, ends), place) in backbone.contacts.iter().zip(&ends).zip(places) {
+        for ((contact, ends), place) in bearing.contacts.iter().zip(&ends).zip(places) {
             let link = &network.links[contact.index];
-            let radii = ends.map(|grain| backbone.radii[grain]);
+            let radii = ends.map(|grain| bearing.radii[grain]);
             let response = Response::<D, B>::of(link, &stiffness[contact.index], radii);
             system.add_blocks(&response, ends, place);
             for side in 0..2 {
@@ -67,15 +67,15 @@ impl<const D: usize, const B: usize, const P: usize> System<D, B, P> {
                 }
             }
         }
-        for (grain, line) in &backbone.struts {
+        for (grain, line) in &bearing.struts {
             for (i, row) in system.matrix.diagonal[*grain][D..].iter_mut().enumerate() {
                 for (j, value) in row[D..].iter_mut().enumerate() {
                     *value += typical * line[i] * line[j];
                 }
             }
         }
-        system.matrix.pin(&backbone.pinned, typical);
-        for (load, pins) in system.loads.iter_mut().zip(&backbone.pinned) {
+        system.matrix.pin(&bearing.pinned, typical);
+        for (load, pins) in system.loads.iter_mut().zip(&bearing.pinned) {
             for (row, _) in load.iter_mut().zip(pins).filter(|(_, pinned)| **pinned) {
                 *row = [0.0; P];
             }

@@ -2,7 +2,7 @@
 
 mod aggregates;
 mod assembly;
-mod backbone;
+mod bearing;
 mod bicgstab;
 mod block_matrix;
 mod conjugate_gradients;

@@ -3,7 +3,7 @@
 
 use super::aggregates::Bond;
 use super::assembly::System;
-use super::backbone::Backbone;
+use super::bearing::BearingNetwork;
 use super::block_matrix::Columns;
 use super::orderings::Orderings;
 use super::two_level::{Groups, Problem};
@@ -48,18 +48,18 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
 ) -> Option<NetworkOperator> {
     let stiffness: Vec<ContactStiffness<D>> =
         network.links.iter().map(|link| ContactStiffness::of(link, sliding, network.friction)).collect();
-    let backbone = Backbone::<D, B>::of(network, &stiffness);
-    if backbone.contacts.is_empty() {
+    let bearing = BearingNetwork::<D, B>::of(network, &stiffness);
+    if bearing.contacts.is_empty() {
         return Some(NetworkOperator { operator: Tensor4::ZERO, regularised: false });
     }
-    let typical = backbone.contacts.iter().map(|contact| stiffness[contact.index].normal).sum::<f64>()
-        / backbone.contacts.len() as f64;
-    let mut system = dispatch(Assembly::<D, B, P> { network, backbone: &backbone, stiffness: &stiffness, typical });
-    let mut regularised = backbone.spin_held_against_load;
-    let iterate = backbone.radii.len() > most_direct;
+    let typical = bearing.contacts.iter().map(|contact| stiffness[contact.index].normal).sum::<f64>()
+        / bearing.contacts.len() as f64;
+    let mut system = dispatch(Assembly::<D, B, P> { network, bearing: &bearing, stiffness: &stiffness, typical });
+    let mut regularised = bearing.spin_held_against_load;
+    let iterate = bearing.radii.len() > most_direct;
     let mut answer = |system: &System<D, B, P>| {
         if iterate {
-            iterated(system, &backbone, network, typical, sliding)
+            iterated(system, &bearing, network, typical, sliding)
         } else {
             let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
             answers.map(Answers::exact)
@@ -77,7 +77,7 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
     };
     let mut rate = system.stress_rate(&answers.columns);
     if let Some(residual) = &answers.residual {
-        System::<D, B, P>::correct(&mut rate, &answers.columns, residual, &backbone.radii);
+        System::<D, B, P>::correct(&mut rate, &answers.columns, residual, &bearing.radii);
     }
     let rate = rate.map(|row| row.map(|value| value / network.volume));
     Some(NetworkOperator { operator: objective(&rate, &network.stress()), regularised })
@@ -86,7 +86,7 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
 /// The equations, put together.
 struct Assembly<'a, const D: usize, const B: usize, const P: usize> {
     network: &'a LinkedGrains<D>,
-    backbone: &'a Backbone<D, B>,
+    bearing: &'a BearingNetwork<D, B>,
     stiffness: &'a [ContactStiffness<D>],
     typical: f64,
 }
@@ -96,7 +96,7 @@ impl<const D: usize, const B: usize, const P: usize> Vectorised for Assembly<'_,
 
     #[inline(always)]
     fn run(self) -> System<D, B, P> {
-        System::of(self.network, self.backbone, self.stiffness, self.typical)
+        System::of(self.network, self.bearing, self.stiffness, self.typical)
     }
 }
 
@@ -116,17 +116,17 @@ impl<const B: usize, const P: usize> Answers<B, P> {
 /// Solves by iteration; where symmetry does not help, without it.
 fn iterated<const D: usize, const B: usize, const P: usize>(
     system: &System<D, B, P>,
-    backbone: &Backbone<D, B>,
+    bearing: &BearingNetwork<D, B>,
     network: &LinkedGrains<D>,
     typical: f64,
     sliding: Sliding,
 ) -> Option<Answers<B, P>> {
-    let bonds: Vec<Bond<D>> = backbone
+    let bonds: Vec<Bond<D>> = bearing
         .contacts
         .iter()
         .map(|contact| Bond { grains: [contact.origin, contact.end], branch: network.links[contact.index].branch })
         .collect();
-    let groups = Groups::of(&system.matrix, &bonds, &backbone.radii, &backbone.pinned);
+    let groups = Groups::of(&system.matrix, &bonds, &bearing.radii, &bearing.pinned);
     let problem = Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
     let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem) } else { None };
     match symmetric {

@@ -1,21 +1,14 @@
 //! Differences of the stress in all directions of the displacement gradient.
 
 use crate::space::{Space, Tensor};
+use crate::tangent::method::Difference;
 use protocol::Tensor4;
 
-/// How an operator is probed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Probe {
-    /// Size of the displacement gradient of a probe, dimensionless.
-    pub size: f64,
-    /// Whether each direction is probed both ways.
-    pub central: bool,
-}
-
-/// `C_ijmn = [sigma_ij(probe of mn) - base_ij] / size`, or half the difference of a forward and a backward probe; `None`
-/// if a probe fails or a difference is not finite. `stress` is the stress at a displacement gradient.
+/// `C_ijmn = [sigma_ij(perturbation mn) - base_ij] / size`, or half the difference of a forward and a backward perturbation over
+/// `size`, a displacement gradient, dimensionless; `None` if a perturbation fails or a difference is not finite. `stress` is the stress at a displacement gradient.
 pub(super) fn differentiate<S: Space>(
-    probe: Probe,
+    size: f64,
+    difference: Difference,
     base: &S::Tensor,
     stress: &mut dyn FnMut(&S::Tensor) -> Option<S::Tensor>,
 ) -> Option<Tensor4> {
@@ -27,9 +20,11 @@ pub(super) fn differentiate<S: Space>(
                 gradient[m][n] = size;
                 stress(&gradient)
             };
-            let forward = at(probe.size)?;
-            let (from, width) =
-                if probe.central { (at(-probe.size)?, 2.0 * probe.size) } else { (*base, probe.size) };
+            let forward = at(size)?;
+            let (from, width) = match difference {
+                Difference::Forward => (*base, size),
+                Difference::Central => (at(-size)?, 2.0 * size),
+            };
             for i in 0..S::DIMENSION {
                 for j in 0..S::DIMENSION {
                     operator.set(i, j, m, n, (forward[i][j] - from[i][j]) / width);

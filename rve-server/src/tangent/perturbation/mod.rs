@@ -15,27 +15,15 @@ use crate::contact::ContactTable;
 use crate::definition::{Criterion, GrainModel, RveOptions};
 use crate::solver::{GrainSolver, Job, SolverFor};
 use crate::space::{Space, Tensor, add_scaled, product, rotated};
-use crate::tangent::{self, TangentOutcome};
-use differences::{Probe, differentiate};
+use crate::tangent::calibration::stiffness_factors;
+use crate::tangent::evaluate::{calibrated, calibration, evaluate};
+use crate::tangent::method::{Difference, Factors, Form, Perturbation};
+use crate::tangent::outcome::{OperatorEvaluation, TangentOutcome};
+use differences::differentiate;
 use protocol::{TangentKind, Tensor4};
 
 /// Friction that no contact reaches.
 const STICKING_FRICTION: f64 = 1e9;
-
-/// Whether an operator needs more than the contact network of the trial state.
-pub fn is_probed(kind: TangentKind) -> bool {
-    matches!(
-        kind,
-        TangentKind::QuasiStatic
-            | TangentKind::Consistent
-            | TangentKind::ConsistentCentral
-            | TangentKind::ElasticAverage
-            | TangentKind::KruytCalibrated
-            | TangentKind::KruytCalibratedPrinted
-            | TangentKind::KruytTwiceCalibrated
-            | TangentKind::KruytTwiceCalibratedPrinted
-    )
-}
 
 /// The trial whose operator is wanted.
 pub(crate) struct Trial<'a, S: Space> {
@@ -53,46 +41,39 @@ pub(crate) struct Trial<'a, S: Space> {
     pub(crate) stress: &'a S::Tensor,
 }
 
-/// An operator and what its probes cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Probed {
-    /// The operator.
-    pub outcome: TangentOutcome,
-    /// Contact-force evaluations of all probes; none for operators that need the network alone.
-    pub force_evaluations: u64,
-}
-
 impl<S: SolverFor> Trial<'_, S> {
-    /// The operator of a kind that [`is_probed`]; what it learns goes into `end`, the trial's end state. A probe that
-    /// fails or does not come to rest leaves the truss-like operator in its place, marked.
+    /// The operator; what it learns goes into `end`, the trial's end state. A perturbation that fails or does not come to
+    /// rest leaves the truss-like operator in its place, marked.
     pub(crate) fn operator(
         &self,
-        kind: TangentKind,
+        kind: Perturbation,
         solver: &mut dyn GrainSolver<S>,
         end: &mut GrainState<S>,
-    ) -> Probed {
+    ) -> OperatorEvaluation {
         let mut force_evaluations = 0;
         let found = match kind {
-            TangentKind::QuasiStatic => self.quasi_static(end, &mut force_evaluations),
-            TangentKind::Consistent | TangentKind::ConsistentCentral => {
-                self.consistent(kind == TangentKind::ConsistentCentral, solver, &mut force_evaluations)
+            Perturbation::QuasiStatic => self.quasi_static(end, &mut force_evaluations),
+            Perturbation::Consistent(difference) => self.consistent(difference, solver, &mut force_evaluations),
+            Perturbation::ElasticAverage => self.elastic_average(solver, end, &mut force_evaluations),
+            Perturbation::Calibrated(factors, form) => {
+                self.calibrated(factors, form, solver, end, &mut force_evaluations)
             }
-            TangentKind::ElasticAverage => self.elastic_average(solver, end, &mut force_evaluations),
-            _ => self.calibrated(kind, solver, end, &mut force_evaluations),
         };
         let outcome = match found {
             Some(operator) => TangentOutcome::exact(operator),
-            None => {
-                let network = tangent::evaluate(self.network, TangentKind::TrussLike);
-                TangentOutcome { fallback: true, ..network }
-            }
+            None => TangentOutcome { fallback: true, ..evaluate(self.network, TangentKind::TrussLike) },
         };
-        Probed { outcome, force_evaluations }
+        OperatorEvaluation { outcome, force_evaluations }
     }
 
     /// CTO: the whole step once more for each probe, [Argilaga2018] eq. 6. Erratum: the perturbation of eq. 5 has its one
     /// at (m, n), not at (n, m) as in eq. 6.
-    fn consistent(&self, central: bool, solver: &mut dyn GrainSolver<S>, spent: &mut u64) -> Option<Tensor4> {
+    fn consistent(
+        &self,
+        difference: Difference,
+        solver: &mut dyn GrainSolver<S>,
+        spent: &mut u64,
+    ) -> Option<Tensor4> {
         let size = self.model.options.operator.probe();
         let mut evaluate = |gradient: &S::Tensor| {
             // H of (I + gradient) F.
@@ -101,8 +82,12 @@ impl<S: SolverFor> Trial<'_, S> {
             stress_after(solver, self.model, self.start, &h, self.ramp_steps, spent)
         };
         // A null trial is answered without solving; its probes must be compared with a cell that was solved.
-        let base = if *self.h == S::Tensor::ZERO && !central { evaluate(&S::Tensor::ZERO)? } else { *self.stress };
-        differentiate::<S>(Probe { size, central }, &base, &mut evaluate)
+        let base = if *self.h == S::Tensor::ZERO && difference == Difference::Forward {
+            evaluate(&S::Tensor::ZERO)?
+        } else {
+            *self.stress
+        };
+        differentiate::<S>(size, difference, &base, &mut evaluate)
     }
 
     /// DEMQO: small probes from the end state with contacts that cannot slide and a tolerance of their own,
@@ -121,8 +106,7 @@ impl<S: SolverFor> Trial<'_, S> {
         };
         let mut evaluate = |gradient: &S::Tensor| stress_after(&mut *solver, &model, end, gradient, 1, spent);
         let base = evaluate(&S::Tensor::ZERO)?;
-        let probe = Probe { size: operator.quasi_static_probe(), central: false };
-        differentiate::<S>(probe, &base, &mut evaluate)
+        differentiate::<S>(operator.quasi_static_probe(), Difference::Forward, &base, &mut evaluate)
     }
 
     /// AEO: the mean of the CTOs of the first committed steps, this one included, and then that mean for good.
@@ -133,7 +117,7 @@ impl<S: SolverFor> Trial<'_, S> {
         spent: &mut u64,
     ) -> Option<Tensor4> {
         if end.operators.samples() < self.model.options.operator.average_steps() {
-            let sample = self.consistent(false, solver, spent)?;
+            let sample = self.consistent(Difference::Forward, solver, spent)?;
             end.operators.add(&sample);
         }
         end.operators.mean()
@@ -142,17 +126,18 @@ impl<S: SolverFor> Trial<'_, S> {
     /// UCKO and UCKO-2DOF: the first trial calibrates by its CTO; once it is committed the factors stay.
     fn calibrated(
         &self,
-        kind: TangentKind,
+        factors: Factors,
+        form: Form,
         solver: &mut dyn GrainSolver<S>,
         end: &mut GrainState<S>,
         spent: &mut u64,
     ) -> Option<Tensor4> {
-        if end.operators.calibration().is_none_or(|known| known.factors(kind).is_none()) {
-            let consistent = self.consistent(false, solver, spent)?;
-            end.operators.calibrate(tangent::calibration(self.network, &consistent)?);
+        if end.operators.calibration().is_none_or(|known| stiffness_factors(known, factors).is_none()) {
+            let consistent = self.consistent(Difference::Forward, solver, spent)?;
+            end.operators.calibrate(calibration(self.network, &consistent)?);
         }
-        let factors = end.operators.calibration()?.factors(kind)?;
-        Some(tangent::calibrated(self.network, kind, factors))
+        let factors = stiffness_factors(end.operators.calibration()?, factors)?;
+        Some(calibrated(self.network, form, factors))
     }
 }
 

@@ -1,21 +1,21 @@
 //! Which grains carry load, and which of their displacements must be held for a unique answer.
 //!
-//! A grain with fewer than two contacts is a rattler; removing it may make another, so pruning repeats until nothing
-//! changes. In space a chain of two or more grains with two contacts each can buckle freely and is removed as well; a
-//! single such grain is a strut that can only spin about the line through its contact points, and that spin is held. The
-//! remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
+//! Rattlers, and in space chains of grains that buckle freely, are removed first: [`rattlers`](crate::homogenization::rattlers).
+//! In space a single grain with two contacts is a strut that can only spin about the line through its contact points, and
+//! that spin is held. The remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
 //! translation, which is pinned at its first grain. A cluster that meets none of its own images can also turn as a
 //! whole; then the spins of that grain are pinned too. All pins choose one of many equal answers and change no contact
 //! force.
 
-use crate::tangent::link::{Link, LinkedGrains};
+use crate::homogenization::rattlers::{Bearing, Pruned};
+use crate::tangent::link::LinkedGrains;
 use crate::tangent::sliding::ContactStiffness;
 
-/// The load-carrying part of a network, its grains numbered anew in the network's order.
+/// The load-carrying part of a network, its grains renumbered in the network's order.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Backbone<const D: usize, const B: usize> {
+pub(super) struct BearingNetwork<const D: usize, const B: usize> {
     /// Contacts kept: index in the network, new numbers of origin and end grain.
-    pub contacts: Vec<BackboneContact>,
+    pub contacts: Vec<BearingContact>,
     /// Number in the network of each kept grain.
     pub grains: Vec<usize>,
     /// Radius of each kept grain, m: the length that turns its spin into a displacement.
@@ -28,9 +28,9 @@ pub(super) struct Backbone<const D: usize, const B: usize> {
     pub spin_held_against_load: bool,
 }
 
-/// One contact of the backbone.
+/// One load-bearing contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct BackboneContact {
+pub(super) struct BearingContact {
     /// Position in [`LinkedGrains::links`].
     pub index: usize,
     /// New number of the origin grain.
@@ -39,10 +39,10 @@ pub(super) struct BackboneContact {
     pub end: usize,
 }
 
-impl<const D: usize, const B: usize> Backbone<D, B> {
+impl<const D: usize, const B: usize> BearingNetwork<D, B> {
     /// Prunes `network` and finds the pins; `stiffness` belongs to the network's contacts.
     pub(super) fn of(network: &LinkedGrains<D>, stiffness: &[ContactStiffness<D>]) -> Self {
-        let kept = contacts_without_rattlers(network);
+        let kept = load_bearing_contacts(network);
         let mut number = vec![usize::MAX; network.radii.len()];
         for &index in &kept {
             number[network.links[index].origin] = 0;
@@ -55,14 +55,14 @@ impl<const D: usize, const B: usize> Backbone<D, B> {
                 grains.push(grain);
             }
         }
-        let contacts: Vec<BackboneContact> = kept
+        let contacts: Vec<BearingContact> = kept
             .iter()
             .map(|&index| {
                 let link = &network.links[index];
-                BackboneContact { index, origin: number[link.origin], end: number[link.end] }
+                BearingContact { index, origin: number[link.origin], end: number[link.end] }
             })
             .collect();
-        let mut backbone = Self {
+        let mut bearing = Self {
             pinned: vec![[false; B]; grains.len()],
             radii: grains.iter().map(|&grain| network.radii[grain]).collect(),
             contacts,
@@ -70,12 +70,12 @@ impl<const D: usize, const B: usize> Backbone<D, B> {
             struts: Vec::new(),
             spin_held_against_load: false,
         };
-        backbone.pin_clusters(network);
-        backbone.pin_spins(network, stiffness);
+        bearing.pin_clusters(network);
+        bearing.pin_spins(network, stiffness);
         if D == 3 && network.rotations_free {
-            backbone.find_struts(network);
+            bearing.find_struts(network);
         }
-        backbone
+        bearing
     }
 
     fn pin_clusters(&mut self, network: &LinkedGrains<D>) {
@@ -153,18 +153,18 @@ struct Neighbours<const D: usize> {
 }
 
 impl<const D: usize> Neighbours<D> {
-    fn of<const B: usize>(backbone: &Backbone<D, B>, network: &LinkedGrains<D>) -> Self {
-        let mut starts = vec![0; backbone.radii.len() + 1];
-        for contact in &backbone.contacts {
+    fn of<const B: usize>(bearing: &BearingNetwork<D, B>, network: &LinkedGrains<D>) -> Self {
+        let mut starts = vec![0; bearing.radii.len() + 1];
+        for contact in &bearing.contacts {
             starts[contact.origin + 1] += 1;
             starts[contact.end + 1] += 1;
         }
-        for grain in 0..backbone.radii.len() {
+        for grain in 0..bearing.radii.len() {
             starts[grain + 1] += starts[grain];
         }
         let mut next = starts.clone();
-        let mut entries = vec![(0, [0; D]); 2 * backbone.contacts.len()];
-        for contact in &backbone.contacts {
+        let mut entries = vec![(0, [0; D]); 2 * bearing.contacts.len()];
+        for contact in &bearing.contacts {
             let shift = network.links[contact.index].shift;
             let ends =
                 [(contact.origin, contact.end, shift), (contact.end, contact.origin, shift.map(|count: i32| -count))];
@@ -181,22 +181,10 @@ impl<const D: usize> Neighbours<D> {
     }
 }
 
-fn contacts_without_rattlers<const D: usize>(network: &LinkedGrains<D>) -> Vec<usize> {
-    let mut kept: Vec<usize> = (0..network.links.len()).collect();
-    loop {
-        let mut count = vec![0_u32; network.radii.len()];
-        for &index in &kept {
-            count[network.links[index].origin] += 1;
-            count[network.links[index].end] += 1;
-        }
-        let carries = |link: &Link<D>| {
-            let ends = [count[link.origin], count[link.end]];
-            ends.into_iter().all(|count| count >= 2) && !(D == 3 && ends == [2, 2])
-        };
-        let before = kept.len();
-        kept.retain(|&index| carries(&network.links[index]));
-        if kept.len() == before {
-            return kept;
-        }
-    }
+/// Numbers of the contacts that bear load.
+fn load_bearing_contacts<const D: usize>(network: &LinkedGrains<D>) -> Vec<usize> {
+    let bearing = if D == 3 { Bearing::WithoutRattlersAndChains } else { Bearing::WithoutRattlers };
+    let ends = network.links.iter().map(|link| [link.origin, link.end]);
+    let Pruned { kept, .. } = Pruned::of(network.radii.len(), ends, bearing);
+    (0..kept.len()).filter(|&index| kept[index]).collect()
 }
