@@ -92,15 +92,15 @@ fn measure<S: SolverFor>(
     }
     for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(outcomes) {
         let [least, median] = least_and_median(times);
-        let probed = outcome.expect("there is a trial");
+        let perturbed = outcome.expect("there is a trial");
         println!(
             "{:32} {least:10.3} ms ({median:10.3})  {:8.2} % of the increment, {:6} force evaluations, C1111 {:.4e}{}{}",
             kind.keyword(),
             100.0 * least / increment[0],
-            probed.force_evaluations,
-            probed.outcome.operator.get(0, 0, 0, 0),
-            if probed.outcome.fallback { " FALLBACK" } else { "" },
-            if probed.outcome.regularised { " regularised" } else { "" },
+            perturbed.force_evaluations,
+            perturbed.outcome.operator.get(0, 0, 0, 0),
+            if perturbed.outcome.fallback { " FALLBACK" } else { "" },
+            if perturbed.outcome.regularised { " regularised" } else { "" },
         );
     }
 }

@@ -1,6 +1,6 @@
 //! How good operators are on a packing of discs, as CSV: checks T-7 (relaxed over uniform-strain moduli with k_t = k_n),
 //! T-4 (what operators lack of major symmetry) and T-8 (distance of consistent and quasi-static operators from PSTLO over the
-//! size of the probe).
+//! size of the size).
 //! `cargo run --release -p grainspan-rve-server --example operator_sweep -- [PACKING]`.
 
 use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
@@ -88,13 +88,16 @@ fn symmetry(packing: &PackingFile) {
 
 #[expect(clippy::print_stdout, reason = "a program for people")]
 fn sweep(packing: &PackingFile) {
-    println!("check,strain_before,kind,probe,distance_from_truss_like,force_evaluations");
+    println!("check,strain_before,kind,size,distance_from_truss_like,force_evaluations");
     let target = Tensor2::from_plane([[1e-4, 0.0], [0.0, -1e-4]]);
     for before in [0.0, 2e-3] {
         for exponent in [-8, -7, -6, -5, -4, -3] {
-            let probe = 10f64.powi(exponent);
-            let operator_options =
-                OperatorOptions { probe: Some(probe), quasi_static_probe: Some(probe), ..OperatorOptions::default() };
+            let size = 10f64.powi(exponent);
+            let operator_options = OperatorOptions {
+                perturbation: Some(size),
+                quasi_static_perturbation: Some(size),
+                ..OperatorOptions::default()
+            };
             let options =
                 RveOptions { operator: operator_options, strain_per_step: Some(2e-6), ..RveOptions::default() };
             let mut cell = cell(packing, 0.5, options);
@@ -105,11 +108,11 @@ fn sweep(packing: &PackingFile) {
             }
             let elastic = operator(&mut cell, &target, TangentKind::TrussLike).0;
             for kind in [TangentKind::Consistent, TangentKind::ConsistentCentral, TangentKind::QuasiStatic] {
-                let (probed, evaluations) = operator(&mut cell, &target, kind);
+                let (perturbed, evaluations) = operator(&mut cell, &target, kind);
                 println!(
-                    "T-8,{before:e},{},{probe:e},{:.3e},{evaluations}",
+                    "T-8,{before:e},{},{size:e},{:.3e},{evaluations}",
                     kind.keyword(),
-                    distance(&probed, &elastic)
+                    distance(&perturbed, &elastic)
                 );
             }
         }

@@ -146,7 +146,7 @@ fn walls_cut_a_skewed_packing_without_moving_it() {
     assert!((start.slant - 0.028).abs() < 1e-3 && start.histories > 0 && start.dropped == 0, "{start:?}");
 
     let leaning = test("tiles = [2, 2]\nperiodic = [\"y\"]", law, one_step);
-    let reason = run_specimen(&leaning, &packing, &mut |_| ()).unwrap_err();
+    let reason = run_specimen(&leaning, &packing, &mut |_| ()).unwrap_err().to_string();
     assert!(reason.contains("leans by 0.02") && reason.contains("periodic as well"), "{reason}");
 }
 

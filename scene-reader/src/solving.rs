@@ -221,8 +221,8 @@ mod tests {
         ];
         let scene = scene(&more).unwrap();
         let expected = OperatorOptions {
-            probe: Some(2e-6),
-            quasi_static_probe: Some(3e-7),
+            perturbation: Some(2e-6),
+            quasi_static_perturbation: Some(3e-7),
             quasi_static_tolerance: Some(1e-8),
             average_steps: Some(3),
         };
@@ -248,9 +248,9 @@ mod tests {
             ("solver.tangent_floor=-0.1", "solver.tangent_floor"),
             ("solver.tangent_floor=1.5", "solver.tangent_floor"),
             ("solver.tangent_flor=0.1", "tangent_flor"),
-            ("rve.operator.probe=0", "rve.operator.probe"),
-            ("rve.operator.probe=0.1", "no small probe"),
-            ("rve.operator.quasi_static_probe=-1e-6", "rve.operator.quasi_static_probe"),
+            ("rve.operator.probe=0", "rve.operator.perturbation"),
+            ("rve.operator.probe=0.1", "too large"),
+            ("rve.operator.quasi_static_probe=-1e-6", "rve.operator.quasi_static_perturbation"),
             ("rve.operator.quasi_static_tolerance=nan", "rve.operator.quasi_static_tolerance"),
             ("rve.operator.average_steps=0", "at least 1"),
             ("rve.operator.probes=1e-6", "probes"),

@@ -39,7 +39,7 @@ pub(crate) fn reduced<S: Space>(mut state: GrainState<S>) -> GrainState<S> {
     state
 }
 
-/// Reduces the cell and tells how. Each step shortens a vector, so the steps come to an end.
+/// Reduces the cell and returns how. Each step shortens a vector, so the steps come to an end.
 fn steps<S: Space>(cell: &mut Cell<S>) -> Vec<Step> {
     let mut steps = Vec::new();
     while let Some(step) = next_step(cell) {

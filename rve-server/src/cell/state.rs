@@ -10,6 +10,7 @@ use crate::space::{Components, Discs, Space};
 use bytemuck::Pod;
 use protocol::{ContentId, DefinitionId};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// A touching pair and its tangential force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +68,7 @@ pub struct GrainState<S: Space = Discs> {
     pub contacts: Vec<ContactRecord<S>>,
     /// Moment that each contact transmits onto its origin grain by rolling resistance, N m; empty for laws without.
     pub rolling_moments: Vec<S::Spin>,
-    /// What operators that learn have learnt on the way here.
+    /// What averaged and calibrated operators keep from step to step.
     pub operators: OperatorMemory,
     /// Stored energy lost since the initial state, to friction above all, J.
     pub dissipation: f64,
@@ -101,6 +102,47 @@ struct Payload<'a, T> {
     rolling_moments: &'a [u8],
 }
 
+/// Why bytes are no state of a cell.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum StateError {
+    /// They are not MessagePack of the expected shape.
+    #[error("not a state of a cell of {grains}: {reason}")]
+    Encoding {
+        /// The kind of grains.
+        grains: &'static str,
+        /// The decoder's reason.
+        reason: String,
+    },
+    /// They belong to another RVE.
+    #[error("state of definition {found}, but this RVE is {expected}")]
+    Definition {
+        /// Definition that the state names.
+        found: DefinitionId,
+        /// Definition of the RVE.
+        expected: DefinitionId,
+    },
+    /// They hold another number of grains.
+    #[error("state of {found} grains, but this RVE has {expected}")]
+    GrainCount {
+        /// Grains of the state.
+        found: usize,
+        /// Grains of the RVE.
+        expected: usize,
+    },
+    /// A list is cut off within a record.
+    #[error("{length} bytes do not hold a whole number of records")]
+    Records {
+        /// Length of the list.
+        length: usize,
+    },
+    /// Contacts name unknown grains, are out of order, or lack some rolling moments.
+    #[error("state with a contact list that is not sound")]
+    Contacts,
+    /// An averaged or calibrated operator is not finite.
+    #[error("state with an operator that is not sound")]
+    Operators,
+}
+
 impl<S: Space> GrainState<S> {
     /// The bytes of the state, naming the definition it belongs to.
     pub fn to_bytes(&self, definition: DefinitionId) -> Vec<u8> {
@@ -129,11 +171,11 @@ impl<S: Space> GrainState<S> {
     ///
     /// # Errors
     /// Bytes that are not a state, or a state of another definition.
-    pub fn from_bytes(bytes: &[u8], definition: DefinitionId, grain_count: usize) -> Result<Self, String> {
+    pub fn from_bytes(bytes: &[u8], definition: DefinitionId, grain_count: usize) -> Result<Self, StateError> {
         let payload: Payload<'_, S::Tensor> = rmp_serde::from_slice(bytes)
-            .map_err(|error| format!("not a state of a cell of {}: {error}", S::GRAINS))?;
+            .map_err(|error| StateError::Encoding { grains: S::GRAINS, reason: error.to_string() })?;
         if payload.definition != definition {
-            return Err(format!("state of definition {}, but this RVE is {definition}", payload.definition));
+            return Err(StateError::Definition { found: payload.definition, expected: definition });
         }
         whole_records(payload.contacts, ContactRecord::<S>::SIZE)?;
         let state = Self {
@@ -150,15 +192,15 @@ impl<S: Space> GrainState<S> {
             bears_load: payload.bears_load,
         };
         if state.positions.len() != grain_count || state.rotations.len() != grain_count {
-            return Err(format!("state of {} grains, but this RVE has {grain_count}", state.positions.len()));
+            return Err(StateError::GrainCount { found: state.positions.len(), expected: grain_count });
         }
         let known = |contact: &ContactRecord<S>| (contact.origin.max(contact.end) as usize) < grain_count;
         let moments = [0, state.contacts.len()].contains(&state.rolling_moments.len());
         if !moments || !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
-            return Err("state with a contact list that is not sound".into());
+            return Err(StateError::Contacts);
         }
         if !state.operators.is_sound() {
-            return Err("state with an operator that is not sound".into());
+            return Err(StateError::Operators);
         }
         Ok(state)
     }
@@ -198,15 +240,15 @@ impl<S: Space> GrainState<S> {
 }
 
 /// Refuses bytes that do not hold a whole number of records.
-fn whole_records(bytes: &[u8], size: usize) -> Result<(), String> {
+fn whole_records(bytes: &[u8], size: usize) -> Result<(), StateError> {
     if bytes.len().is_multiple_of(size) {
         return Ok(());
     }
-    Err(format!("{} bytes do not hold a whole number of records", bytes.len()))
+    Err(StateError::Records { length: bytes.len() })
 }
 
 /// Copies unaligned bytes into values.
-fn copied<T: Pod>(bytes: &[u8]) -> Result<Vec<T>, String> {
+fn copied<T: Pod>(bytes: &[u8]) -> Result<Vec<T>, StateError> {
     whole_records(bytes, size_of::<T>())?;
     let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
     bytemuck::cast_slice_mut(&mut values).copy_from_slice(bytes);
@@ -247,14 +289,14 @@ mod tests {
     fn foreign_or_damaged_states_are_refused() {
         let id = ContentId::of(b"definition");
         let bytes = state().to_bytes(id);
-        assert!(
-            GrainState::<Discs>::from_bytes(&bytes, ContentId::of(b"other"), 2).unwrap_err().contains("definition")
-        );
-        assert!(GrainState::<Discs>::from_bytes(&bytes, id, 3).unwrap_err().contains("2 grains"));
+        let other = ContentId::of(b"other");
+        let refused = |bytes: &[u8], id, grains| GrainState::<Discs>::from_bytes(bytes, id, grains).unwrap_err();
+        assert_eq!(refused(&bytes, other, 2), StateError::Definition { found: id, expected: other });
+        assert_eq!(refused(&bytes, id, 3), StateError::GrainCount { found: 2, expected: 3 });
         assert!(GrainState::<Discs>::from_bytes(&bytes[1..], id, 2).is_err());
         let mut unsound = state();
         unsound.contacts[0].end = 5;
-        assert!(GrainState::<Discs>::from_bytes(&unsound.to_bytes(id), id, 2).unwrap_err().contains("not sound"));
+        assert_eq!(refused(&unsound.to_bytes(id), id, 2), StateError::Contacts);
     }
 
     #[test]

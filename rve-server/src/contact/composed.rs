@@ -1,4 +1,4 @@
-//! The composition: springs, friction, adhesion, and if asked rolling resistance and viscosity.
+//! The composition: springs, friction, adhesion, and on request rolling resistance and viscosity.
 
 use super::adhesion::attraction;
 use super::hertz_mindlin::HertzSprings;

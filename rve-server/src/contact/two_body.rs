@@ -132,7 +132,7 @@ impl<S: Space, L: ContactLaw<S::Kernel>> TwoBody<S, L> {
         self.evaluate([0, 1].map(|body: usize| self.bodies[body].rotation_velocity.times(duration)));
     }
 
-    /// Puts both centres elsewhere and rotates the grains by so much on the way.
+    /// Moves both centres and rotates the grains by these angles in the same step.
     pub fn place(&mut self, positions: [S::Vector; 2], spins: [S::Spin; 2]) {
         for (body, position) in self.bodies.iter_mut().zip(positions) {
             body.position = position;

@@ -1,4 +1,4 @@
-//! The table `[rve.operator]`: how operators are probed, averaged and solved for.
+//! The table `[rve.operator]`: perturbations and averages of tangent operators.
 
 use crate::error::{DefinitionError, positive};
 use serde::{Deserialize, Serialize};
@@ -7,11 +7,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorOptions {
-    /// Displacement gradient of the probes of a consistent operator, dimensionless; default 1e-5.
-    pub probe: Option<f64>,
-    /// The same of a quasi-static operator; default 1e-6.
-    pub quasi_static_probe: Option<f64>,
-    /// Value that the `max_force` criterion must reach in its probes; default 1e-6.
+    /// Displacement gradient of the perturbations of a consistent operator, dimensionless; default 1e-5.
+    // Definitions keep the old name of the key: their bytes are the identity of an RVE.
+    #[serde(rename(serialize = "probe"), alias = "probe")]
+    pub perturbation: Option<f64>,
+    /// Displacement gradient of the perturbations of a quasi-static operator, dimensionless; default 1e-6.
+    #[serde(rename(serialize = "quasi_static_probe"), alias = "quasi_static_probe")]
+    pub quasi_static_perturbation: Option<f64>,
+    /// Value that the `max_force` criterion must reach in the perturbations of a quasi-static operator; default 1e-6.
     pub quasi_static_tolerance: Option<f64>,
     /// Committed steps whose consistent operators make the elastic average; default 5.
     pub average_steps: Option<u32>,
@@ -23,13 +26,15 @@ impl OperatorOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub(super) fn validate(&self) -> Result<(), DefinitionError> {
-        positive("rve.operator.probe", self.probe())?;
-        positive("rve.operator.quasi_static_probe", self.quasi_static_probe())?;
+        positive("rve.operator.perturbation", self.perturbation())?;
+        positive("rve.operator.quasi_static_perturbation", self.quasi_static_perturbation())?;
         positive("rve.operator.quasi_static_tolerance", self.quasi_static_tolerance())?;
-        for (key, probe) in [("probe", self.probe()), ("quasi_static_probe", self.quasi_static_probe())] {
-            if probe > LARGEST_PROBE {
+        for (key, size) in
+            [("perturbation", self.perturbation()), ("quasi_static_perturbation", self.quasi_static_perturbation())]
+        {
+            if size > LARGEST_PERTURBATION {
                 return Err(DefinitionError(format!(
-                    "rve.operator.{key} = {probe:e} is no small probe; use {LARGEST_PROBE:e} or less"
+                    "rve.operator.{key} = {size:e} is too large for a perturbation; use {LARGEST_PERTURBATION:e} or less"
                 )));
             }
         }
@@ -39,14 +44,14 @@ impl OperatorOptions {
         Ok(())
     }
 
-    /// Probe of a consistent operator in force.
-    pub fn probe(&self) -> f64 {
-        self.probe.unwrap_or(1e-5)
+    /// Perturbation of a consistent operator in force.
+    pub fn perturbation(&self) -> f64 {
+        self.perturbation.unwrap_or(1e-5)
     }
 
-    /// Probe of a quasi-static operator in force.
-    pub fn quasi_static_probe(&self) -> f64 {
-        self.quasi_static_probe.unwrap_or(1e-6)
+    /// Perturbation of a quasi-static operator in force.
+    pub fn quasi_static_perturbation(&self) -> f64 {
+        self.quasi_static_perturbation.unwrap_or(1e-6)
     }
 
     /// Tolerance of a quasi-static operator in force.
@@ -61,4 +66,4 @@ impl OperatorOptions {
 }
 
 /// A probe must stay small against any step.
-const LARGEST_PROBE: f64 = 1e-2;
+const LARGEST_PERTURBATION: f64 = 1e-2;

@@ -122,7 +122,7 @@ pub struct RveOptions {
     /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
     /// near 1.6.
     pub viscous_damping: Option<f64>,
-    /// Most relaxation steps after the ramp; default 20 000. A trial that gets no nearer to rest in any way of relaxing ends
+    /// Most relaxation steps after the ramp; default 20 000. A trial that stagnates with every damping ends
     /// sooner, after some thousand steps.
     pub max_steps: Option<u32>,
     /// What becomes of a trial that needs more.
@@ -132,7 +132,7 @@ pub struct RveOptions {
     pub max_evaluations: Option<u64>,
     /// Largest |H| of one trial, dimensionless; default 0.2.
     pub largest_target: Option<f64>,
-    /// How operators are probed and averaged.
+    /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,
 }
 
@@ -202,7 +202,7 @@ impl RveOptions {
         self.viscous_damping.unwrap_or(0.1)
     }
 
-    /// Whether the damping rule looks at the work of the forces before a step.
+    /// Whether the damping rule uses the work of the forces before a step.
     pub(crate) fn needs_old_power(&self) -> bool {
         self.damping == Damping::Adaptive
     }

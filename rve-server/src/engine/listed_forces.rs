@@ -39,7 +39,7 @@ impl ListedForces {
         counts
     }
 
-    /// A sentence for people, or nothing if all forces were taken over.
+    /// A warning for the user, or nothing if all forces were taken over.
     pub fn warning(&self) -> Option<String> {
         let mut parts = Vec::new();
         if self.dropped > 0 {

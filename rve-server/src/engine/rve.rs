@@ -65,7 +65,7 @@ struct Stretch<S: Space> {
 }
 
 /// A question whose state has been read.
-struct Opened<S: Space> {
+struct PreparedTrial<S: Space> {
     /// Its place among the questions.
     place: usize,
     state: GrainState<S>,
@@ -74,7 +74,7 @@ struct Opened<S: Space> {
 }
 
 /// An answer with the sealed snapshot of its trial state.
-type Answered = Result<(TrialAnswer, Vec<u8>), RveError>;
+type TrialOutcome = Result<(TrialAnswer, Vec<u8>), RveError>;
 
 impl<S: SolverFor> Clone for GrainRve<S> {
     /// The same cell; working memory is not copied, it cannot reach a result.
@@ -248,7 +248,7 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// Answers several questions whose states have been read and whose targets are stretches, side by side.
-    fn solve_side_by_side(&mut self, opened: Vec<Opened<S>>) -> Vec<Answered> {
+    fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
         let started = Instant::now();
         let jobs: Vec<Job<'_, S>> = opened
             .iter()
@@ -315,7 +315,7 @@ impl<S: SolverFor> GrainRve<S> {
         }
     }
 
-    /// Adds the tangent asked for, its cost and the shortcuts it took.
+    /// Adds the tangent requested, its cost and the shortcuts it took.
     fn add_tangent(&mut self, answer: &mut TrialAnswer, kind: TangentKind) {
         if kind == TangentKind::None {
             return;
@@ -367,7 +367,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
     }
 
     fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
-        let mut answers: Vec<Option<Answered>> = questions.iter().map(|_| None).collect();
+        let mut answers: Vec<Option<TrialOutcome>> = questions.iter().map(|_| None).collect();
         let mut opened = Vec::new();
         for (place, question) in questions.iter().enumerate() {
             let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
@@ -378,7 +378,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                 Ok(Some((state, self.stretch(&h, &question.ask)?)))
             });
             match stretched {
-                Ok(Some((state, stretch))) => opened.push(Opened { place, state, stretch, ask: question.ask }),
+                Ok(Some((state, stretch))) => opened.push(PreparedTrial { place, state, stretch, ask: question.ask }),
                 Ok(None) => answers[place] = Some(answer_alone(self, question)),
                 Err(error) => answers[place] = Some(Err(error)),
             }

@@ -18,5 +18,5 @@ pub(crate) fn opened<S: Space>(
 ) -> Result<GrainState<S>, RveError> {
     let refuse = |reason: String| RveError::Snapshot(reason);
     let payload = snapshot::open(ENGINE_NAME, bytes).map_err(|error| refuse(error.to_string()))?;
-    GrainState::from_bytes(payload, id, grain_count).map_err(refuse)
+    GrainState::from_bytes(payload, id, grain_count).map_err(|error| refuse(error.to_string()))
 }

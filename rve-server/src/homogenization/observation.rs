@@ -1,4 +1,4 @@
-//! What an answer reports beside stress and tangent.
+//! What an answer reports next to stress and tangent.
 
 use super::fabric::anisotropy;
 use super::stress::first_piola;
@@ -20,7 +20,7 @@ pub(crate) fn scalars<S: Space>(network: &ContactNetwork<S>, state: &GrainState<
     }
 }
 
-/// The optional results that were asked for. `elastic_energy` sums the energy stored in all contacts, J; `f` leads from the committed configuration to the present one.
+/// The optional results that were requested. `elastic_energy` sums the energy stored in all contacts, J; `f` leads from the committed configuration to the present one.
 pub(crate) fn observe<S: Space>(
     elastic_energy: impl FnOnce() -> f64,
     network: &ContactNetwork<S>,

@@ -1,7 +1,7 @@
 //! A cell in preparation: compressed, sheared, brought to a stress and written as a packing.
 
-use super::progress::{Journal, PackingProgress};
-use super::servo::{CircleWatch, LARGEST_STRAIN, Response, aim, pressure};
+use super::progress::{PackingProgress, ProgressLog};
+use super::servo::{LARGEST_STRAIN, Response, StagnationMonitor, aim, pressure};
 use super::stress_target::{Matrix, StressTarget, turned_in, turned_out};
 use crate::cell::ContactRecord;
 use crate::contact::ContactTable;
@@ -27,11 +27,11 @@ const HANDOVER: [f64; 2] = [0.02, 0.2];
 const MOST_SETTLINGS: u32 = 10;
 
 /// Stress error over pressure below which the servo on spheres learns from its steps: the network's own operator knows no
-/// sliding, is much too stiff for shear, and would creep towards the target by a hundredth of the way a step.
+/// sliding, is much too stiff for shear, and would approach the target by a hundredth of the distance per step.
 const CLOSE: f64 = 0.5;
 
-/// Steps without a smaller error after which the servo on spheres looks at the network again.
-const PATIENCE: u32 = 12;
+/// Steps without a smaller error after which the servo on spheres uses the network operator again.
+const MAX_STALLS: u32 = 12;
 
 /// What a careful step leaves of the distance to the stress it aims at, above which the step is taken back and shortened.
 const WORTHWHILE: f64 = 0.95;
@@ -59,7 +59,7 @@ const MOST_INCREMENTS: u32 = 5_000;
 /// Strain whose only purpose is that the grains are brought to rest.
 const TOUCH: f64 = 1e-9;
 
-/// How far from the target a bed may end.
+/// How far from the target a compaction may end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tolerances {
     /// Largest unbalanced force over mean normal contact force.
@@ -69,14 +69,14 @@ pub(crate) struct Tolerances {
 }
 
 /// A cell with a target stress.
-pub(crate) struct Bed<'a, S: SolverFor> {
+pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
     target: StressTarget,
     tolerances: Tolerances,
-    journal: &'a Journal<'a>,
+    log: &'a ProgressLog<'a>,
 }
 
-impl<'a, S: SolverFor> Bed<'a, S> {
+impl<'a, S: SolverFor> Compaction<'a, S> {
     /// Takes grains over, wherever they are.
     ///
     /// # Errors
@@ -86,11 +86,11 @@ impl<'a, S: SolverFor> Bed<'a, S> {
         contact: &ContactTable,
         target: StressTarget,
         tolerances: Tolerances,
-        journal: &'a Journal<'a>,
+        log: &'a ProgressLog<'a>,
     ) -> Result<Self, PackingError> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
         let cell = GrainRve::<S>::new(&definition).map_err(content)?;
-        Ok(Self { cell, target, tolerances, journal })
+        Ok(Self { cell, target, tolerances, log })
     }
 
     /// Isotropic compression until the grains carry load; increments that overshoot are taken back and halved.
@@ -166,7 +166,7 @@ impl<'a, S: SolverFor> Bed<'a, S> {
         // Discs keep to the network's own operator in every step: committed packings come out again to the bit.
         let learns = S::DIMENSION == 3;
         let (mut best, mut since_best) = (f64::INFINITY, 0);
-        let (mut watch, mut careful_steps, mut slack) = (CircleWatch::new(), 0, 0);
+        let (mut watch, mut careful_steps, mut slack) = (StagnationMonitor::new(), 0, 0);
         for increment in 0..MOST_INCREMENTS {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
@@ -192,9 +192,9 @@ impl<'a, S: SolverFor> Bed<'a, S> {
                 continue;
             }
             if slack > 0 {
-                watch = CircleWatch::new();
+                watch = StagnationMonitor::new();
             } else if !learns && watch.is_circling(error) {
-                (watch, careful_steps) = (CircleWatch::new(), CAREFUL_STEPS);
+                (watch, careful_steps) = (StagnationMonitor::new(), CAREFUL_STEPS);
             }
             if careful_steps > 0 && slack == 0 && error > self.tolerances.stress {
                 careful_steps -= 1;
@@ -213,9 +213,9 @@ impl<'a, S: SolverFor> Bed<'a, S> {
                 best = best.min(error);
                 if self.pressure_share(&answer) < SLACK_PRESSURE {
                     strain = self.isotropic(-SLACK_STRAIN);
-                } else if error < CLOSE && since_best < PATIENCE {
+                } else if error < CLOSE && since_best < MAX_STALLS {
                     kind = TangentKind::None;
-                } else if since_best >= PATIENCE {
+                } else if since_best >= MAX_STALLS {
                     (best, since_best) = (error, 0);
                 }
             }
@@ -372,13 +372,13 @@ impl<'a, S: SolverFor> Bed<'a, S> {
         let target = Tensor2(std::array::from_fn(|index| strain[index / 3][index % 3]));
         let ask = Ask { tangent, ..Ask::default() };
         let answer = self.cell.trial(&target, &ask).map_err(content)?;
-        self.journal.spend(answer.cost.force_evaluations);
+        self.log.spend(answer.cost.force_evaluations);
         Ok(answer)
     }
 
     fn report(&self, stage: &'static str, increment: u32, answer: &TrialAnswer) {
         let stress_error = self.stress_error(&answer.stress);
-        self.journal.tell(PackingProgress {
+        self.log.report(PackingProgress {
             attempt: 0,
             stage,
             increment,

@@ -1,4 +1,4 @@
-//! The preparation friction that gives a packing the density or coordination asked for.
+//! The preparation friction that gives a packing the density or coordination requested.
 //!
 //! More friction leaves a packing looser and with fewer contacts; between two frictions the state is searched by regula
 //! falsi with the Illinois rule, because a finite packing's response is only nearly continuous.
@@ -14,11 +14,11 @@ const MOST_TRIES: usize = 16;
 pub struct FrictionAttempt {
     /// Preparation friction.
     pub friction: f64,
-    /// What the packing had of the quantity asked for.
+    /// What the packing had of the quantity requested.
     pub value: f64,
 }
 
-/// Makes packings until one has the value asked for.
+/// Makes packings until one has the value requested.
 ///
 /// # Errors
 /// [`PackingError::Content`] with the values in reach.

@@ -1,11 +1,11 @@
 //! Makes a packing: random places at low density, isotropic compression until the grains carry load, then a servo on all
-//! stress components until the stress is the target and the grains are at rest. Around that, where asked for: a search
+//! stress components until the stress is the target and the grains are at rest. Around that, where requested: a search
 //! of the preparation friction, a shear that leaves an anisotropic fabric behind, and the removal of random grains.
 
-use super::compaction::{Bed, Tolerances};
+use super::compaction::{Compaction, Tolerances};
 use super::friction_search::{FrictionAttempt, search};
 use super::preshear::{ShearAttempt, presheared};
-use super::progress::{Journal, PackingProgress};
+use super::progress::{PackingProgress, ProgressLog};
 use super::random_placement::scattered;
 use super::recipe::{PackingRecipe, Removal, StateQuantity};
 use super::removal::weakened;
@@ -55,21 +55,21 @@ pub fn generate<S: SolverFor>(
     recipe.validate()?;
     if recipe.dimension as usize != S::DIMENSION {
         return Err(PackingError::Content(format!(
-            "dimension = {}, but {} were asked for",
+            "dimension = {}, but {} were requested",
             recipe.dimension,
             S::GRAINS
         )));
     }
     let target = recipe.stress_target()?;
-    let journal = Journal::new(progress);
-    let workshop = Workshop { recipe, target, journal: &journal };
+    let log = ProgressLog::new(progress);
+    let workshop = Workshop { recipe, target, log: &log };
     let (mut packing, contact, searches) = workshop.prepare::<S>()?;
     if let Some(removal) = &recipe.removal {
         packing = workshop.weakened(&packing, &contact, removal)?;
     }
     packing.provenance = provenance(recipe, &searches);
     let packing = packing.checked()?;
-    let report = measured(recipe, &target, &packing, &contact, searches, journal.spent())?;
+    let report = measured(recipe, &target, &packing, &contact, searches, log.spent())?;
     report.refuse_misses()?;
     Ok((packing, report))
 }
@@ -89,11 +89,11 @@ fn provenance(recipe: &PackingRecipe, searches: &Searches) -> serde_json::Value 
 struct Workshop<'a> {
     recipe: &'a PackingRecipe,
     target: StressTarget,
-    journal: &'a Journal<'a>,
+    log: &'a ProgressLog<'a>,
 }
 
 impl<'a> Workshop<'a> {
-    /// A packing at its target stress with the density and anisotropy asked for, and the law it is at rest under.
+    /// A packing at its target stress with the density and anisotropy requested, and the law it is at rest under.
     fn prepare<S: SolverFor>(&self) -> Result<(PackingFile<S>, ContactTable, Searches), PackingError> {
         let mut contact = self.recipe.contact.clone();
         let mut searches = Searches::default();
@@ -104,7 +104,7 @@ impl<'a> Workshop<'a> {
                 let mut make = |friction: f64| {
                     let contact = ContactTable { friction, ..contact.clone() };
                     let packing = self.compacted(&contact)?;
-                    self.journal.next_attempt();
+                    self.log.next_attempt();
                     let report = measured(self.recipe, &self.target, &packing, &contact, Searches::default(), 0)?;
                     Ok((packing, value_of(&report, quantity)))
                 };
@@ -117,11 +117,11 @@ impl<'a> Workshop<'a> {
         if let Some(anisotropy) = &self.recipe.anisotropy {
             contact.friction = anisotropy.friction;
             let mut prepared = || {
-                self.journal.next_attempt();
-                self.bed(packing.clone(), &contact)
+                self.log.next_attempt();
+                self.compaction(packing.clone(), &contact)
             };
-            let (bed, attempts) = presheared(anisotropy, self.target.dimension, &mut prepared)?;
-            packing = bed.packing(serde_json::Value::Null)?;
+            let (compaction, attempts) = presheared(anisotropy, self.target.dimension, &mut prepared)?;
+            packing = compaction.packing(serde_json::Value::Null)?;
             searches.shear = attempts;
         }
         Ok((packing, contact, searches))
@@ -129,10 +129,10 @@ impl<'a> Workshop<'a> {
 
     /// Random places, compressed and brought to the target stress.
     fn compacted<S: SolverFor>(&self, contact: &ContactTable) -> Result<PackingFile<S>, PackingError> {
-        let mut bed = self.bed(scattered(self.recipe)?, contact)?;
-        bed.compress()?;
-        bed.servo()?;
-        bed.packing(serde_json::Value::Null)
+        let mut compaction = self.compaction(scattered(self.recipe)?, contact)?;
+        compaction.compress()?;
+        compaction.servo()?;
+        compaction.packing(serde_json::Value::Null)
     }
 
     /// The packing without some of its grains, at rest again.
@@ -142,11 +142,15 @@ impl<'a> Workshop<'a> {
         contact: &ContactTable,
         removal: &Removal,
     ) -> Result<PackingFile<S>, PackingError> {
-        weakened(packing, contact, removal, self.target, self.tolerances(), self.journal)
+        weakened(packing, contact, removal, self.target, self.tolerances(), self.log)
     }
 
-    fn bed<S: SolverFor>(&self, packing: PackingFile<S>, contact: &ContactTable) -> Result<Bed<'a, S>, PackingError> {
-        Bed::new(packing, contact, self.target, self.tolerances(), self.journal)
+    fn compaction<S: SolverFor>(
+        &self,
+        packing: PackingFile<S>,
+        contact: &ContactTable,
+    ) -> Result<Compaction<'a, S>, PackingError> {
+        Compaction::new(packing, contact, self.target, self.tolerances(), self.log)
     }
 
     fn tolerances(&self) -> Tolerances {

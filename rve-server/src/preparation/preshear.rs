@@ -1,7 +1,7 @@
 //! Initial anisotropy: the packing is sheared by a searched amount and brought back to its target stress, so that its
 //! contacts remember the shear while its stress does not.
 
-use super::compaction::Bed;
+use super::compaction::Compaction;
 use super::recipe::AnisotropyTarget;
 use super::stress_target::Matrix;
 use crate::definition::PackingError;
@@ -29,34 +29,34 @@ pub struct ShearAttempt {
     pub anisotropy: f64,
 }
 
-/// Searches the shear strain. `prepared` makes a bed in the state before the shear; the returned bed is at its target
-/// stress and has the anisotropy asked for.
+/// Searches the shear strain. `prepared` makes a compaction in the state before the shear; the returned compaction is at its target
+/// stress and has the anisotropy requested.
 ///
 /// # Errors
 /// [`PackingError::Content`] if the anisotropy is not reached.
 pub(crate) fn presheared<'a, S: SolverFor>(
     target: &AnisotropyTarget,
     dimension: usize,
-    prepared: &mut dyn FnMut() -> Result<Bed<'a, S>, PackingError>,
-) -> Result<(Bed<'a, S>, Vec<ShearAttempt>), PackingError> {
+    prepared: &mut dyn FnMut() -> Result<Compaction<'a, S>, PackingError>,
+) -> Result<(Compaction<'a, S>, Vec<ShearAttempt>), PackingError> {
     let wanted = axial_fabric(target, dimension);
     let mut attempts = Vec::new();
     let mut shear = [[0.0; 3]; 3];
     let mut response = FIRST_RESPONSE;
     let mut last: Option<(Matrix, Matrix)> = None;
     for _ in 0..MOST_TRIES {
-        let mut bed = prepared()?;
+        let mut compaction = prepared()?;
         if last.is_some() {
-            bed.strain(&shear)?;
+            compaction.strain(&shear)?;
         }
-        bed.servo()?;
-        let fabric = bed.fabric_deviator()?;
+        compaction.servo()?;
+        let fabric = compaction.fabric_deviator()?;
         let anisotropy = anisotropy_of(&fabric, dimension);
         attempts.push(ShearAttempt { shear: largest(&shear), anisotropy });
         let missing = combined(&wanted, -1.0, &fabric);
         // The direction counts as well as the value: both principal values must be where they are wanted.
         if (anisotropy - target.value).abs() <= target.tolerance && largest(&missing) <= target.tolerance {
-            return Ok((bed, attempts));
+            return Ok((compaction, attempts));
         }
         if let Some((last_shear, last_fabric)) = &last {
             let (step, effect) = (combined(&shear, -1.0, last_shear), combined(&fabric, -1.0, last_fabric));
@@ -82,7 +82,7 @@ pub(crate) fn presheared<'a, S: SolverFor>(
     )))
 }
 
-/// Fabric deviator with the asked anisotropy, most contacts along the asked axis and the other axes alike.
+/// Fabric deviator with the requested anisotropy, most contacts along the requested axis and the other axes alike.
 fn axial_fabric(target: &AnisotropyTarget, dimension: usize) -> Matrix {
     let share = 1.0 / (dimension as f64 + target.value);
     let mean = 1.0 / dimension as f64;

@@ -1,4 +1,4 @@
-//! What a preparation tells while it runs, and what it has spent so far.
+//! Progress reports of a preparation, and its cost so far.
 
 use std::cell::{Cell, RefCell};
 
@@ -22,13 +22,13 @@ pub struct PackingProgress {
 }
 
 /// Shared by all beds of one preparation.
-pub(crate) struct Journal<'a> {
+pub(crate) struct ProgressLog<'a> {
     listener: RefCell<&'a mut dyn FnMut(&PackingProgress)>,
     force_evaluations: Cell<u64>,
     attempt: Cell<u32>,
 }
 
-impl<'a> Journal<'a> {
+impl<'a> ProgressLog<'a> {
     pub(crate) fn new(listener: &'a mut dyn FnMut(&PackingProgress)) -> Self {
         Self { listener: RefCell::new(listener), force_evaluations: Cell::new(0), attempt: Cell::new(0) }
     }
@@ -47,7 +47,7 @@ impl<'a> Journal<'a> {
         self.force_evaluations.get()
     }
 
-    pub(crate) fn tell(&self, progress: PackingProgress) {
+    pub(crate) fn report(&self, progress: PackingProgress) {
         (self.listener.borrow_mut())(&PackingProgress { attempt: self.attempt.get(), ..progress });
     }
 }

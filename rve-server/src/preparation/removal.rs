@@ -1,7 +1,7 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
-use super::compaction::{Bed, Tolerances, content, rows};
-use super::progress::Journal;
+use super::compaction::{Compaction, Tolerances, content, rows};
+use super::progress::ProgressLog;
 use super::random_placement::chosen;
 use super::recipe::Removal;
 use super::stress_target::StressTarget;
@@ -59,8 +59,8 @@ fn at_its_stress<S: SolverFor>(
     let symmetric: Vec<Vec<f64>> =
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
     let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;
-    let mut nobody = |_: &_| {};
-    weakened(packing, contact, removal, target, TOLERANCES, &Journal::new(&mut nobody))
+    let mut ignore = |_: &_| {};
+    weakened(packing, contact, removal, target, TOLERANCES, &ProgressLog::new(&mut ignore))
 }
 
 /// The packing without some of its grains, brought to its target stress.
@@ -73,15 +73,15 @@ pub(crate) fn weakened<'a, S: SolverFor>(
     removal: &Removal,
     target: StressTarget,
     tolerances: Tolerances,
-    journal: &'a Journal<'a>,
+    log: &'a ProgressLog<'a>,
 ) -> Result<PackingFile<S>, PackingError> {
     let removed = chosen(packing.grains.len(), removal.number, removal.seed);
-    let mut bed = Bed::new(without(packing, &removed), contact, target, tolerances, journal)?;
-    bed.servo()?;
-    bed.packing(serde_json::Value::Null)
+    let mut compaction = Compaction::new(without(packing, &removed), contact, target, tolerances, log)?;
+    compaction.servo()?;
+    compaction.packing(serde_json::Value::Null)
 }
 
-/// The packing without the grains `removed` (ascending) and their contacts; the others are numbered anew, in order.
+/// The packing without the grains `removed` (ascending) and their contacts; the others are numbered again, in order.
 fn without<S: Space>(packing: &PackingFile<S>, removed: &[usize]) -> PackingFile<S> {
     let mut numbers = vec![None; packing.grains.len()];
     let mut next = 0u32;

@@ -1,4 +1,4 @@
-//! The acceptance report: what was asked of a packing against what it has, measured on the packing as written.
+//! The acceptance report: requirements against the values reached, measured on the packing as written.
 
 use super::compaction::{content, rows};
 use super::generate::Searches;
@@ -18,12 +18,12 @@ const LARGEST_OVERLAP: f64 = 0.1;
 /// Turning a packing into the axes of its file and wrapping its grains moves them by rounding; the forces follow.
 const ROUNDING: f64 = 1e-7;
 
-/// One thing that was asked for.
+/// One requirement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Requirement {
-    /// What was asked for.
+    /// Quantity.
     pub quantity: String,
-    /// Value asked for.
+    /// Value requested.
     pub asked: f64,
     /// Value of the packing.
     pub got: f64,
@@ -32,7 +32,7 @@ pub struct Requirement {
 }
 
 impl Requirement {
-    /// Whether the packing has what was asked for.
+    /// Whether the packing has what was requested.
     pub fn is_met(&self) -> bool {
         (self.got - self.asked).abs() <= self.tolerance
     }
@@ -76,7 +76,7 @@ pub struct PackingReport {
 }
 
 impl PackingReport {
-    /// Refuses a packing that misses what was asked for.
+    /// Refuses a packing that misses what was requested.
     ///
     /// # Errors
     /// [`PackingError::Content`] naming what is missed and by how much.

@@ -37,12 +37,12 @@ const LONGEST_CIRCLE: u32 = 100;
 /// Notices that a servo goes round in circles: a contact that opens under the steps of one operator and closes under those
 /// of the other leads from one state to the other and back for ever, or creeps.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CircleWatch {
+pub(crate) struct StagnationMonitor {
     milestone: f64,
     steps: u32,
 }
 
-impl CircleWatch {
+impl StagnationMonitor {
     /// Before the first step.
     pub(crate) fn new() -> Self {
         Self { milestone: f64::INFINITY, steps: 0 }

@@ -16,13 +16,13 @@ use std::time::Instant;
 
 /// An answer that owns its snapshot and error text.
 #[derive(Debug)]
-pub(super) struct Answer {
+pub(super) struct JobResult {
     pub(super) reply: TrialReply,
     pub(super) state: Vec<u8>,
     pub(super) error: Vec<u8>,
 }
 
-impl Answer {
+impl JobResult {
     fn bare(job: &TrialJob, status: ReplyStatus) -> Self {
         Self { reply: TrialReply::bare(job, status), state: Vec::new(), error: Vec::new() }
     }
@@ -54,14 +54,14 @@ struct Rve {
 }
 
 /// Does jobs with one engine.
-pub(super) struct Bench<'a> {
+pub(super) struct JobRunner<'a> {
     engine: &'a mut dyn RveEngine,
     rves: BTreeMap<DefinitionId, Rve>,
     states: StateCache,
 }
 
-impl<'a> Bench<'a> {
-    /// An empty bench that keeps at most `state_cache` snapshots.
+impl<'a> JobRunner<'a> {
+    /// An empty runner that keeps at most `state_cache` snapshots.
     pub(super) fn new(engine: &'a mut dyn RveEngine, state_cache: usize) -> Self {
         Self { engine, rves: BTreeMap::new(), states: StateCache::new(state_cache) }
     }
@@ -82,11 +82,11 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// Does the jobs of one message; jobs on the same RVE side by side, if its engine can. `carried` beside each job is
+    /// Does the jobs of one message; jobs on the same RVE side by side, if its engine can. `carried` next to each job is
     /// the snapshot that came with it, or empty.
-    pub(super) fn answer_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<Answer> {
+    pub(super) fn run_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<JobResult> {
         let begin = Instant::now();
-        let mut answers: Vec<Option<Answer>> = slice.iter().map(|_| None).collect();
+        let mut answers: Vec<Option<JobResult>> = slice.iter().map(|_| None).collect();
         let mut ready: BTreeMap<DefinitionId, Vec<Ready>> = BTreeMap::new();
         for (place, (job, carried)) in slice.iter().enumerate() {
             match self.prepare(job, carried) {
@@ -94,7 +94,7 @@ impl<'a> Bench<'a> {
                     ready.entry(job.definition).or_default().push(Ready { place, ask, wanted, start });
                 }
                 Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
-                Err(error) => answers[place] = Some(Answer::failed(job, &error)),
+                Err(error) => answers[place] = Some(JobResult::failed(job, &error)),
             }
         }
         for (definition, group) in ready {
@@ -106,7 +106,7 @@ impl<'a> Bench<'a> {
                 answers[one.place] = Some(answer);
             }
         }
-        let mut answers: Vec<Answer> =
+        let mut answers: Vec<JobResult> =
             answers.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
         let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let worked = answers.iter().map(|answer| &answer.reply.cost);
@@ -128,20 +128,20 @@ impl<'a> Bench<'a> {
         }
         if !carried.is_empty() {
             check_name(job.state, carried)?;
-            self.states.keep(job.state, carried);
+            self.states.insert(job.state, carried);
         }
         let Some(rve) = self.rves.get(&job.definition) else {
-            return Ok(Prepared::Answered(Answer::bare(job, ReplyStatus::NeedDefinition)));
+            return Ok(Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedDefinition)));
         };
         let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
         let start = if wanted == rve.initial_id { Some(rve.initial.as_slice()) } else { self.states.get(wanted) };
         Ok(match start {
             Some(start) => Prepared::Ready { ask, wanted, start: start.to_vec() },
-            None => Prepared::Answered(Answer::bare(job, ReplyStatus::NeedState)),
+            None => Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedState)),
         })
     }
 
-    /// The solver of a known RVE; whoever takes it puts it back whole.
+    /// The solver of a known RVE; a caller puts it back intact.
     fn solver(&mut self, definition: DefinitionId) -> Result<Box<dyn RveSolver>, RveError> {
         let rve = self.rves.get_mut(&definition).expect("the RVE has been found before");
         match rve.solver.take() {
@@ -159,11 +159,11 @@ impl<'a> Bench<'a> {
         rve.committed = committed;
     }
 
-    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> Answer {
-        self.try_alone(job, ready).unwrap_or_else(|error| Answer::failed(job, &error))
+    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> JobResult {
+        self.try_alone(job, ready).unwrap_or_else(|error| JobResult::failed(job, &error))
     }
 
-    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<Answer, RveError> {
+    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<JobResult, RveError> {
         let Ready { ask, wanted, start, .. } = ready;
         let mut solver = self.solver(job.definition)?;
         let committed = self.rves[&job.definition].committed;
@@ -187,11 +187,11 @@ impl<'a> Bench<'a> {
         definition: DefinitionId,
         slice: &[(TrialJob, Vec<u8>)],
         group: &[Ready],
-    ) -> Vec<Answer> {
+    ) -> Vec<JobResult> {
         let job_of = |ready: &Ready| &slice[ready.place].0;
         let mut solver = match self.solver(definition) {
             Ok(solver) => solver,
-            Err(error) => return group.iter().map(|ready| Answer::failed(job_of(ready), &error)).collect(),
+            Err(error) => return group.iter().map(|ready| JobResult::failed(job_of(ready), &error)).collect(),
         };
         let questions: Vec<Question<'_>> = group
             .iter()
@@ -210,20 +210,20 @@ impl<'a> Bench<'a> {
         let answered = outcomes.into_iter().zip(group).map(|(outcome, ready)| {
             let job = job_of(ready);
             let delivered = outcome.and_then(|(answer, state)| self.delivered(job, &answer, state));
-            delivered.unwrap_or_else(|error| Answer::failed(job, &error))
+            delivered.unwrap_or_else(|error| JobResult::failed(job, &error))
         });
         answered.collect()
     }
 
     /// A finished answer as it is sent; its state stays at hand.
-    fn delivered(&mut self, job: &TrialJob, answer: &TrialAnswer, state: Vec<u8>) -> Result<Answer, RveError> {
+    fn delivered(&mut self, job: &TrialJob, answer: &TrialAnswer, state: Vec<u8>) -> Result<JobResult, RveError> {
         let id = StateId::of(&state);
         let reply = TrialReply::done(job, answer, id, state.len() as u64);
         if !reply.is_finite() {
             return Err(RveError::NotFinite { force_evaluations: answer.cost.force_evaluations });
         }
-        self.states.keep(id, &state);
-        Ok(Answer { reply, state, error: Vec::new() })
+        self.states.insert(id, &state);
+        Ok(JobResult { reply, state, error: Vec::new() })
     }
 }
 
@@ -242,7 +242,7 @@ struct Ready {
 #[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
     Ready { ask: Ask, wanted: StateId, start: Vec<u8> },
-    Answered(Answer),
+    Answered(JobResult),
 }
 
 enum Outcome {

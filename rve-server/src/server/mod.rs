@@ -1,4 +1,4 @@
-//! The worker loop: join a run, take definitions and job slices, answer, leave when told or when the macro is lost.
+//! The worker loop: join a run, take definitions and messages of jobs, answer, leave on request or when the macro process is lost.
 //!
 //! A worker owns no Gauss point and no truth: it can vanish at any moment and costs the run only the jobs it was
 //! working on. Every successful reply therefore carries the snapshot of its trial state; a copy of 50 kB costs about
@@ -12,7 +12,7 @@ mod tests;
 
 pub use engines::{BUILT_IN_ENGINES, BuiltInEngine, built_in_engine};
 
-use job_runner::{Answer, Bench};
+use job_runner::{JobResult, JobRunner};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use protocol::wire::TrialJob;
@@ -42,7 +42,7 @@ impl ServeOptions {
 /// Why a worker left in good order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ExitReason {
-    /// The macro asked it to finish its jobs and go.
+    /// The macro process requested that it finish its jobs and leave.
     Drained,
     /// The macro dismissed it.
     Dismissed,
@@ -119,7 +119,7 @@ pub fn serve(
     if let Some(reason) = await_welcome(port, &mut inbox, options.grace)? {
         return Ok(reason);
     }
-    let mut bench = Bench::new(engine, options.state_cache as usize);
+    let mut runner = JobRunner::new(engine, options.state_cache as usize);
     loop {
         let idle = inbox.tasks.is_empty() && !inbox.draining;
         // Long waits cost nothing: whatever the macro does, its end included, interrupts them.
@@ -129,8 +129,8 @@ pub fn serve(
             return Ok(reason);
         }
         match inbox.tasks.pop_front() {
-            Some(task) => match perform(&mut bench, port, task) {
-                // A macro that vanished while we were working is told by the next poll, with its reason.
+            Some(task) => match perform(&mut runner, port, task) {
+                // A macro process that vanished meanwhile is reported by the next poll, with its reason.
                 Err(TransportError::Gone(_)) => {}
                 outcome => outcome?,
             },
@@ -169,21 +169,22 @@ fn await_welcome(
     }
 }
 
-fn perform(bench: &mut Bench<'_>, port: &mut dyn WorkerPort, task: Task) -> Result<(), TransportError> {
+fn perform(runner: &mut JobRunner<'_>, port: &mut dyn WorkerPort, task: Task) -> Result<(), TransportError> {
     match task {
         Task::Define(definition) => {
             let id = definition.id();
-            if let Err(error) = bench.define(definition) {
+            if let Err(error) = runner.define(definition) {
                 port.send_control(&FromWorker::DefinitionRefused { definition: id, reason: error.to_string() })?;
             }
             Ok(())
         }
         Task::Slice(slice) => {
-            let answers = bench.answer_all(&slice);
+            let answers = runner.run_all(&slice);
             match send(port, &answers) {
                 Err(error @ TransportError::TooLarge { .. }) => {
                     let error = RveError::EngineFault(error.to_string());
-                    let answers: Vec<Answer> = slice.iter().map(|(job, _)| Answer::failed(job, &error)).collect();
+                    let answers: Vec<JobResult> =
+                        slice.iter().map(|(job, _)| JobResult::failed(job, &error)).collect();
                     send(port, &answers)
                 }
                 outcome => outcome,
@@ -192,7 +193,7 @@ fn perform(bench: &mut Bench<'_>, port: &mut dyn WorkerPort, task: Task) -> Resu
     }
 }
 
-fn send(port: &mut dyn WorkerPort, answers: &[Answer]) -> Result<(), TransportError> {
-    let replies: Vec<LoadedReply<'_>> = answers.iter().map(Answer::loaded).collect();
+fn send(port: &mut dyn WorkerPort, answers: &[JobResult]) -> Result<(), TransportError> {
+    let replies: Vec<LoadedReply<'_>> = answers.iter().map(JobResult::loaded).collect();
     port.send_replies(&replies)
 }

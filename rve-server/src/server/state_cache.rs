@@ -32,7 +32,7 @@ impl StateCache {
     }
 
     /// Keeps `bytes`, whose name is `id`; counts as a use.
-    pub(super) fn keep(&mut self, id: StateId, bytes: &[u8]) {
+    pub(super) fn insert(&mut self, id: StateId, bytes: &[u8]) {
         if self.snapshots.contains_key(&id) {
             return self.touch(id);
         }
@@ -62,10 +62,10 @@ mod tests {
     fn the_least_recently_used_state_leaves_first() {
         let mut cache = StateCache::new(2);
         let [a, b, c] = [b"a", b"b", b"c"].map(|bytes| StateId::of(bytes));
-        cache.keep(a, b"a");
-        cache.keep(b, b"b");
+        cache.insert(a, b"a");
+        cache.insert(b, b"b");
         assert_eq!(cache.get(a), Some(&b"a"[..]));
-        cache.keep(c, b"c");
+        cache.insert(c, b"c");
         assert_eq!(cache.get(b), None);
         assert_eq!(cache.get(a), Some(&b"a"[..]));
         assert_eq!(cache.get(c), Some(&b"c"[..]));

@@ -7,7 +7,7 @@ use protocol::Tensor4;
 pub struct TangentOutcome {
     /// `d sigma_ij / d F_kl`, Pa.
     pub operator: Tensor4,
-    /// Whether the operator asked for failed and the uniform-strain operator stands in its place.
+    /// Whether the operator requested failed and the uniform-strain operator stands in its place.
     pub fallback: bool,
     /// Whether mechanisms of the network had to be held by a small stiffness of their own.
     pub regularised: bool,

@@ -41,16 +41,16 @@ fn central_difference(cell: &mut GrainRve, strain: Plane) -> [f64; 4] {
 }
 
 #[test]
-fn truss_like_operator_equals_probes_of_the_grain_solver() {
+fn truss_like_operator_equals_perturbations_of_the_grain_solver() {
     let rough = ContactTable::linear(1000.0, 0.5, 1e9);
     let rolling = ContactTable { rolling_stiffness: 0.4, rolling_friction: 1e9, ..rough.clone() };
     // Measured 5.8e-8 without rolling springs.
     for contact in [rough, rolling] {
-        check_probes(contact);
+        check_perturbations(contact);
     }
 }
 
-fn check_probes(contact: ContactTable) {
+fn check_perturbations(contact: ContactTable) {
     let mut cell = discs_of(contact, RveOptions { tolerance: Some(1e-11), ..RveOptions::default() });
     // A strain first, so that tangential forces and rotations are not zero.
     let strain = [[1e-4, 5e-5], [0.0, -1e-4]];
@@ -59,17 +59,17 @@ fn check_probes(contact: ContactTable) {
     let linearised = operator.operator.plane();
     cell.commit().unwrap();
     let step = 1e-8;
-    let mut probed = [[0.0; 4]; 4];
+    let mut perturbed = [[0.0; 4]; 4];
     for direction in 0..4 {
         let mut strain = [[0.0; 2]; 2];
         strain[direction / 2][direction % 2] = step;
         for (row, change) in central_difference(&mut cell, strain).into_iter().enumerate() {
-            probed[row][direction] = change / step;
+            perturbed[row][direction] = change / step;
         }
     }
     let difference: PlaneOperator =
-        std::array::from_fn(|row| std::array::from_fn(|column| linearised[row][column] - probed[row][column]));
-    let error = norm(&difference) / norm(&probed);
+        std::array::from_fn(|row| std::array::from_fn(|column| linearised[row][column] - perturbed[row][column]));
+    let error = norm(&difference) / norm(&perturbed);
     assert!(error < 1.2e-7, "{error:.2e}");
     assert!(!operator.fallback && !operator.regularised);
 }

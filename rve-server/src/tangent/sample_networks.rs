@@ -113,7 +113,7 @@ fn balance(network: &mut ContactNetwork) {
     let mut balanced = forces;
     for _ in 0..2 {
         let imbalance = &equations * &balanced;
-        balanced -= decomposition.solve(&imbalance, 1e-10).expect("both singular bases were asked for");
+        balanced -= decomposition.solve(&imbalance, 1e-10).expect("both singular bases were requested");
     }
     for (contact, pair) in network.contacts.iter_mut().zip(balanced.as_slice().chunks(2)) {
         contact.normal_force = pair[0];

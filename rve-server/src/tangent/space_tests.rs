@@ -209,9 +209,12 @@ fn check_probes_of_spheres(contact: ContactTable, allowed: f64) {
         let backward = stress(&mut cell, h.map(|value| -value), 1);
         for i in 0..3 {
             for j in 0..3 {
-                let probed = (forward.get(i, j) - backward.get(i, j)) / (2.0 * size);
+                let perturbed = (forward.get(i, j) - backward.get(i, j)) / (2.0 * size);
                 let found = operator.operator.get(i, j, k, l);
-                assert!((found - probed).abs() < allowed * scale, "C {i}{j}{k}{l}: {found:e} against {probed:e}");
+                assert!(
+                    (found - perturbed).abs() < allowed * scale,
+                    "C {i}{j}{k}{l}: {found:e} against {perturbed:e}"
+                );
             }
         }
     }

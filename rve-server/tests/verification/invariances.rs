@@ -1,6 +1,6 @@
 //! What must not matter does not matter, and what must balance balances, on a random packing.
 
-use crate::samples::{hundred_discs, packing, probed_operator, tight, trial};
+use crate::samples::{hundred_discs, packing, perturbed_operator, tight, trial};
 use protocol::{Observables, RveSolver};
 use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::definition::{GrainDefinition, RveOptions};
@@ -203,11 +203,11 @@ fn network_tangent_is_the_derivative_of_the_trial() {
     cell.commit().unwrap();
     let ask = protocol::Ask { tangent: protocol::TangentKind::TrussLike, ..protocol::Ask::default() };
     let tangent = cell.trial(&protocol::Tensor2::ZERO, &ask).unwrap().tangent.unwrap().plane();
-    let probed = probed_operator(&mut cell, 1e-8);
+    let perturbed = perturbed_operator(&mut cell, 1e-8);
     let scale = tangent.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     let mut worst = 0.0f64;
-    for (row, probed_row) in tangent.iter().zip(&probed) {
-        for (value, probe) in row.iter().zip(probed_row) {
+    for (row, perturbed_row) in tangent.iter().zip(&perturbed) {
+        for (value, probe) in row.iter().zip(perturbed_row) {
             worst = worst.max((value - probe).abs() / scale);
         }
     }

@@ -1,6 +1,6 @@
 //! Crystals with one grain per cell: every contact is with an image of the same grain, and all answers are closed forms.
 
-use crate::samples::{SQUARE, TRIANGULAR, assert_close, lattice, probed_operator, trial};
+use crate::samples::{SQUARE, TRIANGULAR, assert_close, lattice, perturbed_operator, trial};
 use protocol::{Ask, RveSolver, TangentKind, Tensor2};
 use rve_server::contact::{ContactTable, Rotations};
 use rve_server::engine::GrainRve;
@@ -12,7 +12,7 @@ fn sticking() -> ContactTable {
     ContactTable::linear(NORMAL, TANGENTIAL / NORMAL, 1e9)
 }
 
-/// D-1 and D-6: the probed operator of the triangular lattice, without and with pressure. With `f` the contact force
+/// D-1 and D-6: the perturbed operator of the triangular lattice, without and with pressure. With `f` the contact force
 /// and `p = sqrt(3) f / d` the pressure, the pressure takes p/4 from C1111, adds 5p/4 to C1122 and takes 3p/4 from
 /// C1212 = C1221.
 #[test]
@@ -21,7 +21,7 @@ fn triangular_lattice_has_its_moduli_with_and_without_pressure() {
         let mut cell = GrainRve::new(&lattice(TRIANGULAR, overlap, sticking())).unwrap();
         let pressure = -cell.observe(protocol::Observables::NONE).unwrap().stress.get(0, 0);
         assert_close(pressure, 3f64.sqrt() * NORMAL * overlap / (1.0 - overlap), 1e-12, "pressure");
-        let operator = probed_operator(&mut cell, (overlap * 1e-2).min(1e-5));
+        let operator = perturbed_operator(&mut cell, (overlap * 1e-2).min(1e-5));
         let quarter = 3f64.sqrt() / 4.0;
         let expected = [
             (0, 0, quarter * (3.0 * NORMAL + TANGENTIAL) - 0.25 * pressure),
@@ -43,7 +43,7 @@ fn triangular_lattice_has_its_moduli_with_and_without_pressure() {
 #[test]
 fn square_lattice_has_its_moduli() {
     let mut cell = GrainRve::new(&lattice(SQUARE, 1e-6, sticking())).unwrap();
-    let operator = probed_operator(&mut cell, 1e-8);
+    let operator = perturbed_operator(&mut cell, 1e-8);
     for (row, column, value) in
         [(0, 0, NORMAL), (3, 3, NORMAL), (0, 3, 0.0), (1, 1, 0.5 * TANGENTIAL), (2, 1, 0.5 * TANGENTIAL)]
     {
@@ -114,14 +114,14 @@ fn blocked_rotations_keep_grains_with_the_cell() {
     let contact = ContactTable { rotations: Rotations::Blocked, ..sticking() };
     let skewed = [[1.0, 0.0], [0.45, 0.893_028_554_974_587_5]];
     let mut cell = GrainRve::new(&lattice(skewed, 1e-3, contact)).unwrap();
-    let probed = probed_operator(&mut cell, 1e-7);
+    let perturbed = perturbed_operator(&mut cell, 1e-7);
     let stress = cell.observe(protocol::Observables::NONE).unwrap().stress.plane();
-    assert_close(probed[1][2] - probed[1][1], stress[0][0] - stress[1][1], 1e-6, "objectivity");
+    assert_close(perturbed[1][2] - perturbed[1][1], stress[0][0] - stress[1][1], 1e-6, "objectivity");
     let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
     let tangent = cell.trial(&Tensor2::ZERO, &ask).unwrap().tangent.unwrap().plane();
     for row in 0..4 {
         for column in 0..4 {
-            assert_close(tangent[row][column], probed[row][column], 1e-6, &format!("C[{row}][{column}]"));
+            assert_close(tangent[row][column], perturbed[row][column], 1e-6, &format!("C[{row}][{column}]"));
         }
     }
     trial(&mut cell, &[[0.0, 1e-3], [1e-3, 0.0]]);

@@ -57,7 +57,7 @@ fn glass(unloading: &str) -> ContactTable {
 fn truss_like_is_the_derivative_of_the_incremental_law_of_spheres() {
     for (unloading, least, most) in [("incremental", 0.0, 1e-4), ("rescaled", 2e-2, 8e-2)] {
         let probes = OperatorOptions {
-            quasi_static_probe: Some(1e-8),
+            quasi_static_perturbation: Some(1e-8),
             quasi_static_tolerance: Some(1e-9),
             ..OperatorOptions::default()
         };
@@ -69,9 +69,9 @@ fn truss_like_is_the_derivative_of_the_incremental_law_of_spheres() {
             cell.commit().unwrap();
         }
         let network = operator(&mut cell, &increment, TangentKind::TrussLike);
-        let probed = operator(&mut cell, &increment, TangentKind::QuasiStatic);
-        let found = distance(&network, &probed);
-        eprintln!("{unloading}: truss_like is {found:.2e} off the probed operator");
+        let perturbed = operator(&mut cell, &increment, TangentKind::QuasiStatic);
+        let found = distance(&network, &perturbed);
+        eprintln!("{unloading}: truss_like is {found:.2e} off the perturbed operator");
         assert!((least..most).contains(&found), "{unloading}: {found:e}");
     }
 }

@@ -60,7 +60,7 @@ pub(crate) fn trial(cell: &mut GrainRve, h: &Plane) -> TrialAnswer {
 }
 
 /// `d sigma_ij / d F_kl` by central differences of trials, pairs ordered 11, 12, 21, 22.
-pub(crate) fn probed_operator(cell: &mut GrainRve, size: f64) -> [[f64; 4]; 4] {
+pub(crate) fn perturbed_operator(cell: &mut GrainRve, size: f64) -> [[f64; 4]; 4] {
     let mut operator = [[0.0; 4]; 4];
     for column in 0..4 {
         let stress = |cell: &mut GrainRve, sign: f64| {

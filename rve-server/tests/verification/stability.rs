@@ -238,8 +238,8 @@ fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
     let stress =
         |cell: &mut GrainRve, sign: f64| trial(cell, &[[1e-5 + sign * step, 0.0], [0.0, -3e-5]]).stress.plane();
     let [plus, minus] = [1.0, -1.0].map(|sign| stress(&mut cell, sign));
-    let probed = (plus[0][0] - minus[0][0]) / (2.0 * step);
-    assert_close(probed / operator[0][0], 1.0, 1e-3, "C1111 by probes of the cell with its rattlers");
+    let perturbed = (plus[0][0] - minus[0][0]) / (2.0 * step);
+    assert_close(perturbed / operator[0][0], 1.0, 1e-3, "C1111 by perturbations of the cell with its rattlers");
 }
 
 /// D-11: before anything yields, a packing and four copies of it side by side have the same stress and the same operator.

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn former_names_stand_next_to_the_new_ones() {
-        let statistics = Statistics { creep_increments: 5, ..Statistics::default() };
+        let statistics = Statistics { stabilisation_increments: 5, ..Statistics::default() };
         let (summary, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
         for (table, former, name) in DEPRECATED_NAMES {
             let counts = if table == "skipped" { &summary.skipped } else { &summary.fallbacks };

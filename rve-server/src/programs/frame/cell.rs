@@ -118,7 +118,7 @@ impl FrameRve {
         let refuse = |reason: String| RveError::Definition(reason);
         let contact = &definition.contact;
         contact.validate().and_then(|()| contact.validate_for(2)).map_err(|error| refuse(error.to_string()))?;
-        definition.frame.validate().map_err(refuse)?;
+        definition.frame.validate().map_err(|error| refuse(error.to_string()))?;
         let packing = definition.packing.clone().checked().map_err(|error| refuse(error.to_string()))?;
         let geometry = FrameGeometry::of(&packing).map_err(|error| refuse(error.to_string()))?;
         if contact.is_extended() {
@@ -252,7 +252,7 @@ impl FrameRve {
         answer
     }
 
-    /// Stress, scalars and whatever else was asked for, of one state.
+    /// Stress, scalars and whatever else was requested, of one state.
     fn answer_for(
         &self,
         state: &GrainState<Discs>,
@@ -493,7 +493,8 @@ impl RveSolver for FrameRve {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError> {
         let refuse = |reason: String| RveError::Snapshot(reason);
         let payload = snapshot::open(FRAME_ENGINE_NAME, bytes).map_err(|error| refuse(error.to_string()))?;
-        self.committed = GrainState::from_bytes(payload, self.id, self.geometry.places.len()).map_err(refuse)?;
+        self.committed = GrainState::from_bytes(payload, self.id, self.geometry.places.len())
+            .map_err(|error| refuse(error.to_string()))?;
         self.trial = None;
         Ok(())
     }

@@ -66,7 +66,7 @@ impl Run<'_> {
         let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
         let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
         let mut gradient = [0.0; 4];
-        let mut response = self.probed(&start, &gradient, &places)?;
+        let mut response = self.perturbed(&start, &gradient, &places)?;
         let mut last_change = [0.0; 4];
         for increment in 1..=segment.increments {
             let share = f64::from(increment) / f64::from(segment.increments);
@@ -146,7 +146,12 @@ impl Run<'_> {
     }
 
     /// Derivative of the controlled stresses by the free strains, from small probes.
-    fn probed(&mut self, start: &Plane, gradient: &[f64; 4], places: &[usize]) -> Result<DMatrix<f64>, ElementError> {
+    fn perturbed(
+        &mut self,
+        start: &Plane,
+        gradient: &[f64; 4],
+        places: &[usize],
+    ) -> Result<DMatrix<f64>, ElementError> {
         let mut response = DMatrix::zeros(places.len(), places.len());
         for (column, place) in places.iter().enumerate() {
             let mut stresses = [[0.0; 4]; 2];

@@ -148,7 +148,7 @@ impl FrameOptions {
     ///
     /// # Errors
     /// The first offending key with the remedy.
-    pub fn validate(&self) -> Result<(), String> {
+    pub fn validate(&self) -> Result<(), DefinitionError> {
         let numbers = [
             ("strain_per_step", self.strain_per_step()),
             ("tolerance", self.tolerance()),
@@ -156,18 +156,20 @@ impl FrameOptions {
             ("servo_tolerance", self.servo_tolerance()),
         ];
         if let Some((key, value)) = numbers.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            return Err(format!("frame.{key} = {value} must be a positive number"));
+            return Err(DefinitionError(format!("frame.{key} = {value} must be a positive number")));
         }
         match self.damping {
             FrameDamping::Local { coefficient } if !(coefficient > 0.0 && coefficient < 1.0) => {
-                return Err(format!("frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"));
+                return Err(DefinitionError(format!(
+                    "frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"
+                )));
             }
             _ => (),
         }
         match self.control {
-            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => {
-                Err(format!("frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"))
-            }
+            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => Err(DefinitionError(format!(
+                "frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"
+            ))),
             _ => Ok(()),
         }
     }

@@ -21,13 +21,13 @@ const INERTIA: f64 = 0.8;
 /// `omega_max` stays below this share of the stability limit.
 const SAFETY: f64 = 0.8;
 
-/// Steps between two looks at the stiffness.
+/// Steps between two checks of the stiffness.
 const STIFFNESS_INTERVAL: u64 = 64;
 
 /// FIRE: first mixing, its decay, steps of positive power before it decays.
 const MIXING: f64 = 0.1;
 const MIXING_DECAY: f64 = 0.99;
-const PATIENCE: u32 = 5;
+const DOWNHILL_STEPS: u32 = 5;
 
 /// Steps in a row that the energy criterion must hold. Erratum of [Liu2018] eq. 31: a single hit also accepts the turning
 /// points of the motion.
@@ -275,7 +275,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             grain.spin = load.moment.scaled_plus(turn / inertia, grain.spin.scaled(keep));
         }
         self.positive_steps += 1;
-        if self.positive_steps > PATIENCE {
+        if self.positive_steps > DOWNHILL_STEPS {
             self.mixing *= MIXING_DECAY;
         }
     }

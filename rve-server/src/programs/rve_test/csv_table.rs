@@ -26,7 +26,7 @@ pub struct ElementCsv<W: Write> {
 
 impl<W: Write> ElementCsv<W> {
     /// Starts a table; operator columns appear unless `tangent` is [`TangentKind::None`]. The header is written with the
-    /// first row, whose dimension tells the components.
+    /// first row, whose dimension decides the components.
     ///
     /// # Errors
     /// Whatever the output reports.

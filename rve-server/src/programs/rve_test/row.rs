@@ -35,7 +35,7 @@ pub struct ElementRow {
     pub frictional_dissipation: f64,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,
-    /// Tangent operator in this row's own state, if one was asked for.
+    /// Tangent operator in this row's own state, if one was requested.
     pub tangent: Option<TangentOutcome>,
     /// Trials that this row needed: 1 without stress control, 0 in row 0.
     pub trials: u32,

@@ -45,11 +45,11 @@ pub struct ElementSummary {
     pub not_equilibrated: u64,
     /// Rows of a cell without load-bearing contacts.
     pub no_load: u64,
-    /// Rows whose relaxation made no headway and went on with another damping and smaller steps.
+    /// Rows whose relaxation stagnated and went on with another damping and smaller steps.
     pub damping_changed: u64,
     /// Rows with an overlap above 10 % of a grain diameter.
     pub large_overlap: u64,
-    /// Rows whose operator columns hold the uniform-strain operator because the one asked for failed.
+    /// Rows whose operator columns hold the uniform-strain operator because the one requested failed.
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
@@ -147,7 +147,7 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
-    /// Network of the committed state with the contacts that slid on the way to it.
+    /// Network of the committed state with the contacts that slid in the last step.
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
@@ -175,11 +175,11 @@ impl<S: SolverFor> Run<S> {
         let answer = self.cell.observe(Observables::ALL)?;
         self.network = Some(self.cell.committed_network()?);
         let operator = (self.tangent != TangentKind::None).then(|| {
-            // Nothing moves in a null trial; it is dropped, so that the first step starts as without an operator.
-            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a null target cannot be refused");
+            // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
+            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a zero increment cannot be refused");
             let operator = self.operator();
             self.cell.rollback();
-            operator.expect("one was asked for")
+            operator.expect("one was requested")
         });
         let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         Ok(self.deliver(&row, on_row))
@@ -293,14 +293,14 @@ impl<S: SolverFor> Run<S> {
         on_row(row)
     }
 
-    /// The operator asked for, of the present trial.
+    /// The operator requested, of the present trial.
     fn operator(&mut self) -> Option<tangent::TangentOutcome> {
         if self.tangent == TangentKind::None {
             return None;
         }
-        let probed = self.cell.operator(self.tangent).expect("there is a trial");
-        self.summary.operator_steps += probed.force_evaluations;
-        Some(probed.outcome)
+        let perturbed = self.cell.operator(self.tangent).expect("there is a trial");
+        self.summary.operator_steps += perturbed.force_evaluations;
+        Some(perturbed.outcome)
     }
 
     /// One trial; keeps its network.

@@ -16,7 +16,7 @@ const LARGEST_STEP: f64 = 0.01;
 const SMALLEST_STRIDE: f64 = 1e-7;
 
 /// Number of trials on one side of the target after which strides are lengthened unless the search converges.
-const PATIENCE: u32 = 4;
+const MIN_TRIALS: u32 = 4;
 
 /// Unknown strain components, numbered 11, 12, 13, 21, ..., and the stress targets of the same numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,7 +130,7 @@ impl Servo {
         let is_converging = difference.abs() < 0.5 * self.last_difference;
         self.last_difference = difference.abs();
         let first = *self.first.get_or_insert(here);
-        // Stretching raises a stress: below the target the way is outward to larger strain, above it to smaller.
+        // Stretching raises a stress: below the target the search goes to larger strain, above it to smaller.
         let outward = if difference > 0.0 { -1.0 } else { 1.0 };
         let replaces = match (self.bracket[side], self.bracket[1 - side]) {
             (Some((old, _)), Some((other, _))) => (here - other).abs() < (old - other).abs(),
@@ -142,7 +142,7 @@ impl Servo {
         }
         let mut values = flat(&next);
         let Some([below, above]) = self.interval() else {
-            if self.trials < PATIENCE || is_converging {
+            if self.trials < MIN_TRIALS || is_converging {
                 return next;
             }
             // Still on one side of the target: go beyond all trials by as much as they span.

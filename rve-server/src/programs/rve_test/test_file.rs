@@ -133,7 +133,7 @@ impl ElementTest {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         if let Some(frame) = &self.frame {
-            frame.validate().map_err(ElementError::Test)?;
+            frame.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         }
         if !(self.stress_tolerance > 0.0 && self.stress_tolerance.is_finite()) {
             return refuse(format!("stress_tolerance = {} must be a positive number", self.stress_tolerance));

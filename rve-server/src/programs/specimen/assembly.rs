@@ -7,7 +7,7 @@ use super::SpecimenSpace;
 use super::contact::Grain;
 use super::test_file::Cut;
 use crate::cell::{Cell, ContactRecord, PairKey};
-use crate::definition::PackingFile;
+use crate::definition::{PackingError, PackingFile};
 use crate::programs::frame::FrameGeometry;
 use crate::simd::Tuple;
 use crate::space::{Axial, Components, Discs, Space, Tensor};
@@ -62,28 +62,28 @@ pub fn tiled<S: SpecimenSpace>(
     packing: &PackingFile<S>,
     tiles: &[usize],
     periodic: [bool; 3],
-) -> Result<Assembled<S>, String> {
+) -> Result<Assembled<S>, PackingError> {
     let rows = &packing.periodicity;
     let axes = || (0..S::DIMENSION).flat_map(|i| (0..S::DIMENSION).map(move |j| (i, j)));
     let part = |(i, j): (usize, usize)| (rows[i][j] / rows[i][i]).abs();
     if let Some((i, j)) = axes().find(|(i, j)| j > i && part((*i, *j)) > UPRIGHT) {
-        return Err(format!(
+        return Err(PackingError::Content(format!(
             "the packing's vector Y{} has a part of {:.2e} of itself along {}; a specimen needs Y1 along x and Y2 in the plane of \
              x and y, as `grainspan pack` writes them",
             i + 1,
             part((i, j)),
             ["x", "y", "z"][j]
-        ));
+        )));
     }
     if let Some((i, j)) = axes().find(|(i, j)| j < i && periodic[*i] && !periodic[*j] && part((*i, *j)) > UPRIGHT) {
-        return Err(format!(
+        return Err(PackingError::Content(format!(
             "the packing's vector Y{} leans by {:.4} along {}, where this specimen has walls: make {} periodic as well, or \
              neither, or use a packing whose cell is upright",
             i + 1,
             part((i, j)),
             ["x", "y", "z"][j],
             ["x", "y", "z"][j]
-        ));
+        )));
     }
     let counts: [usize; 3] = std::array::from_fn(|axis| tiles.get(axis).copied().unwrap_or(1));
     let sides: [f64; 3] =
@@ -160,8 +160,8 @@ impl<S: SpecimenSpace> Assembled<S> {
 ///
 /// # Errors
 /// A packing without a frame.
-pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<Assembled<Discs>, String> {
-    let frame = FrameGeometry::of(packing).map_err(|error| error.to_string())?;
+pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<Assembled<Discs>, PackingError> {
+    let frame = FrameGeometry::of(packing)?;
     let cell = Cell::<Discs> { rows: packing.periodicity };
     let mut places: BTreeMap<(i32, i32, u32), [f64; 2]> = BTreeMap::new();
     for tile in 0..tiles[0] * tiles[1] {
@@ -208,7 +208,7 @@ pub fn assembled<S: SpecimenSpace + Joinable>(
     tiles: &[usize],
     cut: Cut,
     periodic: [bool; 3],
-) -> Result<Assembled<S>, String> {
+) -> Result<Assembled<S>, PackingError> {
     match cut {
         Cut::Tiles => tiled(packing, tiles, periodic),
         Cut::Frames => S::joined(packing, tiles),
@@ -221,18 +221,18 @@ pub trait Joinable: SpecimenSpace {
     ///
     /// # Errors
     /// A packing without a frame, or a space that has none.
-    fn joined(packing: &PackingFile<Self>, tiles: &[usize]) -> Result<Assembled<Self>, String>;
+    fn joined(packing: &PackingFile<Self>, tiles: &[usize]) -> Result<Assembled<Self>, PackingError>;
 }
 
 impl Joinable for Discs {
-    fn joined(packing: &PackingFile<Self>, tiles: &[usize]) -> Result<Assembled<Self>, String> {
+    fn joined(packing: &PackingFile<Self>, tiles: &[usize]) -> Result<Assembled<Self>, PackingError> {
         joined_frames(packing, tiles)
     }
 }
 
 impl Joinable for crate::space::Spheres {
-    fn joined(_: &PackingFile<Self>, _: &[usize]) -> Result<Assembled<Self>, String> {
-        Err("cut = \"frames\" is for plane packings".into())
+    fn joined(_: &PackingFile<Self>, _: &[usize]) -> Result<Assembled<Self>, PackingError> {
+        Err(PackingError::Content("cut = \"frames\" is for plane packings".into()))
     }
 }
 

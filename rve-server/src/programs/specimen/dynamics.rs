@@ -1,7 +1,7 @@
 //! Newton's equations of a specimen, explicitly: contact and wall forces, gravity, local damping.
 //!
 //! Velocities live half a step before the positions (leap-frog, second order). The step is a fixed share of the stability
-//! limit; it is looked at whenever the pair list is renewed and shortened if contacts have become stiffer, which is
+//! limit; it is checked whenever the pair list is renewed and shortened if contacts have become stiffer, which is
 //! counted.
 
 use super::SpecimenSpace;
@@ -18,7 +18,7 @@ const FEWEST_FOR_THREADS: usize = 8192;
 /// Grains moved as one unit of work.
 const GRAINS_PER_BLOCK: usize = 2048;
 
-/// What moves the grains beside their contacts.
+/// What moves the grains next to their contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Acceleration of gravity, m/s2, per axis.
@@ -76,7 +76,7 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     pub works: [f64; 4],
     /// Work that the walls have done on the grains, J.
     pub wall_work: f64,
-    /// Kinetic energy that came with masses that were raised on the way, J.
+    /// Kinetic energy that came with masses that were raised during the run, J.
     pub raised: f64,
     /// Stored and kinetic energy at the first evaluation, J.
     pub first_energy: f64,
@@ -160,7 +160,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let step = self.step;
         let sums = self.kick_and_move(step);
         for wall in &mut self.walls {
-            // Half of the work of this way is done by the forces at its start, half by those at its end.
+            // Half of the work of this step is done by the forces at its start, half by those at its end.
             let force = wall.normal_force();
             wall.advance(step);
             self.wall_work += 0.5 * force * wall.velocity() * step;

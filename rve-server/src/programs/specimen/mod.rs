@@ -12,6 +12,7 @@ pub mod csv_table;
 #[cfg(test)]
 mod damping_tests;
 pub mod dynamics;
+mod error;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
@@ -27,6 +28,7 @@ pub use body::Body;
 pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
+pub use error::SpecimenError;
 pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen};
 pub use test_file::SpecimenTest;
 pub use wall::{Wall, WallDrive};

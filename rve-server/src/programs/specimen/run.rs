@@ -3,6 +3,7 @@
 use super::assembly::{Joinable, assembled};
 use super::body::Body;
 use super::dynamics::{Dynamics, GrainSums, Motion};
+use super::error::SpecimenError;
 use super::test_file::{SpecimenTest, Stage};
 use super::wall::{Wall, WallDrive};
 use crate::contact::{ContactLaw, LawVisitor, Rotations};
@@ -15,7 +16,7 @@ const SERVO_GAIN: f64 = 0.02;
 /// Default largest strain of one step of a servo-controlled wall.
 const LARGEST_STRAIN_PER_STEP: f64 = 1e-5;
 
-/// Steps between two looks at whether a stage has come to balance, and at the energy.
+/// Steps between two checks of balance and energy.
 const BALANCE_INTERVAL: u64 = 100;
 
 /// Energy that is missing, or too much, over the energy turned over: from here on a row is counted, and a run stops.
@@ -106,7 +107,7 @@ pub struct SpecimenSummary {
     pub largest_servo_error: f64,
     /// Rows that miss more than 1 % of the energy turned over.
     pub energy_misses: u64,
-    /// Largest share of the energy turned over that was missing, or too much, at any look.
+    /// Largest share of the energy turned over that was missing, or too much, at any check.
     pub largest_energy_error: f64,
 }
 
@@ -123,7 +124,7 @@ pub struct SpecimenPicture {
     pub velocities: Vec<[f64; 3]>,
 }
 
-/// What a run tells while it goes.
+/// What a run reports while it goes.
 pub enum SpecimenEvent<'a> {
     /// A step of `steps` in stage `stage` of the test is done; called every hundred steps.
     Progress {
@@ -144,10 +145,10 @@ pub fn run_specimen<S: Joinable>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),
-) -> Result<SpecimenSummary, String> {
+) -> Result<SpecimenSummary, SpecimenError> {
     test.validate(S::DIMENSION)?;
     let contact = test.contact_without_damping();
-    contact.compile::<S, _>(Stages { test, packing, listener }).map_err(|error| error.to_string())?
+    contact.compile::<S, _>(Stages { test, packing, listener })?
 }
 
 /// All stages of a test, with whichever law its contact table chooses.
@@ -158,7 +159,7 @@ struct Stages<'a, S: Joinable> {
 }
 
 impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
-    type Output = Result<SpecimenSummary, String>;
+    type Output = Result<SpecimenSummary, SpecimenError>;
 
     fn visit<C: ContactLaw<S>>(self, law: C) -> Self::Output {
         let mut run = Run::new(self.test, self.packing, law)?;
@@ -184,13 +185,13 @@ struct Run<'a, S: Joinable, C: ContactLaw<S>> {
     sides: [f64; 3],
     thickness: f64,
     solid: f64,
-    /// What is counted on the way.
+    /// Counts during the run.
     summary: SpecimenSummary,
     last: GrainSums,
 }
 
 impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
-    fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: C) -> Result<Self, String> {
+    fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: C) -> Result<Self, SpecimenError> {
         let periodic = test.periodic_axes(S::DIMENSION)?;
         let assembled = assembled(packing, &test.tiles, test.cut, periodic)?;
         let wall_law = law.with_friction(test.walls.friction);
@@ -265,7 +266,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         number: usize,
         stage: &Stage,
         listener: &mut dyn FnMut(&SpecimenEvent<'_>),
-    ) -> Result<(), String> {
+    ) -> Result<(), SpecimenError> {
         let friction = stage.friction.unwrap_or(self.test.contact.friction);
         let law = self.dynamics.body.law().with_friction(friction);
         self.dynamics.body.change_law(law);
@@ -277,11 +278,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             self.last = self.dynamics.advance();
             let done = step + 1;
             if !self.last.kinetic_energy.is_finite() {
-                return Err(format!(
-                    "stage \"{}\": the motion went out of control at step {done}; lower motion.safety or the strain \
-                     per step",
-                    stage.name
-                ));
+                return Err(SpecimenError::Diverged { stage: stage.name.clone(), step: done });
             }
             if done.is_multiple_of(BALANCE_INTERVAL) || done == stage.steps {
                 self.check_energy(stage, done)?;
@@ -313,19 +310,18 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         if turnover > 0.0 { self.dynamics.missing_energy().abs() / turnover } else { 0.0 }
     }
 
-    fn check_energy(&mut self, stage: &Stage, step: u64) -> Result<(), String> {
+    fn check_energy(&mut self, stage: &Stage, step: u64) -> Result<(), SpecimenError> {
         let error = self.energy_error();
         self.summary.largest_energy_error = self.summary.largest_energy_error.max(error);
         if error <= ENERGY_STOP {
             return Ok(());
         }
-        Err(format!(
-            "stage \"{}\": at step {step} {:.2e} J, {:.0} % of the energy turned over, are not accounted for: the motion is not \
-             what the laws say; lower motion.safety or the strain per step",
-            stage.name,
-            self.dynamics.missing_energy(),
-            100.0 * error
-        ))
+        Err(SpecimenError::EnergyLost {
+            stage: stage.name.clone(),
+            step,
+            missing: self.dynamics.missing_energy(),
+            percent: 100.0 * error,
+        })
     }
 
     /// Counts what a row falls short in.

@@ -1,6 +1,7 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
 use crate::contact::ContactTable;
+use crate::error::DefinitionError;
 use serde::{Deserialize, Serialize};
 
 /// The document.
@@ -129,60 +130,76 @@ impl SpecimenTest {
     ///
     /// # Errors
     /// The key and the remedy.
-    pub fn validate(&self, dimension: usize) -> Result<(), String> {
+    pub fn validate(&self, dimension: usize) -> Result<(), DefinitionError> {
         let contact = self.contact_without_damping();
-        contact.validate().and_then(|()| contact.validate_for(dimension)).map_err(|error| error.to_string())?;
+        contact.validate().and_then(|()| contact.validate_for(dimension))?;
         if !(0.0..=10.0).contains(&self.contact.damping) {
-            return Err(format!("contact.damping = {} is a damping ratio, 0 to 10", self.contact.damping));
+            return Err(DefinitionError(format!(
+                "contact.damping = {} is a damping ratio, 0 to 10",
+                self.contact.damping
+            )));
         }
         if self.tiles.len() != dimension || self.tiles.iter().any(|count| *count == 0 || *count > 1000) {
-            return Err(format!("tiles = {:?} needs {dimension} whole numbers from 1 to 1000", self.tiles));
+            return Err(DefinitionError(format!(
+                "tiles = {:?} needs {dimension} whole numbers from 1 to 1000",
+                self.tiles
+            )));
         }
         if self.cut == Cut::Frames && (dimension == 3 || !self.periodic.is_empty()) {
-            return Err("cut = \"frames\" is for plane specimens without periodic axes".into());
+            return Err(DefinitionError("cut = \"frames\" is for plane specimens without periodic axes".into()));
         }
         self.periodic_axes(dimension)?;
         self.check_motion(dimension)?;
         if !(self.walls.friction.is_finite() && self.walls.friction >= 0.0) {
-            return Err(format!("walls.friction = {} must be zero or positive", self.walls.friction));
+            return Err(DefinitionError(format!(
+                "walls.friction = {} must be zero or positive",
+                self.walls.friction
+            )));
         }
         for (key, value) in
             [("servo_gain", self.walls.servo_gain), ("largest_strain_per_step", self.walls.largest_strain_per_step)]
         {
             if value.is_some_and(|value| !(value.is_finite() && value > 0.0 && value <= 1.0)) {
-                return Err(format!("walls.{key} must lie between 0 and 1"));
+                return Err(DefinitionError(format!("walls.{key} must lie between 0 and 1")));
             }
         }
         if self.stage.is_empty() {
-            return Err("at least one [[stage]] is needed".into());
+            return Err(DefinitionError("at least one [[stage]] is needed".into()));
         }
         let periodic = self.periodic_axes(dimension)?;
         self.stage.iter().enumerate().try_for_each(|(number, stage)| {
-            stage.validate(dimension, periodic).map_err(|reason| format!("stage {}: {reason}", number + 1))
+            stage
+                .validate(dimension, periodic)
+                .map_err(|reason| DefinitionError(format!("stage {}: {reason}", number + 1)))
         })
     }
 
-    fn check_motion(&self, dimension: usize) -> Result<(), String> {
+    fn check_motion(&self, dimension: usize) -> Result<(), DefinitionError> {
         let motion = &self.motion;
         let gravity_is_sound = (motion.gravity.is_empty() || motion.gravity.len() == dimension)
             && motion.gravity.iter().all(|value| value.is_finite());
         if !gravity_is_sound {
-            return Err(format!("motion.gravity needs {dimension} numbers, m/s2"));
+            return Err(DefinitionError(format!("motion.gravity needs {dimension} numbers, m/s2")));
         }
         if motion.scaled_masses && motion.gravity.iter().any(|value| *value != 0.0) {
-            return Err("motion.gravity needs physical masses: set motion.scaled_masses = false".into());
+            return Err(DefinitionError(
+                "motion.gravity needs physical masses: set motion.scaled_masses = false".into(),
+            ));
         }
         if !(0.0..1.0).contains(&motion.local_damping) {
-            return Err(format!("motion.local_damping = {} must be at least 0 and below 1", motion.local_damping));
+            return Err(DefinitionError(format!(
+                "motion.local_damping = {} must be at least 0 and below 1",
+                motion.local_damping
+            )));
         }
         if !(motion.safety > 0.0 && motion.safety < 1.0) {
-            return Err(format!("motion.safety = {} must lie between 0 and 1", motion.safety));
+            return Err(DefinitionError(format!("motion.safety = {} must lie between 0 and 1", motion.safety)));
         }
         if motion.step.is_some_and(|step| !(step.is_finite() && step > 0.0)) {
-            return Err("motion.step must be a positive time, s".into());
+            return Err(DefinitionError("motion.step must be a positive time, s".into()));
         }
         if motion.scaled_masses && motion.step.is_some() {
-            return Err("motion.step has no meaning with scaled masses; remove it".into());
+            return Err(DefinitionError("motion.step has no meaning with scaled masses; remove it".into()));
         }
         Ok(())
     }
@@ -191,12 +208,16 @@ impl SpecimenTest {
     ///
     /// # Errors
     /// An axis that does not exist.
-    pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], String> {
+    pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], DefinitionError> {
         let mut periodic = [false; 3];
         for name in &self.periodic {
             match ["x", "y", "z"].iter().position(|axis| axis == name) {
                 Some(axis) if axis < dimension => periodic[axis] = true,
-                _ => return Err(format!("periodic = \"{name}\" is no axis of a specimen of {dimension} dimensions")),
+                _ => {
+                    return Err(DefinitionError(format!(
+                        "periodic = \"{name}\" is no axis of a specimen of {dimension} dimensions"
+                    )));
+                }
             }
         }
         Ok(periodic)
@@ -209,29 +230,31 @@ impl SpecimenTest {
 }
 
 impl Stage {
-    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), String> {
+    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), DefinitionError> {
         if self.steps == 0 || self.rows == 0 {
-            return Err("steps and rows must be at least 1".into());
+            return Err(DefinitionError("steps and rows must be at least 1".into()));
         }
         if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
-            return Err("until_balance must be a positive number".into());
+            return Err(DefinitionError("until_balance must be a positive number".into()));
         }
         if self.friction.is_some_and(|value| !(value.is_finite() && value >= 0.0)) {
-            return Err("friction must be zero or positive".into());
+            return Err(DefinitionError("friction must be zero or positive".into()));
         }
         for (axis, (strain, stress)) in self.strain.values().into_iter().zip(self.stress.values()).enumerate() {
             let name = ["xx", "yy", "zz"][axis];
             if (strain.is_some() || stress.is_some()) && (axis >= dimension || periodic[axis]) {
-                return Err(format!("{name} has no walls in this specimen"));
+                return Err(DefinitionError(format!("{name} has no walls in this specimen")));
             }
             if strain.is_some() && stress.is_some() {
-                return Err(format!("{name}: give strain or stress, not both"));
+                return Err(DefinitionError(format!("{name}: give strain or stress, not both")));
             }
             if strain.is_some_and(|value| !(value > -0.9 && value < 10.0)) {
-                return Err(format!("strain.{name} must lie between -0.9 and 10"));
+                return Err(DefinitionError(format!("strain.{name} must lie between -0.9 and 10")));
             }
             if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
-                return Err(format!("stress.{name} must be compressive (negative): grains bear no tension"));
+                return Err(DefinitionError(format!(
+                    "stress.{name} must be compressive (negative): grains bear no tension"
+                )));
             }
         }
         Ok(())

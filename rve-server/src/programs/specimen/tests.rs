@@ -96,7 +96,7 @@ fn incline_is_rolled_or_slid_down() {
         let angle = 0.3f64;
         for friction in [0.5, 0.05] {
             let mut dynamics = on_incline::<S>(angle, friction, 0.0);
-            // Long enough that the ringing of the tangential spring, set off by the start, is little beside the speed.
+            // Long enough that the ringing of the tangential spring, set off by the start, is little next to the speed.
             run_until(&mut dynamics, 0.6);
             let time = dynamics.time;
             let rolls = angle.tan() < spin_factor_limit(rolling_share) * friction;

@@ -50,7 +50,7 @@ impl Backend {
             .get_or_init(|| Self::ALL.into_iter().rev().find(|backend| backend.is_available()).unwrap_or(Self::Plain))
     }
 
-    /// Name for people.
+    /// Name for messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",

@@ -2,9 +2,9 @@
 //!
 //! Pairs are visited in key order and forces are added in that order, accumulators start at +0.0 (so that the +0.0 of a pair
 //! that does not touch changes nothing). The bits of a lane therefore depend on its own contacts alone: not on the pairs that
-//! are listed beside them, not on the other lanes. Nothing allocates.
+//! are listed next to them, not on the other lanes. Nothing allocates.
 
-use super::pair::{PairSite, press};
+use super::pair::{PairSite, pair_forces};
 use super::pairs_in_lanes::load_groups;
 use super::step::{Contact, Grain, ListedPair, PairConstants, StepData, StepSums};
 use crate::contact::ContactLaw;
@@ -61,7 +61,7 @@ pub(super) fn load_pairs<K: KernelSpace, C: ContactLaw<K>, R: Real>(
             let (law, wanted, pair) = (data.law, data.wanted, data.pairs[index]);
             data.live[index] = is_near;
             let mut site = InLanes { data, index, pair, sums: &mut local };
-            press(law, branch, length, reciprocal, wanted, &mut site);
+            pair_forces(law, branch, length, reciprocal, wanted, &mut site);
         }
         start = stop;
     }

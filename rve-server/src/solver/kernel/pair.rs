@@ -44,7 +44,7 @@ pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
 
 /// Force, history and loads of one pair with this branch vector, its length and one over it.
 #[inline(always)]
-pub(super) fn press<K: KernelSpace, C: ContactLaw<K>, R: Real>(
+pub(super) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     law: &C,
     branch: K::Coordinates<R>,
     length: R,
@@ -64,7 +64,7 @@ pub(super) fn press<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     let touched = R::splat(0.5).less(before.dot(before));
     let opened = touched & !touching;
     let born = touching & !touched;
-    // One look for both: it costs more than either sum, and neither happens often.
+    // One test for both: it costs more than either sum, and neither happens often.
     if (opened | born).any() {
         let contact = site.contact();
         let loss = law.opening_loss(&constants, contact.tangential_force, &contact.memory);

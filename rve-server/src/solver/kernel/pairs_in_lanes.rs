@@ -5,20 +5,20 @@
 //! through the operations that its pair would have gone through alone, so the bits are those of cells side by side.
 
 use super::cells_in_lanes::{add_loads, branch_of};
-use super::pair::{PairSite, press};
+use super::pair::{PairSite, pair_forces};
 use super::step::{Contact, StepData, StepSums};
 use crate::contact::ContactLaw;
 use crate::simd::{Lanes, Mask, Real, Tuple};
 use crate::space::KernelSpace;
 
 /// Pairs side by side.
-const ABREAST: usize = 8;
+const WIDTH: usize = 8;
 
 /// Groups that are collected before the first of them is worked on: numbers that have just been written one by one cannot be
 /// read as a whole for a while.
 const AHEAD: usize = 4;
 
-type Packed = Lanes<ABREAST>;
+type Packed = Lanes<WIDTH>;
 
 /// Listed pairs of one cell in lanes, in key order: what they are, and their histories.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +35,7 @@ pub struct PairGroup<K: KernelSpace, C: ContactLaw<K>> {
 
 /// What a group needs of its grains and does to them in one step.
 #[derive(Clone, Copy)]
-struct Meeting<K: KernelSpace> {
+struct PairGather<K: KernelSpace> {
     branch: K::Coordinates<Packed>,
     spins: [K::Axial<Packed>; 2],
     force: K::Coordinates<Packed>,
@@ -50,9 +50,9 @@ struct Meeting<K: KernelSpace> {
 }
 
 /// A group in one step.
-struct Abreast<'a, K: KernelSpace, C: ContactLaw<K>> {
+struct GroupSite<'a, K: KernelSpace, C: ContactLaw<K>> {
     group: &'a mut PairGroup<K, C>,
-    meeting: &'a mut Meeting<K>,
+    gather: &'a mut PairGather<K>,
     /// What an evaluation at the friction limit counts.
     sampling: Packed,
 }
@@ -64,9 +64,9 @@ pub fn pack<K: KernelSpace, C: ContactLaw<K>, R: Real>(
 ) {
     debug_assert_eq!(R::LANES, 1, "the lanes are for pairs");
     groups.clear();
-    groups.resize(data.pairs.len().div_ceil(ABREAST), PairGroup::empty());
+    groups.resize(data.pairs.len().div_ceil(WIDTH), PairGroup::empty());
     for (index, constants) in data.pair_constants.iter().enumerate() {
-        let (group, lane) = (&mut groups[index / ABREAST], index % ABREAST);
+        let (group, lane) = (&mut groups[index / WIDTH], index % WIDTH);
         put::<f64, _, _>(&mut group.radii, lane, &constants.radii);
         group.near_square.set_lane(lane, constants.near_square);
         put::<f64, _, _>(&mut group.constants, lane, &constants.law);
@@ -88,7 +88,7 @@ pub fn unpack<K: KernelSpace, C: ContactLaw<K>, R: Real>(
 ) {
     let pairs = contacts.iter_mut().zip(live).zip(limit_counts);
     for (index, ((contact, live), limit_count)) in pairs.enumerate() {
-        let (group, lane) = (&groups[index / ABREAST], index % ABREAST);
+        let (group, lane) = (&groups[index / WIDTH], index % WIDTH);
         *contact = Contact {
             direction: get(&group.contact.direction, lane),
             tangential_force: get(&group.contact.tangential_force, lane),
@@ -105,20 +105,20 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     data: &mut StepData<'_, K, C, R>,
     sums: &mut StepSums<R>,
 ) {
-    debug_assert_eq!(data.groups.len(), data.pairs.len().div_ceil(ABREAST), "pairs have been packed");
+    debug_assert_eq!(data.groups.len(), data.pairs.len().div_ceil(WIDTH), "pairs have been packed");
     let sampling = Packed::splat(data.sampling.lane(0));
-    let mut meetings = [Meeting::<K>::empty(); AHEAD];
+    let mut gathers = [PairGather::<K>::empty(); AHEAD];
     let mut local = StepSums::default();
-    for (groups, pairs) in data.groups.chunks_mut(AHEAD).zip(data.pairs.chunks(AHEAD * ABREAST)) {
-        for (meeting, pairs) in meetings.iter_mut().zip(pairs.chunks(ABREAST)) {
+    for (groups, pairs) in data.groups.chunks_mut(AHEAD).zip(data.pairs.chunks(AHEAD * WIDTH)) {
+        for (gather, pairs) in gathers.iter_mut().zip(pairs.chunks(WIDTH)) {
             for (lane, pair) in pairs.iter().enumerate() {
-                put(&mut meeting.branch, lane, &branch_of(data.grains, data.images, pair));
-                put(&mut meeting.spins[0], lane, &data.grains[pair.origin as usize].spin);
-                put(&mut meeting.spins[1], lane, &data.grains[pair.end as usize].spin);
+                put(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
+                put(&mut gather.spins[0], lane, &data.grains[pair.origin as usize].spin);
+                put(&mut gather.spins[1], lane, &data.grains[pair.end as usize].spin);
             }
         }
-        for ((group, meeting), pairs) in groups.iter_mut().zip(&mut meetings).zip(pairs.chunks(ABREAST)) {
-            let branch = meeting.branch;
+        for ((group, gather), pairs) in groups.iter_mut().zip(&mut gathers).zip(pairs.chunks(WIDTH)) {
+            let branch = gather.branch;
             let square = branch.dot(branch);
             let is_near = square.less(group.near_square).any();
             if !is_near && !group.is_live {
@@ -126,22 +126,22 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real>(
             }
             group.is_live = is_near;
             let length = square.sqrt();
-            meeting.change = None;
-            let mut site = Abreast { group, meeting, sampling };
-            press(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, &mut site);
+            gather.change = None;
+            let mut site = GroupSite { group, gather, sampling };
+            pair_forces(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, &mut site);
             for (lane, pair) in pairs.iter().enumerate() {
-                let moments = [get(&meeting.moments[0], lane), get(&meeting.moments[1], lane)];
-                add_loads(data.grains, pair, get(&meeting.force, lane), moments);
-                meeting.add_to(&mut local, lane);
+                let moments = [get(&gather.moments[0], lane), get(&gather.moments[1], lane)];
+                add_loads(data.grains, pair, get(&gather.force, lane), moments);
+                gather.add_to(&mut local, lane);
             }
             if data.wanted.contact_force_square {
                 for lane in 0..pairs.len() {
-                    local.contact_force_square += R::splat(meeting.force_square.lane(lane));
+                    local.contact_force_square += R::splat(gather.force_square.lane(lane));
                 }
             }
             if data.wanted.elastic_energy {
                 for lane in 0..pairs.len() {
-                    local.elastic_energy += R::splat(meeting.energy.lane(lane));
+                    local.elastic_energy += R::splat(gather.energy.lane(lane));
                 }
             }
         }
@@ -163,7 +163,7 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairGroup<K, C> {
     }
 }
 
-impl<K: KernelSpace> Meeting<K> {
+impl<K: KernelSpace> PairGather<K> {
     #[inline(always)]
     fn empty() -> Self {
         let (zero, one) = (Packed::default(), Packed::splat(1.0));
@@ -195,7 +195,7 @@ impl<K: KernelSpace> Meeting<K> {
     }
 }
 
-impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for Abreast<'_, K, C> {
+impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for GroupSite<'_, K, C> {
     #[inline(always)]
     fn radii(&self) -> [Packed; 2] {
         self.group.radii
@@ -213,12 +213,12 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for Abreast<'_, K,
 
     #[inline(always)]
     fn spins(&self) -> [K::Axial<Packed>; 2] {
-        self.meeting.spins
+        self.gather.spins
     }
 
     #[inline(always)]
     fn change(&mut self, opened: <Packed as Real>::Mask, loss: Packed, births: Packed) {
-        self.meeting.change = Some([loss, births]);
+        self.gather.change = Some([loss, births]);
         self.group.limit_count = Packed::select(opened, Packed::default(), self.group.limit_count);
     }
 
@@ -229,14 +229,14 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for Abreast<'_, K,
 
     #[inline(always)]
     fn load(&mut self, force: K::Coordinates<Packed>, moments: [K::Axial<Packed>; 2]) {
-        (self.meeting.force, self.meeting.moments) = (force, moments);
+        (self.gather.force, self.gather.moments) = (force, moments);
     }
 
     #[inline(always)]
     fn add(&mut self, touches: Packed, normal_force: Packed, dissipation: Packed) {
-        self.meeting.touches = touches;
-        self.meeting.normal_force = normal_force;
-        self.meeting.dissipation = dissipation;
+        self.gather.touches = touches;
+        self.gather.normal_force = normal_force;
+        self.gather.dissipation = dissipation;
     }
 
     #[inline(always)]
@@ -246,12 +246,12 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for Abreast<'_, K,
 
     #[inline(always)]
     fn add_force_square(&mut self, square: Packed) {
-        self.meeting.force_square = square;
+        self.gather.force_square = square;
     }
 
     #[inline(always)]
     fn add_energy(&mut self, energy: Packed) {
-        self.meeting.energy = energy;
+        self.gather.energy = energy;
     }
 }
 

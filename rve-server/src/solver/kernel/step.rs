@@ -163,7 +163,7 @@ pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     pub groups: &'a mut [PairGroup<K, C>],
     /// Whether a pair has a history in some lane.
     pub live: &'a mut [bool],
-    /// Evaluations at the friction limit per pair, weighted; begins anew when a contact opens.
+    /// Evaluations at the friction limit per pair, weighted; starts from zero when a contact opens.
     pub limit_counts: &'a mut [R],
     /// What an evaluation at the limit counts in each lane: 1 while sampling, else 0.
     pub sampling: R,

@@ -47,7 +47,7 @@ fn opening_loss<R: Real>(forces: [f64; 3], backend: Backend) -> f64 {
     sums.opening_loss.lane(0)
 }
 
-/// Losses of contacts that open in one step are added in key order, whoever else is near: 2 + e + e is 2, e + e + 2 is not.
+/// Losses of contacts that open in one step are added in key order, whatever else is near: 2 + e + e is 2, e + e + 2 is not.
 #[test]
 fn losses_of_openings_have_one_order() {
     let small = 1.25 / f64::from(1 << 27);

@@ -16,11 +16,11 @@ use crate::solver::kernel::{
 };
 use crate::space::{Components, KernelSpace, Space};
 
-/// The list is made anew without the pairs of lanes that have left once it is longer than this times the longest list
+/// The list is rebuilt without the pairs of lanes that have left once it is longer than this times the longest list
 /// of an occupied lane.
 const SLACK: f64 = 1.25;
 
-/// What one lane holds, on its way in or out.
+/// Contents of one lane, put in or taken out.
 #[derive(Clone, Debug)]
 pub(crate) struct LaneContents<S: Space, C: ContactLaw<S::Kernel>> {
     pub(crate) grains: Vec<Grain<S::Kernel, f64>>,

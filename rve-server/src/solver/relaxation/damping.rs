@@ -13,7 +13,7 @@ const MIXING: f64 = 0.1;
 const MIXING_DECAY: f64 = 0.99;
 
 /// Steps with positive power before the mixing decays.
-const PATIENCE: u32 = 5;
+const DOWNHILL_STEPS: u32 = 5;
 
 /// Stops in a row that are taken for single ones.
 const FREE_STOPS: u32 = 4;
@@ -24,7 +24,7 @@ const LARGEST_DESCENT: f64 = 1.96;
 /// Most damping that the adaptive rule applies, in pseudo-time: critical for the stiffest mode.
 const MOST_ADAPTIVE: f64 = 1.5;
 
-/// Viscous coefficient of the last way of relaxing.
+/// Viscous coefficient after the last change of damping.
 const PERSISTENT: f64 = 0.2;
 
 /// Memory of a damping rule. Starts afresh in every trial.
@@ -36,7 +36,7 @@ pub(crate) struct Damper {
     positive_steps: u32,
     /// Steps in a row that stopped all motion.
     stops: u32,
-    /// How often the way of relaxing has been changed in this trial.
+    /// Changes of damping in this trial.
     changes: u32,
     /// Whether the next kick begins from standstill.
     begins: bool,
@@ -98,8 +98,8 @@ impl Damper {
         }
     }
 
-    /// Goes on in another way, because the present one makes no headway: first with adaptive damping, then with viscous damping
-    /// and half of the step.
+    /// Changes the damping, because the relaxation stagnates: first to adaptive damping, then to viscous damping and half of the
+    /// step.
     pub(crate) fn change(&mut self) {
         self.changes += 1;
         self.begins = true;
@@ -120,7 +120,7 @@ impl Damper {
         }
         self.stops = 0;
         self.positive_steps += 1;
-        if self.positive_steps > PATIENCE {
+        if self.positive_steps > DOWNHILL_STEPS {
             self.mixing *= MIXING_DECAY;
         }
         // |v| / |F| in mass-weighted norms: sqrt(sum m v^2) / sqrt(sum F^2 / m), times the mass.

@@ -3,12 +3,12 @@
 //!
 //! The deformation is applied as the pure stretch `I + tau (U - I)`; the caller turns the result by the rotation. A solve
 //! depends on the state, the stretch, the ramp count and the options only, to the last bit: not on the cells that are
-//! solved beside it, the instructions of the processor, or the age of a pair list.
+//! solved next to it, the instructions of the processor, or the age of a pair list.
 
 mod batch;
+mod convergence;
 mod criterion;
 mod damping;
-mod headway;
 #[cfg(test)]
 mod kernel_tests;
 mod listing;

@@ -1,13 +1,13 @@
-//! One cell on its way through a trial: which step comes next, and when it is over.
+//! The run of one cell through a trial: which step comes next, and when it is over.
 //!
-//! Everything here is decided from the cell's own numbers, so the way a cell takes does not depend on who else is in the
+//! Everything here is decided from the cell's own numbers, so its path does not depend on the other cells of the
 //! batch.
 
 use super::super::{Job, Solved};
 use super::batch::Batch;
+use super::convergence::{Advice, ConvergenceMonitor};
 use super::criterion::{ENERGY_HITS, Imbalance};
 use super::damping::{Damper, Kick, mass_factor};
-use super::headway::{Headway, Verdict};
 use super::setting::Setting;
 use super::stiffness::{Block, largest_own_stiffness};
 use crate::cell::Cell;
@@ -18,7 +18,7 @@ use crate::solver::kernel::StepSums;
 use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
 use protocol::RveError;
 
-/// `omega_max` stays below this share of the stability limit, so that contacts born between two looks do no harm.
+/// `omega_max` stays below this share of the stability limit, so that contacts born between two checks do no harm.
 const SAFETY: f64 = 0.8;
 
 /// The same for spheres: with it the full step is a stable descent too, see [`super::damping::descent_share`].
@@ -29,16 +29,16 @@ fn safety<S: Space>() -> f64 {
     if S::DIMENSION == 3 { SAFETY_OF_SPHERES } else { SAFETY }
 }
 
-/// Steps between two looks at the stiffness bound.
+/// Steps between two checks of the stiffness bound.
 const STIFFNESS_INTERVAL: u64 = 64;
 
-/// Growth of the normal forces that calls for a new look: contacts stiffen with them in some laws, at most in proportion.
+/// Growth of the normal forces that calls for a new check: contacts stiffen with them in some laws, at most in proportion.
 const PRESSED: f64 = 1.05;
 
 /// Fewest relaxation steps after the ramp: the moment at which the ramp ends says little about equilibrium.
 const FEWEST_HOLD_STEPS: u32 = 10;
 
-/// Where a cell is on its way.
+/// Phases of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Its contacts have not been evaluated yet.
@@ -49,7 +49,7 @@ enum Phase {
     Rest,
 }
 
-/// The way of one cell through `I + tau strain`, `tau` from 0 to 1, and the hold after it.
+/// The path of one cell through `I + tau strain`, `tau` from 0 to 1, and the hold after it.
 #[derive(Clone, Debug)]
 pub(crate) struct Run<S: Space> {
     start: Cell<S>,
@@ -62,9 +62,9 @@ pub(crate) struct Run<S: Space> {
     evaluations: u64,
     hits: u32,
     mass: f64,
-    /// Whether contacts have been born, or pressed harder, since the last look at the stiffness bound.
+    /// Whether contacts have been born, or pressed harder, since the last check of the stiffness bound.
     is_stiffer: bool,
-    /// Sum of the normal forces at that look, N.
+    /// Sum of the normal forces at that check, N.
     looked_at: f64,
     damper: Damper,
     sums: StepSums<f64>,
@@ -73,7 +73,7 @@ pub(crate) struct Run<S: Space> {
     pub(crate) dissipation: f64,
     /// Largest sum of normal forces that the cell has carried at rest, N.
     largest_load: f64,
-    headway: Headway,
+    monitor: ConvergenceMonitor,
     blocks: Vec<Block>,
 }
 
@@ -87,7 +87,7 @@ pub(crate) struct Move<S: Space> {
     pub(crate) kick: Kick,
     /// Whether contacts at the friction limit are counted.
     pub(crate) samples: bool,
-    /// Whether the counts begin anew.
+    /// Whether the counts start from zero.
     pub(crate) clears_counts: bool,
 }
 
@@ -113,7 +113,7 @@ impl<S: Space> Run<S> {
             old_power: 0.0,
             dissipation: 0.0,
             largest_load: state.largest_load,
-            headway: Headway::new(grains, S::DIMENSION),
+            monitor: ConvergenceMonitor::new(grains, S::DIMENSION),
             blocks: Vec::new(),
         }
     }
@@ -222,11 +222,11 @@ impl<S: Space> Run<S> {
         if is_done {
             return Some(Ok(self.at_rest(setting, &imbalance)));
         }
-        let verdict = self.headway.note(self.step, &imbalance, self.sums.normal_force);
-        if verdict == Verdict::Change {
+        let advice = self.monitor.note(self.step, &imbalance, self.sums.normal_force);
+        if advice == Advice::Change {
             self.damper.change();
         }
-        let is_capped = self.step >= setting.options.max_steps() || verdict == Verdict::End;
+        let is_capped = self.step >= setting.options.max_steps() || advice == Advice::End;
         if self.is_spent(setting) || is_capped && setting.options.at_step_cap == AtStepCap::Refuse {
             return Some(Err(self.gave_up(setting, unbalanced)));
         }

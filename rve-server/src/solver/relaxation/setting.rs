@@ -8,7 +8,7 @@ use crate::solver::kernel::backend::Backend;
 use crate::space::Space;
 
 /// Skin of the pair list in mean radii: at a strain of 1e-6 per step a list lives for thousands of steps, and a thicker
-/// skin would only make the kernel look at more empty pairs.
+/// skin would only make the kernel test more empty pairs.
 const SKIN: f64 = 0.05;
 
 /// Packing, law and options of the cells of a batch.

@@ -120,7 +120,7 @@ fn batch_mates_cannot_reach_the_result() {
         }
         let mut solver = Solver::new(LAW);
         assert!(ends(&mut solver, &model, &state, &ways, Backend::best()) == expected, "{damping:?}");
-        // Others beside it, in another order, in lanes that have been used.
+        // Others next to it, in another order, in lanes that have been used.
         ways.reverse();
         ways.extend_from_within(..2);
         let others = ends(&mut solver, &model, &state, &ways, Backend::best());

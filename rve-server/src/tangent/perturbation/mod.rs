@@ -1,9 +1,9 @@
-//! Tangent operators that the grain solver itself must answer for: CTO and DEMQO by probes, AEO and the calibrated
+//! Tangent operators that need the grain solver itself: CTO and DEMQO by perturbations, AEO and the calibrated
 //! uniform-strain operators from the CTOs of the first steps.
 //!
-//! Probes run on working memory only: the committed and the trial state keep their bits, except that a state remembers
-//! what these operators have learnt ([`OperatorMemory`]). An operator is therefore a pure function of committed state,
-//! target and ask, in any worker. Every contact-force evaluation of a probe is counted.
+//! Perturbations run on working memory only: the committed and the trial state keep their bits, except that a state stores
+//! averages and calibrations of these operators ([`OperatorMemory`](crate::cell::OperatorMemory)). An operator is therefore a
+//! pure function of committed state, target and options, in any worker. Every contact-force evaluation is counted.
 
 mod differences;
 
@@ -66,7 +66,7 @@ impl<S: SolverFor> Trial<'_, S> {
         OperatorEvaluation { outcome, force_evaluations }
     }
 
-    /// CTO: the whole step once more for each probe, [Argilaga2018] eq. 6. Erratum: the perturbation of eq. 5 has its one
+    /// CTO: the whole step once more for each perturbation, [Argilaga2018] eq. 6. Erratum: the perturbation of eq. 5 has its one
     /// at (m, n), not at (n, m) as in eq. 6.
     fn consistent(
         &self,
@@ -74,14 +74,14 @@ impl<S: SolverFor> Trial<'_, S> {
         solver: &mut dyn GrainSolver<S>,
         spent: &mut u64,
     ) -> Option<Tensor4> {
-        let size = self.model.options.operator.probe();
+        let size = self.model.options.operator.perturbation();
         let mut evaluate = |gradient: &S::Tensor| {
             // H of (I + gradient) F.
             let f = add_scaled(&S::Tensor::IDENTITY, 1.0, self.h);
             let h = add_scaled(self.h, 1.0, &product(gradient, &f));
             stress_after(solver, self.model, self.start, &h, self.ramp_steps, spent)
         };
-        // A null trial is answered without solving; its probes must be compared with a cell that was solved.
+        // A zero increment is answered without solving; its perturbations must be compared with a cell that was solved.
         let base = if *self.h == S::Tensor::ZERO && difference == Difference::Forward {
             evaluate(&S::Tensor::ZERO)?
         } else {
@@ -90,8 +90,8 @@ impl<S: SolverFor> Trial<'_, S> {
         differentiate::<S>(size, difference, &base, &mut evaluate)
     }
 
-    /// DEMQO: small probes from the end state with contacts that cannot slide and a tolerance of their own,
-    /// [Argilaga2018] eq. 20. What the trial left unbalanced relaxes further in every probe; a probe of size zero takes it
+    /// DEMQO: small perturbations of the end state with contacts that cannot slide and a tolerance of their own,
+    /// [Argilaga2018] eq. 20. What the trial left unbalanced relaxes further in every perturbation; one of size zero takes it
     /// out of the differences.
     fn quasi_static(&self, end: &GrainState<S>, spent: &mut u64) -> Option<Tensor4> {
         let sticking = ContactTable { friction: STICKING_FRICTION, ..self.contact.clone() };
@@ -106,7 +106,7 @@ impl<S: SolverFor> Trial<'_, S> {
         };
         let mut evaluate = |gradient: &S::Tensor| stress_after(&mut *solver, &model, end, gradient, 1, spent);
         let base = evaluate(&S::Tensor::ZERO)?;
-        differentiate::<S>(operator.quasi_static_probe(), Difference::Forward, &base, &mut evaluate)
+        differentiate::<S>(operator.quasi_static_perturbation(), Difference::Forward, &base, &mut evaluate)
     }
 
     /// AEO: the mean of the CTOs of the first committed steps, this one included, and then that mean for good.

@@ -1,4 +1,4 @@
-//! Operators by probes on 100 discs: what they agree with, what they cost, what they leave behind.
+//! Operators by perturbation on 100 discs: what they agree with, what they cost, what they leave behind.
 
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
@@ -39,18 +39,18 @@ fn distance(operator: &Tensor4, expected: &Tensor4) -> f64 {
 
 #[test]
 fn quasi_static_operator_equals_the_truss_like_one() {
-    // Sliding in the step must not matter: the probes stick.
+    // Sliding in the step must not matter: the perturbations stick.
     let mut cell = discs(0.5, fast());
-    let (probed, solved) =
+    let (perturbed, solved) =
         (operator(&mut cell, TangentKind::QuasiStatic), operator(&mut cell, TangentKind::TrussLike));
-    let error = distance(&probed, &solved);
+    let error = distance(&perturbed, &solved);
     // Measured 2.5e-4.
     assert!(error < 5e-4, "{error:.2e}");
-    // T-2 for probes: the skew part of dF turns the stress.
+    // T-2 for perturbations: the skew part of dF turns the stress.
     let stress = trial(&mut cell, TangentKind::None).stress;
-    let difference = probed.get(0, 1, 1, 0) - probed.get(0, 1, 0, 1);
+    let difference = perturbed.get(0, 1, 1, 0) - perturbed.get(0, 1, 0, 1);
     let expected = stress.get(0, 0) - stress.get(1, 1);
-    assert!((difference - expected).abs() < 1e-3 * probed.get(0, 0, 0, 0), "{difference:e} against {expected:e}");
+    assert!((difference - expected).abs() < 1e-3 * perturbed.get(0, 0, 0, 0), "{difference:e} against {expected:e}");
 }
 
 #[test]
@@ -65,9 +65,9 @@ fn consistent_operators_are_elastic_where_nothing_slides() {
     assert!(central < 2e-4, "{central:.2e}");
 }
 
-/// Whatever operator is asked for, stress and states keep their bits; probes are counted and the ramp is the trial's own.
+/// Whatever operator is requested, stress and states keep their bits; perturbations are counted and the ramp is the trial's own.
 #[test]
-fn probes_leave_no_trace_but_their_cost() {
+fn perturbations_leave_no_trace_but_their_cost() {
     let mut cell = discs(0.5, RveOptions { tolerance: Some(1e-4), ..fast() });
     let plain = trial(&mut cell, TangentKind::None);
     let (mut bytes, mut plain_bytes) = (Vec::new(), Vec::new());
@@ -145,16 +145,16 @@ fn calibrated_operators_meet_the_components_they_are_calibrated_by() {
             let factor = scale / bound.get(0, 0, 0, 0);
             assert!(distance(&calibrated, &Tensor4(bound.0.map(|value| factor * value))) < 1e-12);
         }
-        // Calibrated once: the next step costs no probes.
+        // Calibrated once: the next step costs no perturbations.
         cell.commit().unwrap();
         let with = trial(&mut cell, kind).cost.force_evaluations;
         assert_eq!(with, trial(&mut cell, TangentKind::None).cost.force_evaluations);
     }
 }
 
-/// A probe that cannot come to rest leaves the truss-like operator, marked.
+/// A perturbation that cannot come to rest leaves the truss-like operator, marked.
 #[test]
-fn failed_probes_fall_back_and_say_so() {
+fn failed_perturbations_fall_back_and_say_so() {
     let operator_options = OperatorOptions { quasi_static_tolerance: Some(1e-300), ..OperatorOptions::default() };
     let options = RveOptions { tolerance: Some(1e-3), max_steps: Some(300), operator: operator_options, ..fast() };
     let mut cell = discs(0.5, options);
@@ -169,8 +169,10 @@ fn options_with_defects_are_refused_by_key() {
         let options: RveOptions = toml::from_str(text).unwrap();
         options.validate().unwrap_err().to_string()
     };
-    assert!(refused("[operator]\nprobe = 0.0").contains("rve.operator.probe"));
-    assert!(refused("[operator]\nquasi_static_probe = 0.1").contains("rve.operator.quasi_static_probe"));
+    assert!(refused("[operator]\nperturbation = 0.0").contains("rve.operator.perturbation"));
+    assert!(
+        refused("[operator]\nquasi_static_perturbation = 0.1").contains("rve.operator.quasi_static_perturbation")
+    );
     assert!(refused("[operator]\nquasi_static_tolerance = -1.0").contains("quasi_static_tolerance"));
     assert!(refused("[operator]\naverage_steps = 0").contains("average_steps"));
 }

@@ -1,48 +1,48 @@
 //! Whether a relaxation gets nearer to rest, and what is done when it does not.
 //!
-//! Decided from the cell's own numbers alone, so the same trial takes the same way in any batch and in any worker.
+//! Decided from the cell's own numbers alone, so the same trial takes the same steps in any batch and in any worker.
 
 use super::criterion::Imbalance;
 
-/// What is out of balance has to fall to this share of its least value to count as headway.
+/// What is out of balance has to fall to this share of its least value to count as progress.
 const WORTHWHILE: f64 = 0.9;
 
 /// The load has to fall to this share of its least value: grains that flow are out of balance all the while, and yield.
 const WORTHWHILE_LOAD: f64 = 0.97;
 
-/// Steps without headway before each change of the way of relaxing, and at last before the trial ends as it is. In everyday cells
-/// the longest wait is some 200 steps, in cells that flow for want of friction some 2000.
-const PATIENCE: [u32; 3] = [500, 1000, 2000];
+/// Steps without progress before each change of damping, and at last before the trial ends as it is. Usual cells stagnate for
+/// some 200 steps at most, cells that flow for lack of friction for some 2000.
+const MAX_STALLED_STEPS: [u32; 3] = [500, 1000, 2000];
 
-/// Cells of more grains than this across have slower modes, and wait for longer in proportion.
+/// Cells of more grains than this across have slower modes; their limits grow in proportion.
 const GRAINS_ACROSS: f64 = 20.0;
 
 /// What the next step should do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum Advice {
     /// Go on.
     GoOn,
     /// Go on with another damping or a smaller step.
     Change,
-    /// End: no way of relaxing gets nearer to rest.
+    /// End: no damping gets nearer to rest.
     End,
 }
 
 /// The best that a hold has reached, and when.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Headway {
+pub(crate) struct ConvergenceMonitor {
     least_measure: f64,
     least_ratio: f64,
     least_load: f64,
-    /// Step of the last headway or change.
+    /// Step of the last progress or change.
     since: u32,
     changes: usize,
-    /// Factor on [`PATIENCE`].
+    /// Factor on [`MAX_STALLED_STEPS`].
     slowness: f64,
 }
 
-impl Headway {
-    /// For a cell of so many grains in so many dimensions.
+impl ConvergenceMonitor {
+    /// For a cell of `grains` grains in two or three dimensions.
     pub(crate) fn new(grains: usize, dimension: usize) -> Self {
         let across = if dimension == 2 { (grains as f64).sqrt() } else { (grains as f64).cbrt() };
         Self {
@@ -56,7 +56,7 @@ impl Headway {
     }
 
     /// Takes note of an evaluation, `step` steps after the ramp, in which the normal forces add up to `load`, N.
-    pub(crate) fn note(&mut self, step: u32, imbalance: &Imbalance, load: f64) -> Verdict {
+    pub(crate) fn note(&mut self, step: u32, imbalance: &Imbalance, load: f64) -> Advice {
         let is_nearer = imbalance.measure < WORTHWHILE * self.least_measure
             || imbalance.ratio < WORTHWHILE * self.least_ratio
             || load < WORTHWHILE_LOAD * self.least_load;
@@ -65,17 +65,17 @@ impl Headway {
             self.least_ratio = self.least_ratio.min(imbalance.ratio);
             self.least_load = self.least_load.min(load);
             self.since = step;
-            return Verdict::GoOn;
+            return Advice::GoOn;
         }
-        if f64::from(step - self.since) < self.slowness * f64::from(PATIENCE[self.changes]) {
-            return Verdict::GoOn;
+        if f64::from(step - self.since) < self.slowness * f64::from(MAX_STALLED_STEPS[self.changes]) {
+            return Advice::GoOn;
         }
-        if self.changes + 1 == PATIENCE.len() {
-            return Verdict::End;
+        if self.changes + 1 == MAX_STALLED_STEPS.len() {
+            return Advice::End;
         }
         self.changes += 1;
         self.since = step;
-        Verdict::Change
+        Advice::Change
     }
 }
 
@@ -87,16 +87,16 @@ mod tests {
         Imbalance { measure, of_present: measure, ratio: measure }
     }
 
-    /// Steps at which the verdict is not to go on, while `measure` and `load` are functions of the step.
-    fn verdicts(grains: usize, measure: impl Fn(u32) -> f64, load: impl Fn(u32) -> f64) -> Vec<(u32, Verdict)> {
-        let mut headway = Headway::new(grains, 2);
+    /// Steps at which the advice is not to go on, while `measure` and `load` are functions of the step.
+    fn verdicts(grains: usize, measure: impl Fn(u32) -> f64, load: impl Fn(u32) -> f64) -> Vec<(u32, Advice)> {
+        let mut monitor = ConvergenceMonitor::new(grains, 2);
         let mut found = Vec::new();
         for step in 0..10_000 {
-            let verdict = headway.note(step, &of(measure(step)), load(step));
-            if verdict != Verdict::GoOn {
-                found.push((step, verdict));
+            let advice = monitor.note(step, &of(measure(step)), load(step));
+            if advice != Advice::GoOn {
+                found.push((step, advice));
             }
-            if verdict == Verdict::End {
+            if advice == Advice::End {
                 break;
             }
         }
@@ -106,14 +106,14 @@ mod tests {
     #[test]
     fn a_limit_cycle_is_noticed_changed_twice_and_ended() {
         let cycle = |step: u32| 0.1 + 0.05 * f64::from(step % 7);
-        let expected = [(500, Verdict::Change), (1500, Verdict::Change), (3500, Verdict::End)];
+        let expected = [(500, Advice::Change), (1500, Advice::Change), (3500, Advice::End)];
         assert_eq!(verdicts(400, cycle, |_| 1.0), expected);
         // Twice as many grains across, twice the time.
-        assert_eq!(verdicts(1600, cycle, |_| 1.0)[0], (1000, Verdict::Change));
+        assert_eq!(verdicts(1600, cycle, |_| 1.0)[0], (1000, Advice::Change));
     }
 
     #[test]
-    fn slow_decay_and_flow_are_headway() {
+    fn slow_decay_and_flow_are_convergence() {
         assert_eq!(verdicts(400, |step| (-f64::from(step) / 4000.0).exp(), |_| 1.0), []);
         assert_eq!(verdicts(400, |_| 0.3, |step| (-f64::from(step) / 15_000.0).exp()), []);
     }
