@@ -25,8 +25,8 @@ pub mod transport;
 pub mod wire;
 
 pub use engine::{
-    Ask, Capabilities, Cost, Definition, Observables, Observed, Question, RveEngine, RveError, RveSolver, Scalars,
-    SnapshotKind, TangentKind, TrialAnswer, TrialFlags, answer_alone,
+    Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
+    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, solve_alone,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
 pub use tensor::{Tensor2, Tensor4};

@@ -4,7 +4,7 @@
 //! their number (Linux, from `/proc/self/statm`). Cells that only wait cost their snapshot; a worker has one cell per
 //! definition and takes the states of its points in turn.
 
-use protocol::{Ask, RveSolver, Tensor2};
+use protocol::{RveSolver, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -38,7 +38,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize) {
     let target = Tensor2::from_plane([[0.0, 0.0], [0.0, -1e-5]]);
     let live = || {
         let mut cell = GrainRve::new(&definition).expect("a cell");
-        cell.trial(&target, &Ask::default()).expect("a trial");
+        cell.trial(&target, &TrialOptions::default()).expect("a trial");
         cell.commit().expect("a commit");
         cell
     };

@@ -7,7 +7,7 @@
 mod processor_time;
 
 use processor_time::processor_time;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -53,13 +53,13 @@ fn measure<S: SolverFor>(
     let mut cell =
         GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() }).expect("a cell");
     let target = |size: f64| Tensor2::from_plane([[0.0, 0.0], [0.0, -size]]);
-    cell.trial(&target(strain), &Ask::default()).expect("a trial");
+    cell.trial(&target(strain), &TrialOptions::default()).expect("a trial");
     cell.commit().expect("a commit");
     let mut increments = Vec::new();
     let mut evaluations = 0;
     for _ in 0..3 {
         let started = processor_time();
-        let answer = cell.trial(&target(1e-3), &Ask::default()).expect("a trial");
+        let answer = cell.trial(&target(1e-3), &TrialOptions::default()).expect("a trial");
         increments.push((processor_time() - started) * 1e3);
         evaluations = answer.cost.force_evaluations;
     }

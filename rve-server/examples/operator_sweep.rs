@@ -3,7 +3,7 @@
 //! size of the size).
 //! `cargo run --release -p grainspan-rve-server --example operator_sweep -- [PACKING]`.
 
-use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
+use protocol::{RveSolver, TangentKind, Tensor2, Tensor4, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -23,7 +23,7 @@ fn cell(packing: &PackingFile, ratio: f64, options: RveOptions) -> GrainRve {
 }
 
 fn operator(cell: &mut GrainRve, target: &Tensor2, kind: TangentKind) -> (Tensor4, u64) {
-    let answer = cell.trial(target, &Ask { tangent: kind, ..Ask::default() }).expect("a trial");
+    let answer = cell.trial(target, &TrialOptions { tangent: kind, ..TrialOptions::default() }).expect("a trial");
     (*answer.tangent.expect("one was asked for"), answer.cost.force_evaluations)
 }
 
@@ -65,7 +65,8 @@ fn symmetry(packing: &PackingFile) {
     for strain in [1e-8, 2e-3] {
         let target = Tensor2::from_plane([[strain, 0.0], [0.0, -strain]]);
         for kind in [TangentKind::TrussLike, TangentKind::TrussLikeReleased, TangentKind::TrussLikeSlip] {
-            let answer = cell.trial(&target, &Ask { tangent: kind, ..Ask::default() }).expect("a trial");
+            let answer =
+                cell.trial(&target, &TrialOptions { tangent: kind, ..TrialOptions::default() }).expect("a trial");
             let (operator, stress) = (*answer.tangent.expect("one was asked for"), answer.stress);
             let (mut nominal, mut turned) = (operator, [operator, operator]);
             for [i, j, k, l] in (0..16).map(|place| [place & 1, place >> 1 & 1, place >> 2 & 1, place >> 3]) {
@@ -103,7 +104,7 @@ fn sweep(packing: &PackingFile) {
             let mut cell = cell(packing, 0.5, options);
             if before > 0.0 {
                 let path = Tensor2::from_plane([[before, 0.0], [0.0, -before]]);
-                cell.trial(&path, &Ask::default()).expect("a trial");
+                cell.trial(&path, &TrialOptions::default()).expect("a trial");
                 cell.commit().expect("a commit");
             }
             let elastic = operator(&mut cell, &target, TangentKind::TrussLike).0;

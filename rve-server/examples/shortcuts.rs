@@ -8,7 +8,7 @@
 //! `predicted`: the stress of the next increment from a network tangent alone, without moving a grain, against the solver:
 //! error over the change of stress, for increments onwards and back, of several sizes.
 
-use protocol::{Ask, RveSolver, TangentKind, Tensor2};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -38,7 +38,7 @@ fn shear(size: f64) -> Tensor2 {
 
 /// Stress after a trial of the committed state, not committed.
 fn stress(cell: &mut GrainRve, size: f64, ramp_steps: u32) -> ([f64; 4], u64) {
-    let answer = cell.trial(&shear(size), &Ask { ramp_steps, ..Ask::default() }).expect("a trial");
+    let answer = cell.trial(&shear(size), &TrialOptions { ramp_steps, ..TrialOptions::default() }).expect("a trial");
     let [[xx, xy], [yx, yy]] = answer.stress.plane();
     ([xx, xy, yx, yy], answer.cost.force_evaluations)
 }

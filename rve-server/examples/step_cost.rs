@@ -5,7 +5,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
-use protocol::{Ask, Observables, RveSolver, Tensor2};
+use protocol::{Observables, RveSolver, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{Accuracy, Criterion, Damping, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -37,8 +37,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let given = cell.observe(Observables::ALL).unwrap();
     println!("strain,s_xx,s_xy,s_yx,s_yy,unbalanced,coordination,steps,microseconds_per_step,flags");
-    let ask = Ask { observables: Observables::ALL, ..Ask::default() };
-    let report = |strain: f64, answer: &protocol::TrialAnswer| {
+    let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
+    let report = |strain: f64, answer: &protocol::TrialResult| {
         let [[xx, xy], [yx, yy]] = answer.stress.plane();
         println!(
             "{strain:.4e},{xx:.10e},{xy:.6e},{yx:.6e},{yy:.10e},{:.2e},{:.3},{},{:.2},{}",
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     report(0.0, &given);
     for step in 1..=count {
         let target = Tensor2::from_plane([[increment.exp_m1(), 0.0], [0.0, (-increment).exp_m1()]]);
-        let answer = cell.trial(&target, &ask)?;
+        let answer = cell.trial(&target, &options)?;
         cell.commit()?;
         report(increment * step as f64, &answer);
     }

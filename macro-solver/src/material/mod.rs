@@ -8,7 +8,7 @@ pub mod difference;
 pub mod elastic;
 
 use crate::checkpoint::{Archive, CheckpointError};
-use protocol::{Ask, Tensor2, TrialAnswer};
+use protocol::{Tensor2, TrialOptions, TrialResult};
 use thiserror::Error;
 
 /// Number of a Gauss point: `element * points_per_element + local`, from 0.
@@ -22,7 +22,7 @@ pub struct PointTrial {
     /// Total displacement gradient `H = F - I` from the committed configuration.
     pub target: Tensor2,
     /// What is wanted beside the stress.
-    pub ask: Ask,
+    pub options: TrialOptions,
 }
 
 /// Why a point gave no answer.
@@ -75,7 +75,7 @@ pub trait PointMaterial {
     ///
     /// # Errors
     /// See [`MaterialError`]; committed states are unchanged. With several failing points the lowest is reported.
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError>;
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError>;
 
     /// Makes the latest trial of every point its committed state. Points without a trial since the last commit keep
     /// their state.

@@ -42,8 +42,8 @@ impl CostModel {
 
 /// Ramp increments that the trial will take, about.
 fn effort(trial: &PointTrial) -> f64 {
-    if trial.ask.ramp_steps > 0 {
-        return f64::from(trial.ask.ramp_steps);
+    if trial.options.ramp_steps > 0 {
+        return f64::from(trial.options.ramp_steps);
     }
     let norm = trial.target.0.iter().map(|component| component * component).sum::<f64>().sqrt();
     norm / ASSUMED_STRAIN_PER_STEP
@@ -76,11 +76,11 @@ impl Throughput {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Ask, Tensor2};
+    use protocol::{Tensor2, TrialOptions};
 
     fn trial(strain: f64, ramp_steps: u32) -> PointTrial {
         let target = Tensor2::from_plane([[0.0, 0.0], [0.0, strain]]);
-        PointTrial { point: 0, target, ask: Ask { ramp_steps, ..Ask::default() } }
+        PointTrial { point: 0, target, options: TrialOptions { ramp_steps, ..TrialOptions::default() } }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::model::failure::{Failure, failure};
 use crate::observer::Statistics;
 use nalgebra::Matrix3;
-use protocol::{Ask, Cost, TangentKind, TrialAnswer};
+use protocol::{Cost, TangentKind, TrialOptions, TrialResult};
 
 /// One evaluation of all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,7 +56,7 @@ impl Points {
         gradients: &[Matrix3<f64>],
         tangent: TangentKind,
         statistics: &mut Statistics,
-        answers: impl FnOnce(&mut Self, &mut [PointTrial], &mut Statistics) -> Result<Vec<TrialAnswer>, MaterialError>,
+        answers: impl FnOnce(&mut Self, &mut [PointTrial], &mut Statistics) -> Result<Vec<TrialResult>, MaterialError>,
     ) -> Result<EvaluationCounts, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
         let seen = self.average_strains(gradients)?;
@@ -73,8 +73,8 @@ impl Points {
             let target = target.ok_or_else(|| inside_out(number))?;
             // Until its result has come, the material's latest trial of this point is unknown.
             point.held = None;
-            let ask = Ask { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
-            trials.push(PointTrial { point: number, target: tensor(&target), ask });
+            let options = TrialOptions { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
+            trials.push(PointTrial { point: number, target: tensor(&target), options });
         }
         let counts =
             EvaluationCounts { evaluated: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
@@ -117,7 +117,7 @@ impl Points {
     }
 
     /// Counts a result and its cost.
-    pub(super) fn count(&mut self, number: usize, answer: &TrialAnswer, statistics: &mut Statistics) {
+    pub(super) fn count(&mut self, number: usize, answer: &TrialResult, statistics: &mut Statistics) {
         let point = &mut self.points[number];
         point.evaluations += 1;
         point.step_evaluations += 1;
@@ -136,7 +136,7 @@ impl Points {
         &mut self,
         trial: &PointTrial,
         gradient: &Matrix3<f64>,
-        answer: TrialAnswer,
+        answer: TrialResult,
         statistics: &mut Statistics,
     ) -> Result<(), Failure> {
         let finite = answer.stress.is_finite() && answer.tangent.as_ref().is_none_or(|tangent| tangent.is_finite());
@@ -147,7 +147,7 @@ impl Points {
         statistics.asymmetric_stresses += u64::from(is_asymmetric(&matrix(&answer.stress)));
         let formulation = self.formulation;
         let point = &mut self.points[trial.point];
-        if trial.ask.tangent == TangentKind::None {
+        if trial.options.tangent == TangentKind::None {
             let stress = formulation.cauchy(&point.deformation, gradient, &matrix(&answer.stress));
             point.response.stress = stress.ok_or_else(|| inside_out(trial.point))?;
         } else {

@@ -5,7 +5,7 @@ use crate::formulation::tensor::{matrix, tensor};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::observer::Statistics;
 use nalgebra::Matrix3;
-use protocol::{Ask, TangentKind, TrialAnswer};
+use protocol::{TangentKind, TrialOptions, TrialResult};
 
 /// Times that the first part of a refused trial is halved.
 const MOST_HALVINGS: usize = 4;
@@ -24,7 +24,7 @@ impl Points {
         trials: &mut [PointTrial],
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
-    ) -> Result<Vec<TrialAnswer>, MaterialError> {
+    ) -> Result<Vec<TrialResult>, MaterialError> {
         for _ in 0..MOST_PARTS {
             let error = match material.evaluate(trials) {
                 Ok(answers) => return Ok(answers),
@@ -55,8 +55,8 @@ impl Points {
         let mut share = 0.5;
         for _ in 0..MOST_HALVINGS {
             let first = whole * share;
-            let ask = Ask { tangent: TangentKind::None, ..trial.ask };
-            match material.evaluate(&[PointTrial { target: tensor(&first), ask, ..*trial }]) {
+            let options = TrialOptions { tangent: TangentKind::None, ..trial.options };
+            match material.evaluate(&[PointTrial { target: tensor(&first), options, ..*trial }]) {
                 Ok(answers) => {
                     answers.iter().for_each(|answer| self.count(trial.point, answer, statistics));
                     let Some(back) = (Matrix3::identity() + first).try_inverse() else { return Ok(false) };

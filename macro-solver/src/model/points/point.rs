@@ -3,7 +3,7 @@
 use super::secant::{ReferenceModuli, Sample};
 use crate::formulation::{Formulation, Operator, Response};
 use nalgebra::Matrix3;
-use protocol::{Cost, TangentKind, TrialAnswer};
+use protocol::{Cost, TangentKind, TrialResult};
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
@@ -17,7 +17,7 @@ pub(crate) struct Point {
     /// Total deformation gradient at the latest evaluation.
     pub(super) trial_deformation: Matrix3<f64>,
     /// Latest result of the material.
-    pub(crate) answer: Option<TrialAnswer>,
+    pub(crate) answer: Option<TrialResult>,
     /// Evaluations in this step.
     pub(crate) step_evaluations: u64,
     /// Evaluations since the start.
@@ -109,7 +109,7 @@ impl Point {
     }
 
     /// Records the result for the step gradient `gradient`.
-    pub(super) fn hold(&mut self, formulation: Formulation, gradient: &Matrix3<f64>, answer: TrialAnswer) {
+    pub(super) fn hold(&mut self, formulation: Formulation, gradient: &Matrix3<f64>, answer: TrialResult) {
         self.trial_deformation = formulation.deformation(&self.deformation, gradient);
         self.held = Some(*gradient);
         self.answer = Some(answer);

@@ -7,7 +7,7 @@ use crate::checkpoint::CheckpointError;
 use crate::formulation::Operator;
 use crate::nonlocal::NonlocalLayer;
 use nalgebra::Matrix3;
-use protocol::{Cost, Observed, Scalars, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags, TrialResult};
 use serde::{Deserialize, Serialize};
 
 /// One Gauss point after an accepted step.
@@ -118,7 +118,7 @@ impl Point {
         self.ramp_steps = record.ramp_steps;
         self.evaluations = record.evaluations;
         self.cost = record.cost;
-        self.answer = record.answer.map(|answer| TrialAnswer {
+        self.answer = record.answer.map(|answer| TrialResult {
             stress: answer.stress,
             tangent: None,
             scalars: answer.scalars,
