@@ -6,6 +6,7 @@
 
 mod channel;
 mod machine;
+mod micro;
 mod newton;
 mod repeat;
 mod report;
@@ -83,6 +84,9 @@ const STUDIES: &[Study] = &[
     },
 ];
 
+/// The name that runs a microbenchmark instead of a study.
+const MICRO: &str = "micro";
+
 /// How long a study may measure.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Effort {
@@ -125,13 +129,17 @@ impl Effort {
   grainspan bench rve --redraw --out out/bench/rve
   grainspan bench stability --cases 500 --seed 7 --out out/bench/stability
   grainspan bench stability --seed 7 --case 42 --write case-42.toml
+  grainspan bench micro lane_cost packings/discs-400.json 64
 
 Measure with a release build on a quiet machine; the report says what it was."
 )]
 struct Arguments {
-    /// Study to run
+    /// Study to run, or `micro` for the cost of one part alone
     #[arg(value_name = "NAME", required_unless_present_any = ["list", "helper"])]
     name: Option<String>,
+    /// Only with `micro`: a microbenchmark and its arguments; without them all are listed
+    #[arg(value_name = "ARGUMENT", trailing_var_arg = true)]
+    arguments: Vec<String>,
     /// List the studies
     #[arg(long)]
     list: bool,
@@ -187,6 +195,15 @@ fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         print(list().as_bytes())?;
         return Ok(Exit::Done);
     };
+    if name == MICRO {
+        let list = micro::run(&arguments.arguments)
+            .map_err(|error| Failure::new(Exit::BadInput, format!("bench {MICRO}: {error:#}")))?;
+        print(list.as_bytes())?;
+        return Ok(Exit::Done);
+    }
+    if let Some(argument) = arguments.arguments.first() {
+        return Err(Failure::new(Exit::BadInput, format!("bench {name}: unexpected argument `{argument}`")));
+    }
     let study = STUDIES.iter().find(|study| study.name == name).ok_or_else(|| {
         Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
     })?;

@@ -58,3 +58,18 @@ fn an_unknown_study_is_refused_with_the_way_to_the_list() {
     assert_eq!(ended.status.code(), Some(2));
     assert!(stderr(&ended).contains("bench --list"), "{}", stderr(&ended));
 }
+
+#[test]
+fn microbenchmarks_are_listed_and_print() {
+    let listed = bench(&["micro"]);
+    let text = String::from_utf8(listed.stdout).unwrap();
+    assert!(listed.status.success() && text.contains("lane_cost PACKING"), "{text}");
+    let ended = bench(&["micro", "lane_cost", "packings/discs-100.json", "4"]);
+    assert!(ended.status.success(), "{}", stderr(&ended));
+    assert!(String::from_utf8(ended.stdout).unwrap().contains("bits are the same"));
+    let unknown = bench(&["micro", "nonsense"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("bench micro"), "{}", stderr(&unknown));
+    let misplaced = bench(&["channel", "lane_cost"]);
+    assert_eq!(misplaced.status.code(), Some(2));
+}

@@ -3,29 +3,17 @@
 //! of the preparation friction, a shear that leaves an anisotropic fabric behind, and the removal of random grains.
 
 use super::compaction::{Compaction, Tolerances};
-use super::friction_search::{FrictionAttempt, search};
-use super::preshear::{ShearAttempt, presheared};
+use super::friction_search::search;
+use super::preshear::presheared;
 use super::progress::{PackingProgress, ProgressLog};
 use super::random_placement::scattered;
-use super::recipe::{PackingRecipe, Removal, StateQuantity};
+use super::recipe::{PackingRecipe, Removal};
 use super::removal::weakened;
-use super::report::{PackingReport, measured};
+use super::report::{PackingReport, Searches, measured, value_of};
 use super::stress_target::StressTarget;
 use crate::contact::ContactTable;
 use crate::definition::{Packing, PackingError, PackingFile};
 use crate::solver::SolverFor;
-use serde::Serialize;
-
-/// What the searches of a preparation tried; the last try is the one that was taken.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Searches {
-    /// Preparation frictions and what they gave.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub friction: Vec<FrictionAttempt>,
-    /// Shear strains and what they gave.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub shear: Vec<ShearAttempt>,
-}
 
 /// Makes the packing that a recipe describes, of discs or of spheres.
 ///
@@ -155,15 +143,5 @@ impl<'a> Workshop<'a> {
 
     fn tolerances(&self) -> Tolerances {
         Tolerances { force: self.recipe.tolerance, stress: self.recipe.stress_tolerance }
-    }
-}
-
-/// The value of a named quantity.
-pub(crate) fn value_of(report: &PackingReport, quantity: StateQuantity) -> f64 {
-    match quantity {
-        StateQuantity::VoidRatio => report.void_ratio,
-        StateQuantity::Porosity => report.porosity,
-        StateQuantity::CoordinationNumber => report.coordination_number,
-        StateQuantity::CoordinationNumberNoRattlers => report.coordination_number_no_rattlers,
     }
 }

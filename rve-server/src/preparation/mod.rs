@@ -17,11 +17,11 @@ mod servo;
 mod stress_target;
 
 pub use friction_search::FrictionAttempt;
-pub use generate::{Searches, generate, generate_any};
+pub use generate::{generate, generate_any};
 pub use grading::Grading;
 pub use preshear::ShearAttempt;
 pub use progress::PackingProgress;
 pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
 pub(crate) use report::anisotropy_of_fabric;
-pub use report::{PackingReport, Requirement};
+pub use report::{PackingReport, Requirement, Searches};
 pub use stress_target::StressTarget;

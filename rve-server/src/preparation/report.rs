@@ -1,9 +1,9 @@
 //! The acceptance report: requirements against the values reached, measured on the packing as written.
 
 use super::compaction::{content, rows};
-use super::generate::Searches;
-use super::preshear::anisotropy_of;
-use super::recipe::PackingRecipe;
+use super::friction_search::FrictionAttempt;
+use super::preshear::{ShearAttempt, anisotropy_of};
+use super::recipe::{PackingRecipe, StateQuantity};
 use super::stress_target::{Matrix, StressTarget, symmetric_pairs};
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingError, PackingFile, RveOptions};
@@ -17,6 +17,17 @@ const LARGEST_OVERLAP: f64 = 0.1;
 
 /// Turning a packing into the axes of its file and wrapping its grains moves them by rounding; the forces follow.
 const ROUNDING: f64 = 1e-7;
+
+/// What the searches of a preparation tried; the last try is the one that was taken.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Searches {
+    /// Preparation frictions and what they gave.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub friction: Vec<FrictionAttempt>,
+    /// Shear strains and what they gave.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shear: Vec<ShearAttempt>,
+}
 
 /// One requirement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -157,7 +168,7 @@ fn requirements(
             && recipe.anisotropy.is_none()
         {
             let (quantity, asked) = state.quantity()?;
-            ask(quantity.keyword().into(), asked, super::generate::value_of(report, quantity), state.tolerance);
+            ask(quantity.keyword().into(), asked, value_of(report, quantity), state.tolerance);
         }
         if let Some(anisotropy) = &recipe.anisotropy {
             ask("fabric_anisotropy".into(), anisotropy.value, report.fabric_anisotropy, anisotropy.tolerance);
@@ -191,4 +202,14 @@ fn without_mean(fabric: &Matrix, dimension: usize) -> Matrix {
         row[i] -= mean;
     }
     deviator
+}
+
+/// The value of a named quantity.
+pub(crate) fn value_of(report: &PackingReport, quantity: StateQuantity) -> f64 {
+    match quantity {
+        StateQuantity::VoidRatio => report.void_ratio,
+        StateQuantity::Porosity => report.porosity,
+        StateQuantity::CoordinationNumber => report.coordination_number,
+        StateQuantity::CoordinationNumberNoRattlers => report.coordination_number_no_rattlers,
+    }
 }

@@ -173,7 +173,11 @@ fn equal_cells_under_equal_strain_are_solved_once() {
             let trials: Vec<_> = (0..POINTS)
                 .map(|point| {
                     let trial = question(0, 0);
-                    PointTrial { point, options: TrialOptions { observables: observables(point), ..trial.options }, ..trial }
+                    PointTrial {
+                        point,
+                        options: TrialOptions { observables: observables(point), ..trial.options },
+                        ..trial
+                    }
                 })
                 .collect();
             let stresses: Vec<_> =

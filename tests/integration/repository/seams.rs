@@ -52,7 +52,9 @@ fn numerics_neither_print_nor_touch_files_nor_threads() {
 #[test]
 fn random_iteration_order_is_absent() {
     let mut files = Vec::new();
-    for folder in ["protocol/src", "rve-server/src", "macro-solver/src", "scene-reader/src", "src"] {
+    for folder in
+        ["protocol/src", "rve-server/src", "macro-solver/src", "scene-reader/src", "charts/src", "bench/src", "src"]
+    {
         rust_files(&root().join(folder), &mut files);
     }
     for file in files {

@@ -1,6 +1,6 @@
 //! What binds the boundary grains of a frame to the deformation, and the loads that are left to move them.
 
-use super::geometry::FrameGeometry;
+use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::Load;
 use crate::simd::Tuple;
 use crate::space::Discs;

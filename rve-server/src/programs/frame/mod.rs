@@ -2,8 +2,6 @@
 
 pub mod cell;
 pub mod constraint;
-pub(crate) mod element;
-pub mod geometry;
 pub mod options;
 mod relaxation;
 #[cfg(test)]
@@ -11,5 +9,4 @@ mod tests;
 
 pub use cell::{FRAME_ENGINE_NAME, FrameDefinition, FrameEngine, FrameRve};
 pub use constraint::FrameConstraint;
-pub use geometry::FrameGeometry;
 pub use options::{FrameControl, FrameDamping, FrameOptions};

@@ -5,9 +5,9 @@
 //! grains go back to `F X_q` without rotation in every increment, which throws away the fluctuations found before.
 
 use super::constraint::FrameConstraint;
-use super::geometry::FrameGeometry;
 use super::options::{FrameControl, FrameDamping, FrameOptions};
 use crate::contact::ContactLaw;
+use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Load};
 use crate::simd::Tuple;
 use crate::solver::descent_share;

@@ -6,10 +6,12 @@
 
 mod csv_table;
 mod error;
+mod on_frame;
 mod path;
 mod row;
 mod run;
 mod servo;
+mod summary;
 mod test_file;
 
 #[cfg(test)]
@@ -18,5 +20,6 @@ mod tests;
 pub use csv_table::ElementCsv;
 pub use error::ElementError;
 pub use row::ElementRow;
-pub use run::{ElementSummary, run_element, run_element_on};
+pub use run::{run_element, run_element_on};
+pub use summary::ElementSummary;
 pub use test_file::{Components, ElementTest, Segment};

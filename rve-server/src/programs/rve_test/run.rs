@@ -1,14 +1,15 @@
 //! The driver: increment by increment along the path.
 
 use super::error::ElementError;
+use super::on_frame::run_frame_element;
 use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, flat, tensor_of};
 use super::row::ElementRow;
 use super::servo::{Miss, Servo};
+use super::summary::ElementSummary;
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use crate::cell::ContactNetwork;
 use crate::definition::{GrainDefinition, Packing, PackingFile};
-use crate::engine::{GrainRve, ListedForces};
-use crate::programs::frame::element::run_frame_element;
+use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled};
 use crate::tangent;
@@ -25,37 +26,6 @@ const LARGEST_JUMP: f64 = 0.05;
 
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
-
-/// What a whole element test cost and where it fell short.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ElementSummary {
-    /// Rows delivered, row 0 included.
-    pub rows: u64,
-    /// Trials made, rejected ones included.
-    pub trials: u64,
-    /// DEM steps of all trials.
-    pub dem_steps: u64,
-    /// DEM steps of the probes of all operators.
-    pub operator_steps: u64,
-    /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
-    pub stress_jumps: u64,
-    /// Rows whose increment was cut because no strain was found for the controlled stresses.
-    pub cut_increments: u64,
-    /// Rows whose relaxation ended before the grains were at rest.
-    pub not_equilibrated: u64,
-    /// Rows of a cell without load-bearing contacts.
-    pub no_load: u64,
-    /// Rows whose relaxation stagnated and went on with another damping and smaller steps.
-    pub damping_changed: u64,
-    /// Rows with an overlap above 10 % of a grain diameter.
-    pub large_overlap: u64,
-    /// Rows whose operator columns hold the uniform-strain operator because the one requested failed.
-    pub tangent_fallbacks: u64,
-    /// Rows whose operator needed mechanisms to be held.
-    pub tangent_regularised: u64,
-    /// What became of the tangential forces that the packing lists.
-    pub listed_forces: ListedForces,
-}
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// the operator `tangent` unless that is [`TangentKind::None`].

@@ -1,13 +1,23 @@
 //! One block of pairs, with the widest instructions that help a single number at a time.
 
 use super::SpecimenSpace;
-use super::body::Listed;
 use super::contact::{ContactSums, Grain, PairLoad, Slot};
 use crate::contact::ContactLaw;
 use crate::simd::Tuple;
 use crate::solver::kernel::backend::Backend;
 
-/// What the forces of one block are computed from, and where they go.
+/// A listed pair as the search for contacts sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Listed {
+    pub(crate) origin: u32,
+    pub(crate) end: u32,
+    /// Row of the table of image translations.
+    pub(crate) image: u32,
+    /// Square of the distance below which the pair touches, m2.
+    pub(crate) near_square: f64,
+}
+
+/// One block: sources of its forces, and their destination.
 pub(super) struct Block<'a, S: SpecimenSpace, C: ContactLaw<S>> {
     /// The law of every contact.
     pub law: &'a C,

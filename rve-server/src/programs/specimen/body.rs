@@ -5,7 +5,7 @@
 //! block order: no sum depends on who computed what.
 
 use super::SpecimenSpace;
-use super::block::Block;
+use super::block::{Block, Listed};
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
 use crate::cell::{Cell, PairFinder, PairKey};
 use crate::contact::ContactLaw;
@@ -24,17 +24,6 @@ const FEWEST_FOR_THREADS: usize = 8192;
 
 /// Pair ends beyond reach, in mean radii, that are listed as well, so that a list lasts.
 const SKIN: f64 = 0.1;
-
-/// A listed pair as the search for contacts sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Listed {
-    pub(crate) origin: u32,
-    pub(crate) end: u32,
-    /// Row of the table of image translations.
-    pub(crate) image: u32,
-    /// Square of the distance below which the pair touches, m2.
-    pub(crate) near_square: f64,
-}
 
 /// Which contacts a body shares with its neighbours; see [`Body::share_sides`].
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,12 +8,25 @@ use super::step::{Grain, GrainConstants, MoveSums, Steering, StepData, StepSums,
 use crate::contact::ContactLaw;
 use crate::simd::Real;
 use crate::space::KernelSpace;
+use std::marker::PhantomData;
 use std::sync::OnceLock;
+
+/// Whether the plain functions are compiled for lanes too: where they are the only ones, their vectors are worth it. On x86-64
+/// they would be several hundred kilobytes that never run.
+const PLAIN_HAS_LANES: bool = cfg!(not(target_arch = "x86_64"));
+
+/// What the plain functions are compiled for.
+struct Plain<R>(PhantomData<R>);
+
+impl<R: Real> Plain<R> {
+    const SERVES: bool = R::LANES == 1 || PLAIN_HAS_LANES;
+}
 
 /// Instruction sets, from the plainest to the widest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Backend {
-    /// What every processor of the build's target has. Without fused multiply-add in hardware this is slow, but right.
+    /// What every processor of the build's target has. On x86-64, without fused multiply-add in hardware, this is slow, but
+    /// right: one pair of one cell at a time.
     Plain,
     /// AVX2 with fused multiply-add.
     Avx2,
@@ -43,6 +56,11 @@ impl Backend {
         }
     }
 
+    /// Whether it works on lanes: on several cells, or on several pairs of one cell. Results do not depend on it.
+    pub fn has_lanes(self) -> bool {
+        PLAIN_HAS_LANES || self != Self::Plain && self.is_available()
+    }
+
     /// The widest one this processor can run.
     pub fn best() -> Self {
         static BEST: OnceLock<Backend> = OnceLock::new();
@@ -59,7 +77,8 @@ impl Backend {
         }
     }
 
-    /// Kicks and moves all grains. A back end that this processor lacks is replaced by the plain one.
+    /// Kicks and moves all grains. A back end that this processor lacks is replaced by the plain one; lanes are for those that
+    /// [have them](Self::has_lanes), the result is not finite otherwise.
     #[expect(unsafe_code, reason = "functions for an instruction set may only be called where the processor has it")]
     pub fn advance<K: KernelSpace, C: ContactLaw<K>, R: Real>(
         self,
@@ -73,11 +92,13 @@ impl Backend {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             Self::Avx2 if self.is_available() => unsafe { avx2::advance(data, steering) },
-            _ => plain::advance(data, steering),
+            _ if Plain::<R>::SERVES => plain::advance(data, steering),
+            _ => MoveSums::not_finite(),
         }
     }
 
-    /// Evaluates all contacts. A back end that this processor lacks is replaced by the plain one.
+    /// Evaluates all contacts. A back end that this processor lacks is replaced by the plain one; lanes are for those that
+    /// [have them](Self::has_lanes), the result is not finite otherwise.
     #[expect(unsafe_code, reason = "functions for an instruction set may only be called where the processor has it")]
     pub fn evaluate<K: KernelSpace, C: ContactLaw<K>, R: Real>(
         self,
@@ -90,7 +111,8 @@ impl Backend {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             Self::Avx2 if self.is_available() => unsafe { avx2::evaluate(data) },
-            _ => plain::evaluate(data),
+            _ if Plain::<R>::SERVES => plain::evaluate(data),
+            _ => StepSums::not_finite(),
         }
     }
 }
@@ -99,7 +121,7 @@ impl Backend {
 /// the loop, the compiler turns to vectorising across grains, with gathers, and takes three times as long. For a single cell
 /// the call is what costs.
 macro_rules! step_functions {
-    ($module:ident $(, $features:literal)?) => {
+    ($module:ident, $pairs_in_lanes:expr $(, $features:literal)?) => {
         mod $module {
             use super::*;
 
@@ -146,7 +168,7 @@ macro_rules! step_functions {
                 data: &mut StepData<'_, K, C, R>,
             ) -> StepSums<R> {
                 let mut sums = StepSums::default();
-                load_pairs(data, &mut sums);
+                load_pairs::<K, C, R, { $pairs_in_lanes }>(data, &mut sums);
                 for (grain, constants) in data.grains.iter().zip(data.grain_constants) {
                     if R::LANES == 1 {
                         sum_grain(grain, constants, &mut sums);
@@ -160,8 +182,8 @@ macro_rules! step_functions {
     };
 }
 
-step_functions!(plain);
+step_functions!(plain, PLAIN_HAS_LANES);
 #[cfg(target_arch = "x86_64")]
-step_functions!(avx2, "avx2,fma");
+step_functions!(avx2, true, "avx2,fma");
 #[cfg(target_arch = "x86_64")]
-step_functions!(avx512, "avx2,fma,avx512f,avx512dq,avx512vl");
+step_functions!(avx512, true, "avx2,fma,avx512f,avx512dq,avx512vl");

@@ -34,13 +34,13 @@ struct InLanes<'a, 'b, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     sums: &'a mut StepSums<R>,
 }
 
-/// Forces of all contacts, in key order.
+/// Forces of all contacts, in key order. Those of a single cell are in groups if `PAIRS_IN_LANES`.
 #[inline(always)]
-pub(super) fn load_pairs<K: KernelSpace, C: ContactLaw<K>, R: Real>(
+pub(super) fn load_pairs<K: KernelSpace, C: ContactLaw<K>, R: Real, const PAIRS_IN_LANES: bool>(
     data: &mut StepData<'_, K, C, R>,
     sums: &mut StepSums<R>,
 ) {
-    if R::LANES == 1 {
+    if R::LANES == 1 && PAIRS_IN_LANES {
         return load_groups(data, sums);
     }
     let nowhere = Near { index: 0, is_near: false, branch: Tuple::zero(), square: R::default() };

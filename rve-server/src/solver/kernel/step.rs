@@ -157,7 +157,7 @@ pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     pub pairs: &'a [ListedPair],
     /// What the pairs are.
     pub pair_constants: &'a [PairConstants<K, C>],
-    /// Histories of the pairs; an evaluation of a single cell has them in `groups`.
+    /// Histories of the pairs; those of a single cell are in `groups` where these are filled.
     pub contacts: &'a mut [Contact<K, C, R>],
     /// The pairs of a single cell with their histories; empty for several cells.
     pub groups: &'a mut [PairGroup<K, C>],
@@ -173,7 +173,19 @@ pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     pub wanted: Wanted,
 }
 
+impl<R: Real> MoveSums<R> {
+    /// Sums that no run goes on with.
+    pub(super) fn not_finite() -> Self {
+        Self { farthest_square: R::splat(f64::NAN), ..Self::default() }
+    }
+}
+
 impl<R: Real> StepSums<R> {
+    /// Sums that no run goes on with.
+    pub(super) fn not_finite() -> Self {
+        Self { force_square: R::splat(f64::NAN), motion_square: R::splat(f64::NAN), ..Self::default() }
+    }
+
     /// The sums of one lane.
     pub fn lane(&self, lane: usize) -> StepSums<f64> {
         StepSums {

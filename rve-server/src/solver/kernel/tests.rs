@@ -40,7 +40,7 @@ fn opening_loss<R: Real>(forces: [f64; 3], backend: Backend) -> f64 {
         wanted: Wanted::default(),
     };
     let mut groups = Vec::new();
-    if R::LANES == 1 {
+    if R::LANES == 1 && backend.has_lanes() {
         pack(&data, &mut groups);
     }
     let sums = backend.evaluate(&mut StepData { groups: &mut groups, ..data });
@@ -53,6 +53,8 @@ fn losses_of_openings_have_one_order() {
     let small = 1.25 / f64::from(1 << 27);
     for backend in Backend::ALL {
         assert_eq!(opening_loss::<f64>([1.0, small, small], backend).to_bits(), 2.0f64.to_bits());
-        assert_eq!(opening_loss::<Lanes<8>>([1.0, small, small], backend).to_bits(), 2.0f64.to_bits());
+        if backend.has_lanes() {
+            assert_eq!(opening_loss::<Lanes<8>>([1.0, small, small], backend).to_bits(), 2.0f64.to_bits());
+        }
     }
 }

@@ -183,7 +183,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
 
     /// Evaluates all contacts. `sampling` is what an evaluation at the friction limit counts in each lane.
     pub(crate) fn evaluate(&mut self, setting: &Setting<'_, C>, wanted: Wanted, sampling: R) -> StepSums<R> {
-        if R::LANES == 1 && self.groups.is_empty() {
+        if R::LANES == 1 && self.groups.is_empty() && setting.backend.has_lanes() {
             let mut groups = std::mem::take(&mut self.groups);
             pack(&self.data(setting, wanted, sampling), &mut groups);
             self.groups = groups;

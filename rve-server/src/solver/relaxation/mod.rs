@@ -149,7 +149,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
                 outcome.map(|solved| end_of(setting.law, jobs[lane_job.job].state, &lane_job.run, solved, lane));
             ends[lane_job.job] = Some(end);
         };
-        if self.uses_lanes && jobs.len() >= FEWEST_LANES {
+        if self.uses_lanes && setting.backend.has_lanes() && jobs.len() >= FEWEST_LANES {
             let batch = self.lanes.get_or_insert_with(|| Batch::new(&setting));
             drive(batch, &setting, &mut queue, FEWEST_LANES, &mut finish);
         }

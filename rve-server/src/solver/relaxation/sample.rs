@@ -100,10 +100,14 @@ impl<S: Space, L: ContactLaw<S::Kernel>> Sample<S, L> {
     }
 
     fn load_contacts(&mut self) -> StepSums<f64> {
+        let backend = Backend::best();
+        if !backend.has_lanes() {
+            return backend.evaluate(&mut self.data());
+        }
         let mut groups = std::mem::take(&mut self.groups);
         pack(&self.data(), &mut groups);
         self.groups = groups;
-        let sums = Backend::best().evaluate(&mut self.data());
+        let sums = backend.evaluate(&mut self.data());
         unpack(&self.groups, &mut self.contacts, &mut self.live, &mut self.limit_counts);
         sums
     }

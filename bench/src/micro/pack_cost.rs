@@ -1,19 +1,16 @@
-//! What a preparation costs, stage by stage: `cargo run --release -p grainspan-rve-server --example pack_cost -- RECIPE.toml
-//! [number of grains] [trace] [OUT.json]`. Prints increments and processor time of every stage, the report's figures, and
+//! Cost of a preparation, stage by stage: `grainspan bench micro pack_cost RECIPE.toml [number of grains] [trace] [OUT.json]`. Prints increments and processor time of every stage, the report's figures, and
 //! with `trace` every increment.
 
-#[path = "support/processor_time.rs"]
-mod processor_time;
-
-use processor_time::processor_time;
+use super::processor_time;
+use anyhow::Context;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, generate_any};
 use std::collections::BTreeMap;
 
+/// See the head of this file.
 #[expect(clippy::print_stdout, reason = "a program for people")]
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let path = arguments.first().ok_or("usage: pack_cost RECIPE.toml [NUMBER] [trace] [OUT.json]")?;
+pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
+    let path = arguments.first().context("usage: pack_cost RECIPE.toml [NUMBER] [trace] [OUT.json]")?;
     let mut recipe = PackingRecipe::from_toml(&std::fs::read_to_string(path)?)?;
     if let Some(number) = arguments.get(1) {
         recipe.number = number.parse()?;
@@ -27,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         (stage.0, stage.1, last) = (stage.0 + 1, stage.1 + now - last, now);
         if traces {
             println!(
-                "{} {:>11} {:>4}: {:6.2} s, solid fraction {:.5}, pressure {:.4e}, stress error {:.2e}, out of balance {:.1e}",
+                "{} {:>11} {:>4}: {:6.2} s, solid fraction {:.5}, pressure {:.4e}, stress error {:.2e}, unbalanced force {:.1e}",
                 progress.attempt,
                 progress.stage,
                 progress.increment,

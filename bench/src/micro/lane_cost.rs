@@ -1,16 +1,14 @@
 //! Cost of one DEM step when cells are solved one by one and side by side in lanes, for a packing file in 2D or 3D.
 //!
-//! `cargo run --release -p grainspan-rve-server --example lane_cost -- PACKING.json [CELLS] [hertz]` stretches CELLS copies
-//! (default 32) of the cell by up to 1e-3 at default accuracy, each in its own way, and prints the instruction set, microseconds
-//! of processor time per step and cell, and particle-steps per second. Both ways give the same bits; the program checks it.
+//! `grainspan bench micro lane_cost PACKING.json [CELLS] [hertz]` strains CELLS copies
+//! (default 32) of the cell by up to 1e-3 at default accuracy, each in another direction, and prints the instruction set, microseconds
+//! of processor time per step and cell, and particle-steps per second. Both give the same bits; the program checks it.
 //! Linear contacts have k_n = 2e8 R1 R2 / (R1 + R2), Hertz contacts the constants of glass.
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
-#[path = "support/processor_time.rs"]
-mod processor_time;
-
-use processor_time::processor_time;
+use super::processor_time;
+use anyhow::Context;
 use protocol::{RveSolver, Tensor2, TrialOptions, TrialRequest};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
@@ -19,11 +17,7 @@ use rve_server::solver::SolverFor;
 use rve_server::solver::kernel::backend::Backend;
 use rve_server::space::{Discs, Spheres};
 
-fn measure<S: SolverFor>(
-    packing: PackingFile<S>,
-    cells: usize,
-    contact: ContactTable,
-) -> Result<(), Box<dyn std::error::Error>> {
+fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: ContactTable) -> anyhow::Result<()> {
     let grains = packing.grains.len();
     let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
     let mut state = Vec::new();
@@ -70,9 +64,9 @@ fn measure<S: SolverFor>(
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let path = arguments.first().ok_or("usage: lane_cost PACKING.json [CELLS] [hertz]")?;
+/// See the head of this file.
+pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
+    let path = arguments.first().context("usage: lane_cost PACKING.json [CELLS] [hertz]")?;
     let cells = arguments.get(1).map_or(Ok(32), |text| text.parse())?;
     let mut contact =
         ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };

@@ -1,9 +1,11 @@
-//! The driver of element tests on a frame: strains prescribed, stresses found by a secant search.
+//! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
-use super::cell::{FrameDefinition, FrameRve};
-use super::options::FrameOptions;
+use super::error::ElementError;
+use super::row::ElementRow;
+use super::summary::ElementSummary;
+use super::test_file::{Components, ElementTest, Segment};
 use crate::definition::PackingFile;
-use crate::programs::rve_test::{Components, ElementError, ElementRow, ElementSummary, ElementTest, Segment};
+use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::plane::{self, Plane};
 use nalgebra::{DMatrix, DVector};
 use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
@@ -11,8 +13,8 @@ use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialR
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
 
-/// Strain of the probes that give the first response of a segment.
-const PROBE: f64 = 1e-6;
+/// Strain of the perturbations that give the first response of a segment.
+const PERTURBATION: f64 = 1e-6;
 
 /// Largest strain component of one correction.
 const LARGEST_CORRECTION: f64 = 2e-3;
@@ -23,7 +25,7 @@ const KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
 ///
 /// # Errors
 /// See [`ElementError`]; rows delivered before stay valid.
-pub(crate) fn run_frame_element(
+pub(super) fn run_frame_element(
     test: &ElementTest,
     options: &FrameOptions,
     packing: PackingFile,
@@ -135,7 +137,7 @@ impl Run<'_> {
                 let surprise = (before - &miss) - &*response * step;
                 *response += surprise * step.transpose() / step.norm_squared();
             }
-            let step = response.clone().lu().solve(&miss).unwrap_or_else(|| miss.map(|_| -PROBE));
+            let step = response.clone().lu().solve(&miss).unwrap_or_else(|| miss.map(|_| -PERTURBATION));
             let step = &step * (LARGEST_CORRECTION / step.amax()).min(1.0);
             for (place, part) in places.iter().zip(step.iter()) {
                 gradient[*place] += part;
@@ -157,13 +159,13 @@ impl Run<'_> {
             let mut stresses = [[0.0; 4]; 2];
             for (stress, sign) in stresses.iter_mut().zip([1.0, -1.0]) {
                 let mut probe = *gradient;
-                probe[*place] += sign * PROBE;
+                probe[*place] += sign * PERTURBATION;
                 let answer = self.attempt(start, &probe)?;
                 self.summary.dem_steps += answer.cost.force_evaluations;
                 *stress = flat(&answer.stress.plane());
             }
             for (row, place) in places.iter().enumerate() {
-                response[(row, column)] = (stresses[0][*place] - stresses[1][*place]) / (2.0 * PROBE);
+                response[(row, column)] = (stresses[0][*place] - stresses[1][*place]) / (2.0 * PERTURBATION);
             }
         }
         Ok(response)

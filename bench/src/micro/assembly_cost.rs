@@ -1,10 +1,10 @@
 //! Cost of the macro solver without grains: time of assembly and of the global equations for one iteration with an elastic
 //! law at every Gauss point.
 //!
-//! `cargo run --release -p grainspan-macro-solver --example assembly_cost [NAME ...]`; without names all cases but the
+//! `grainspan bench micro assembly_cost [NAME]...`; without names all cases but the
 //! largest direct ones. Times are wall times of a run of one load step divided by its evaluations; a loaded machine
 //! shows in them.
-#![expect(clippy::print_stdout, reason = "an example reports to people")]
+#![expect(clippy::print_stdout, reason = "a program for people")]
 
 use macro_solver::material::elastic::{ElasticLaw, ElasticMaterial};
 use macro_solver::mesh::block::Block;
@@ -45,8 +45,11 @@ const CASES: [Case; 7] = [
     Case { name: "solid-97336", kind: ElementKind::H8, elements: [23; 3], equations: EquationSolver::Direct },
 ];
 
-fn main() {
-    let wanted: Vec<String> = std::env::args().skip(1).collect();
+/// See the head of this file.
+///
+/// # Errors
+/// None; the signature is that of all microbenchmarks.
+pub(super) fn run(wanted: &[String]) -> anyhow::Result<()> {
     println!(
         "case,points,unknowns,evaluations,material_us_per_point,assembly_us_per_point,equations_s,linear_iterations"
     );
@@ -56,6 +59,7 @@ fn main() {
             measure(case);
         }
     }
+    Ok(())
 }
 
 fn measure(case: &Case) {

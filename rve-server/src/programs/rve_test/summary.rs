@@ -1,0 +1,34 @@
+//! What an RVE test cost, and which of its rows need attention.
+
+use crate::engine::ListedForces;
+
+/// Cost of a whole RVE test, and its rows with fallbacks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElementSummary {
+    /// Rows delivered, row 0 included.
+    pub rows: u64,
+    /// Trials made, rejected ones included.
+    pub trials: u64,
+    /// DEM steps of all trials.
+    pub dem_steps: u64,
+    /// DEM steps of the perturbations of all operators.
+    pub operator_steps: u64,
+    /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
+    pub stress_jumps: u64,
+    /// Rows whose increment was cut because no strain was found for the controlled stresses.
+    pub cut_increments: u64,
+    /// Rows whose relaxation ended before the grains were at rest.
+    pub not_equilibrated: u64,
+    /// Rows of a cell without load-bearing contacts.
+    pub no_load: u64,
+    /// Rows whose relaxation stagnated and went on with another damping and smaller steps.
+    pub damping_changed: u64,
+    /// Rows with an overlap above 10 % of a grain diameter.
+    pub large_overlap: u64,
+    /// Rows whose operator columns hold the uniform-strain operator because the one requested failed.
+    pub tangent_fallbacks: u64,
+    /// Rows whose operator needed mechanisms to be held.
+    pub tangent_regularised: u64,
+    /// What became of the tangential forces that the packing lists.
+    pub listed_forces: ListedForces,
+}
