@@ -6,6 +6,7 @@
 use crate::identity::ContentId;
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 /// Kinds ending in `_printed` are the formulas as printed in [Argilaga2018], kept for comparison; the objective forms
 /// beside them are the ones to use. "At rest" means that the sliding contacts are those at the Coulomb limit in the
 /// relaxed end state instead of those that slid in the ramp.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum TangentKind {

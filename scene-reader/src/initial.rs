@@ -2,7 +2,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{InitialStressTable, StressTable};
+use super::tables::{InitialStressTable, StressTable};
 use macro_solver::problem::{InitialState, InitialStress};
 
 /// Reads the table.

@@ -3,13 +3,13 @@
 use super::build::{read_packing, refuse_foreign_content};
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{RegionTable, SceneFile, VaryKeyword};
 use super::sets::Sets;
+use super::tables::{RegionTable, SceneFile, Vary};
+use keys::Located;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
 use rve_server::definition::{AnyDefinition, Packing};
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 
 /// The definitions behind the points of a scene.
 #[derive(Clone, Debug)]
@@ -122,7 +122,7 @@ struct Region<'a> {
     document: &'a Document,
     file: &'a SceneFile,
     sets: &'a Sets<'a>,
-    table: &'a Spanned<RegionTable>,
+    table: &'a Located<RegionTable>,
     number: usize,
 }
 
@@ -145,7 +145,7 @@ impl Region<'_> {
         let starts = self.sets.mesh.first_points();
         for &element in &elements {
             for point in starts[element]..starts[element + 1] {
-                let lot = if table.vary == VaryKeyword::Element { element } else { point };
+                let lot = if table.vary == Vary::Element { element } else { point };
                 materials.made_of[point] = first + drawn(seed, lot as u64, count);
             }
         }
@@ -235,7 +235,7 @@ impl Region<'_> {
         Ok(packings)
     }
 
-    fn read(&self, written: &Spanned<PathBuf>) -> Result<Packing, InputError> {
+    fn read(&self, written: &Located<PathBuf>) -> Result<Packing, InputError> {
         let path: &Path = written.get_ref();
         let path = self.document.resolve(path);
         let read =

@@ -11,17 +11,32 @@
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use protocol::{Observables, TangentKind, Tensor2, Tensor4, TrialOptions, TrialResult};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// How the differences are taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct DifferencePlan {
-    /// Space dimension, 2 or 3.
+    /// Space dimension, 2 or 3. No key.
+    #[schemars(skip)]
     pub dimension: usize,
-    /// Strain of a probe, dimensionless. Large against the noise of a relaxed cell, small against a load step.
+    /// Strain of a finite-difference perturbation where an engine has no tangents: large against the noise of a relaxed cell, small
+    /// against a load step.
+    #[serde(rename = "difference_strain")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 0.01))]
     pub strain: f64,
-    /// Evaluations that share one operator.
+    /// Evaluations of a step that share one operator found by differences.
+    #[serde(rename = "difference_reuses")]
+    #[schemars(range(min = 1))]
     pub reuses: u32,
+}
+
+impl Default for DifferencePlan {
+    fn default() -> Self {
+        Self::new(2)
+    }
 }
 
 impl DifferencePlan {

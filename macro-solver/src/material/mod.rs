@@ -21,7 +21,7 @@ pub struct PointTrial {
     pub point: PointId,
     /// Total displacement gradient `H = F - I` from the committed configuration.
     pub target: Tensor2,
-    /// What is wanted beside the stress.
+    /// Results wanted in addition to the stress.
     pub options: TrialOptions,
 }
 
@@ -70,7 +70,7 @@ impl MaterialError {
 
 /// A material law at every Gauss point, with committed and trial states.
 pub trait PointMaterial {
-    /// Answers all trials, in the order asked. Every trial starts from its point's committed state; the latest trial
+    /// Solves all trials; results in their order. Every trial starts from its point's committed state; the latest trial
     /// of a point replaces its earlier ones.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
-//! What a trial will probably cost: orders the queue and tells a long job from a hung worker.
+//! Expected cost of a trial: orders the queue and distinguishes a long job from a hung worker.
 //!
-//! Forecasts are made of deterministic counts, never of times, so the order of the queue is reproducible; only the
+//! Expectations are made of deterministic counts, never of times, so the order of the queue is reproducible; only the
 //! allowance of a hung worker turns them into time.
 
 use crate::material::PointTrial;

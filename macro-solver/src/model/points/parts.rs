@@ -1,4 +1,5 @@
-//! A trial that a point refuses, gone in parts: where a step cannot be made smaller for all, as in explicit dynamics.
+//! Sub-steps of single points: where a point refuses its trial and the step cannot be made smaller for all, as in explicit
+//! dynamics.
 
 use super::Points;
 use crate::formulation::tensor::{matrix, tensor};
@@ -14,8 +15,8 @@ const MOST_HALVINGS: usize = 4;
 const MOST_PARTS: usize = 64;
 
 impl Points {
-    /// Asks for answers as they are wanted. A point that refuses its trial goes a part of the way and commits it before it is
-    /// asked for the rest, which replaces its trial; the others wait. Between the parts no forces are seen.
+    /// Evaluates trials. A point that refuses its trial takes a part of it and commits that before the rest, which replaces its
+    /// trial; the other points wait. Between the parts no forces are assembled.
     ///
     /// # Errors
     /// As the material's, where smaller parts do not help either. The parts that were gone stay committed.

@@ -1,5 +1,5 @@
 //! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
-//! held and no sample is kept, and the counters of a step begin anew with it.
+//! held and no sample is kept, and the counters of a step start again with it.
 
 use super::secant::ReferenceModuli;
 use super::{Point, Points};

@@ -31,7 +31,7 @@ pub(super) struct PendingMessage {
 pub(super) enum WorkerState {
     /// Gets jobs; its replies count.
     Active,
-    /// Was asked to finish what it holds and to remove: no new jobs, but its replies count.
+    /// Was requested to finish its jobs and to leave: no new jobs, but its replies count.
     Draining,
     /// Has announced that it leaves: no new jobs.
     Leaving,

@@ -143,7 +143,7 @@ impl Integrator {
         forces.loads[dof] - forces.internal[dof] - forces.hourglass[dof] - forces.viscous[dof]
     }
 
-    /// Moves velocities of the coming step onto the velocity_constraints. After a change over `mean_step` (s) nodes resist by their masses and dampers;
+    /// Moves velocities of the coming step onto the constraints. After a change over `mean_step` (s) nodes resist by their masses and dampers;
     /// at the start, `None`, by their masses alone.
     fn apply_constraints(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
         if self.velocity_constraints.is_empty() {
