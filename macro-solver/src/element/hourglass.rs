@@ -127,7 +127,8 @@ impl HourglassModes {
         0.5 * stiffness * amplitudes.iter().flatten().map(|amplitude| amplitude * amplitude).sum::<f64>()
     }
 
-    /// Adds the derivative of [`HourglassModes::add_force`] with the field to a row-major element matrix.
+    /// Adds the derivative of [`HourglassModes::add_force`] with the nodal field to an element matrix: row-major and square, with
+    /// `dimension` rows for each node. `factor` is the stiffness of the modes, N/m, in the plane per metre of thickness.
     pub fn add_stiffness(&self, dimension: usize, factor: f64, matrix: &mut [f64]) {
         let width = dimension * self.nodes;
         for vector in &self.vectors {

@@ -138,7 +138,10 @@ impl Formulation {
         }
     }
 
-    /// What a point's answer to [`Formulation::target`] means; `None` if the motion turns the point inside out.
+    /// Stress and moduli of a point from the material's result for [`Formulation::target`]: `stress` (Pa) and `tangent` as the
+    /// material returned them, `gradient` the displacement gradient of the step on the configuration of
+    /// [`Formulation::reference`], `committed` the deformation gradient of the committed configuration. `None` if the motion
+    /// turns the point inside out.
     pub fn response(
         self,
         committed: &Matrix3<f64>,

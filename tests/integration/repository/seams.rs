@@ -52,7 +52,7 @@ fn numerics_neither_print_nor_touch_files_nor_threads() {
 #[test]
 fn random_iteration_order_is_absent() {
     let mut files = Vec::new();
-    for folder in [
+    let folders = [
         "protocol/src",
         "rve-server/src",
         "macro-solver/src",
@@ -61,7 +61,8 @@ fn random_iteration_order_is_absent() {
         "charts/src",
         "bench/src",
         "src",
-    ] {
+    ];
+    for folder in folders {
         rust_files(&root().join(folder), &mut files);
     }
     for file in files {

@@ -32,7 +32,7 @@ struct Graded {
 }
 
 impl PointMaterial for Graded {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = self.inner.evaluate(trials)?;
         for (trial, answer) in trials.iter().zip(&mut answers) {
             if trial.point >= self.from {

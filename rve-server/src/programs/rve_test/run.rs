@@ -13,7 +13,7 @@ use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled};
 use crate::tangent;
-use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -121,7 +121,7 @@ struct Run<S: SolverFor> {
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
-    /// What the present increment has taken so far.
+    /// Cost of the present increment so far.
     spent: Spent,
 }
 
@@ -135,7 +135,7 @@ struct Spent {
 /// An accepted trial and what it took.
 struct Accepted {
     gradient: Matrix,
-    answer: TrialAnswer,
+    answer: TrialResult,
     trials: u32,
     dem_steps: u64,
 }
@@ -146,7 +146,7 @@ impl<S: SolverFor> Run<S> {
         self.network = Some(self.cell.committed_network()?);
         let operator = (self.tangent != TangentKind::None).then(|| {
             // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
-            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a zero increment cannot be refused");
+            self.cell.trial(&Tensor2::ZERO, &TrialOptions::default()).expect("a zero increment cannot be refused");
             let operator = self.operator();
             self.cell.rollback();
             operator.expect("one was requested")
@@ -274,12 +274,12 @@ impl<S: SolverFor> Run<S> {
     }
 
     /// One trial; keeps its network.
-    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
-        let ask = Ask { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
+    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
+        let options = TrialOptions { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
         let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
         let answer = self
             .cell
-            .trial(&target, &ask)
+            .trial(&target, &options)
             .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
         self.spent.trials += 1;
         self.spent.dem_steps += answer.cost.force_evaluations;
@@ -368,7 +368,7 @@ fn is_out_of_range(reason: &RveError) -> bool {
     matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
 }
 
-/// What one increment asks for.
+/// Targets of one increment.
 struct Step {
     kinematics: SegmentKinematics,
     /// G of the committed state.
@@ -401,7 +401,7 @@ impl Step {
         tensor_of(&expected)
     }
 
-    /// What the stress tolerance is relative to, Pa.
+    /// Scale of the stress tolerance, Pa.
     fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
         let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
         self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
