@@ -42,7 +42,9 @@ pub fn undocumented(root: &Table) -> Vec<String> {
 fn look(table: &Table, prefix: &str, found: &mut Vec<String>) {
     for key in &table.keys {
         let path = format!("{prefix}{}", key.name);
-        if key.doc.is_empty() {
+        // The key that tells tables apart is documented by them.
+        let is_tag = matches!(&key.shape, Shape::Words(words) if words.len() == 1);
+        if key.doc.is_empty() && !is_tag {
             found.push(path.clone());
         }
         if key.unit.is_empty() && is_measured(&key.shape) {

@@ -8,7 +8,9 @@ use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::preparation::{PackingRecipe, generate};
 use rve_server::programs::specimen::assembly::Joinable;
-use rve_server::programs::specimen::{SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen};
+use rve_server::programs::specimen::{
+    SpecimenEvent, SpecimenFor, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen,
+};
 use rve_server::space::{Discs, Spheres};
 use std::path::{Path, PathBuf};
 
@@ -37,7 +39,7 @@ fn test(top: &str, contact: &str, rest: &str) -> SpecimenTest {
     toml::from_str(&text).unwrap()
 }
 
-fn run<S: Joinable>(test: &SpecimenTest, packing: &PackingFile<S>) -> (Vec<SpecimenRow>, SpecimenSummary) {
+fn run<S: SpecimenFor>(test: &SpecimenTest, packing: &PackingFile<S>) -> (Vec<SpecimenRow>, SpecimenSummary) {
     let mut rows = Vec::new();
     let summary = run_specimen(test, packing, &mut |event| {
         if let SpecimenEvent::Row(row, _) = event {

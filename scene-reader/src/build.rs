@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
 const LARGEST_PACKING: u64 = 4 << 30;
 
-/// Tolerances above this deserve a word.
+/// Tolerances above this are reported.
 const LOOSEST: f64 = 0.1;
 
 /// A scene, checked and ready to run.
@@ -53,7 +53,7 @@ pub struct Scene {
     pub checkpoint: CheckpointPolicy,
     /// How the workers are led.
     pub pool: PoolKeys,
-    /// What is allowed and hardly meant, one line each.
+    /// Remarks on keys that are allowed but probably not intended, one line each.
     pub remarks: Vec<String>,
 }
 

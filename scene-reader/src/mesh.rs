@@ -38,7 +38,7 @@ pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<Me
         Generator::Footing => numbers.footing()?.mesh(),
         Generator::Wall => numbers.wall()?.mesh(),
     };
-    mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/scene.md describes [mesh]"))
+    mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/reference/scene.md describes [mesh]"))
 }
 
 fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::PathBuf>) -> Result<Mesh, InputError> {

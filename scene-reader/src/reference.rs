@@ -141,3 +141,60 @@ fn words_of(key: &Key) -> Vec<(String, String)> {
 fn without_numbers(path: &str) -> String {
     path.split('.').filter(|part| part.parse::<usize>().is_err()).collect::<Vec<_>>().join(".")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// The tables of the reference are generated: with `WRITE_REFERENCE=1` this test writes them.
+    #[test]
+    fn the_reference_is_what_the_sources_say() {
+        for kind in Kind::ALL {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference").join(kind.reference_file());
+            if std::env::var_os("WRITE_REFERENCE").is_some() {
+                std::fs::write(&path, kind.reference()).unwrap();
+            }
+            let written = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(
+                written == kind.reference(),
+                "{} is not up to date: write it with `grainspan explain --markdown {}`",
+                path.display(),
+                kind.keyword()
+            );
+        }
+    }
+
+    #[test]
+    fn every_key_has_documentation_and_every_number_a_unit() {
+        for kind in Kind::ALL {
+            let lacking = keys::undocumented(&kind.table());
+            assert!(lacking.is_empty(), "keys of {}: {lacking:?}", kind.name());
+        }
+    }
+
+    #[test]
+    fn keys_are_explained_and_completed() {
+        let text = explained(&Kind::ALL, "loading.growth").concat();
+        assert!(
+            text.contains("Factor on the step size") && text.contains("1.5") && text.contains("at least 1"),
+            "{text}"
+        );
+        assert!(explained(&Kind::ALL, "no_such_key").is_empty());
+        assert_eq!(nearest_key("loading.grwoth").as_deref(), Some("loading.growth"));
+        let names: Vec<String> = completions(Kind::Scene, "loading.gr").into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["loading.growth="]);
+        let words: Vec<String> = completions(Kind::Scene, "pool.wait=").into_iter().map(|(word, _)| word).collect();
+        assert_eq!(words, ["pool.wait=block", "pool.wait=hybrid", "pool.wait=spin"]);
+        let stage: Vec<(String, String)> = completions(Kind::Scene, "stage.0.loading.max");
+        assert_eq!(stage.len(), 1);
+    }
+
+    #[test]
+    fn present_names_of_renamed_keys_exist() {
+        let table = Kind::Scene.table();
+        for key in crate::document::renamed::present_names() {
+            assert_eq!(keys::find(&table, key).len(), 1, "{key}");
+        }
+    }
+}

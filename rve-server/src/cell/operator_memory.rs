@@ -1,4 +1,4 @@
-//! What operators that learn remember from step to step, as part of the state of a cell.
+//! Averages and calibrations of tangent operators, as part of the state of a cell.
 
 use protocol::Tensor4;
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,8 @@ pub struct Calibration {
     pub pair: [f64; 2],
 }
 
-/// Consistent operators averaged so far and calibration factors. Belongs to a state: committing a trial keeps what it
-/// taught, rolling it back forgets it.
+/// Consistent operators averaged so far and calibration factors. Belongs to a state: it is committed and
+/// rolled back with it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperatorMemory {
     /// Number of operators in the sum.

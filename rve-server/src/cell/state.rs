@@ -68,7 +68,7 @@ pub struct GrainState<S: Space = Discs> {
     pub contacts: Vec<ContactRecord<S>>,
     /// Moment that each contact transmits onto its origin grain by rolling resistance, N m; empty for laws without.
     pub rolling_moments: Vec<S::Spin>,
-    /// What averaged and calibrated operators keep from step to step.
+    /// Averages and calibrations of tangent operators.
     pub operators: OperatorMemory,
     /// Stored energy lost since the initial state, to friction above all, J.
     pub dissipation: f64,

@@ -30,7 +30,7 @@ pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
     pub friction: f64,
     /// Cohesive overlap C, m.
     pub cohesion: f64,
-    /// What unloading does to tangential forces.
+    /// Effect of unloading on tangential forces.
     pub unloading: Unloading,
     /// Rolling resistance.
     pub rolling: RollingSpring,
@@ -67,7 +67,7 @@ impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
         }
     }
 
-    /// What goes first into a memory.
+    /// First number of a memory.
     #[inline(always)]
     fn remembered<R: Real>(overlap: R) -> R {
         if Self::IS_EXTENDED { overlap } else { N::contact_size(overlap) }

@@ -58,7 +58,7 @@ pub trait ContactLaw<K: KernelSpace>: Copy + Debug + PartialEq + Send + Sync + '
     /// Constants of one pair.
     type Constants<R: Real>: Tuple<R>;
 
-    /// What a contact remembers next to its direction and tangential force; zero for a new contact.
+    /// History of a contact besides its direction and tangential force; zero for a new contact.
     type Memory<R: Real>: Tuple<R>;
 
     /// Whether contacts transmit moments, so that states must hold them.

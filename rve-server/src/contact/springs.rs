@@ -27,7 +27,7 @@ pub trait Springs: Copy + Debug + PartialEq + Send + Sync + 'static {
         Self::stiffness_of_size(coefficient, Self::contact_size(overlap))
     }
 
-    /// What the tangential stiffness is proportional to where it varies; a contact remembers it in place of its overlap, since
+    /// Quantity to which a varying tangential stiffness is proportional; a contact stores it in place of its overlap, since
     /// finding it again would take another root.
     fn contact_size<R: Real>(overlap: R) -> R;
 

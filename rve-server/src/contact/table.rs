@@ -29,7 +29,7 @@ impl LawName {
     }
 }
 
-/// What unloading does to the tangential force of Hertz-Mindlin contacts.
+/// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentialUnloading {
@@ -90,7 +90,7 @@ pub struct ContactTable {
     #[serde(default)]
     #[schemars(extend("x-unit" = "steps"), range(min = 0.0))]
     pub damping: f64,
-    /// What unloading does to the tangential force of Hertz-Mindlin contacts.
+    /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-default" = "\"rescaled\""))]
     pub unloading: Option<TangentialUnloading>,

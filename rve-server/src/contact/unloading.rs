@@ -1,4 +1,4 @@
-//! What happens to a tangential force when the tangential stiffness changes.
+//! Change of a tangential force with the tangential stiffness.
 
 use crate::simd::Real;
 

@@ -1,4 +1,4 @@
-//! What an RVE is made of: the tables `[contact]` and `[rve]` of a scene, and the definition that workers receive.
+//! The definition of an RVE as workers receive it: packing, contact table, solver options.
 
 mod listed_contact;
 mod model;

@@ -7,7 +7,7 @@ use crate::contact::{LawName, Rotations};
 use crate::space::{Components, Space};
 use protocol::RveError;
 
-/// What a definition means to the solver.
+/// A definition as the solver uses it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GrainModel {
     /// Grain radii, m.

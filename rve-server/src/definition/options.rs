@@ -74,7 +74,7 @@ impl Damping {
     }
 }
 
-/// What becomes of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
+/// Treatment of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AtStepCap {
@@ -131,7 +131,7 @@ pub struct RveOptions {
     /// sooner, after some thousand steps.
     #[schemars(extend("x-default" = "20000"), range(min = 1))]
     pub max_steps: Option<u32>,
-    /// What becomes of a trial that needs more.
+    /// Treatment of a trial that needs more.
     pub at_step_cap: AtStepCap,
     /// Most force evaluations of a trial, ramp and relaxation together; unlimited if absent. A trial that needs more is
     /// refused in any case, because it may not even have reached its strain.

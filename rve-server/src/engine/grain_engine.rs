@@ -33,7 +33,7 @@ impl RveEngine for GrainEngine {
     }
 }
 
-/// What becomes of the tangential forces that the packing of a definition lists.
+/// Tangential forces of a definition's packing that its cell does not take over.
 ///
 /// # Errors
 /// [`RveError::Definition`].

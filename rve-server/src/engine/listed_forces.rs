@@ -1,9 +1,9 @@
-//! What becomes of the tangential forces and rolling moments that a packing lists.
+//! Tangential forces and rolling moments of a packing that a cell does not take over.
 
 use crate::cell::{ContactRecord, GrainState};
 use crate::space::{Components, Space};
 
-/// What became of the tangential forces that a packing lists. Both counts are zero for a packing that was written in
+/// Counts of forces and moments of a packing that were dropped or cut. Both counts are zero for a packing that was written in
 /// equilibrium and is read with the contact law it was made with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ListedForces {

@@ -56,7 +56,7 @@ impl<S: Space> View<S> {
     }
 }
 
-/// What a target asks of the solver.
+/// The stretch of a target, as the solver gets it.
 #[derive(Clone, Copy, Debug)]
 struct Stretch<S: Space> {
     h: S::Tensor,
@@ -138,7 +138,7 @@ impl<S: SolverFor> GrainRve<S> {
         })
     }
 
-    /// What became of the tangential forces that the packing lists.
+    /// Tangential forces of the packing that were not taken over.
     pub fn listed_forces(&self) -> ListedForces {
         self.listed_forces
     }
@@ -198,7 +198,7 @@ impl<S: SolverFor> GrainRve<S> {
         Ok(self.conclude(end, &stretch, options, nanoseconds_since(started)))
     }
 
-    /// What a target asks of the solver.
+    /// The stretch of a target, as the solver gets it.
     fn stretch(&self, h: &S::Tensor, options: &TrialOptions) -> Result<Stretch<S>, RveError> {
         let polar = S::polar(h);
         // Only the stretch is solved for; a rotation costs nothing and needs no limit.

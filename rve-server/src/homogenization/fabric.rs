@@ -1,4 +1,4 @@
-//! What the contact network looks like: coordination, fabric, overlap.
+//! Geometry of the contact network: coordination, fabric, overlap.
 
 use crate::cell::ContactNetwork;
 use crate::space::{Components, Space, Tensor};

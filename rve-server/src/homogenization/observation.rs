@@ -1,4 +1,4 @@
-//! What an answer reports next to stress and tangent.
+//! Observables of a cell next to stress and tangent.
 
 use super::fabric::anisotropy;
 use super::stress::first_piola;

@@ -27,7 +27,7 @@ impl Bearing {
     }
 }
 
-/// What pruning leaves.
+/// Result of pruning.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Pruned {
     /// Load-bearing contacts of each grain.

@@ -33,7 +33,7 @@ const CLOSE: f64 = 0.5;
 /// Steps without a smaller error after which the servo on spheres uses the network operator again.
 const MAX_STALLS: u32 = 12;
 
-/// What a careful step leaves of the distance to the stress it aims at, above which the step is taken back and shortened.
+/// Share of the distance to its target stress that a careful step may leave; a step that leaves more is taken back and shortened.
 const WORTHWHILE: f64 = 0.95;
 
 /// Careful steps in a row before the servo tries plain ones again.

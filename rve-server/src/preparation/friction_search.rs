@@ -14,7 +14,7 @@ const MOST_TRIES: usize = 16;
 pub struct FrictionAttempt {
     /// Preparation friction.
     pub friction: f64,
-    /// What the packing had of the quantity requested.
+    /// Value of the requested quantity reached with it.
     pub value: f64,
 }
 

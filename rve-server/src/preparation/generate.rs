@@ -73,7 +73,7 @@ fn provenance(recipe: &PackingRecipe, searches: &Searches) -> serde_json::Value 
     provenance
 }
 
-/// What all stages of one preparation share.
+/// Inputs that all stages of one preparation share.
 struct Workshop<'a> {
     recipe: &'a PackingRecipe,
     target: StressTarget,

@@ -7,7 +7,7 @@ use std::cell::{Cell, RefCell};
 pub struct PackingProgress {
     /// Packings made before this one in a search.
     pub attempt: u32,
-    /// What is being done.
+    /// Stage of the preparation.
     pub stage: &'static str,
     /// Increments done in this stage.
     pub increment: u32,

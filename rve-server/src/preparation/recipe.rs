@@ -1,4 +1,4 @@
-//! What a packing is to be: the TOML description that `grainspan pack` reads.
+//! The recipe of a packing: the TOML description that `grainspan pack` reads.
 
 use super::grading::Grading;
 use super::stress_target::StressTarget;

@@ -18,7 +18,7 @@ const LARGEST_OVERLAP: f64 = 0.1;
 /// Turning a packing into the axes of its file and wrapping its grains moves them by rounding; the forces follow.
 const ROUNDING: f64 = 1e-7;
 
-/// What the searches of a preparation tried; the last try is the one that was taken.
+/// Attempts of the searches of a preparation; the last one was accepted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Searches {
     /// Preparation frictions and what they gave.
@@ -49,7 +49,7 @@ impl Requirement {
     }
 }
 
-/// What a preparation has achieved, measured on the packing as written.
+/// Properties of a finished packing, measured on the packing as written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PackingReport {
     /// 2 for discs, 3 for spheres.
@@ -78,7 +78,7 @@ pub struct PackingReport {
     pub max_overlap_ratio: f64,
     /// Friction under which the packing is at rest.
     pub friction: f64,
-    /// What was searched.
+    /// The searches.
     pub searches: Searches,
     /// Asked against got.
     pub requirements: Vec<Requirement>,

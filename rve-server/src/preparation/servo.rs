@@ -59,7 +59,7 @@ impl StagnationMonitor {
     }
 }
 
-/// What is known about `d stress / d strain`: either the network's own operator or a model learnt from the steps.
+/// Model of `d stress / d strain`: the network's own operator, or one updated from the steps.
 #[derive(Clone, Debug)]
 pub(crate) struct Response {
     dimension: usize,

@@ -11,7 +11,7 @@ pub struct BuiltInEngine {
     pub keyword: &'static str,
     /// Other keywords that name it too.
     pub aliases: &'static [&'static str],
-    /// What it solves, for messages.
+    /// Short description for messages.
     pub summary: &'static str,
     /// Builds it.
     pub create: fn() -> Box<dyn RveEngine>,

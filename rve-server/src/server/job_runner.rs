@@ -239,7 +239,7 @@ struct Ready {
     start: Vec<u8>,
 }
 
-/// What became of a job on its arrival.
+/// State of a job after its arrival.
 #[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
     Ready { options: TrialOptions, wanted: StateId, start: Vec<u8> },

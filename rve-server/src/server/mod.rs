@@ -64,14 +64,14 @@ pub enum ServeError {
     Transport(#[from] TransportError),
 }
 
-/// What arrived and waits to be handled. Jobs are copied out of the channel so that its memory is free at once and a
+/// Messages that wait to be handled. Jobs are copied out of the channel so that its memory is free at once and a
 /// dismissal is seen between two slices.
 enum Task {
     Define(Definition),
     Slice(Vec<(TrialJob, Vec<u8>)>),
 }
 
-/// What the macro has said so far.
+/// Requests of the macro process so far.
 #[derive(Default)]
 struct Inbox {
     tasks: VecDeque<Task>,

@@ -1,4 +1,4 @@
-//! What the number of space dimensions means for the motion of two grains in contact.
+//! The space dimension in the kernel: motion of two grains in contact, in the plane and in space.
 //!
 //! Tangential quantities are **axial vectors**: a tangential force `f_t` is kept as `tau` with `f_t = tau x n`, slip
 //! likewise. In the plane an axial vector is one number and `tau x n = tau t` with the tangent `t`, the normal turned by
@@ -17,7 +17,7 @@ const CLEARLY_BELOW: f64 = 0.99;
 /// An axial vector cut to a limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Shortened<W, R: Real> {
-    /// What is left.
+    /// The shortened vector.
     pub kept: W,
     /// `kept . (w - kept)`.
     pub lost: R,
@@ -42,7 +42,7 @@ pub trait KernelSpace: Space {
     /// The part of `w` perpendicular to `n`: all of it in the plane.
     fn across<R: Real>(w: Self::Axial<R>, n: Self::Coordinates<R>) -> Self::Axial<R>;
 
-    /// What carries a contact's history along in one step.
+    /// Rotation that carries a contact's history along in one step.
     type Turning<R: Real>: Copy;
 
     /// Slip of a step in which the normal went from `before` to `direction` and the grains span, m, and what carries

@@ -43,13 +43,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Eq + PartialOrd + Ord + Se
     /// Number of axes, 2 or 3.
     const DIMENSION: usize;
 
-    /// What the grains are called in messages.
+    /// Name of the grains in messages.
     const GRAINS: &'static str;
 
-    /// What this dimension means to the force kernel.
+    /// This dimension in the force kernel.
     type Kernel: KernelSpace<Coordinates<f64> = Self::Vector>;
 
-    /// What carries a contact's history along in one step.
+    /// Rotation that carries a contact's history along in one step.
     type Carrier: Copy + Debug;
 
     /// One number per axis.

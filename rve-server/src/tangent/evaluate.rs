@@ -30,10 +30,22 @@ pub fn evaluate_with<S: Space>(
     kind: TangentKind,
 ) -> TangentOutcome {
     if S::DIMENSION == 2 {
-        evaluate_linked::<2, 3, 4>(orderings, &LinkedGrains::of(network), kind)
+        evaluate_discs(orderings, &LinkedGrains::of(network), kind)
     } else {
-        evaluate_linked::<3, 6, 8>(orderings, &LinkedGrains::of(network), kind)
+        evaluate_spheres(orderings, &LinkedGrains::of(network), kind)
     }
+}
+
+/// Not generic, unlike what it calls: the sparse solvers are compiled once, in this crate.
+#[inline(never)]
+fn evaluate_discs(orderings: &mut Orderings, grains: &LinkedGrains<2>, kind: TangentKind) -> TangentOutcome {
+    evaluate_linked::<2, 3, 4>(orderings, grains, kind)
+}
+
+/// As [`evaluate_discs`].
+#[inline(never)]
+fn evaluate_spheres(orderings: &mut Orderings, grains: &LinkedGrains<3>, kind: TangentKind) -> TangentOutcome {
+    evaluate_linked::<3, 6, 8>(orderings, grains, kind)
 }
 
 /// The uniform-strain operator with stiffnesses calibrated by these factors.

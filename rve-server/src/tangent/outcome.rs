@@ -1,4 +1,4 @@
-//! What an operator computation returns.
+//! Results of operator computations.
 
 use protocol::Tensor4;
 

@@ -12,7 +12,7 @@ pub(crate) enum SlidingSet {
     AtRest,
 }
 
-/// What a sliding contact does.
+/// Incremental behaviour of a sliding contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sliding {
     /// It sticks like all others.

@@ -34,6 +34,18 @@ pub(crate) fn current(path: &[String]) -> Vec<String> {
     exchanged(path, |key| KEYS.iter().find(|(old, _)| *old == key).map(|(_, new)| *new))
 }
 
+/// A value of the key at `path`, with its present word.
+pub(crate) fn current_word(path: &str, value: &toml::Value) -> toml::Value {
+    let renamed = WORDS.iter().find(|(key, old, _)| path.ends_with(key) && value.as_str() == Some(old));
+    renamed.map_or_else(|| value.clone(), |(_, _, new)| toml::Value::String((*new).to_owned()))
+}
+
+/// The present names of all keys that have had another one.
+#[cfg(test)]
+pub(crate) fn present_names() -> impl Iterator<Item = &'static str> {
+    KEYS.iter().map(|(_, new)| *new)
+}
+
 /// The old path of a key, or its only one.
 pub(super) fn former(path: &[String]) -> Vec<String> {
     exchanged(path, |key| KEYS.iter().find(|(_, new)| *new == key).map(|(old, _)| *old))
@@ -111,6 +123,31 @@ mod tests {
         assert_eq!(current(&parts("stage.1.loading.easy_iterations")), parts("stage.1.loading.target_iterations"));
         assert_eq!(former(&parts("stage.1.loading.target_iterations")), parts("stage.1.loading.easy_iterations"));
         assert_eq!(current(&parts("loading.growth")), parts("loading.growth"));
+    }
+
+    #[test]
+    fn documents_are_read_under_present_names_with_a_warning_each() {
+        let text = "[loading]\neasy_iterations = 4\n[solver]\nformulation = 'updated'\n[[stage]]\nname = 'one'\n\
+                    [stage.loading]\neasy_iterations = 5\n";
+        let overrides = ["pool.slice=3".to_owned()];
+        let document =
+            crate::Document::from_text(std::path::Path::new("old.toml"), text.to_owned(), &overrides).unwrap();
+        for path in [
+            &["loading", "target_iterations"][..],
+            &["stage", "0", "loading", "target_iterations"],
+            &["pool", "jobs_per_message"],
+        ] {
+            assert!(document.is_written(path), "{path:?}");
+        }
+        let warnings = document.warnings().join("\n");
+        for part in [
+            "old.toml:2: `loading.easy_iterations` is now called `loading.target_iterations`",
+            "old.toml:4: solver.formulation = \"updated\" is now called \"updated_lagrangian\"",
+            "old.toml:8: `loading.easy_iterations`",
+            "--set pool.slice=3: `pool.slice` is now called `pool.jobs_per_message`",
+        ] {
+            assert!(warnings.contains(part), "{part}: {warnings}");
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What binds the boundary grains of a frame to the deformation, and the loads that are left to move them.
+//! Constraints between the boundary grains of a frame and the deformation, and the loads that are left to move them.
 
 use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::Load;

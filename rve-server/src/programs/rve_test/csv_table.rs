@@ -29,7 +29,7 @@ impl<W: Write> ElementCsv<W> {
     /// first row, whose dimension decides the components.
     ///
     /// # Errors
-    /// Whatever the output reports.
+    /// Errors of the output.
     pub fn new(output: W, tangent: TangentKind) -> csv::Result<Self> {
         Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false })
     }
@@ -54,7 +54,7 @@ impl<W: Write> ElementCsv<W> {
     /// Writes one row.
     ///
     /// # Errors
-    /// Whatever the output reports.
+    /// Errors of the output.
     pub fn write(&mut self, row: &ElementRow) -> csv::Result<()> {
         if !self.has_header {
             self.write_header(row.dimension)?;

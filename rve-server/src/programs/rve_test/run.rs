@@ -121,7 +121,7 @@ struct Run<S: SolverFor> {
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
-    /// What the present increment has taken so far.
+    /// Cost of the present increment so far.
     spent: Spent,
 }
 
@@ -368,7 +368,7 @@ fn is_out_of_range(reason: &RveError) -> bool {
     matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
 }
 
-/// What one increment asks for.
+/// Targets of one increment.
 struct Step {
     kinematics: SegmentKinematics,
     /// G of the committed state.
@@ -401,7 +401,7 @@ impl Step {
         tensor_of(&expected)
     }
 
-    /// What the stress tolerance is relative to, Pa.
+    /// Scale of the stress tolerance, Pa.
     fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
         let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
         self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))

@@ -1,4 +1,4 @@
-//! What an RVE test cost, and which of its rows need attention.
+//! Cost of an RVE test, and counts of rows with fallbacks.
 
 use crate::engine::ListedForces;
 
@@ -29,6 +29,6 @@ pub struct ElementSummary {
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
-    /// What became of the tangential forces that the packing lists.
+    /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
 }

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// Slant of a cell, or part of a cell vector along an axis where it has none, that is taken for rounding.
 const UPRIGHT: f64 = 1e-9;
 
-/// What a contact of the packing remembers, between two grains of the specimen.
+/// History of a contact of the packing, between two grains of the specimen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct History<S: Space> {
     /// The pair in the specimen with the tangential force on its origin grain, N.

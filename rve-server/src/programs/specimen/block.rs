@@ -27,7 +27,7 @@ pub(super) struct Block<'a, S: SpecimenSpace, C: ContactLaw<S>> {
     pub images: &'a [S::Coordinates<f64>],
     /// The pairs of this block.
     pub pairs: &'a [Listed],
-    /// What the contacts of these pairs remember.
+    /// Histories of the contacts of these pairs.
     pub slots: &'a mut [Slot<S, C>],
     /// Loads of these pairs on their grains.
     pub loads: &'a mut [PairLoad<S>],

@@ -20,7 +20,7 @@ pub struct Grain<S: SpecimenSpace> {
     pub radius: f64,
 }
 
-/// What acts on a grain.
+/// Force and moment on a grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load<S: SpecimenSpace> {
     /// Force, N.
@@ -36,7 +36,7 @@ impl<S: SpecimenSpace> Load<S> {
     }
 }
 
-/// What a contact does to its two grains.
+/// Force of a contact on its two grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PairLoad<S: SpecimenSpace> {
     /// Force on the origin grain, N; the opposite acts on the end grain.
@@ -150,7 +150,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         law.stiffness(&self.constants, self.overlap)
     }
 
-    /// What the contact adds to the stability bound of its grain of radius `radius`.
+    /// Contribution of the contact to the stability bound of its grain of radius `radius`.
     pub(super) fn own(&self, law: &C, radius: f64, inertia_factor: f64) -> OwnStiffness {
         let stiffness = self.stiffness(law);
         let root = self.weight * stiffness[0].sqrt();
@@ -328,7 +328,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
     }
 }
 
-/// What all contacts of a grain add up to where the stability of the motion is judged. A mode of squared frequency
+/// Sum over all contacts of a grain, for the stability limit of the motion. A mode of squared frequency
 /// `omega^2` and viscous rate `c / m` is stable in leap-frog steps `dt`, whose dashpots see the velocity half a step ago,
 /// while `dt^2 omega^2 + 2 dt c / m < 4`. Both sums bound their share because the energy, and the loss, of a contact is at
 /// most that of both grains moving against each other: `dt^2 stiffness + 2 dt dashpot < 2 m` for every grain is enough.

@@ -43,7 +43,7 @@ impl<W: Write> SpecimenCsv<W> {
     /// Starts a table.
     ///
     /// # Errors
-    /// Whatever the output reports.
+    /// Errors of the output.
     pub fn new(output: W) -> csv::Result<Self> {
         let mut writer = csv::Writer::from_writer(output);
         writer.write_record(NAMES)?;
@@ -53,7 +53,7 @@ impl<W: Write> SpecimenCsv<W> {
     /// Writes one row.
     ///
     /// # Errors
-    /// Whatever the output reports.
+    /// Errors of the output.
     pub fn write(&mut self, row: &SpecimenRow) -> csv::Result<()> {
         let mut cells = vec![row.stage.clone(), row.step.to_string(), row.time.to_string()];
         let numbers = row.strain.iter().chain(&row.wall_stress).chain(&row.contact_stress).copied().chain([
@@ -82,7 +82,7 @@ impl SpecimenCsv<Vec<u8>> {
     /// The bytes of the table.
     ///
     /// # Errors
-    /// Whatever the output reports.
+    /// Errors of the output.
     pub fn into_inner(self) -> csv::Result<Vec<u8>> {
         self.writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
     }

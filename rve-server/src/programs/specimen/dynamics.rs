@@ -18,7 +18,7 @@ const FEWEST_FOR_THREADS: usize = 8192;
 /// Grains moved as one unit of work.
 const GRAINS_PER_BLOCK: usize = 2048;
 
-/// What moves the grains next to their contacts.
+/// Loads, damping and masses of the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Acceleration of gravity, m/s2, per axis.
@@ -49,7 +49,7 @@ pub struct GrainSums {
     pub damping_work: f64,
 }
 
-/// A specimen in motion.
+/// Explicit dynamics of a specimen: its grains, walls, masses, step and energy balance.
 #[derive(Clone, Debug)]
 pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     /// Grains and their contacts.
@@ -132,7 +132,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         sum
     }
 
-    /// What was put in less what is stored and what was lost, J: 0 but for rounding and for what steps of finite length leave
+    /// Energy put in less energy stored and lost, J: 0 but for rounding and for errors of finite steps
     /// out. Grains with prescribed velocities are not accounted for.
     pub fn missing_energy(&self) -> f64 {
         let [friction, viscosity, damping, gravity] = self.works;
@@ -140,7 +140,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         given - (self.contacts.elastic_energy + self.kinetic_energy() + friction + viscosity + damping)
     }
 
-    /// What [`missing_energy`](Self::missing_energy) is to be measured by, J: the sum of all its parts.
+    /// Scale of [`missing_energy`](Self::missing_energy), J: the sum of all its parts.
     pub fn energy_turnover(&self) -> f64 {
         let works: f64 = self.works.iter().map(|work| work.abs()).sum();
         works

@@ -29,7 +29,9 @@ pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
 pub use error::SpecimenError;
-pub use run::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen};
+pub use run::{
+    SpecimenEvent, SpecimenFor, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen,
+};
 pub use test_file::SpecimenTest;
 pub use wall::{Wall, WallDrive};
 

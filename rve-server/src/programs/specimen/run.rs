@@ -9,6 +9,7 @@ use super::wall::{Wall, WallDrive};
 use crate::contact::{ContactLaw, LawVisitor, Rotations};
 use crate::definition::PackingFile;
 use crate::simd::Tuple;
+use crate::space::{Discs, Spheres};
 
 /// Default speed of the servo per missing force, relative to the walls' stiffness.
 const SERVO_GAIN: f64 = 0.02;
@@ -86,7 +87,7 @@ pub struct SpecimenStart {
     pub slant: f64,
 }
 
-/// What a test cost and where it fell short.
+/// Cost of a test, and counts of missed tolerances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpecimenSummary {
     /// The specimen before anything has moved.
@@ -124,7 +125,7 @@ pub struct SpecimenPicture {
     pub velocities: Vec<[f64; 3]>,
 }
 
-/// What a run reports while it goes.
+/// Events of a run in progress.
 pub enum SpecimenEvent<'a> {
     /// A step of `steps` in stage `stage` of the test is done; called every hundred steps.
     Progress {
@@ -141,7 +142,49 @@ pub enum SpecimenEvent<'a> {
 ///
 /// # Errors
 /// A test or packing that is not sound, or a motion that went out of control.
-pub fn run_specimen<S: Joinable>(
+pub fn run_specimen<S: SpecimenFor>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+) -> Result<SpecimenSummary, SpecimenError> {
+    S::run(test, packing, listener)
+}
+
+/// Spaces whose specimens can be run. The method is not generic, unlike what it calls: the dynamics are compiled once per
+/// space, in this crate, and not again in every program that uses it.
+pub trait SpecimenFor: Joinable {
+    /// As [`run_specimen`].
+    ///
+    /// # Errors
+    /// As [`run_specimen`].
+    fn run(
+        test: &SpecimenTest,
+        packing: &PackingFile<Self>,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<SpecimenSummary, SpecimenError>;
+}
+
+impl SpecimenFor for Discs {
+    fn run(
+        test: &SpecimenTest,
+        packing: &PackingFile<Self>,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<SpecimenSummary, SpecimenError> {
+        run_stages(test, packing, listener)
+    }
+}
+
+impl SpecimenFor for Spheres {
+    fn run(
+        test: &SpecimenTest,
+        packing: &PackingFile<Self>,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<SpecimenSummary, SpecimenError> {
+        run_stages(test, packing, listener)
+    }
+}
+
+fn run_stages<S: Joinable>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),

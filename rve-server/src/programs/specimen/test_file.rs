@@ -13,7 +13,7 @@ pub struct SpecimenTest {
     pub packing: String,
     /// Repetitions along the axes.
     pub tiles: Vec<usize>,
-    /// What becomes of the grains at the border.
+    /// Treatment of the grains at the border.
     #[serde(default)]
     pub cut: Cut,
     /// Contact law; `damping` is a damping ratio of every contact here, `density` the grains' own.
@@ -134,7 +134,7 @@ pub struct AxisTable {
 }
 
 impl AxisTable {
-    /// In axis order.
+    /// Values along x, y and z; `None` where the table has no such key.
     pub fn values(&self) -> [Option<f64>; 3] {
         [self.xx, self.yy, self.zz]
     }

@@ -158,7 +158,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         }
     }
 
-    /// What each grain's contact with this wall adds to its stability bound.
+    /// Contribution of each grain's contact with this wall to its stability bound.
     pub(crate) fn own_stiffnesses<'a>(
         &'a self,
         grains: &'a [Grain<S>],

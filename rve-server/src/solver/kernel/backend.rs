@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 /// they would be several hundred kilobytes that never run.
 const PLAIN_HAS_LANES: bool = cfg!(not(target_arch = "x86_64"));
 
-/// What the plain functions are compiled for.
+/// Numbers that the plain functions are compiled for.
 struct Plain<R>(PhantomData<R>);
 
 impl<R: Real> Plain<R> {
@@ -25,7 +25,7 @@ impl<R: Real> Plain<R> {
 /// Instruction sets, from the plainest to the widest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Backend {
-    /// What every processor of the build's target has. On x86-64, without fused multiply-add in hardware, this is slow, but
+    /// Instructions that every processor of the build's target has. On x86-64, without fused multiply-add in hardware, this is slow, but
     /// right: one pair of one cell at a time.
     Plain,
     /// AVX2 with fused multiply-add.

@@ -29,7 +29,7 @@ pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
     /// Force on the origin grain, N, whose opposite acts on the end grain, and moments on both, N m.
     fn load(&mut self, force: K::Coordinates<R>, moments: [K::Axial<R>; 2]);
 
-    /// What every evaluation sums up: 1 where the pair touches, |f_n|, N, work lost to friction, J.
+    /// Sums of every evaluation: 1 where the pair touches, |f_n|, N, work lost to friction, J.
     fn add(&mut self, touches: R, normal_force: R, dissipation: R);
 
     /// 1 where the pair is at the friction limit; only if wanted.

@@ -33,7 +33,7 @@ pub struct PairGroup<K: KernelSpace, C: ContactLaw<K>> {
     is_live: bool,
 }
 
-/// What a group needs of its grains and does to them in one step.
+/// Inputs of a group from its grains, and its loads on them, in one step.
 #[derive(Clone, Copy)]
 struct PairGather<K: KernelSpace> {
     branch: K::Coordinates<Packed>,
@@ -53,7 +53,7 @@ struct PairGather<K: KernelSpace> {
 struct GroupSite<'a, K: KernelSpace, C: ContactLaw<K>> {
     group: &'a mut PairGroup<K, C>,
     gather: &'a mut PairGather<K>,
-    /// What an evaluation at the friction limit counts.
+    /// Count of an evaluation at the friction limit.
     sampling: Packed,
 }
 

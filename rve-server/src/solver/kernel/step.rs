@@ -1,5 +1,5 @@
 //! One explicit step of one cell, or of several cells side by side: what it reads and writes, and what it does with grains.
-//! What it does with contacts: `contacts`.
+//! Contacts: `cells_in_lanes` and `pairs_in_lanes`.
 //!
 //! Grains are summed in their order, accumulators start at +0.0. The bits of a lane depend on its own grains alone. Nothing
 //! allocates.
@@ -31,7 +31,7 @@ pub struct Grain<K: KernelSpace, R: Real> {
     pub moment: K::Axial<R>,
 }
 
-/// What a grain is in all lanes: the cells of a batch share their packing.
+/// Constants of a grain, the same in all lanes because the cells of a batch share their packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GrainConstants {
     /// Inertia of translation per unit of the lane's mass.
@@ -57,7 +57,7 @@ pub struct ListedPair {
     pub image: u32,
 }
 
-/// What a pair is in all lanes.
+/// Constants of a pair, the same in all lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairConstants<K: KernelSpace, C: ContactLaw<K>> {
     /// Radii of origin and end grain, m.
@@ -76,7 +76,7 @@ pub struct Contact<K: KernelSpace, C: ContactLaw<K>, R: Real> {
     pub direction: K::Coordinates<R>,
     /// Tangential force as an axial vector, N.
     pub tangential_force: K::Axial<R>,
-    /// What the law remembers.
+    /// Memory of the law.
     pub memory: C::Memory<R>,
 }
 
@@ -149,13 +149,13 @@ pub struct StepSums<R: Real> {
 pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     /// The contact law.
     pub law: &'a C,
-    /// What the grains are.
+    /// Constants of the grains.
     pub grain_constants: &'a [GrainConstants],
     /// The grains.
     pub grains: &'a mut [Grain<K, R>],
     /// Listed pairs in key order.
     pub pairs: &'a [ListedPair],
-    /// What the pairs are.
+    /// Constants of the pairs.
     pub pair_constants: &'a [PairConstants<K, C>],
     /// Histories of the pairs; those of a single cell are in `groups` where these are filled.
     pub contacts: &'a mut [Contact<K, C, R>],
@@ -165,7 +165,7 @@ pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
     pub live: &'a mut [bool],
     /// Evaluations at the friction limit per pair, weighted; starts from zero when a contact opens.
     pub limit_counts: &'a mut [R],
-    /// What an evaluation at the limit counts in each lane: 1 while sampling, else 0.
+    /// Count of an evaluation at the limit in each lane: 1 while sampling, else 0.
     pub sampling: R,
     /// Translations of the periodic images, m.
     pub images: &'a [K::Coordinates<R>],

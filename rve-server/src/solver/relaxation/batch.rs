@@ -78,7 +78,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         }
     }
 
-    /// What the grains are.
+    /// Constants of the grains.
     pub(crate) fn grain_constants(&self) -> &[GrainConstants] {
         &self.grain_constants
     }

@@ -4,7 +4,7 @@
 
 use super::criterion::Imbalance;
 
-/// What is out of balance has to fall to this share of its least value to count as progress.
+/// The imbalance has to fall to this share of its least value to count as progress.
 const WORTHWHILE: f64 = 0.9;
 
 /// The load has to fall to this share of its least value: grains that flow are out of balance all the while, and yield.
@@ -17,7 +17,7 @@ const MAX_STALLED_STEPS: [u32; 3] = [500, 1000, 2000];
 /// Cells of more grains than this across have slower modes; their limits grow in proportion.
 const GRAINS_ACROSS: f64 = 20.0;
 
-/// What the next step should do.
+/// Advice for the next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Advice {
     /// Go on.

@@ -27,7 +27,7 @@ const ROUNDING_LOAD: f64 = 1e-9;
 /// How far a cell is from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Imbalance {
-    /// What is out of balance: a force, N, or an energy, J, by criterion.
+    /// Imbalance: a force, N, or an energy, J, by criterion.
     pub(crate) measure: f64,
     /// The same over what the cell carries now; 0 without contacts, because then nothing is out of balance.
     pub(crate) of_present: f64,

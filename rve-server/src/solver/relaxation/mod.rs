@@ -275,7 +275,7 @@ fn contents<S: Space, C: ContactLaw<S::Kernel>>(
     LaneContents { contacts, grains, listing: None, cell: Cell { rows: state.cell.rows } }
 }
 
-/// What a lane holds at the end of a run, as a state.
+/// Contents of a lane at the end of a run, as a state.
 fn end_of<S: Space, C: ContactLaw<S::Kernel>>(
     law: &C,
     start: &GrainState<S>,

@@ -77,7 +77,7 @@ pub(crate) struct Run<S: Space> {
     blocks: Vec<Block>,
 }
 
-/// What one step does to a cell.
+/// Motion of a cell in one step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Move<S: Space> {
     /// Affine motion in the step.

@@ -1,4 +1,4 @@
-//! What all cells of a batch have in common.
+//! Inputs that all cells of a batch share.
 
 use super::stiffness::INERTIA_FACTOR;
 use crate::contact::{ContactLaw, Rotations};

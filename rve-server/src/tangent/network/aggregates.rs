@@ -1,6 +1,6 @@
 //! Groups of neighbouring grains and the ways in which each can move as one rigid body.
 //!
-//! What makes the balance of a large network hard to iterate on is that it is soft for motions that are smooth on the
+//! The balance of a large network converges slowly, because it is soft for motions that are smooth on the
 //! scale of the cell. Groups that move rigidly can follow them, and there are few groups.
 
 use super::block_matrix::{Block, BlockMatrix, add};

@@ -19,7 +19,7 @@ pub(super) struct System<const D: usize, const B: usize, const P: usize> {
     pub matrix: BlockMatrix<B>,
     /// Right-hand sides of the unit strains; the other columns are zero.
     pub loads: Vec<Columns<B, P>>,
-    /// What each unknown adds to component `D i + j` of `sum_c df x b`.
+    /// Contribution of each unknown to component `D i + j` of `sum_c df x b`.
     shares: Vec<[[f64; PAIRS]; B]>,
     /// The same sum for the uniform strains.
     uniform: [[f64; B]; PAIRS],

@@ -72,7 +72,7 @@ impl<const B: usize, const P: usize> Vectorised for Corrections<'_, B, P> {
 struct Iterations<const B: usize, const P: usize> {
     answer: Vec<SingleColumns<B, P>>,
     residual: Vec<SingleColumns<B, P>>,
-    /// What the approximate inverse makes of the residual.
+    /// The approximate inverse times the residual.
     guess: Vec<SingleColumns<B, P>>,
     direction: Vec<SingleColumns<B, P>>,
     /// The matrix times the direction.

@@ -103,7 +103,7 @@ impl<const D: usize, const B: usize, const P: usize> Vectorised for Assembly<'_,
 /// Motions of the grains under the unit strains.
 struct Answers<const B: usize, const P: usize> {
     columns: Vec<Columns<B, P>>,
-    /// What they leave of the loads, where the operator is to be corrected by it.
+    /// Residual of the loads, where the operator is to be corrected by it.
     residual: Option<Vec<Columns<B, P>>>,
 }
 

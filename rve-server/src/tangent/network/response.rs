@@ -1,4 +1,4 @@
-//! What a small motion does to one prestressed contact: [Argilaga2018] eqs. B.4 to B.11, in two and three dimensions.
+//! Force increment of one prestressed contact under a small motion: [Argilaga2018] eqs. B.4 to B.11, in two and three dimensions.
 //!
 //! A motion is the change `db` of the branch vector and the spins of both grains, each spin times its grain's radius so
 //! that all unknowns are lengths. With `e` the normal, `l` the length, `P = I - e e^T` and `s = P db - (l_O theta_O + l_E
@@ -128,7 +128,7 @@ impl<const D: usize, const B: usize> Response<D, B> {
         load
     }
 
-    /// What each unknown of grain `column` adds to component `D i + j` of `sum_c df x b`.
+    /// Contribution of each unknown of grain `column` to component `D i + j` of `sum_c df x b`.
     #[inline(always)]
     pub(super) fn stress_share(&self, column: usize, branch: &[f64; D]) -> [[f64; PAIRS]; B] {
         let mut share = [[0.0; PAIRS]; B];
