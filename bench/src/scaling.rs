@@ -86,7 +86,7 @@ struct Measured {
 
 fn series(effort: &Effort, counts: &[usize], points: impl Fn(usize) -> usize) -> anyhow::Result<Vec<Measured>> {
     let definition = grain_definition()?;
-    let as_in_a_run = |settings: &mut PoolSettings| settings.slice = JOBS_A_MESSAGE;
+    let as_in_a_run = |settings: &mut PoolSettings| settings.jobs_per_message = JOBS_A_MESSAGE;
     let open = |workers: &usize| {
         StudyPool::open_with(None, definition.clone(), *workers, points(*workers), Waiting::Block, as_in_a_run)
     };

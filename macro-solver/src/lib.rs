@@ -12,14 +12,3 @@ pub mod output;
 pub mod pool;
 pub mod problem;
 pub mod solve;
-
-// Old paths, until all callers use the new ones.
-pub use material::{damage, difference, elastic};
-pub use observer::trial_costs;
-pub use solve as implicit;
-
-/// Old path of the settings of dynamic stages.
-pub mod dynamics {
-    pub use crate::problem::dynamics::*;
-    pub use crate::problem::relaxation::*;
-}

@@ -150,7 +150,10 @@ fn fades(earlier: &mut Applied, new: &Applied) -> bool {
 
 /// Whether it prescribes displacements.
 fn is_support(condition: &Condition) -> bool {
-    matches!(condition, Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_))
+    matches!(
+        condition,
+        Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_)
+    )
 }
 
 /// The condition as it stands at the end of its stage, for the stages that follow.
@@ -161,7 +164,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
         // Displacements count from the beginning of the next stage.
         Condition::Displacement { value, .. } => *value = 0.0,
         Condition::Platen { displacement, .. } => *displacement = 0.0,
-        Condition::Linked(link) => *link = link.held(),
+        Condition::MultiPointConstraint(link) => *link = link.held(),
         Condition::Pressure { value, .. } => *value *= factor,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => {
             value.iter_mut().for_each(|component| *component *= factor);
@@ -173,7 +176,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
 /// Whether a load is no load any more.
 fn is_idle(condition: &Condition) -> bool {
     match condition {
-        Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => false,
+        Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => false,
         Condition::Pressure { value, .. } => *value == 0.0,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => *value == [0.0; 3],
     }

@@ -6,7 +6,7 @@ use super::input_error::InputError;
 use super::sets::Sets;
 use super::tables::{Components, History, PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
 use keys::Located;
-use macro_solver::problem::{Amplitude, Applied, Condition, Link, LinkTerm};
+use macro_solver::problem::{Amplitude, Applied, Condition, ConstraintTerm, MultiPointConstraint};
 
 /// The tables of one place.
 #[derive(Clone, Copy)]
@@ -29,31 +29,43 @@ pub(super) fn links(
     let mut found = Vec::new();
     let mut push = |name: String, link, given: &Option<Located<History>>| {
         let history = history(document, given, Amplitude::RAMP)?;
-        found.push((name, Applied::new(Condition::Linked(link), history)));
+        found.push((name, Applied::new(Condition::MultiPointConstraint(link), history)));
         Ok(())
     };
     let called = |name: &Option<String>, set: &str| name.clone().unwrap_or_else(|| set.to_owned());
     for table in tables.tilting_platen.iter().map(Located::get_ref) {
         let nodes = sets.node_set(document, &table.set)?;
         let (axis, displacement) = (table.normal, table.displacement);
-        push(called(&table.name, &nodes), Link::TiltingPlaten { nodes, axis, displacement }, &table.history)?;
+        push(
+            called(&table.name, &nodes),
+            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement },
+            &table.history,
+        )?;
     }
     for table in tables.rigid_body.iter().map(Located::get_ref) {
         let nodes = sets.node_set(document, &table.set)?;
         let (displacement, rotation) = (by_axis(table.displacement), by_axis(table.rotation));
-        push(called(&table.name, &nodes), Link::RigidBody { nodes, displacement, rotation }, &table.history)?;
+        push(
+            called(&table.name, &nodes),
+            MultiPointConstraint::RigidBody { nodes, displacement, rotation },
+            &table.history,
+        )?;
     }
     for table in tables.periodic.iter().map(Located::get_ref) {
         let (from, to) = (sets.node_set(document, &table.from)?, sets.node_set(document, &table.to)?);
-        push(called(&table.name, &from), Link::Periodic { from, to, jump: by_axis(table.jump) }, &table.history)?;
+        push(
+            called(&table.name, &from),
+            MultiPointConstraint::Periodic { from, to, jump: by_axis(table.jump) },
+            &table.history,
+        )?;
     }
     for table in tables.sum.iter().map(Located::get_ref) {
         let mut terms = Vec::new();
         for term in &table.terms {
             let nodes = sets.node_set(document, &term.set)?;
-            terms.push(LinkTerm { nodes, axis: term.component, coefficient: term.coefficient });
+            terms.push(ConstraintTerm { nodes, axis: term.component, coefficient: term.coefficient });
         }
-        push(table.name.clone(), Link::Sum { terms, value: table.value }, &table.history)?;
+        push(table.name.clone(), MultiPointConstraint::Sum { terms, value: table.value }, &table.history)?;
     }
     Ok(found)
 }

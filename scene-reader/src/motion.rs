@@ -7,8 +7,9 @@ use super::materials::Densities;
 use super::sets::Sets;
 use super::tables::ProcedureKeyword;
 use keys::{Given, Located};
-use macro_solver::dynamics::{DynamicSettings, RelaxationForm, RelaxationSettings};
 use macro_solver::problem::Procedure;
+use macro_solver::problem::dynamics::DynamicSettings;
+use macro_solver::problem::relaxation::{RelaxationForm, RelaxationSettings};
 
 /// The tables of the scene, or of one stage.
 #[derive(Clone, Copy)]

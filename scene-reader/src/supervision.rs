@@ -36,9 +36,9 @@ impl PoolKeys {
     /// # Errors
     /// A value that does not fit, which the check of the document excludes.
     pub fn apply(&self, document: &Document, settings: &PoolSettings) -> Result<PoolSettings, InputError> {
-        let base = PoolSettings { slice: JOBS_A_MESSAGE, ..settings.clone() };
+        let base = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..settings.clone() };
         let settings = self.given.over(&base).map_err(|fault| document.fault(&fault))?;
-        Ok(if self.lanes { settings } else { PoolSettings { slice: NonZeroUsize::MIN, ..settings } })
+        Ok(if self.lanes { settings } else { PoolSettings { jobs_per_message: NonZeroUsize::MIN, ..settings } })
     }
 }
 
@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn trials_per_message_and_messages_per_worker_are_read() {
-        let sizes = |more: &[&str]| settings(more).map(|settings| [settings.slice.get(), settings.window.get()]);
+        let sizes =
+            |more: &[&str]| settings(more).map(|settings| [settings.jobs_per_message.get(), settings.window.get()]);
         let window = PoolSettings::new("test").window.get();
         assert_eq!(sizes(&[]), Ok([JOBS_A_MESSAGE.get(), window]));
         assert_eq!(sizes(&["pool.jobs_per_message=5", "pool.window=7"]), Ok([5, 7]));

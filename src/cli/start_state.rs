@@ -230,7 +230,7 @@ fn initial_loads(problem: &Problem, stress: &Tensor2) -> String {
                     ));
                 }
             }
-            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
+            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
         }
     }
     for free in problem.mesh.side_sets.keys().filter(|set| is_free(stage, set)) {
@@ -259,7 +259,7 @@ fn is_free(stage: &Stage, set: &str) -> bool {
         Condition::Displacement { nodes, .. } | Condition::Platen { nodes, .. } => nodes == set,
         Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => sides == set,
         Condition::BodyForce { .. } => false,
-        Condition::Linked(_) => true,
+        Condition::MultiPointConstraint(_) => true,
     })
 }
 

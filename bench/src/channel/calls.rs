@@ -30,7 +30,7 @@ fn overhead(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let mut notes = Vec::new();
     for slice in SLICES {
         let open = |role, definition, points| {
-            let settings = |settings: &mut PoolSettings| settings.slice = slice;
+            let settings = |settings: &mut PoolSettings| settings.jobs_per_message = slice;
             StudyPool::open_with(role, definition, 1, points, Waiting::Block, settings)
         };
         let mut pools = Vec::new();

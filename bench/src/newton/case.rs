@@ -117,7 +117,7 @@ pub(crate) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> 
         let draw = |point| drawn(DEAL, point as u64, definitions.len());
         let points: Vec<usize> = (0..problem.point_count()).map(draw).collect();
         // As in a run: enough trials at a time for the lanes.
-        let settings = PoolSettings { slice: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
+        let settings = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
         let supply = Box::new(JoiningWorkers);
         let mut pool = Pool::new(port, supply, Interrupt::new(), settings, definitions.to_vec(), &points);
         pool.gather(1)?;

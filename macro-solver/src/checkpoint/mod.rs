@@ -18,7 +18,6 @@ mod tests;
 
 pub use archive::Archive;
 pub use failure_case::FailureCase;
-pub use failure_case::FailureCase as Reproducer;
 pub use file::{CHECKPOINT_FORMAT, CheckpointFile, StoredCheckpoint};
 pub use periodic::{CheckpointFigures, CheckpointPolicy, PeriodicCheckpoints};
 

@@ -9,7 +9,6 @@ use thiserror::Error;
 
 pub mod block;
 pub mod geotechnical;
-pub use geotechnical as ground;
 pub mod gmsh;
 mod lattice;
 mod validation;

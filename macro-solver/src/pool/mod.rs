@@ -122,7 +122,7 @@ impl<P: MacroPort> Pool<P> {
         self.unserved_since = None;
         while self.coordinator.workers.active() < count || !self.coordinator.is_served() {
             let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. })
-                && begin.elapsed() < self.coordinator.settings.patience;
+                && begin.elapsed() < self.coordinator.settings.worker_timeout;
             if !more_may_come && self.coordinator.is_served() {
                 break;
             }
@@ -308,16 +308,18 @@ impl<P: MacroPort> Pool<P> {
             self.unserved_since = None;
         } else {
             let since = *self.unserved_since.get_or_insert(now);
-            let patience = self.coordinator.settings.patience;
-            let left = patience.saturating_sub(now.duration_since(since));
+            let worker_timeout = self.coordinator.settings.worker_timeout;
+            let left = worker_timeout.saturating_sub(now.duration_since(since));
             let trouble =
                 self.coordinator.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
             if let Outlook::Exhausted(reason) = &outlook {
                 return Err(MaterialError::WorkersLost(format!("no workers are left: {reason}{trouble}")));
             }
             if left.is_zero() {
-                let text =
-                    format!("no worker has joined run `{}` for {patience:?}{trouble}", self.coordinator.settings.run);
+                let text = format!(
+                    "no worker has joined run `{}` for {worker_timeout:?}{trouble}",
+                    self.coordinator.settings.run
+                );
                 return Err(MaterialError::WorkersLost(text));
             }
             wait = wait.min(left);

@@ -1,4 +1,4 @@
-//! What a pool is told once, at the start of a run.
+//! Settings of a pool, fixed at the start of a run.
 
 use super::recycling::Recycling;
 use protocol::TangentKind;
@@ -76,16 +76,15 @@ pub struct PoolSettings {
     #[schemars(skip)]
     pub tangents: Vec<TangentKind>,
     /// Trials per message.
-    #[serde(rename = "jobs_per_message")]
     #[schemars(extend("x-default" = "64"), range(max = 4096))]
-    pub slice: NonZeroUsize,
-    /// Most bytes of states in one message: what the channel carries. A slice that would be longer is cut.
+    pub jobs_per_message: NonZeroUsize,
+    /// Most bytes of states in one message: what the channel carries. A message that would be longer is cut.
     #[schemars(skip)]
     pub message_bytes: usize,
     /// Messages that a worker may hold unanswered; two hide the latency of the channel.
     #[schemars(range(max = 4096))]
     pub window: NonZeroUsize,
-    /// Whether bitwise equal questions within one evaluation are solved once.
+    /// Whether bitwise equal trials within one evaluation are solved once.
     #[schemars(skip)]
     pub deduplicate: bool,
     /// When a silent worker is ended.
@@ -95,18 +94,17 @@ pub struct PoolSettings {
     #[serde(flatten)]
     pub recycling: Recycling,
     /// How long the pool lives without any worker before it gives up.
-    #[serde(rename = "worker_timeout", with = "keys::forms::seconds")]
+    #[serde(with = "keys::forms::seconds")]
     #[schemars(with = "f64", extend("x-unit" = "s", "x-default" = "60, with --attach 3600"), range(min = 0.0, max = 2_678_400.0))]
-    pub patience: Duration,
+    pub worker_timeout: Duration,
     /// Number of workers that one job may end before it is held to be the cause and the run stops.
-    #[serde(rename = "quarantine_after")]
     #[schemars(range(min = 1))]
-    pub blames_until_quarantine: u32,
-    /// How long a job rests before the worker whose end would quarantine it gets it. Who ends several workers from outside does so at
-    /// once; without a rest a job that is handed on from victim to victim would be taken for the culprit.
+    pub quarantine_after: u32,
+    /// Delay of a job before the worker whose loss would quarantine it gets it. Several workers that are ended from outside end at
+    /// the same time; without a delay the jobs that they held would be quarantined.
     #[schemars(skip)]
     #[serde(with = "keys::forms::seconds")]
-    pub last_rest: Duration,
+    pub retry_delay: Duration,
 }
 
 impl Default for PoolSettings {
@@ -134,15 +132,15 @@ impl PoolSettings {
             dimension: 2,
             engines: Vec::new(),
             tangents: Vec::new(),
-            slice: NonZeroUsize::MIN,
+            jobs_per_message: NonZeroUsize::MIN,
             message_bytes: ChannelLimits::default().message_bytes as usize,
             window: NonZeroUsize::MIN.saturating_add(1),
             deduplicate: true,
             hang: HangPolicy::default(),
             recycling: Recycling::default(),
-            patience: Duration::from_secs(60),
-            blames_until_quarantine: 3,
-            last_rest: Duration::from_millis(500),
+            worker_timeout: Duration::from_secs(60),
+            quarantine_after: 3,
+            retry_delay: Duration::from_millis(500),
         }
     }
 }

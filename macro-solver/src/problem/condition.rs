@@ -1,6 +1,6 @@
 //! Supports and loads.
 
-use super::{Amplitude, Link};
+use super::{Amplitude, MultiPointConstraint};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -80,8 +80,8 @@ impl Applied {
     }
 
     /// Whether it ties displacements to one another.
-    pub fn is_link(&self) -> bool {
-        matches!(self.condition, Condition::Linked(_))
+    pub fn is_multi_point_constraint(&self) -> bool {
+        matches!(self.condition, Condition::MultiPointConstraint(_))
     }
 }
 
@@ -144,7 +144,7 @@ pub enum Condition {
         value: [f64; 3],
     },
     /// Displacements that are tied to one another.
-    Linked(Link),
+    MultiPointConstraint(MultiPointConstraint),
 }
 
 impl Condition {

@@ -3,7 +3,7 @@
 //! Unknowns that belong to no node go first, then of every equation the component with the largest coefficient (the last
 //! one among equals) becomes dependent. No dependent component is left on any right-hand side.
 
-use super::link::Equation;
+use super::multi_point_constraint::Equation;
 use super::{Amplitude, Origin, Prescribed, ProblemError};
 use std::collections::BTreeMap;
 
@@ -48,7 +48,7 @@ impl<'a> Row<'a> {
                     row.add_given(-coefficient * value, history)
                 }
                 Some(_) => {
-                    return Err(ProblemError::Linked {
+                    return Err(ProblemError::MultiPointConstraint {
                         reason: "a linked component is led back to where the run began",
                         remedy: "let its displacement count from the stage",
                     });
@@ -122,7 +122,7 @@ pub(crate) fn dependents<'a>(
         let leading = row.terms.iter().max_by(|one, other| one.1.abs().total_cmp(&other.1.abs()));
         let Some((&column @ Column::Dof(dof), &coefficient)) = leading else {
             if row.given.iter().any(|(value, _)| value.abs() > 1e-9 * largest) {
-                return Err(ProblemError::Linked {
+                return Err(ProblemError::MultiPointConstraint {
                     reason: "the linked displacements contradict one another or what is prescribed",
                     remedy: "leave one of the components free",
                 });
@@ -193,7 +193,7 @@ mod tests {
         let found = dependents(&chain, &[Some(moved), None, None]).unwrap();
         assert_eq!(found[1], Dependent { dof: 2, masters: vec![], given: vec![(3.75, RAMP)] });
         let all = [Some(moved), Some(moved), None];
-        assert!(matches!(dependents(&chain, &all), Err(ProblemError::Linked { .. })), "3 is not 3.25");
+        assert!(matches!(dependents(&chain, &all), Err(ProblemError::MultiPointConstraint { .. })), "3 is not 3.25");
         let twice = [chain[0].clone(), chain[0].clone(), chain[1].clone()];
         assert_eq!(dependents(&twice, &[None, None, None]).unwrap().len(), 2, "said twice is said once");
     }

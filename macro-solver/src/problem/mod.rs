@@ -21,7 +21,7 @@ pub mod dynamics;
 pub(crate) mod elimination;
 mod equations;
 mod initial_stress;
-mod link;
+mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
 pub mod relaxation;
@@ -36,7 +36,7 @@ pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeas
 pub use equations::EquationSettings;
 pub(crate) use equations::HourglassKeys;
 pub use initial_stress::{InitialState, InitialStress};
-pub use link::{Link, LinkTerm};
+pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
 pub use path_control::PathControl;
 pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
@@ -234,7 +234,7 @@ pub enum ProblemError {
     },
     /// Displacements cannot be tied to one another as asked.
     #[error("{reason}; {remedy}")]
-    Linked {
+    MultiPointConstraint {
         /// What is wrong.
         reason: &'static str,
         /// What to do.

@@ -89,7 +89,7 @@ impl Problem {
                 Condition::BodyForce { elements, .. } => {
                     self.elements(elements)?;
                 }
-                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::Linked(_) => {}
+                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
             }
         }
         for (nodes, axis) in stage.control.path.measured() {
@@ -101,8 +101,10 @@ impl Problem {
         self.check_third_axis(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
-        if matches!(stage.procedure, Procedure::Relaxation(_)) && stage.conditions.iter().any(Applied::is_link) {
-            return Err(ProblemError::Linked {
+        if matches!(stage.procedure, Procedure::Relaxation(_))
+            && stage.conditions.iter().any(Applied::is_multi_point_constraint)
+        {
+            return Err(ProblemError::MultiPointConstraint {
                 reason: "linked displacements need an implicit or a dynamic stage",
                 remedy: "remove them before this stage, or solve it implicitly",
             });
@@ -158,7 +160,7 @@ impl Problem {
                 Condition::Pressure { .. }
                 | Condition::Traction { .. }
                 | Condition::BodyForce { .. }
-                | Condition::Linked(_) => {}
+                | Condition::MultiPointConstraint(_) => {}
             }
         }
         Ok(prescribed)
@@ -294,7 +296,7 @@ fn condition_numbers(stage: &Stage) -> Vec<Check> {
             Condition::Pressure { value, .. } => ("pressure", vec![*value]),
             Condition::Traction { value, .. } => ("traction", value.to_vec()),
             Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
-            Condition::Linked(link) => ("linked displacement", link.numbers()),
+            Condition::MultiPointConstraint(link) => ("linked displacement", link.numbers()),
         };
         checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
     }

@@ -89,7 +89,7 @@ pub fn hunt(manner: Manner, seed: u64, messages: u64) -> Findings {
 
 fn play(manner: Manner, seed: u64, findings: &mut Findings) {
     let world = Rc::new(RefCell::new(World::new(manner, seed)));
-    let settings = PoolSettings { blames_until_quarantine: u32::MAX, ..PoolSettings::new("hunt") };
+    let settings = PoolSettings { quarantine_after: u32::MAX, ..PoolSettings::new("hunt") };
     let (supply, definition) = (Box::new(JoiningWorkers), Definition { bytes: vec![1] });
     let port = Port(Rc::clone(&world));
     let mut pool = Pool::new(port, supply, Interrupt::new(), settings, vec![definition], &[0; POINTS]);

@@ -23,8 +23,9 @@ pub(crate) use stage::*;
 
 use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;
-use macro_solver::dynamics::{DynamicSettings, RelaxationSettings};
 use macro_solver::nonlocal::NonlocalSettings;
+use macro_solver::problem::dynamics::DynamicSettings;
+use macro_solver::problem::relaxation::RelaxationSettings;
 use rve_server::contact::ContactTable;
 use rve_server::definition::RveOptions;
 use schemars::JsonSchema;

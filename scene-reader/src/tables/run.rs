@@ -1,7 +1,7 @@
 //! `[pool]`: the settings of the pool and of those who use it.
 
 use crate::BUILT_IN_ENGINE;
-use macro_solver::difference::DifferencePlan;
+use macro_solver::material::difference::DifferencePlan;
 use macro_solver::pool::PoolSettings;
 use protocol::transport::shared_memory::Waiting;
 use schemars::JsonSchema;

@@ -5,7 +5,8 @@ use super::{
     StageOutputTable, SumTable, TiltingPlatenTable, TractionTable,
 };
 use keys::{Given, Located};
-use macro_solver::dynamics::{DynamicSettings, RelaxationSettings};
+use macro_solver::problem::dynamics::DynamicSettings;
+use macro_solver::problem::relaxation::RelaxationSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

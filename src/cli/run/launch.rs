@@ -60,7 +60,7 @@ pub(super) fn run(
     let served = assignment.pool_definitions(&scene.materials);
     settings.engines = served.engines;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
-        settings.patience = ATTACHED_TIMEOUT;
+        settings.worker_timeout = ATTACHED_TIMEOUT;
         if !arguments.quiet {
             for assigned in &assignment.engines {
                 let engine = &assigned.engine;

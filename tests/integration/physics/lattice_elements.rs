@@ -10,7 +10,8 @@ use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
 use macro_solver::problem::dynamics::{DynamicSettings, InitialVelocity, Reporting};
 use macro_solver::problem::{
-    Amplitude, Applied, Axis, Condition, Link, LinkTerm, PressureKind, Problem, Procedure, Strategy, Tolerances,
+    Amplitude, Applied, Axis, Condition, ConstraintTerm, MultiPointConstraint, PressureKind, Problem, Procedure,
+    Strategy, Tolerances,
 };
 use protocol::{Definition, TangentKind, Tensor2};
 use rve_server::contact::ContactTable;
@@ -270,12 +271,12 @@ fn an_element_of_a_frictional_lattice_softens_along_its_closed_form() {
         let pressure = 3f64.sqrt() * overlap / (1.0 - overlap);
         let definition = lattice(overlap, ContactTable::linear(1.0, 0.5, friction), 1e-5);
         let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
-        let across = |nodes: &str, coefficient| LinkTerm { nodes: nodes.into(), axis: Axis::X, coefficient };
+        let across = |nodes: &str, coefficient| ConstraintTerm { nodes: nodes.into(), axis: Axis::X, coefficient };
         let conditions = vec![
             Condition::fixed("left", Axis::X),
             Condition::fixed("bottom", Axis::Y),
             Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -strain },
-            Condition::Linked(Link::Sum {
+            Condition::MultiPointConstraint(MultiPointConstraint::Sum {
                 terms: vec![across("top_right", 1.0), across("bottom_right", -1.0)],
                 value: 0.0,
             }),

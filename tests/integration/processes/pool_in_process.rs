@@ -113,7 +113,7 @@ fn with_pool<T>(hands: &[Hand], slice: usize, use_it: impl FnOnce(&mut Pool<InPr
     let workers: Vec<_> = hands.iter().map(|hand| start(&door, *hand)).collect();
     let mut settings = PoolSettings::new("test");
     settings.tangents = vec![TangentKind::TrussLikeSlip];
-    settings.slice = NonZeroUsize::new(slice).unwrap();
+    settings.jobs_per_message = NonZeroUsize::new(slice).unwrap();
     let definitions = vec![definition()];
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, definitions, &[0; POINTS]);
     pool.gather(hands.len()).unwrap();

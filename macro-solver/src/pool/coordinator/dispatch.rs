@@ -19,7 +19,7 @@ pub(in crate::pool) struct JobMessage {
 impl Coordinator {
     /// The next message and its receiver; `None` when no job waits or no worker is free.
     pub(in crate::pool) fn next_message(&mut self, now: Instant) -> Option<JobMessage> {
-        self.batch.release_delayed(now, self.settings.last_rest);
+        self.batch.release_delayed(now, self.settings.retry_delay);
         self.batch.queue.groups().into_iter().find_map(|group| self.next_of_group(group, now))
     }
 
@@ -39,7 +39,7 @@ impl Coordinator {
             return None;
         }
         let worker = self.workers.idle(group).or_else(|| self.ahead_of_time(group, active))?;
-        let most = self.settings.slice.get().min(waiting.div_ceil(active));
+        let most = self.settings.jobs_per_message.get().min(waiting.div_ceil(active));
         // No message holds more than one worker's share of all work that is left: the longest jobs go first, and a message
         // full of them would keep all others waiting for its worker.
         let left = self.batch.queue.expected(group) + self.workers.load(group);

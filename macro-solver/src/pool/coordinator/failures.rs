@@ -39,7 +39,7 @@ impl Coordinator {
     }
 
     fn record_failure(&mut self, index: usize, reason: &str) {
-        let limit = self.settings.blames_until_quarantine;
+        let limit = self.settings.quarantine_after;
         let job = &mut self.batch.jobs[index];
         job.failures.push(reason.to_owned());
         if job.failure_count() >= limit && self.fatal.is_none() {
@@ -78,9 +78,9 @@ impl Coordinator {
     /// Gives a job of a lost or faulty worker to another, after a delay if the next loss would be the last.
     fn reissue(&mut self, index: usize) {
         self.statistics.reissued += 1;
-        let (job, limit) = (&self.batch.jobs[index], self.settings.blames_until_quarantine);
+        let (job, limit) = (&self.batch.jobs[index], self.settings.quarantine_after);
         if !job.failures.is_empty() && job.failure_count().saturating_add(1) == limit {
-            let (point, failures, delay) = (job.trial.point, job.failure_count(), self.settings.last_rest);
+            let (point, failures, delay) = (job.trial.point, job.failure_count(), self.settings.retry_delay);
             tracing::warn!(
                 point,
                 failures,

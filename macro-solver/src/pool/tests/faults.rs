@@ -111,7 +111,7 @@ fn a_deadly_point_is_named_after_three_workers() {
     let mut stage = Stage::new(5).replacing(20, Some(6));
     stage.world.borrow_mut().hire(8, &[], Some(6));
     stage.world.borrow_mut().hire(8, &[], Some(6));
-    let rest = stage.settings.last_rest;
+    let rest = stage.settings.retry_delay;
     let mut pool = stage.open(POINTS);
     let begun = Instant::now();
     let error = pool.evaluate(&questions(POINTS, 0)).unwrap_err();

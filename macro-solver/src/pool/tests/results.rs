@@ -33,7 +33,7 @@ fn answers_and_states_do_not_depend_on_workers_arrival_slices_or_caches() {
             for worker in 0..workers {
                 stage = stage.hire((worker * 7 + seed as usize) % 40, &[]);
             }
-            stage.settings.slice = NonZeroUsize::new(1 + seed as usize % 4).unwrap();
+            stage.settings.jobs_per_message = NonZeroUsize::new(1 + seed as usize % 4).unwrap();
             let mut pool = stage.open(POINTS);
             pool.gather(workers).unwrap();
             assert_eq!(journey(&mut pool), reference, "{workers} workers, seed {seed}");
@@ -73,7 +73,7 @@ fn answers_and_states_do_not_depend_on_faults() {
 fn slices_of_large_states_are_cut_to_what_a_message_carries() {
     let walk = |message_bytes: usize| {
         let mut stage = Stage::new(1).hire(64, &[]);
-        stage.settings.slice = NonZeroUsize::new(64).unwrap();
+        stage.settings.jobs_per_message = NonZeroUsize::new(64).unwrap();
         stage.settings.message_bytes = message_bytes;
         let result = journey(&mut stage.open(POINTS));
         let longest = stage.world.borrow().longest_slice;
@@ -170,7 +170,7 @@ fn states_stay_where_they_were_made() {
 #[test]
 fn slices_hold_several_jobs_and_the_longest_goes_first() {
     let mut stage = Stage::new(4).hire(1000, &[]);
-    stage.settings.slice = NonZeroUsize::new(3).unwrap();
+    stage.settings.jobs_per_message = NonZeroUsize::new(3).unwrap();
     let mut pool = stage.open(6);
     pool.evaluate(&questions(6, 0)).unwrap();
     let order: Vec<_> = stage.world.borrow().received.iter().map(|(job, _)| job.point).collect();

@@ -407,9 +407,13 @@ impl Stage {
         let world = Rc::new(RefCell::new(World { random: seed, ..World::default() }));
         let short = Duration::from_millis(20);
         let hang = HangPolicy { floor: short, factor: 1.0, unknown: short, ..HangPolicy::default() };
-        let last_rest = Duration::from_millis(20);
-        let settings =
-            PoolSettings { patience: Duration::from_millis(50), hang, last_rest, ..PoolSettings::new("test") };
+        let retry_delay = Duration::from_millis(20);
+        let settings = PoolSettings {
+            worker_timeout: Duration::from_millis(50),
+            hang,
+            retry_delay,
+            ..PoolSettings::new("test")
+        };
         Self { world, interrupt: Interrupt::new(), settings, supply: None }
     }
 

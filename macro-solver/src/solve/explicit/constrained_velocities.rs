@@ -38,7 +38,7 @@ impl VelocityConstraints {
         let mut groups: Vec<Group> = Vec::new();
         for (dof, masters) in constraints.followers() {
             if masters.iter().map(|(master, _)| *master).chain([dof]).any(&has_oblique_damper) {
-                return Err(ProblemError::Linked {
+                return Err(ProblemError::MultiPointConstraint {
                     reason: "a node of an absorbing side that is oblique to the axes is linked to others",
                     remedy: "end the absorbing side before the linked nodes, or turn the mesh so that the side's normal is an axis",
                 });

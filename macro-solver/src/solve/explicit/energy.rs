@@ -41,7 +41,7 @@ pub(super) struct Monitor {
     pub(super) balance: EnergyBalance,
     tolerance: f64,
     /// Instants in a row beyond the tolerance at which the run is stopped; 0: never.
-    patience: u64,
+    max_unresolved: u64,
     /// Instants in a row beyond the tolerance up to now.
     in_a_row: u64,
     /// What the accelerations of the start take from the balance for good, J.
@@ -65,11 +65,11 @@ const AMPLIFICATION: f64 = 1e3;
 
 impl Monitor {
     /// An empty ledger.
-    pub(super) fn new(tolerance: f64, patience: u64) -> Self {
+    pub(super) fn new(tolerance: f64, max_unresolved: u64) -> Self {
         Self {
             balance: EnergyBalance::default(),
             tolerance,
-            patience,
+            max_unresolved,
             in_a_row: 0,
             left_by_start: 0.0,
             supplied: 0.0,
@@ -111,6 +111,6 @@ impl Monitor {
         if grows || !ratio.is_finite() {
             return Some(BalanceViolation::Unstable);
         }
-        (self.patience > 0 && self.in_a_row >= self.patience).then_some(BalanceViolation::Unresolved)
+        (self.max_unresolved > 0 && self.in_a_row >= self.max_unresolved).then_some(BalanceViolation::Unresolved)
     }
 }

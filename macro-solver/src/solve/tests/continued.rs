@@ -7,7 +7,7 @@ use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
-use crate::problem::{Link, Platen, PressureKind, Procedure};
+use crate::problem::{MultiPointConstraint, Platen, PressureKind, Procedure};
 use crate::solve::solve_with_checkpoints;
 
 /// Continues a run after each of its steps.
@@ -50,18 +50,26 @@ impl Head {
                 vec![Condition::Platen { nodes: "top".into(), contact, axis: Axis::Y, displacement: -down }]
             }
             Self::Tilting => {
-                let link = Link::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement: Some(-down) };
-                vec![Condition::Linked(link)]
+                let link = MultiPointConstraint::TiltingPlaten {
+                    nodes: "top".into(),
+                    axis: Axis::Y,
+                    displacement: Some(-down),
+                };
+                vec![Condition::MultiPointConstraint(link)]
             }
-            Self::Turned => vec![Condition::Linked(Link::RigidBody {
+            Self::Turned => vec![Condition::MultiPointConstraint(MultiPointConstraint::RigidBody {
                 nodes: "top".into(),
                 displacement: [None, Some(-down), None],
                 rotation: [None, None, Some(20.0 * down)],
             })],
             Self::Periodic => {
-                let link = Link::Periodic { from: "left".into(), to: "right".into(), jump: [None, Some(0.0), None] };
+                let link = MultiPointConstraint::Periodic {
+                    from: "left".into(),
+                    to: "right".into(),
+                    jump: [None, Some(0.0), None],
+                };
                 let platen = Self::Platen.conditions(down);
-                platen.into_iter().chain([Condition::Linked(link)]).collect()
+                platen.into_iter().chain([Condition::MultiPointConstraint(link)]).collect()
             }
         }
     }

@@ -7,7 +7,7 @@ mod convergence;
 mod equilibrium;
 mod formulations;
 mod initial;
-mod links;
+mod multi_point_constraints;
 mod neighbours;
 mod noise;
 mod patch;

@@ -6,7 +6,7 @@ use crate::model::points::Points;
 use crate::nonlocal::NonlocalSettings;
 use crate::observer::Statistics;
 use crate::problem::dynamics::DynamicSettings;
-use crate::problem::{Link, Procedure};
+use crate::problem::{MultiPointConstraint, Procedure};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
@@ -21,8 +21,9 @@ fn asked(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial> {
     problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(1e3)));
     problem.stages[0].conditions.push(Condition::fixed("bottom", Axis::Y).into());
     if is_periodic {
-        let link = Link::Periodic { from: "left".into(), to: "right".into(), jump: [None, Some(0.0), None] };
-        problem.stages[0].conditions.push(Condition::Linked(link).into());
+        let link =
+            MultiPointConstraint::Periodic { from: "left".into(), to: "right".into(), jump: [None, Some(0.0), None] };
+        problem.stages[0].conditions.push(Condition::MultiPointConstraint(link).into());
     }
     problem.validate().unwrap();
     let mut points = Points::new(&problem);

@@ -80,15 +80,15 @@ impl Drop for LastPart {
 }
 
 /// Removes what the dead run `name` has left, after ports of this process that are being closed have been closed, for up to
-/// `patience` each. Afterwards no port of this process can be opened or closed: call it and end the process.
-pub fn sweep_before_exit(name: &str, patience: Duration) {
+/// `timeout` each. Afterwards no port of this process can be opened or closed: call it and end the process.
+pub fn sweep_before_exit(name: &str, timeout: Duration) {
     let mut held = state();
     held.ending = true;
     let (held, _) =
-        CHANGED.wait_timeout_while(held, patience, |state| state.busy > 0).unwrap_or_else(PoisonError::into_inner);
+        CHANGED.wait_timeout_while(held, timeout, |state| state.busy > 0).unwrap_or_else(PoisonError::into_inner);
     let joined = held.joined.clone();
     drop(held);
     // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.
-    let _ = RunDirectory::remove_once_dead(name, patience);
+    let _ = RunDirectory::remove_once_dead(name, timeout);
     joined.into_iter().for_each(|record| drop(Latecomer(record)));
 }

@@ -59,12 +59,12 @@ pub struct SharedMemoryWorkerPort {
 }
 
 impl SharedMemoryWorkerPort {
-    /// Joins the run `name`, waiting up to `patience` for it to appear.
+    /// Joins the run `name`, waiting up to `timeout` for it to appear.
     ///
     /// # Errors
     /// No such run, another version, no room for another worker, or a refusal of iceoryx2 or the system; in words.
-    pub fn join(name: &str, patience: Duration) -> Result<Self, TransportError> {
-        let deadline = Instant::now() + patience;
+    pub fn join(name: &str, timeout: Duration) -> Result<Self, TransportError> {
+        let deadline = Instant::now() + timeout;
         loop {
             let failure = match RunDirectory::open(name) {
                 Ok(Some(record)) => match Self::join_found(&record) {

@@ -1,12 +1,12 @@
 //! Waves and vibrations with known answers, through the driver of a run.
 
+mod constraints;
 mod damping;
 mod relaxation;
 mod resuming;
 mod softening;
 mod stability;
 mod sub_steps;
-mod ties;
 mod waves;
 
 use crate::formulation::Formulation;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::checkpoint::{Archive, CheckpointStore, Progress};
 use crate::nonlocal::{Kernel, NonlocalSettings, Update};
-use crate::problem::Link;
+use crate::problem::MultiPointConstraint;
 use crate::problem::dynamics::RayleighDamping;
 use crate::solve::solve_with_checkpoints;
 
@@ -34,8 +34,8 @@ fn two_stages() -> Problem {
     settings.reporting = Reporting::Interval(1.7);
     settings.tangent_every = 7;
     let push = moved("left", Axis::X, -0.01, Amplitude::RAMP);
-    let level = Link::Periodic { from: "bottom".into(), to: "top".into(), jump: [None, None, None] };
-    let conditions = vec![push, held("bottom", Axis::Y), Condition::Linked(level).into()];
+    let level = MultiPointConstraint::Periodic { from: "bottom".into(), to: "top".into(), jump: [None, None, None] };
+    let conditions = vec![push, held("bottom", Axis::Y), Condition::MultiPointConstraint(level).into()];
     let mut problem = problem(strip(ElementKind::Q4Single, 6, 1.0), conditions, 12.0, settings);
     problem.formulation = Formulation::Corotational;
     problem.nonlocal = Some(NonlocalSettings {

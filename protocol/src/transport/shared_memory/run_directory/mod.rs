@@ -191,15 +191,15 @@ impl RunDirectory {
     /// Waits until the macro of a run has died, then removes what it left. For a worker that knows its macro is dying: the
     /// system tells a child of that a moment before the process list shows it.
     ///
-    /// Returns whether the run is dead (and removed) within `patience`.
+    /// Returns whether the run is dead (and removed) within `timeout`.
     ///
     /// # Errors
     /// As [`RunDirectory::remove`].
-    pub fn remove_once_dead(name: &str, patience: Duration) -> Result<bool, RunError> {
+    pub fn remove_once_dead(name: &str, timeout: Duration) -> Result<bool, RunError> {
         let begun = std::time::Instant::now();
         loop {
             let removed = Self::remove(name)?;
-            if removed || begun.elapsed() >= patience {
+            if removed || begun.elapsed() >= timeout {
                 return Ok(removed);
             }
             std::thread::sleep(Duration::from_millis(2));

@@ -2,15 +2,18 @@
 
 use super::*;
 use crate::problem::dynamics::{InitialVelocity, StepRule};
-use crate::problem::{Link, ProblemError};
+use crate::problem::{MultiPointConstraint, ProblemError};
 use std::f64::consts::PI;
 
-fn linked(link: Link) -> Applied {
-    Condition::Linked(link).into()
+fn linked(link: MultiPointConstraint) -> Applied {
+    Condition::MultiPointConstraint(link).into()
 }
 
 fn periodic(from: &str, to: &str, jump: [Option<f64>; 3], history: Amplitude) -> Applied {
-    Applied::new(Condition::Linked(Link::Periodic { from: from.into(), to: to.into(), jump }), history)
+    Applied::new(
+        Condition::MultiPointConstraint(MultiPointConstraint::Periodic { from: from.into(), to: to.into(), jump }),
+        history,
+    )
 }
 
 /// Gives every node its own velocity.
@@ -66,7 +69,7 @@ fn a_rigid_body_keeps_its_momentum() {
     let spin = mean(&|node| arm(node)[0] * start[node][1] - arm(node)[1] * start[node][0])
         / mean(&|node| arm(node)[0].powi(2) + arm(node)[1].powi(2));
     let rigid = |node: usize| [speed[0] - spin * arm(node)[1], speed[1] + spin * arm(node)[0]];
-    let body = Link::RigidBody { nodes: "all".into(), displacement: [None; 3], rotation: [None; 3] };
+    let body = MultiPointConstraint::RigidBody { nodes: "all".into(), displacement: [None; 3], rotation: [None; 3] };
     let problem = problem(mesh.clone(), vec![linked(body)], 0.2, settings);
     let film = completed(&problem, &mut elastic(&problem, 6.0, 3.0));
     assert_eq!(film.instants.len(), 21);
@@ -119,9 +122,11 @@ fn ties_of_obliquely_damped_nodes_are_refused_with_the_remedy() {
     mesh.nodes.iter_mut().for_each(|place| place[0] += 0.3 * place[1]);
     let mut settings = settings(1.0);
     settings.absorbing = vec!["right".into()];
-    let platen = Link::TiltingPlaten { nodes: "right".into(), axis: Axis::X, displacement: None };
+    let platen = MultiPointConstraint::TiltingPlaten { nodes: "right".into(), axis: Axis::X, displacement: None };
     let problem = problem(mesh, vec![linked(platen)], 1.0, settings);
     let (run, film) = run(&problem, &mut elastic(&problem, 6.0, 3.0));
-    let Outcome::Refused(error @ ProblemError::Linked { .. }) = run.outcome else { panic!("{:?}", run.outcome) };
+    let Outcome::Refused(error @ ProblemError::MultiPointConstraint { .. }) = run.outcome else {
+        panic!("{:?}", run.outcome)
+    };
     assert!(error.to_string().contains("oblique") && film.instants.is_empty(), "{error}");
 }

@@ -2,14 +2,14 @@
 
 use super::*;
 use crate::observer::Outcome;
-use crate::problem::{Applied, Link, LinkTerm, Platen, ProblemError};
+use crate::problem::{Applied, ConstraintTerm, MultiPointConstraint, Platen, ProblemError};
 
-fn linked(link: Link) -> Condition {
-    Condition::Linked(link)
+fn linked(link: MultiPointConstraint) -> Condition {
+    Condition::MultiPointConstraint(link)
 }
 
 fn periodic(from: &str, to: &str, jump: [Option<f64>; 3]) -> Condition {
-    linked(Link::Periodic { from: from.into(), to: to.into(), jump })
+    linked(MultiPointConstraint::Periodic { from: from.into(), to: to.into(), jump })
 }
 
 fn solved(mesh: Mesh, conditions: Vec<Condition>, law: ElasticLaw) -> (Problem, Recorder) {
@@ -100,7 +100,9 @@ fn resultant(problem: &Problem, record: &Recorder, set: &str) -> (f64, f64, f64)
 fn a_tilting_platen_stays_plane_and_carries_no_moment() {
     let side = || Condition::Traction { sides: "left".into(), value: [2e4, 0.0, 0.0] };
     let floor = || [Axis::X, Axis::Y].map(|axis| Condition::fixed("bottom", axis));
-    let tilting = |displacement| linked(Link::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement });
+    let tilting = |displacement| {
+        linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement })
+    };
     for displacement in [Some(-1e-3), None] {
         let mut conditions = vec![side(), tilting(displacement)];
         conditions.extend(floor());
@@ -133,7 +135,7 @@ fn a_tilting_platen_stays_plane_and_carries_no_moment() {
 fn a_rigid_body_turns_in_the_plane_and_in_space() {
     let turned = 2e-3;
     let head = |free: [Option<f64>; 3], rotation| {
-        linked(Link::RigidBody { nodes: "top".into(), displacement: free, rotation })
+        linked(MultiPointConstraint::RigidBody { nodes: "top".into(), displacement: free, rotation })
     };
     let plane = vec![
         Condition::fixed("bottom", Axis::X),
@@ -175,8 +177,8 @@ fn a_sum_ties_two_parts_together() {
     mesh.elements.push((first..first + 4).collect());
     mesh.node_sets.insert("foot".into(), vec![first, first + 1]);
     mesh.node_sets.insert("head".into(), vec![first + 2, first + 3]);
-    let term = |nodes: &str, coefficient| LinkTerm { nodes: nodes.into(), axis: Axis::Y, coefficient };
-    let tie = linked(Link::Sum { terms: vec![term("head", 1.0), term("top", -1.0)], value: 1e-3 });
+    let term = |nodes: &str, coefficient| ConstraintTerm { nodes: nodes.into(), axis: Axis::Y, coefficient };
+    let tie = linked(MultiPointConstraint::Sum { terms: vec![term("head", 1.0), term("top", -1.0)], value: 1e-3 });
     let held =
         |sets: &[(&str, Axis)]| sets.iter().map(|(set, axis)| Condition::fixed(*set, *axis)).collect::<Vec<_>>();
     let mut conditions = held(&[("bottom", Axis::X), ("bottom", Axis::Y), ("foot", Axis::X), ("head", Axis::X)]);
@@ -202,8 +204,9 @@ fn links_that_cannot_hold_are_refused() {
     };
     let square = || block(ElementKind::Q4, 2, 2);
     let up = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: 1e-3 };
-    let tilting = linked(Link::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement: Some(0.0) });
-    assert!(matches!(error(square(), vec![up, tilting]), ProblemError::Linked { .. }));
+    let tilting =
+        linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement: Some(0.0) });
+    assert!(matches!(error(square(), vec![up, tilting]), ProblemError::MultiPointConstraint { .. }));
     let mut skewed = square();
     let corner = skewed.node_sets["right"][1];
     skewed.nodes[corner][1] += 0.1;
@@ -211,7 +214,7 @@ fn links_that_cannot_hold_are_refused() {
     assert!(matches!(error(skewed, vec![pairs]), ProblemError::NoImage { .. }));
     let missing = periodic("left", "wall", [None; 3]);
     assert!(matches!(error(square(), vec![missing]), ProblemError::UnknownNodeSet { .. }));
-    let deep = linked(Link::TiltingPlaten { nodes: "top".into(), axis: Axis::Z, displacement: None });
+    let deep = linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Z, displacement: None });
     assert_eq!(error(square(), vec![deep]), ProblemError::NoThirdAxis);
 }
 
@@ -223,17 +226,23 @@ fn links_count_from_their_stage() {
         vec![
             Condition::fixed("bottom", Axis::X),
             Condition::fixed("bottom", Axis::Y),
-            linked(Link::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement: Some(-1e-3) }),
+            linked(MultiPointConstraint::TiltingPlaten {
+                nodes: "top".into(),
+                axis: Axis::Y,
+                displacement: Some(-1e-3),
+            }),
         ],
     );
     problem.stages[0].tolerances = TIGHT;
     problem.stages[0].control.increments = 2;
     let mut second = problem.stages[0].clone();
     second.name = "more".into();
-    let Applied { condition: Condition::Linked(link), .. } = &mut second.conditions[2] else { panic!("the platen") };
+    let Applied { condition: Condition::MultiPointConstraint(link), .. } = &mut second.conditions[2] else {
+        panic!("the platen")
+    };
     *link = match link.held() {
-        Link::TiltingPlaten { nodes, axis, displacement: Some(0.0) } => {
-            Link::TiltingPlaten { nodes, axis, displacement: Some(-5e-4) }
+        MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(0.0) } => {
+            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(-5e-4) }
         }
         other => panic!("{other:?}"),
     };

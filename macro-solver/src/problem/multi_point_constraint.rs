@@ -5,7 +5,7 @@ use super::{Amplitude, Applied, Axis, Condition, Problem, ProblemError, Stage};
 /// A condition between displacements. What it says counts from the beginning of its stage: rotations are linearised about
 /// the positions at that time.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Link {
+pub enum MultiPointConstraint {
     /// The nodes move as one rigid body. A component left out is free.
     RigidBody {
         /// Node set.
@@ -37,15 +37,15 @@ pub enum Link {
     /// A sum of mean displacements of node sets.
     Sum {
         /// Summands.
-        terms: Vec<LinkTerm>,
+        terms: Vec<ConstraintTerm>,
         /// Value of the sum at factor 1, m.
         value: f64,
     },
 }
 
-/// A summand of [`Link::Sum`].
+/// A summand of [`MultiPointConstraint::Sum`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct LinkTerm {
+pub struct ConstraintTerm {
     /// Node set; its mean displacement counts.
     pub nodes: String,
     /// Component.
@@ -67,7 +67,7 @@ pub(crate) struct Equation<'a> {
     pub(crate) history: &'a Amplitude,
 }
 
-impl Link {
+impl MultiPointConstraint {
     /// Every number in it.
     pub(super) fn numbers(&self) -> Vec<f64> {
         match self {
@@ -110,16 +110,16 @@ impl Problem {
     ) -> Result<Vec<Equation<'a>>, ProblemError> {
         let mut writer = Writer { problem: self, positions, auxiliaries: 0, equations: Vec::new() };
         for Applied { condition, history, .. } in &stage.conditions {
-            let Condition::Linked(link) = condition else { continue };
+            let Condition::MultiPointConstraint(link) = condition else { continue };
             match link {
-                Link::RigidBody { nodes, displacement, rotation } => {
+                MultiPointConstraint::RigidBody { nodes, displacement, rotation } => {
                     writer.rigid_body(nodes, *displacement, *rotation, history)?;
                 }
-                Link::TiltingPlaten { nodes, axis, displacement } => {
+                MultiPointConstraint::TiltingPlaten { nodes, axis, displacement } => {
                     writer.tilting_platen(nodes, *axis, *displacement, history)?;
                 }
-                Link::Periodic { from, to, jump } => writer.periodic(from, to, *jump, history)?,
-                Link::Sum { terms, value } => writer.sum(terms, *value, history)?,
+                MultiPointConstraint::Periodic { from, to, jump } => writer.periodic(from, to, *jump, history)?,
+                MultiPointConstraint::Sum { terms, value } => writer.sum(terms, *value, history)?,
             }
         }
         Ok(writer.equations)
@@ -251,7 +251,7 @@ impl<'a> Writer<'a, '_> {
         Ok(())
     }
 
-    fn sum(&mut self, terms: &[LinkTerm], value: f64, history: &'a Amplitude) -> Result<(), ProblemError> {
+    fn sum(&mut self, terms: &[ConstraintTerm], value: f64, history: &'a Amplitude) -> Result<(), ProblemError> {
         let mut equation = Equation { terms: Vec::new(), auxiliary: Vec::new(), value, history };
         for term in terms {
             if term.axis.index() >= self.dimension() {
@@ -275,7 +275,9 @@ impl Problem {
     pub(crate) fn periods(&self, stage: &Stage) -> Result<Vec<[f64; 3]>, ProblemError> {
         let mut periods: Vec<[f64; 3]> = Vec::new();
         for Applied { condition, .. } in &stage.conditions {
-            let Condition::Linked(Link::Periodic { from, to, .. }) = condition else { continue };
+            let Condition::MultiPointConstraint(MultiPointConstraint::Periodic { from, to, .. }) = condition else {
+                continue;
+            };
             let offset = self.offset(self.nodes(from)?, self.nodes(to)?);
             let size = offset.iter().map(|part| part * part).sum::<f64>().sqrt();
             let is_known = |known: &[f64; 3]| {
