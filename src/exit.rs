@@ -42,6 +42,11 @@ pub struct Failure {
     pub message: String,
 }
 
+/// Tells people about old names of keys in an input file.
+pub(crate) fn warn(document: &scene_reader::Document) {
+    document.warnings().iter().for_each(|warning| eprintln!("warning: {warning}"));
+}
+
 impl Failure {
     /// A failure with its exit code.
     pub fn new(exit: Exit, message: impl ToString) -> Self {

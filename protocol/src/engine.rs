@@ -1,11 +1,12 @@
 //! The contract of an RVE engine: what any grain solver, ours or foreign, must be able to do.
 //!
-//! A **trial is a pure function** of (committed state, target, ask): it returns the same bits in any worker, and it
-//! leaves the committed state alone. Everything else in the project rests on that sentence.
+//! A **trial is a pure function** of (committed state, target, options): it returns the same bits in any worker, and it
+//! does not change the committed state. The whole project relies on this.
 
 use crate::identity::ContentId;
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 /// Kinds ending in `_printed` are the formulas as printed in [Argilaga2018], kept for comparison; the objective forms
 /// beside them are the ones to use. "At rest" means that the sliding contacts are those at the Coulomb limit in the
 /// relaxed end state instead of those that slid in the ramp.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum TangentKind {
@@ -114,7 +115,7 @@ impl TangentKind {
     }
 }
 
-/// Optional results, asked for bit by bit; the cheap scalars of [`Scalars`] always come.
+/// Optional results, one bit each; the cheap scalars of [`Scalars`] are always part of the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Observables(pub u32);
 
@@ -147,9 +148,9 @@ impl Observables {
     }
 }
 
-/// What a trial should deliver beside the stress, and the one knob that must not vary within a step.
+/// Options of a trial: results wanted in addition to the stress, and the number of increments, which must not vary within a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ask {
+pub struct TrialOptions {
     /// The tangent operator wanted.
     pub tangent: TangentKind,
     /// Number of increments in which the deformation is applied. 0 lets the engine choose from its strain per step.
@@ -175,8 +176,8 @@ pub struct Scalars {
     pub volume_ratio: f64,
 }
 
-/// Results that are computed only when asked for; NaN never travels, so "not asked" is the zero value and the
-/// macro reads only what it asked for.
+/// Results that are computed only on request; NaN is not allowed in messages, so a result that was not requested is zero and the
+/// macro reads only those that it requested.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Observed {
@@ -219,7 +220,7 @@ pub struct Cost {
     pub tangent_nanoseconds: u64,
 }
 
-/// Shortcuts that a trial took or had to take; each is counted and shown, none is silent.
+/// Shortcuts and fallbacks of a trial; each is counted and shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrialFlags(pub u32);
 
@@ -227,7 +228,7 @@ impl TrialFlags {
     /// The step cap ended the relaxation before the criterion was met; the stress is the best available. How far it got:
     /// the whole strain, [`Cost::ramp_steps`], [`Scalars::unbalanced_force_ratio`], [`Cost::force_evaluations`].
     pub const NOT_EQUILIBRATED: Self = Self(1);
-    /// The asked tangent was singular or not finite and the uniform-strain operator was returned instead.
+    /// The requested tangent was singular or not finite and the uniform-strain operator was returned instead.
     pub const TANGENT_FALLBACK: Self = Self(2);
     /// A network tangent needed a diagonal shift to be solvable.
     pub const TANGENT_REGULARISED: Self = Self(4);
@@ -236,7 +237,7 @@ impl TrialFlags {
     /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
     /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
     pub const FLUID: Self = Self(16);
-    /// The answer equals the committed state because the target was exactly zero; nothing was solved.
+    /// The result equals the committed state because the target was exactly zero; nothing was solved.
     pub const SKIPPED_NULL_TARGET: Self = Self(32);
     /// The relaxation made no headway and went on with another damping and smaller steps. The answer is as good as any
     /// other unless [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
@@ -253,16 +254,16 @@ impl TrialFlags {
     }
 }
 
-/// The answer to one trial.
+/// The result of one trial.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TrialAnswer {
+pub struct TrialResult {
     /// Cauchy stress at the end, Pa, tension positive.
     pub stress: Tensor2,
-    /// The tangent asked for, Pa; `None` when none was asked.
+    /// The tangent requested, Pa; `None` when none was requested.
     pub tangent: Option<Box<Tensor4>>,
     /// Cheap scalars.
     pub scalars: Scalars,
-    /// Optional results; only what was asked for is meaningful.
+    /// Optional results; only those requested are meaningful.
     pub observed: Observed,
     /// What it cost.
     pub cost: Cost,
@@ -296,7 +297,7 @@ pub enum RveError {
         /// Force evaluations until then.
         force_evaluations: u64,
     },
-    /// The step cap ended the solver before the grains were in equilibrium, and the asker wants no answer then.
+    /// The step cap ended the solver before the grains were in equilibrium, and the options accept no result then.
     #[error(
         "the grains did not come to rest: strain {strain:.3e} of {asked:.3e} applied in {increments} of {of} increments, \
          unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
@@ -318,7 +319,7 @@ pub enum RveError {
         /// Force evaluations spent.
         force_evaluations: u64,
     },
-    /// The engine cannot deliver what was asked.
+    /// The engine cannot deliver a requested result.
     #[error("{0} is not supported by this engine")]
     Unsupported(String),
     /// The definition does not describe a usable RVE.
@@ -330,7 +331,7 @@ pub enum RveError {
     /// No trial to commit.
     #[error("commit without a trial")]
     NothingToCommit,
-    /// The engine broke down (a panic, an answer too large to send): a defect of the engine, not of the question.
+    /// The engine broke down (a panic, an answer too large to send): a defect of the engine, not of the request.
     #[error("the engine broke down: {0}")]
     EngineFault(String),
 }
@@ -347,7 +348,7 @@ impl RveError {
     }
 }
 
-/// What a worker needs to build an RVE: opaque to everyone but the engine.
+/// Definition of an RVE: opaque to everyone but the engine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Definition {
     /// Engine-specific description (packing, contact law, options).
@@ -391,7 +392,7 @@ pub struct Capabilities {
     /// What its snapshots hold.
     #[serde(default)]
     pub snapshot: SnapshotKind,
-    /// Whether the same question has the same answer, bit for bit, in every worker of this engine and version.
+    /// Whether the same request has the same result, bit for bit, in every worker of this engine and version.
     #[serde(default)]
     pub deterministic: bool,
 }
@@ -404,7 +405,7 @@ pub trait RveSolver: Send {
     ///
     /// # Errors
     /// See [`RveError`]; there is no trial state afterwards.
-    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError>;
+    fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError>;
 
     /// Makes the trial state the committed state.
     ///
@@ -430,36 +431,36 @@ pub trait RveSolver: Send {
     /// [`RveError::Snapshot`] with the reason; the committed state is unchanged.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError>;
 
-    /// Answers several questions at once, each from a state of its own. Every answer is what [`restore`](Self::restore),
-    /// [`trial`](Self::trial) and [`snapshot_trial`](Self::snapshot_trial) would give for its question alone, to the
-    /// bit: an engine that can solve cells side by side overrides this to be faster. The committed state afterwards is
+    /// Solves several requests at once, each from a state of its own. Every result is what [`restore`](Self::restore),
+    /// [`trial`](Self::trial) and [`snapshot_trial`](Self::snapshot_trial) would give for its request alone, to the
+    /// bit; an engine that solves several cells at once overrides this to be faster. The committed state afterwards is
     /// not specified; there is no trial state.
-    fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
-        questions.iter().map(|question| answer_alone(self, question)).collect()
+    fn solve_batch(&mut self, requests: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
+        requests.iter().map(|request| solve_alone(self, request)).collect()
     }
 }
 
 /// A trial from a state of its own.
 #[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
+pub struct TrialRequest<'a> {
     /// Sealed snapshot of the committed state.
     pub state: &'a [u8],
     /// The target, relative to the cell of that state.
     pub target: Tensor2,
     /// What to deliver.
-    pub ask: Ask,
+    pub options: TrialOptions,
 }
 
-/// The answer to one question with the sealed snapshot of the trial state.
+/// The result of one request with the sealed snapshot of the trial state.
 ///
 /// # Errors
 /// See [`RveError`].
-pub fn answer_alone<T: RveSolver + ?Sized>(
+pub fn solve_alone<T: RveSolver + ?Sized>(
     solver: &mut T,
-    question: &Question<'_>,
-) -> Result<(TrialAnswer, Vec<u8>), RveError> {
-    solver.restore(question.state)?;
-    let answer = solver.trial(&question.target, &question.ask)?;
+    request: &TrialRequest<'_>,
+) -> Result<(TrialResult, Vec<u8>), RveError> {
+    solver.restore(request.state)?;
+    let answer = solver.trial(&request.target, &request.options)?;
     let mut state = Vec::new();
     let written = solver.snapshot_trial(&mut state);
     solver.rollback();

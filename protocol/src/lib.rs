@@ -18,14 +18,15 @@ pub mod control;
 pub mod engine;
 pub mod identity;
 pub mod layout;
+pub mod process;
 pub mod snapshot;
 pub mod tensor;
 pub mod transport;
 pub mod wire;
 
 pub use engine::{
-    Ask, Capabilities, Cost, Definition, Observables, Observed, Question, RveEngine, RveError, RveSolver, Scalars,
-    SnapshotKind, TangentKind, TrialAnswer, TrialFlags, answer_alone,
+    Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
+    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, solve_alone,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
 pub use tensor::{Tensor2, Tensor4};

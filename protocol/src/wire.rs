@@ -4,7 +4,9 @@
 //! solve several RVEs side by side. In a message, the array of [`TrialJob`] is followed by the snapshots it carries,
 //! in job order; likewise [`TrialReply`] by snapshots and error texts.
 
-use crate::engine::{Ask, Cost, Observables, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
+use crate::engine::{
+    Cost, Observables, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult,
+};
 use crate::identity::{DefinitionId, StateId};
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
@@ -26,7 +28,7 @@ pub struct TrialJob {
     pub target: Tensor2,
     /// [`TangentKind`] as number.
     pub tangent: u32,
-    /// [`Ask::ramp_steps`].
+    /// [`TrialOptions::ramp_steps`].
     pub ramp_steps: u32,
     /// [`Observables`] bits.
     pub observables: u32,
@@ -37,14 +39,14 @@ pub struct TrialJob {
 }
 
 impl TrialJob {
-    /// The ask in the engine's words, or the offending tangent number.
+    /// The options of the trial.
     ///
     /// # Errors
     /// An unknown tangent kind.
-    pub fn ask(&self) -> Result<Ask, RveError> {
+    pub fn options(&self) -> Result<TrialOptions, RveError> {
         let tangent = TangentKind::from_wire(self.tangent)
             .ok_or_else(|| RveError::Unsupported(format!("tangent kind number {}", self.tangent)))?;
-        Ok(Ask { tangent, ramp_steps: self.ramp_steps, observables: Observables(self.observables) })
+        Ok(TrialOptions { tangent, ramp_steps: self.ramp_steps, observables: Observables(self.observables) })
     }
 }
 
@@ -116,7 +118,7 @@ impl TrialReply {
     }
 
     /// Packs an engine's answer.
-    pub fn done(job: &TrialJob, answer: &TrialAnswer, state: StateId, state_length: u64) -> Self {
+    pub fn done(job: &TrialJob, answer: &TrialResult, state: StateId, state_length: u64) -> Self {
         Self {
             state,
             state_length,
@@ -154,8 +156,8 @@ impl TrialReply {
     }
 
     /// The engine's answer, unpacked.
-    pub fn answer(&self) -> TrialAnswer {
-        TrialAnswer {
+    pub fn answer(&self) -> TrialResult {
+        TrialResult {
             stress: self.stress,
             tangent: (self.tangent_kind != TangentKind::None as u32).then(|| Box::new(self.tangent)),
             scalars: self.scalars,

@@ -1,7 +1,7 @@
 //! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
 //! folder is made or any process started.
 
-use super::document::{Document, Kind};
+use super::document::{Document, Kind, explain_command};
 use super::engines::EnginePlan;
 use super::initial::initial_state;
 use super::input_error::InputError;
@@ -9,23 +9,23 @@ use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::probes::probes;
 use super::recording::{grains, observables, plot};
-use super::schema::SceneFile;
 use super::sets::Sets;
 use super::solving::equations;
 use super::stages::{Given, stages};
-use super::supervision::{PoolKeys, checkpoint_policy};
+use super::supervision::PoolKeys;
+use super::tables::{PoolRunKeys, SceneFile};
+use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, ProblemError, Tolerances};
 use rve_server::definition::{AnyDefinition, Packing};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 
 /// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
 const LARGEST_PACKING: u64 = 4 << 30;
 
-/// Tolerances above this deserve a word.
+/// Tolerances above this are reported.
 const LOOSEST: f64 = 0.1;
 
 /// A scene, checked and ready to run.
@@ -53,7 +53,7 @@ pub struct Scene {
     pub checkpoint: CheckpointPolicy,
     /// How the workers are led.
     pub pool: PoolKeys,
-    /// What is allowed and hardly meant, one line each.
+    /// Remarks on keys that are allowed but probably not intended, one line each.
     pub remarks: Vec<String>,
 }
 
@@ -85,17 +85,20 @@ impl Scene {
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
         problem.nonlocal = file.nonlocal.clone();
-        equations(&mut problem, &file.solver);
+        equations(&document, &mut problem, &file.solver)?;
         problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.observables = observables;
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();
         problem.validate().map_err(|error| problem_error(&document, &error))?;
         let grains = grains(&document, &file.output, problem.point_count())?;
         let record = RecordPlan { probes, stages: outputs, gauss_points: file.output.gauss_points, observables };
-        let checkpoint = checkpoint_policy(&document, &file.checkpoint)?;
-        let engines = EnginePlan::read(&document, &file.pool, &problem)?;
-        let pool = PoolKeys::read(&document, &file.pool)?;
-        let remarks = loose_tolerances(&problem);
+        let fault = |fault| document.fault(&fault);
+        let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;
+        let keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
+        let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
+        let pool = PoolKeys::new(&file.pool, &keys);
+        let mut remarks = document.warnings().to_vec();
+        remarks.extend(loose_tolerances(&problem));
         let scene = Self {
             name,
             document,
@@ -142,63 +145,26 @@ fn problem_error(document: &Document, error: &ProblemError) -> InputError {
              both the same displacement, or use a mesh in which they share no node"
         ));
     }
-    let ProblemError::Number { what, .. } = cause else {
-        return document.error(error).hint("docs/scene.md says how [[boundary]] and [mesh] work together");
+    let key = match cause {
+        ProblemError::Setting(fault) => fault.path.clone(),
+        ProblemError::Number { what, .. } if what.contains('.') => what.split('.').map(str::to_owned).collect(),
+        _ => {
+            return document
+                .error(error)
+                .hint("docs/reference/scene.md says how [[boundary]] and [mesh] work together");
+        }
     };
-    let key: &[&str] = match *what {
-        "duration" => &["loading", "duration"],
-        "largest_deviation" => &["initial_stress", "largest_deviation"],
-        "largest_imbalance" => &["initial_stress", "largest_imbalance"],
-        "density" => &["dynamics", "density"],
-        "time step" => &["dynamics", "time_step"],
-        "mass-scaled step" => &["dynamics", "mass_scaled_step"],
-        "mass factor" => &["dynamics", "mass_factor"],
-        "mass damping" => &["dynamics", "mass_damping"],
-        "stiffness damping" => &["dynamics", "stiffness_damping"],
-        "linear viscosity" => &["dynamics", "linear_viscosity"],
-        "quadratic viscosity" => &["dynamics", "quadratic_viscosity"],
-        "energy tolerance" => &["dynamics", "energy_tolerance"],
-        "output steps" => &["dynamics", "output_steps"],
-        "output interval" => &["dynamics", "output_interval"],
-        "damping ratio" => &["relaxation", "damping_ratio"],
-        "kinetic tolerance" => &["relaxation", "kinetic_tolerance"],
-        "hits" => &["relaxation", "hits"],
-        "relaxation max_iterations" => &["relaxation", "max_iterations"],
-        "relaxation safety" => &["relaxation", "safety"],
-        "safety" => &["dynamics", "safety"],
-        "increments" => &["loading", "increments"],
-        "min" => &["loading", "smallest_increment"],
-        "growth" => &["loading", "growth"],
-        "cut" => &["loading", "cut"],
-        "first_load" | "probe growth" => &["loading", "control"],
-        "max_iterations" => &["loading", "max_iterations"],
-        "stabilise_after" => &["loading", "stabilise_after"],
-        "stabilise_increments" => &["loading", "stabilise_increments"],
-        "stabilise_drag" => &["loading", "stabilise_drag"],
-        "force tolerance" => &["solver", "force_tolerance"],
-        "displacement tolerance" => &["solver", "displacement_tolerance"],
-        "capped_change" => &["solver", "capped_change"],
-        "hourglass_coefficient" => &["solver", "hourglass_coefficient"],
-        "tangent_floor" => &["solver", "tangent_floor"],
-        "energy criterion" => &["solver", "energy_tolerance"],
-        "criteria" => &["solver", "criteria"],
-        "target_grid" => &["solver", "target_grid"],
-        "contraction" => &["solver", "renewal_contraction"],
-        "most_uses" => &["solver", "renewal_uses"],
-        "pairs" => &["solver", "quasi_newton_pairs"],
-        "secant min_change" => &["solver", "secant", "min_change"],
-        "secant max_ratio" => &["solver", "secant", "max_ratio"],
-        "secant floor" => &["solver", "secant", "floor"],
-        "strain_per_step" => &["rve", "strain_per_step"],
-        _ => &[],
-    };
-    let in_stage: Vec<&str> =
-        stage.iter().flat_map(|number| ["stage", number.as_str()]).chain(key.iter().copied()).collect();
-    let place = if document.is_written(&in_stage) { &in_stage[..] } else { key };
-    document.error_at_key(place, error).hint("the keys, their units and defaults are in docs/scene.md")
+    let in_stage: Vec<String> =
+        stage.iter().flat_map(|number| ["stage".to_owned(), number.clone()]).chain(key.clone()).collect();
+    let place = if document.is_written(&parts(&in_stage)) { in_stage } else { key };
+    document.error_at_key(&parts(&place), error).hint(explain_command(&place))
 }
 
-fn name(document: &Document, given: Option<&Spanned<String>>) -> Result<String, InputError> {
+fn parts(path: &[String]) -> Vec<&str> {
+    path.iter().map(String::as_str).collect()
+}
+
+fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, InputError> {
     let Some(given) = given else {
         let stem = document.path().file_stem().map(|stem| stem.to_string_lossy().into_owned());
         return Ok(stem.unwrap_or_else(|| "scene".to_owned()));

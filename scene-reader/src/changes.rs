@@ -1,5 +1,6 @@
 //! Which keys differ between two scenes as run: what must not change when a run is continued.
 
+use super::document::renamed::{current, current_word};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Keys, and tables of keys, that influence no result.
@@ -42,7 +43,9 @@ fn collect(path: &str, value: &toml::Value, found: &mut BTreeMap<String, String>
             entries.iter().enumerate().for_each(|(number, value)| collect(&below(&number.to_string()), value, found));
         }
         value => {
-            found.insert(path.to_owned(), value.to_string());
+            // A run that was begun under old names may be continued under the present ones.
+            let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
+            found.insert(current(&parts).join("."), current_word(path, value).to_string());
         }
     }
 }
@@ -63,5 +66,9 @@ mod tests {
         assert!(changes(before, before).is_empty());
         assert!(changes("a = 1", "checkpoint = 2\na = 1").is_empty());
         assert!(!changes("a = 1", "checkpoints = 2\na = 1").is_empty());
+        let (old, new) = ("[loading]\neasy_iterations = 4", "[loading]\ntarget_iterations = 4");
+        assert!(changes(old, new).is_empty());
+        let (old, new) = ("[solver]\nformulation = 'updated'", "[solver]\nformulation = 'updated_lagrangian'");
+        assert!(changes(old, new).is_empty());
     }
 }

@@ -7,20 +7,19 @@
 use super::document::Document;
 use super::input_error::InputError;
 use super::links::{LinkTables, links};
-use super::schema::{
-    BodyForceTable, BoundaryTable, Components, HistoryTable, OriginKeyword, PlatenKind, PressureKeyword,
-    PressureTable, SceneFile, StageTable, TractionTable,
-};
 use super::sets::Sets;
-use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Platen, PressureKind};
-use toml::Spanned;
+use super::tables::{
+    BodyForceTable, BoundaryTable, Components, History, PressureTable, SceneFile, StageTable, TractionTable,
+};
+use keys::Located;
+use macro_solver::problem::{Amplitude, Applied, Condition, Moment};
 
 /// The tables of one place, the top of the scene or a stage.
 pub(super) struct ConditionTables<'a> {
-    boundary: &'a [Spanned<BoundaryTable>],
-    pressure: &'a [Spanned<PressureTable>],
-    traction: &'a [Spanned<TractionTable>],
-    body_force: &'a [Spanned<BodyForceTable>],
+    boundary: &'a [Located<BoundaryTable>],
+    pressure: &'a [Located<PressureTable>],
+    traction: &'a [Located<TractionTable>],
+    body_force: &'a [Located<BodyForceTable>],
     links: LinkTables<'a>,
 }
 
@@ -121,7 +120,7 @@ impl Conditions {
     ///
     /// # Errors
     /// There is none of that name.
-    pub(super) fn remove(&mut self, document: &Document, names: &[Spanned<String>]) -> Result<(), InputError> {
+    pub(super) fn remove(&mut self, document: &Document, names: &[Located<String>]) -> Result<(), InputError> {
         for name in names {
             if !self.0.iter().any(|acting| acting.name == *name.get_ref()) {
                 let mut known: Vec<&str> = self.0.iter().map(|acting| acting.name.as_str()).collect();
@@ -182,38 +181,30 @@ fn is_idle(condition: &Condition) -> bool {
 
 fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> Result<Vec<Acting>, InputError> {
     let mut found = Vec::new();
-    let mut push = |table, name: &Option<Spanned<String>>, set: &Spanned<String>, applied| {
-        let name = name.as_ref().unwrap_or(set).get_ref().clone();
+    let mut push = |table, name: &Option<String>, set: &Located<String>, applied| {
+        let name = name.as_ref().unwrap_or(set.get_ref()).clone();
         found.push(Acting { table, name, applied });
     };
-    for boundary in tables.boundary.iter().map(Spanned::get_ref) {
+    for boundary in tables.boundary.iter().map(Located::get_ref) {
         let history = history(document, &boundary.history, Amplitude::RAMP)?;
-        let origin = match boundary.from {
-            OriginKeyword::Stage => Origin::Stage,
-            OriginKeyword::Run => Origin::Run,
-        };
         for condition in boundary_conditions(document, sets, boundary)? {
-            let applied = Applied { condition, history: history.clone(), origin };
+            let applied = Applied { condition, history: history.clone(), origin: boundary.from };
             push(Table::Boundary, &boundary.name, &boundary.set, applied);
         }
     }
-    for pressure in tables.pressure.iter().map(Spanned::get_ref) {
-        let kind = match pressure.kind {
-            PressureKeyword::Follower => PressureKind::Follower,
-            PressureKeyword::Dead => PressureKind::Dead,
-        };
-        let condition =
-            Condition::Pressure { sides: sets.side_set(document, &pressure.set)?, value: pressure.value, kind };
+    for pressure in tables.pressure.iter().map(Located::get_ref) {
+        let sides = sets.side_set(document, &pressure.set)?;
+        let condition = Condition::Pressure { sides, value: pressure.value, kind: pressure.kind };
         let history = history(document, &pressure.history, Amplitude::Constant)?;
         push(Table::Pressure, &pressure.name, &pressure.set, Applied::new(condition, history));
     }
-    for traction in tables.traction.iter().map(Spanned::get_ref) {
+    for traction in tables.traction.iter().map(Located::get_ref) {
         let condition =
             Condition::Traction { sides: sets.side_set(document, &traction.set)?, value: or_zero(traction.value) };
         let history = history(document, &traction.history, Amplitude::RAMP)?;
         push(Table::Traction, &traction.name, &traction.set, Applied::new(condition, history));
     }
-    for force in tables.body_force.iter().map(Spanned::get_ref) {
+    for force in tables.body_force.iter().map(Located::get_ref) {
         let condition =
             Condition::BodyForce { elements: sets.element_set(document, &force.set)?, value: or_zero(force.value) };
         let history = history(document, &force.history, Amplitude::RAMP)?;
@@ -234,16 +225,11 @@ fn or_zero(components: Components) -> [f64; 3] {
 /// What is given is not usable.
 pub(super) fn history(
     document: &Document,
-    given: &Option<Spanned<HistoryTable>>,
+    given: &Option<Located<History>>,
     otherwise: Amplitude,
 ) -> Result<Amplitude, InputError> {
     let Some(given) = given else { return Ok(otherwise) };
-    let amplitude = match given.get_ref() {
-        HistoryTable::Constant => Amplitude::Constant,
-        HistoryTable::Ramp => Amplitude::RAMP,
-        HistoryTable::Table(points) => Amplitude::Table(points.clone()),
-        HistoryTable::Sine(sine) => Amplitude::Sine { frequency: sine.frequency, phase: sine.phase },
-    };
+    let amplitude = Amplitude::from(given.get_ref());
     match amplitude.defect() {
         None => Ok(amplitude),
         Some(defect) => Err(document.error_at(given.span(), "this history is not usable").hint(defect)),
@@ -257,7 +243,7 @@ fn boundary_conditions(
 ) -> Result<Vec<Condition>, InputError> {
     let nodes = sets.node_set(document, &boundary.set)?;
     let components = *boundary.displacement.get_ref();
-    let Some(platen) = boundary.platen else {
+    let Some(contact) = boundary.platen else {
         let conditions: Vec<Condition> = components
             .by_axis()
             .into_iter()
@@ -275,10 +261,6 @@ fn boundary_conditions(
         return Err(document
             .error_at(boundary.displacement.span(), "a platen moves along its normal only")
             .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
-    };
-    let contact = match platen {
-        PlatenKind::Smooth => Platen::Smooth,
-        PlatenKind::Rough => Platen::Rough,
     };
     Ok(vec![Condition::Platen { nodes, contact, axis, displacement }])
 }

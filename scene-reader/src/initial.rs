@@ -2,21 +2,17 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{InitialStressTable, StressTable};
+use super::tables::{InitialStressTable, StressTable};
 use macro_solver::problem::{InitialState, InitialStress};
 
 /// Reads the table.
 ///
 /// # Errors
-/// Two fields at once, or a deviation from a field that is not given.
+/// A deviation from a field that is not given.
 pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> Result<InitialState, InputError> {
     let expected = match (&table.uniform, &table.geostatic) {
-        (Some(_), Some(_)) => {
-            return Err(document
-                .error_at_key(&["initial_stress"], "two stress fields are expected at once")
-                .hint("give either `uniform` or `geostatic`"));
-        }
-        (Some(uniform), None) => Some(InitialStress::Uniform(rows(uniform))),
+        // The check of the document excludes both.
+        (Some(uniform), _) => Some(InitialStress::Uniform(rows(uniform))),
         (None, Some(ground)) => Some(InitialStress::Geostatic {
             surface: ground.surface,
             unit_weight: ground.unit_weight,
@@ -28,7 +24,7 @@ pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> 
     if expected.is_none() && table.largest_deviation.is_some() {
         return Err(document
             .error_at_key(&["initial_stress", "largest_deviation"], "there is no stress to deviate from")
-            .hint("say what is expected with `uniform` or `geostatic`"));
+            .hint("give the expected stress with `uniform` or `geostatic`"));
     }
     Ok(InitialState {
         expected,

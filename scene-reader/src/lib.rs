@@ -14,19 +14,21 @@ mod mesh;
 mod motion;
 mod probes;
 mod recording;
-mod schema;
+mod reference;
 mod sets;
 mod solving;
 mod stages;
-mod strategies;
 mod supervision;
+mod tables;
 
 pub use build::{Scene, read_packing};
 pub use changes::changes;
 pub use document::{Document, Kind};
 pub use engines::EnginePlan;
 pub use input_error::InputError;
+pub use keys::Table;
 pub use materials::{Densities, Materials, PackingCopy, drawn};
+pub use reference::{completions, explained, nearest_key, overview};
 pub use supervision::{JOBS_A_MESSAGE, PoolKeys};
 
 /// Keyword of the engine inside this program.

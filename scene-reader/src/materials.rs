@@ -1,15 +1,15 @@
-//! What each Gauss point is made of: the packing of the scene, or that of the last `[[region]]` that holds its element.
+//! The packing of each Gauss point: the packing of the scene, or that of the last `[[region]]` that holds its element.
 
 use super::build::{read_packing, refuse_foreign_content};
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{RegionTable, SceneFile, VaryKeyword};
 use super::sets::Sets;
+use super::tables::{RegionTable, SceneFile, Vary};
+use keys::Located;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
 use rve_server::definition::{AnyDefinition, Packing};
 use std::path::{Path, PathBuf};
-use toml::Spanned;
 
 /// The definitions behind the points of a scene.
 #[derive(Clone, Debug)]
@@ -122,7 +122,7 @@ struct Region<'a> {
     document: &'a Document,
     file: &'a SceneFile,
     sets: &'a Sets<'a>,
-    table: &'a Spanned<RegionTable>,
+    table: &'a Located<RegionTable>,
     number: usize,
 }
 
@@ -138,15 +138,15 @@ impl Region<'_> {
             None if count == 1 => 0,
             None => {
                 return Err(self
-                    .error("several packings or rotations need a seed that deals them out")
+                    .error("several packings or rotations need a seed")
                     .hint("add for example seed = 1; equal seeds give equal materials"));
             }
         };
         let starts = self.sets.mesh.first_points();
         for &element in &elements {
             for point in starts[element]..starts[element + 1] {
-                let lot = if table.vary == VaryKeyword::Element { element } else { point };
-                materials.made_of[point] = first + drawn(seed, lot as u64, count);
+                let sampled = if table.vary == Vary::Element { element } else { point };
+                materials.made_of[point] = first + drawn(seed, sampled as u64, count);
             }
         }
         let kinds = if count == 1 { "one kind of cell".to_owned() } else { format!("{count} kinds of cells") };
@@ -174,7 +174,7 @@ impl Region<'_> {
             }
             _ => {
                 return Err(self
-                    .error("it is not said which elements belong to it")
+                    .error("its elements are not given")
                     .hint("name an element set with `elements`, or the corners `from` and `to` of a box"));
             }
         };
@@ -204,7 +204,7 @@ impl Region<'_> {
         }
         match variants.is_empty() {
             true => {
-                Err(self.error("without any rotation there is nothing to be made of").hint("leave out `rotations`"))
+                Err(self.error("it has no rotation, and so no cell").hint("leave out `rotations`"))
             }
             false => Ok(variants),
         }
@@ -235,7 +235,7 @@ impl Region<'_> {
         Ok(packings)
     }
 
-    fn read(&self, written: &Spanned<PathBuf>) -> Result<Packing, InputError> {
+    fn read(&self, written: &Located<PathBuf>) -> Result<Packing, InputError> {
         let path: &Path = written.get_ref();
         let path = self.document.resolve(path);
         let read =
@@ -254,7 +254,7 @@ fn centre(mesh: &Mesh, element: usize) -> [f64; 3] {
     std::array::from_fn(|axis| places.iter().map(|place| place[axis]).sum::<f64>() / places.len() as f64)
 }
 
-/// One of `count` lots for a number, by SplitMix64: the choice for one number depends on no other.
+/// A random number below `count` for a number, by SplitMix64: the choice for one number depends on no other.
 pub fn drawn(seed: u64, number: u64, count: usize) -> usize {
     let mut bits = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -270,7 +270,7 @@ mod tests {
     use macro_solver::problem::Procedure;
 
     #[test]
-    fn lots_are_drawn_evenly_and_by_seed() {
+    fn samples_are_even_and_follow_the_seed() {
         let draw = |seed| (0..3000).map(|number| drawn(seed, number, 3)).collect::<Vec<_>>();
         let counts = |lots: &[usize]| [0, 1, 2].map(|lot| lots.iter().filter(|&&one| one == lot).count());
         assert!(counts(&draw(1)).iter().all(|count| (900..1100).contains(count)), "{:?}", counts(&draw(1)));
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_deal_out_rotated_and_weakened_cells() {
+    fn regions_sample_rotated_and_weakened_cells() {
         let scene = scene(&[]).unwrap();
         let materials = &scene.materials;
         // The scene's packing, three rotations of it, and the weakened cell of one element, which the last region names.

@@ -2,13 +2,13 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{Generator, MeshTable};
+use super::tables::{Generator, MeshTable};
+use keys::Located;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::geotechnical::{HalfFooting, RetainingWall, Section, Slope};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
 use std::path::Path;
-use toml::Spanned;
 
 /// Most elements that a generator makes: with grains behind their points they take hundreds of gigabytes.
 const MOST_ELEMENTS: f64 = 1e6;
@@ -20,7 +20,7 @@ const STATE_OF_AN_ELEMENT: f64 = 4.0 * 2.0 * 6e4;
 ///
 /// # Errors
 /// A number that is missing, superfluous or impossible, a file that cannot be read or is not usable.
-pub(super) fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Mesh, InputError> {
+pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<Mesh, InputError> {
     let keys = table.get_ref();
     if let Some(file) = &keys.file {
         return from_file(document, keys, file);
@@ -38,16 +38,16 @@ pub(super) fn mesh(document: &Document, table: &Spanned<MeshTable>) -> Result<Me
         Generator::Footing => numbers.footing()?.mesh(),
         Generator::Wall => numbers.wall()?.mesh(),
     };
-    mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/scene.md describes [mesh]"))
+    mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/reference/scene.md describes [mesh]"))
 }
 
-fn from_file(document: &Document, keys: &MeshTable, file: &Spanned<std::path::PathBuf>) -> Result<Mesh, InputError> {
+fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::PathBuf>) -> Result<Mesh, InputError> {
     let spans = [
-        ("generator", keys.generator.as_ref().map(Spanned::span)),
-        ("size", keys.size.as_ref().map(Spanned::span)),
-        ("elements", keys.elements.as_ref().map(Spanned::span)),
-        ("grading", keys.grading.as_ref().map(Spanned::span)),
-        ("run", keys.run.as_ref().map(Spanned::span)),
+        ("generator", keys.generator.as_ref().map(Located::span)),
+        ("size", keys.size.as_ref().map(Located::span)),
+        ("elements", keys.elements.as_ref().map(Located::span)),
+        ("grading", keys.grading.as_ref().map(Located::span)),
+        ("run", keys.run.as_ref().map(Located::span)),
     ];
     if let Some((key, span)) = spans.into_iter().find_map(|(key, span)| Some((key, span?))) {
         let problem = format!("`{key}` belongs to a generated mesh, but `file` names one that is read");
@@ -78,7 +78,7 @@ fn place(path: &Path, line: usize, problem: &str) -> String {
 /// The numbers of a generator, checked against what it needs.
 struct Numbers<'a> {
     document: &'a Document,
-    table: &'a Spanned<MeshTable>,
+    table: &'a Located<MeshTable>,
     kind: ElementKind,
 }
 
@@ -186,7 +186,7 @@ impl Numbers<'_> {
 
     fn exactly<T: Clone>(
         &self,
-        values: &Option<Spanned<Vec<T>>>,
+        values: &Option<Located<Vec<T>>>,
         key: &str,
         names: &[&str],
     ) -> Result<Vec<T>, InputError> {
@@ -205,8 +205,8 @@ impl Numbers<'_> {
         Ok(values.get_ref().clone())
     }
 
-    fn at<T>(&self, value: &Option<Spanned<T>>, problem: String) -> InputError {
-        let span = value.as_ref().map_or(self.table.span(), Spanned::span);
+    fn at<T>(&self, value: &Option<Located<T>>, problem: String) -> InputError {
+        let span = value.as_ref().map_or(self.table.span(), Located::span);
         self.document.error_at(span, problem)
     }
 }

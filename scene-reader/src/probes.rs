@@ -2,12 +2,12 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{ProbeKind, ProbeTable};
 use super::sets::Sets;
+use super::tables::{ProbeKind, ProbeTable};
+use keys::Located;
 use macro_solver::mesh::Dimension;
 use macro_solver::output::{Probe, Quantity};
 use macro_solver::problem::Axis;
-use toml::Spanned;
 
 /// Columns that every history has, and the one of a run with several stages.
 const TAKEN: [&str; 8] = ["step", "time", "load", "iterations", "evaluations", "stage", "cut_backs", "stabilised"];
@@ -19,7 +19,7 @@ const TAKEN: [&str; 8] = ["step", "time", "load", "iterations", "evaluations", "
 pub(super) fn probes(
     document: &Document,
     sets: &Sets<'_>,
-    tables: &[Spanned<ProbeTable>],
+    tables: &[Located<ProbeTable>],
 ) -> Result<Vec<Probe>, InputError> {
     let mut probes: Vec<Probe> = Vec::new();
     for table in tables {
@@ -39,7 +39,7 @@ pub(super) fn probes(
     Ok(probes)
 }
 
-fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -> Result<Quantity, InputError> {
+fn quantity(document: &Document, sets: &Sets<'_>, table: &Located<ProbeTable>) -> Result<Quantity, InputError> {
     let keys = Keys { document, sets, table };
     let probe = table.get_ref();
     let allowed: &[&str] = match probe.kind {
@@ -88,11 +88,11 @@ fn quantity(document: &Document, sets: &Sets<'_>, table: &Spanned<ProbeTable>) -
 struct Keys<'a> {
     document: &'a Document,
     sets: &'a Sets<'a>,
-    table: &'a Spanned<ProbeTable>,
+    table: &'a Located<ProbeTable>,
 }
 
 impl Keys<'_> {
-    fn given(&self) -> [(&'static str, Option<&Spanned<String>>); 4] {
+    fn given(&self) -> [(&'static str, Option<&Located<String>>); 4] {
         let probe = self.table.get_ref();
         [
             ("set", probe.set.as_ref()),
@@ -124,7 +124,7 @@ impl Keys<'_> {
             .hint(format!("add for example {key} = \"{example}\""))
     }
 
-    fn set(&self, key: &str, value: &Option<Spanned<String>>) -> Result<String, InputError> {
+    fn set(&self, key: &str, value: &Option<Located<String>>) -> Result<String, InputError> {
         let value = value.as_ref().ok_or_else(|| self.missing(key, "top"))?;
         self.sets.node_set(self.document, value)
     }
@@ -152,11 +152,11 @@ impl Keys<'_> {
         }
     }
 
-    fn component(&self, example: &str) -> Result<&Spanned<String>, InputError> {
+    fn component(&self, example: &str) -> Result<&Located<String>, InputError> {
         self.table.get_ref().component.as_ref().ok_or_else(|| self.missing("component", example))
     }
 
-    fn wrong_component(&self, place: &Spanned<String>, found: &str, choices: &str) -> InputError {
+    fn wrong_component(&self, place: &Located<String>, found: &str, choices: &str) -> InputError {
         self.document.error_at(place.span(), format!("'{found}' is not a component")).hint(format!("write {choices}"))
     }
 }

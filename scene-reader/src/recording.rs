@@ -2,10 +2,10 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{ObservableKeyword, OutputTable};
+use super::tables::{Observable, OutputTable};
+use keys::Located;
 use macro_solver::output::Probe;
 use protocol::Observables;
-use toml::Spanned;
 
 /// Optional results that every point is asked for.
 ///
@@ -18,11 +18,11 @@ pub(super) fn observables(
 ) -> Result<Observables, InputError> {
     let observables = table.observables.iter().fold(Observables::NONE, |all, keyword| {
         all.union(match keyword {
-            ObservableKeyword::Rotation => Observables::ROTATION,
-            ObservableKeyword::CoordinationNoRattlers => Observables::COORDINATION_NO_RATTLERS,
-            ObservableKeyword::Fabric => Observables::FABRIC,
-            ObservableKeyword::SlidingFraction => Observables::SLIDING_FRACTION,
-            ObservableKeyword::Energy => Observables::ENERGY,
+            Observable::Rotation => Observables::ROTATION,
+            Observable::CoordinationNoRattlers => Observables::COORDINATION_NO_RATTLERS,
+            Observable::Fabric => Observables::FABRIC,
+            Observable::SlidingFraction => Observables::SLIDING_FRACTION,
+            Observable::Energy => Observables::ENERGY,
         })
     });
     match probes.iter().find(|probe| probe.quantity.needs_energy()) {
@@ -64,7 +64,7 @@ pub(super) fn plot(
 ) -> Result<Option<(String, String)>, InputError> {
     // The load factor begins again with every stage.
     let progress = if stages > 1 { "time" } else { "load" };
-    let column = |given: &Option<Spanned<String>>, otherwise: usize, fallback: &str| match given {
+    let column = |given: &Option<Located<String>>, otherwise: usize, fallback: &str| match given {
         None => Ok(probes.get(otherwise).map_or(fallback.to_owned(), |probe| probe.name.clone())),
         Some(name) if ["time", "load"].contains(&name.get_ref().as_str()) => Ok(name.get_ref().clone()),
         Some(name) if probes.iter().any(|probe| probe.name == *name.get_ref()) => Ok(name.get_ref().clone()),

@@ -2,8 +2,8 @@
 
 use super::document::Document;
 use super::input_error::InputError;
+use keys::Located;
 use macro_solver::mesh::Mesh;
-use toml::Spanned;
 
 /// The named sets of a mesh.
 pub(super) struct Sets<'a> {
@@ -15,7 +15,7 @@ impl Sets<'_> {
     ///
     /// # Errors
     /// No such set, with the sets there are.
-    pub(super) fn node_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+    pub(super) fn node_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
         check(document, name, "node set", self.mesh.node_sets.keys())
     }
 
@@ -23,7 +23,7 @@ impl Sets<'_> {
     ///
     /// # Errors
     /// No such set, with the sets there are.
-    pub(super) fn side_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+    pub(super) fn side_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
         check(document, name, "side set", self.mesh.side_sets.keys())
     }
 
@@ -31,14 +31,14 @@ impl Sets<'_> {
     ///
     /// # Errors
     /// No such set, with the sets there are.
-    pub(super) fn element_set(&self, document: &Document, name: &Spanned<String>) -> Result<String, InputError> {
+    pub(super) fn element_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
         check(document, name, "element set", self.mesh.element_sets.keys())
     }
 }
 
 fn check<'a>(
     document: &Document,
-    name: &Spanned<String>,
+    name: &Located<String>,
     what: &str,
     available: impl Iterator<Item = &'a String>,
 ) -> Result<String, InputError> {

@@ -1,189 +1,102 @@
-//! The keys that say how the solver goes: `[solver]` and `[loading]`, for the run and for its stages.
+//! `[solver]` and `[loading]`, for the run and for its stages: written keys over those that hold otherwise.
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::schema::{
-    AdaptKeyword, ComponentKeyword, ControlTable, EquationKeyword, FormulationKeyword, HourglassKeyword,
-    LoadingTable, PredictorKeyword, SolverTable,
-};
-use super::strategies::{criteria, preset, refine};
-use macro_solver::element::hourglass::HourglassControl;
-use macro_solver::formulation::Formulation;
-use macro_solver::problem::{
-    EquationSolver, PathControl, Predictor, Problem, SecantGates, Stabilisation, StepControl, StepRule, Strategy,
-    Tolerances,
-};
+use super::tables::{LoadingTable, SolverTable};
+use keys::{Given, Table};
+use macro_solver::problem::{EquationSettings, NamedStrategy, PathControl, Problem, Stage};
 use protocol::TangentKind;
-use toml::Spanned;
 
-/// What holds for the whole run.
-pub(super) fn equations(problem: &mut Problem, table: &SolverTable) {
-    if let Some(keyword) = &table.formulation {
-        problem.formulation = formulation(*keyword.get_ref());
-    }
-    if let Some(keyword) = &table.equations {
-        problem.equations = match keyword.get_ref() {
-            EquationKeyword::Direct => EquationSolver::Direct,
-            EquationKeyword::Iterative => EquationSolver::Iterative,
-        };
-    }
-    let coefficient = table.hourglass_coefficient.as_ref().map(|given| *given.get_ref());
-    let coefficient = coefficient.unwrap_or(problem.hourglass.coefficient());
-    problem.hourglass =
-        match table.hourglass.as_ref().map_or_else(HourglassKeyword::default, |given| *given.get_ref()) {
-            HourglassKeyword::Stiffness => HourglassControl::Stiffness { coefficient },
-            HourglassKeyword::Viscous => HourglassControl::Viscous { coefficient },
-        };
+/// Sets what holds for the whole run.
+///
+/// # Errors
+/// A value that does not fit, which the check of the document excludes.
+pub(super) fn equations(
+    document: &Document,
+    problem: &mut Problem,
+    given: &Given<SolverTable>,
+) -> Result<(), InputError> {
+    let settings = given.over(&EquationSettings::of(problem)).map_err(|fault| document.fault(&fault))?;
+    let EquationSettings { formulation, equations, hourglass } = settings;
+    (problem.formulation, problem.equations, problem.hourglass) = (formulation, equations, hourglass);
+    Ok(())
 }
 
-/// Refuses keys of a stage that can only hold for the whole run.
+/// Refuses keys of a stage, whose tables stand at `place`, that can only hold for the whole run.
 ///
 /// # Errors
 /// The first such key.
-pub(super) fn refuse_equations(document: &Document, table: &SolverTable) -> Result<(), InputError> {
-    let spans = [
-        table.formulation.as_ref().map(Spanned::span),
-        table.equations.as_ref().map(Spanned::span),
-        table.hourglass_coefficient.as_ref().map(Spanned::span),
-        table.hourglass.as_ref().map(Spanned::span),
-    ];
-    match spans.into_iter().flatten().next() {
+pub(super) fn refuse_equations(
+    document: &Document,
+    place: &[&str],
+    given: &Given<SolverTable>,
+) -> Result<(), InputError> {
+    let table = Table::of::<SolverTable>();
+    match table.keys.iter().find(|key| key.run_wide && given.has(&key.name)) {
         None => Ok(()),
-        Some(span) => Err(document
-            .error_at(span, "this can only be chosen for the whole run")
+        Some(key) => Err(document
+            .error_at_key(&[place, &["solver", &key.name]].concat(), "this can only be chosen for the whole run")
             .hint("move it to the table [solver] at the top of the scene")),
     }
 }
 
-fn formulation(keyword: FormulationKeyword) -> Formulation {
-    match keyword {
-        FormulationKeyword::SmallStrain => Formulation::SmallStrain,
-        FormulationKeyword::TotalLagrangian => Formulation::TotalLagrangian,
-        FormulationKeyword::Updated => Formulation::UpdatedLagrangian,
-        FormulationKeyword::Corotational => Formulation::Corotational,
-    }
-}
-
-/// Changes what the keys of a table say.
+/// Changes what the written keys of `[loading]` say; the table stands below `place`.
 ///
 /// # Errors
-/// Keys about creep through snaps where nothing creeps.
-pub(super) fn step_control(
+/// Keys about stabilisation where nothing is stabilised.
+pub(super) fn loading(
     document: &Document,
-    control: &mut StepControl,
-    table: &LoadingTable,
+    stage: &mut Stage,
+    place: &[&str],
+    given: &Given<LoadingTable>,
 ) -> Result<(), InputError> {
-    replace(&mut control.increments, &table.increments);
-    replace(&mut control.min, &table.smallest_increment);
-    replace(&mut control.growth, &table.growth);
-    replace(&mut control.cut, &table.cut);
-    replace(&mut control.target_iterations, &table.easy_iterations);
-    replace(&mut control.max_iterations, &table.max_iterations);
-    match table.adapt {
-        Some(AdaptKeyword::Easy) => control.rule = StepRule::Easy,
-        Some(AdaptKeyword::Target) => control.rule = StepRule::Target,
-        None => {}
+    let before = LoadingTable { duration: stage.duration, control: stage.control.clone() };
+    let LoadingTable { duration, control } = given.over(&before).map_err(|fault| document.fault(&fault))?;
+    let settings = ["stabilise_after", "stabilise_increments", "stabilise_viscosity"];
+    let setting = settings.into_iter().find(|key| given.has(key));
+    let refuse = |key: &str, problem: &str, hint: &str| {
+        Err(document.error_at_key(&[place, &["loading", key]].concat(), problem).hint(hint))
+    };
+    let switch = given.has("stabilise").then_some("stabilise");
+    if let Some(key) = switch.or(setting).filter(|_| control.path != PathControl::Load) {
+        return refuse(
+            key,
+            "where the load factor is an unknown, steps are never stabilised",
+            "leave this key out, or let the steps prescribe the load: control = \"load\"",
+        );
     }
-    if let Some(path) = &table.control {
-        control.path = path_control(path);
+    if let (None, Some(key)) = (control.stabilisation, setting) {
+        return refuse(
+            key,
+            "this key sets how steps are stabilised, but stabilise = false switches stabilisation off",
+            "leave this key out, or add stabilise = true",
+        );
     }
-    stabilisation(document, control, table)
+    (stage.duration, stage.control) = (duration, control);
+    Ok(())
 }
 
-/// Whether and how stages creep through snaps; `control` knows already what a step prescribes.
-fn stabilisation(document: &Document, control: &mut StepControl, table: &LoadingTable) -> Result<(), InputError> {
-    let switch = table.stabilise.as_ref().map(Spanned::span);
-    let settings = [&table.stabilise_after, &table.stabilise_increments];
-    let drag = table.stabilise_drag.as_ref().map(Spanned::span);
-    let setting = settings.into_iter().flatten().map(Spanned::span).chain(drag).next();
-    if let Some(span) = switch.or(setting.clone()).filter(|_| control.path != PathControl::Load) {
-        return Err(document
-            .error_at(span, "where the load factor is an unknown, steps are never stabilised")
-            .hint("leave this key out, or let the steps prescribe the load: control = \"load\""));
-    }
-    match table.stabilise.as_ref().map(|given| *given.get_ref()) {
-        Some(false) => control.stabilisation = None,
-        Some(true) => control.stabilisation = control.stabilisation.or(Some(Stabilisation::default())),
-        None => {}
-    }
-    match (&mut control.stabilisation, setting) {
-        (None, Some(span)) => Err(document
-            .error_at(span, "this says how steps are stabilised, and stabilise = false says that they are not")
-            .hint("leave this key out, or write stabilise = true beside it")),
-        (None, None) => Ok(()),
-        (Some(stabilisation), _) => {
-            let after = table.stabilise_after.as_ref().map(|after| *after.get_ref());
-            stabilisation.after = after.or(stabilisation.after);
-            replace(&mut stabilisation.most_increments, &table.stabilise_increments);
-            replace(&mut stabilisation.drag, &table.stabilise_drag);
-            Ok(())
-        }
-    }
-}
-
-fn path_control(table: &ControlTable) -> PathControl {
-    match table.clone() {
-        ControlTable::Load => PathControl::Load,
-        ControlTable::ArcLength(arc) => {
-            let component = arc.component.map(ComponentKeyword::axis);
-            PathControl::ArcLength { first_load: arc.first_load, measured: arc.set.map(|set| (set, component)) }
-        }
-        ControlTable::Indirect(indirect) => PathControl::Indirect {
-            nodes: indirect.set,
-            relative_to: indirect.relative_to,
-            axis: indirect.component.axis(),
-            growth: indirect.growth,
-        },
-    }
-}
-
-/// Changes what the keys of a table say.
-pub(super) fn tolerances(tolerances: &mut Tolerances, table: &SolverTable) {
-    replace(&mut tolerances.force, &table.force_tolerance);
-    replace(&mut tolerances.displacement, &table.displacement_tolerance);
-    criteria(tolerances, table);
-}
-
-fn replace<T: Copy>(target: &mut T, given: &Option<Spanned<T>>) {
-    if let Some(given) = given {
-        *target = *given.get_ref();
-    }
-}
-
-/// Changes what the keys of a table say.
+/// Changes what the written keys of `[solver]` say; the table stands below `place`.
 ///
 /// # Errors
 /// An operator with which the solver cannot work.
-pub(super) fn strategy(document: &Document, strategy: &mut Strategy, table: &SolverTable) -> Result<(), InputError> {
-    preset(document, strategy, table)?;
-    if let Some(tangent) = &table.tangent {
-        if *tangent.get_ref() == TangentKind::None {
-            return Err(document
-                .error_at(tangent.span(), "the solver cannot work without a tangent operator")
-                .hint("use \"truss_like_slip\", \"truss_like\" or another operator of docs/scene.md"));
-        }
-        strategy.tangent = *tangent.get_ref();
+pub(super) fn solver(
+    document: &Document,
+    stage: &mut Stage,
+    place: &[&str],
+    given: &Given<SolverTable>,
+) -> Result<(), InputError> {
+    let named: Option<NamedStrategy> = given.get("strategy").map_err(|fault| document.fault(&fault))?;
+    if let Some(named) = named {
+        stage.strategy = named.preset();
     }
-    match table.predictor {
-        Some(PredictorKeyword::Linear) => strategy.predictor = Predictor::Linear,
-        Some(PredictorKeyword::Tangent) => strategy.predictor = Predictor::Tangent,
-        None => {}
+    stage.tolerances = given.over(&stage.tolerances).map_err(|fault| document.fault(&fault))?;
+    stage.strategy = given.over(&stage.strategy).map_err(|fault| document.fault(&fault))?;
+    if stage.strategy.tangent == TangentKind::None {
+        return Err(document
+            .error_at_key(&[place, &["solver", "tangent"]].concat(), "the solver cannot work without a tangent operator")
+            .hint("use \"truss_like_slip\", \"truss_like\" or another operator; `grainspan explain solver.tangent` lists them"));
     }
-    if let Some(secant) = table.secant {
-        let gates = strategy.secant.unwrap_or_default();
-        strategy.secant = secant.enabled.then_some(SecantGates {
-            min_change: secant.min_change.unwrap_or(gates.min_change),
-            max_ratio: secant.max_ratio.unwrap_or(gates.max_ratio),
-            floor: secant.floor.unwrap_or(gates.floor),
-            carried: secant.carried.unwrap_or(gates.carried),
-        });
-    }
-    if let Some(floor) = &table.tangent_floor {
-        strategy.tangent_floor = (*floor.get_ref() != 0.0).then_some(*floor.get_ref());
-    }
-    refine(strategy, table);
-    replace(&mut strategy.capped_change, &table.capped_change);
-    strategy.keep_unchanged = table.keep_unchanged.unwrap_or(strategy.keep_unchanged);
     Ok(())
 }
 
@@ -212,8 +125,8 @@ mod tests {
     #[test]
     fn options_of_operators_arrive_where_they_are_used() {
         let more = [
-            "rve.operator.probe=2e-6",
-            "rve.operator.quasi_static_probe=3e-7",
+            "rve.operator.perturbation=2e-6",
+            "rve.operator.quasi_static_perturbation=3e-7",
             "rve.operator.quasi_static_tolerance=1e-8",
             "rve.operator.average_steps=3",
             "solver.tangent_floor=0.1",
@@ -248,12 +161,12 @@ mod tests {
             ("solver.tangent_floor=-0.1", "solver.tangent_floor"),
             ("solver.tangent_floor=1.5", "solver.tangent_floor"),
             ("solver.tangent_flor=0.1", "tangent_flor"),
-            ("rve.operator.probe=0", "rve.operator.perturbation"),
-            ("rve.operator.probe=0.1", "too large"),
-            ("rve.operator.quasi_static_probe=-1e-6", "rve.operator.quasi_static_perturbation"),
+            ("rve.operator.perturbation=0", "rve.operator.perturbation"),
+            ("rve.operator.perturbation=0.1", "too large"),
+            ("rve.operator.quasi_static_perturbation=-1e-6", "rve.operator.quasi_static_perturbation"),
             ("rve.operator.quasi_static_tolerance=nan", "rve.operator.quasi_static_tolerance"),
             ("rve.operator.average_steps=0", "at least 1"),
-            ("rve.operator.probes=1e-6", "probes"),
+            ("rve.operator.perturbations=1e-6", "perturbations"),
         ] {
             let refused = reason(defect);
             assert!(refused.contains(said), "{defect}: {refused}");

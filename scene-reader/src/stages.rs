@@ -6,12 +6,12 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
-use super::schema::{LoadingTable, ProcedureKeyword, SceneFile, StageTable};
 use super::sets::Sets;
-use super::solving::{refuse_equations, step_control, strategy, tolerances};
+use super::solving::{loading, refuse_equations, solver};
+use super::tables::{LoadingTable, ProcedureKeyword, SceneFile, SolverTable, StageTable};
+use keys::{Key, Located, Table};
 use macro_solver::output::StageOutput;
 use macro_solver::problem::{NamedStrategy, Procedure, Stage};
-use toml::Spanned;
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -33,7 +33,7 @@ pub(super) fn stages(
     file: &SceneFile,
     given: &Given<'_>,
 ) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
-    let top = MotionTables { dynamics: &file.dynamics, relaxation: &file.relaxation };
+    let top = MotionTables { place: &[], dynamics: &file.dynamics, relaxation: &file.relaxation };
     let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
         procedure(document, sets, keyword.unwrap_or(file.procedure), tables, given.densities)
     };
@@ -51,10 +51,12 @@ pub(super) fn stages(
         conditions.remove(document, &table.remove)?;
         conditions.add(document, sets, &ConditionTables::from(table))?;
         let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base.clone() };
-        change(document, &mut stage, table)?;
-        let own = MotionTables { dynamics: &table.dynamics, relaxation: &table.relaxation };
+        let number = stages.len().to_string();
+        let place = ["stage", number.as_str()];
+        change(document, &mut stage, &place, table)?;
+        let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
-        refuse_idle(document, &["stage", &stages.len().to_string()], &[&stage.procedure])?;
+        refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
         outputs.push(StageOutput { name, fields_every });
@@ -63,64 +65,33 @@ pub(super) fn stages(
         stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
-    refuse_idle(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
+    refuse_unused(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
     if stages.iter().all(|stage| stage.conditions.is_empty()) {
         return Err(document
-            .error("the scene holds and loads nothing")
+            .error("the scene has neither supports nor loads")
             .hint("add at least one [[boundary]] with set and displacement"));
     }
     Ok((stages, outputs))
 }
 
-/// Keys that only Newton's method looks at.
-const OF_NEWTON: [[&str; 2]; 21] = [
-    ["loading", "control"],
-    ["loading", "stabilise"],
-    ["loading", "stabilise_after"],
-    ["loading", "stabilise_increments"],
-    ["loading", "stabilise_drag"],
-    ["loading", "easy_iterations"],
-    ["loading", "max_iterations"],
-    ["loading", "adapt"],
-    ["solver", "strategy"],
-    ["solver", "renewal"],
-    ["solver", "renewal_contraction"],
-    ["solver", "renewal_uses"],
-    ["solver", "quasi_newton_pairs"],
-    ["solver", "target_grid"],
-    ["solver", "criteria"],
-    ["solver", "energy_tolerance"],
-    ["solver", "displacement_tolerance"],
-    ["solver", "tangent"],
-    ["solver", "secant"],
-    ["solver", "capped_change"],
-    ["solver", "equations"],
-];
-
-/// Keys that every step in balance needs, and no motion.
-const OF_BALANCE: [[&str; 2]; 6] = [
-    ["loading", "increments"],
-    ["loading", "smallest_increment"],
-    ["loading", "growth"],
-    ["loading", "cut"],
-    ["solver", "force_tolerance"],
-    ["solver", "predictor"],
-];
-
-/// Refuses keys of the tables at `place` that nothing would look at, because none of the stages for which they hold is solved in
-/// a way that does.
-fn refuse_idle(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
-    let solved = |kinds: &[&str]| procedures.iter().any(|procedure| kinds.contains(&procedure.keyword()));
-    let (newton, balance) = (solved(&["implicit"]), solved(&["implicit", "relaxation"]));
-    let idle = OF_NEWTON.iter().filter(|_| !newton).chain(OF_BALANCE.iter().filter(|_| !balance));
-    for key in idle {
-        let path: Vec<&str> = place.iter().chain(key).copied().collect();
-        if document.is_written(&path) {
-            let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
-            let problem = format!("nothing looks at this key in a stage with procedure = \"{}\"", keywords[0]);
-            return Err(document.error_at_key(&path, problem).hint(
-                "leave it out; docs/scene.md says which keys belong to implicit, relaxation and dynamic stages",
-            ));
+/// Refuses keys of `[loading]` and `[solver]` at `place` that are not used, because none of the stages for which they hold has a
+/// procedure that does.
+fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
+    let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
+    for (table, keys) in [("loading", Table::of::<LoadingTable>()), ("solver", Table::of::<SolverTable>())] {
+        let is_used = |key: &Key| {
+            key.procedures.is_empty() || key.procedures.iter().any(|procedure| keywords.contains(&procedure.as_str()))
+        };
+        for key in keys.keys.iter().filter(|key| !is_used(key)) {
+            let path = [place, &[table, &key.name]].concat();
+            if document.is_written(&path) {
+                let problem = format!(
+                    "this key is not used in a stage with procedure = \"{}\", only in {} stages",
+                    keywords[0],
+                    key.procedures.join(" and ")
+                );
+                return Err(document.error_at_key(&path, problem).hint("leave it out"));
+            }
         }
     }
     Ok(())
@@ -129,26 +100,22 @@ fn refuse_idle(document: &Document, place: &[&str], procedures: &[&Procedure]) -
 /// What the tables at the top say about every stage.
 fn base(document: &Document, file: &SceneFile, cell_dimension: usize) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
-    // An operator or a control of the load that is named speaks of Newton's method.
-    if file.solver.tangent.is_none() && file.loading.control.is_none() {
+    // A tangent operator or a path control that is named belongs to Newton's method.
+    if !file.solver.has("tangent") && !file.loading.has("control") {
         stage.strategy = NamedStrategy::default_of(cell_dimension).preset();
     }
-    step_control(document, &mut stage.control, &file.loading)?;
-    tolerances(&mut stage.tolerances, &file.solver);
-    strategy(document, &mut stage.strategy, &file.solver)?;
-    duration(document, &mut stage.duration, &file.loading)?;
+    loading(document, &mut stage, &[], &file.loading)?;
+    solver(document, &mut stage, &[], &file.solver)?;
     Ok(stage)
 }
 
-fn change(document: &Document, stage: &mut Stage, table: &StageTable) -> Result<(), InputError> {
-    refuse_equations(document, &table.solver)?;
-    step_control(document, &mut stage.control, &table.loading)?;
-    tolerances(&mut stage.tolerances, &table.solver);
-    strategy(document, &mut stage.strategy, &table.solver)?;
-    duration(document, &mut stage.duration, &table.loading)
+fn change(document: &Document, stage: &mut Stage, place: &[&str], table: &StageTable) -> Result<(), InputError> {
+    refuse_equations(document, place, &table.solver)?;
+    loading(document, stage, place, &table.loading)?;
+    solver(document, stage, place, &table.solver)
 }
 
-fn name(document: &Document, given: &Spanned<String>, before: &[Stage]) -> Result<String, InputError> {
+fn name(document: &Document, given: &Located<String>, before: &[Stage]) -> Result<String, InputError> {
     let name = given.get_ref();
     if name.is_empty() || before.iter().any(|stage| stage.name == *name) {
         return Err(document
@@ -156,19 +123,6 @@ fn name(document: &Document, given: &Spanned<String>, before: &[Stage]) -> Resul
             .hint("give every stage a name of its own"));
     }
     Ok(name.clone())
-}
-
-fn duration(document: &Document, duration: &mut f64, table: &LoadingTable) -> Result<(), InputError> {
-    match &table.duration {
-        Some(given) if *given.get_ref() <= 0.0 => Err(document
-            .error_at(given.span(), format!("a duration of {} s is not possible", given.get_ref()))
-            .hint("give a positive time in s; it scales the time column and what histories say about time")),
-        Some(given) => {
-            *duration = *given.get_ref();
-            Ok(())
-        }
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]
@@ -254,17 +208,17 @@ mod tests {
         let error = stages(&["stage.1.solver.equations=iterative"]).unwrap_err();
         assert!(error.contains("whole run"), "{error}");
         let error = stages(&["stage.1.loading.cut=2.0"]).unwrap_err();
-        assert!(error.contains("stage.1.loading.cut") && error.contains("stage 'shear'"), "{error}");
+        assert!(error.contains("stage.1.loading.cut must be above 0 and below 1, not 2"), "{error}");
         let error = stages(&["loading.cut=2.0"]).unwrap_err();
         assert!(error.contains("--set loading.cut"), "{error}");
     }
 
     #[test]
-    fn keys_that_nothing_would_look_at_are_refused_with_their_place() {
+    fn keys_that_are_not_used_are_refused_with_their_place() {
         let refused = |scene: &str, more: &[&str], place: &str, procedure: &str| {
             let error = stages_of(scene, more).err().unwrap_or_else(|| panic!("{scene} with {more:?} was accepted"));
             let place = format!("--set {place}=");
-            assert!(error.starts_with(&place) && error.contains("nothing looks at this key"), "{more:?}: {error}");
+            assert!(error.starts_with(&place) && error.contains("this key is not used"), "{more:?}: {error}");
             assert!(error.contains(&format!("procedure = \"{procedure}\"")), "{more:?}: {error}");
         };
         let of_newton = [
@@ -314,9 +268,9 @@ mod tests {
         assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
         assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
         let slow = Stabilisation { drag: 0.3, ..by_default };
-        assert_eq!(told(&["loading.stabilise_drag=0.3"]), [Some(slow); 2]);
-        let error = stages(&["loading.stabilise_drag=0"]).unwrap_err();
-        assert!(error.contains("loading.stabilise_drag") && error.contains("above 0"), "{error}");
+        assert_eq!(told(&["loading.stabilise_viscosity=0.3"]), [Some(slow); 2]);
+        let error = stages(&["loading.stabilise_viscosity=0"]).unwrap_err();
+        assert!(error.contains("loading.stabilise_viscosity") && error.contains("above 0"), "{error}");
         let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
         assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early)]);
         let one_arc = format!("stage.1.{arc}");
@@ -330,8 +284,8 @@ mod tests {
                 error.starts_with(&format!("--set {place}=")) && said.iter().all(|part| error.contains(part));
             assert!(names_all, "{more:?}: {error}");
         };
-        let in_vain = ["stabilise = false", "write stabilise = true"];
-        for key in ["stabilise_after", "stabilise_increments", "stabilise_drag"] {
+        let in_vain = ["stabilise = false", "add stabilise = true"];
+        for key in ["stabilise_after", "stabilise_increments", "stabilise_viscosity"] {
             let written = format!("loading.{key}=5");
             refused(&["loading.stabilise=false", &written], &format!("loading.{key}"), in_vain);
             let (place, of_stage) = (format!("stage.1.loading.{key}"), format!("stage.1.{written}"));

@@ -13,13 +13,81 @@ pub(crate) struct Arguments {
     shell: Shell,
 }
 
-/// Prints the script.
+/// Prints the script. Keys after `--set` are completed by asking this program, which knows them.
 ///
 /// # Errors
 /// Standard output cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut CommandLine::command(), "grainspan", &mut script);
-    print(&script)?;
+    let script = with_keys(arguments.shell, &String::from_utf8_lossy(&script));
+    print(script.as_bytes())?;
     Ok(Exit::Done)
+}
+
+/// Candidates of bash: whole keys end with `=`, after which no blank follows. `=` splits words in bash, so a value is completed on
+/// its own.
+const BASH_SET: &str = r#"--set)
+                    compopt -o nospace
+                    if [[ "${cur}" == "=" || "${prev}" == "=" ]]; then
+                        COMPREPLY=()
+                    else
+                        COMPREPLY=($(compgen -W "$(grainspan complete-key "${words[1]:-run}" "${cur}" 2>/dev/null)" -- "${cur}"))
+                    fi
+                    return 0"#;
+
+const ZSH_KEYS: &str = r#"
+(( $+functions[_grainspan_keys] )) ||
+_grainspan_keys() {
+    local -a keys
+    keys=(${(f)"$(grainspan complete-key "${${(M)words:#(run|check|element|rve-test|pack|specimen)}[1]:-run}" "${PREFIX}" 2>/dev/null)"})
+    compadd -S '' -a keys
+}
+"#;
+
+const FISH_KEYS: &str = r#"complete -c grainspan -n "__fish_seen_subcommand_from run check element rve-test pack specimen" -l set -x -a "(grainspan complete-key (commandline -opc)[2] (commandline -ct) 2>/dev/null)"
+"#;
+
+fn with_keys(shell: Shell, script: &str) -> String {
+    match shell {
+        Shell::Bash => {
+            let mut text = String::new();
+            let mut rest = script;
+            while let Some((before, after)) = rest.split_once("--set)") {
+                let end = after.find("return 0").map_or(0, |end| end + "return 0".len());
+                text += before;
+                text += BASH_SET;
+                rest = &after[end..];
+            }
+            text + rest
+        }
+        Shell::Zsh => {
+            let script = script.replace(":KEY.PATH=VALUE:_default", ":KEY.PATH=VALUE:_grainspan_keys");
+            match script.split_once("\n\n") {
+                Some((head, body)) => format!("{head}\n{ZSH_KEYS}\n{body}"),
+                None => script,
+            }
+        }
+        Shell::Fish => format!("{script}{FISH_KEYS}"),
+        _ => script.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn script(shell: Shell) -> String {
+        let mut script = Vec::new();
+        clap_complete::generate(shell, &mut CommandLine::command(), "grainspan", &mut script);
+        with_keys(shell, &String::from_utf8_lossy(&script))
+    }
+
+    #[test]
+    fn shells_ask_the_program_for_keys() {
+        assert!(script(Shell::Bash).matches("grainspan complete-key").count() >= 4);
+        let zsh = script(Shell::Zsh);
+        assert!(zsh.starts_with("#compdef grainspan") && zsh.matches(":_grainspan_keys").count() >= 4, "{zsh}");
+        assert!(script(Shell::Fish).contains("-l set -x -a"));
+    }
 }

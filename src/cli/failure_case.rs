@@ -3,7 +3,7 @@
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use macro_solver::checkpoint::FailureCase;
-use protocol::{RveEngine, TrialAnswer};
+use protocol::{RveEngine, TrialResult};
 use rve_server::engine::GrainEngine;
 use std::fmt::Write;
 use std::path::Path;
@@ -22,7 +22,7 @@ pub(super) fn run(file: &Path) -> Result<Exit, Failure> {
         cell.restore(&case.state).map_err(unusable)?;
     }
     let result = cell
-        .trial(&case.target, &case.ask())
+        .trial(&case.target, &case.options())
         .map_err(|error| Failure::new(Exit::NotConverged, format!("the engine fails: {error}")))?;
     print(result_text(&result).as_bytes())?;
     Ok(Exit::Done)
@@ -48,7 +48,7 @@ fn trial_text(case: &FailureCase) -> String {
     text
 }
 
-fn result_text(result: &TrialAnswer) -> String {
+fn result_text(result: &TrialResult) -> String {
     let mut text = String::new();
     line(&mut text, "stress", &format!("{:?}", result.stress.0));
     line(&mut text, "scalars", &format!("{:?}", result.scalars));

@@ -5,6 +5,7 @@ mod check;
 mod clean;
 mod completions;
 mod estimate;
+mod explain;
 mod failure_case;
 mod heartbeat;
 mod pack;
@@ -62,8 +63,13 @@ enum Command {
     Report(report::Arguments),
     /// Measure the cost of this program on this machine (runs `grainspan-bench`)
     Bench(bench::Arguments),
+    /// Explain the keys of input files
+    Explain(explain::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
+    /// Complete a key of `--set`, for the completion scripts
+    #[command(hide = true)]
+    CompleteKey(explain::CompleteArguments),
 }
 
 /// Carries out a command line, whose first entry is the name of the program, and returns the exit code. Errors are printed; a
@@ -80,7 +86,9 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
+        Command::CompleteKey(arguments) => explain::complete(&arguments),
     };
     match ended {
         Ok(exit) => exit.code(),

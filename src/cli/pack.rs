@@ -38,6 +38,7 @@ pub(crate) struct Arguments {
 /// A recipe that is not sound, a target that is not reached, a place that cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read(&arguments.recipe, &arguments.overrides)?;
+    crate::exit::warn(&document);
     document.expect(Kind::Recipe)?;
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;

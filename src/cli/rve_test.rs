@@ -58,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
     let document = Document::read(path, &arguments.overrides)?;
+    crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
     let test = checked(&document)?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
@@ -90,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 fn checked(document: &Document) -> Result<ElementTest, InputError> {
     // The first reading gives the places of wrong keys and types, the second checks what the values mean together.
     let test: ElementTest = document.deserialize()?;
-    ElementTest::from_table(document.deserialize()?).map_err(|error| document.table_error(error))?;
+    document.deserialize::<ElementTest>()?.validated().map_err(|error| document.table_error(error))?;
     read_packing(document, &test.packing)?;
     Ok(test)
 }

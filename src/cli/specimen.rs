@@ -44,6 +44,7 @@ pub(crate) struct Arguments {
 /// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read(&arguments.test, &arguments.overrides)?;
+    crate::exit::warn(&document);
     document.expect(Kind::Specimen)?;
     let test: SpecimenTest = document.deserialize()?;
     let packing = Packing::read(&document.resolve(Path::new(&test.packing)))

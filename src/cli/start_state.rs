@@ -9,7 +9,7 @@ use macro_solver::mesh::{Dimension, Mesh};
 use macro_solver::observer::Silent;
 use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
 use macro_solver::solve::solve;
-use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
+use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialFlags, TrialResult};
 use rve_server::definition::AnyDefinition;
 use rve_server::engine::{GrainRve, ListedForces};
 use scene_reader::Scene;
@@ -52,7 +52,7 @@ impl PackingState {
     /// Forces that are not finite.
     pub(crate) fn of(definition: &AnyDefinition) -> Result<Self, Failure> {
         let refused = |error| Failure::new(Exit::BadInput, error);
-        let (answer, listed_forces, radii): (TrialAnswer, ListedForces, Vec<f64>) = match definition {
+        let (answer, listed_forces, radii): (TrialResult, ListedForces, Vec<f64>) = match definition {
             AnyDefinition::Discs(discs) => {
                 let mut cell = GrainRve::new(discs).map_err(refused)?;
                 let radii = discs.packing.grains.iter().map(|grain| grain[2]).collect();
@@ -183,13 +183,13 @@ struct AsGiven<'a> {
 }
 
 impl PointMaterial for AsGiven<'_> {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         if std::mem::replace(&mut self.evaluated, true) {
             return Err(MaterialError::Interrupted);
         }
-        let result = |trial: &PointTrial| TrialAnswer {
+        let result = |trial: &PointTrial| TrialResult {
             stress: self.stress[self.made_of[trial.point]],
-            tangent: (trial.ask.tangent != TangentKind::None).then(|| Box::new(Tensor4::ZERO)),
+            tangent: (trial.options.tangent != TangentKind::None).then(|| Box::new(Tensor4::ZERO)),
             scalars: Scalars::default(),
             observed: Observed::default(),
             cost: Cost::default(),

@@ -1,5 +1,6 @@
 //! The worker processes of a run among all processes of this machine.
 
+use protocol::process::{self, ProcessStat};
 use std::fs;
 
 /// One worker process.
@@ -14,8 +15,8 @@ pub(crate) struct WorkerProcess {
 }
 
 impl WorkerProcess {
-    /// Ticks per second in the figures of the kernel; fixed on Linux whatever its own clock.
-    pub(crate) const TICKS_PER_SECOND: u64 = 100;
+    /// Ticks per second.
+    pub(crate) const TICKS_PER_SECOND: u64 = process::TICKS_PER_SECOND;
 }
 
 /// Workers of the run on this machine, ordered by process id: those with this program's command line, and those that the run's
@@ -44,10 +45,8 @@ fn is_worker_of(line: &[u8], run: &str) -> bool {
 }
 
 fn inspect(pid: u32) -> Option<WorkerProcess> {
-    let text = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    let fields: Vec<_> = text.rsplit_once(')')?.1.split_whitespace().collect();
-    let number = |place: usize| fields.get(place)?.parse::<u64>().ok();
-    Some(WorkerProcess { pid, state: fields.first()?.chars().next()?, ticks: number(11)? + number(12)? })
+    let stat = ProcessStat::of(pid)?;
+    Some(WorkerProcess { pid, state: stat.state, ticks: stat.processor_ticks })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::fault::{Action, Fault, State};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::shared_memory::SharedMemoryWorkerPort;
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
-use protocol::{Ask, Capabilities, Definition, RveEngine, RveError, RveSolver, Tensor2, TrialAnswer};
+use protocol::{Capabilities, Definition, RveEngine, RveError, RveSolver, Tensor2, TrialOptions, TrialResult};
 use rustix::process::{Resource, Rlimit, Signal, getpid, kill_process, setrlimit};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ServeOptions, serve};
@@ -222,7 +222,7 @@ struct FaultySolver {
 }
 
 impl RveSolver for FaultySolver {
-    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         match self.script.due(State::MidSolve) {
             Some(Action::Kill) => {
                 std::thread::spawn(|| {
@@ -230,16 +230,16 @@ impl RveSolver for FaultySolver {
                     suffer(Action::Kill);
                 });
                 // Far more increments than asked: the strike comes in the middle.
-                let long = Ask { ramp_steps: 1_000_000, ..*ask };
+                let long = TrialOptions { ramp_steps: 1_000_000, ..*options };
                 return self.solver.trial(target, &long);
             }
             Some(action) => {
-                let _ = self.solver.trial(target, ask);
+                let _ = self.solver.trial(target, options);
                 suffer(action);
             }
             None => {}
         }
-        self.solver.trial(target, ask)
+        self.solver.trial(target, options)
     }
 
     fn commit(&mut self) -> Result<(), RveError> {

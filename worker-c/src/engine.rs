@@ -1,10 +1,10 @@
 //! A table of C functions as an engine.
 #![expect(unsafe_code, reason = "the border to C: see the crate documentation")]
 
-use crate::table::{Answer, Ask, Cell, EngineTable};
+use crate::table::{Answer, Cell, EngineTable, TrialOptions};
 use protocol::{
-    Ask as WireAsk, Capabilities, Cost, Definition, DefinitionId, Observed, RveEngine, RveError, RveSolver, Scalars,
-    SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, snapshot,
+    Capabilities, Cost, Definition, DefinitionId, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
+    TangentKind, Tensor2, TrialFlags, TrialOptions as WireAsk, TrialResult, snapshot,
 };
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -17,7 +17,8 @@ const REASON: usize = 512;
 const OK: c_int = 0;
 
 type Create = unsafe extern "C" fn(*const Cell, *mut c_char, usize) -> *mut c_void;
-type Trial = unsafe extern "C" fn(*mut c_void, *const f64, *const Ask, *mut Answer, *mut c_char, usize) -> c_int;
+type Trial =
+    unsafe extern "C" fn(*mut c_void, *const f64, *const TrialOptions, *mut Answer, *mut c_char, usize) -> c_int;
 type Act = unsafe extern "C" fn(*mut c_void);
 type Snapshot = unsafe extern "C" fn(*const c_void, c_int, *mut u8, usize) -> usize;
 type Restore = unsafe extern "C" fn(*mut c_void, *const u8, usize, *mut c_char, usize) -> c_int;
@@ -166,14 +167,18 @@ impl ForeignRve {
 }
 
 impl RveSolver for ForeignRve {
-    fn trial(&mut self, target: &Tensor2, ask: &WireAsk) -> Result<TrialAnswer, RveError> {
+    fn trial(&mut self, target: &Tensor2, options: &WireAsk) -> Result<TrialResult, RveError> {
         self.rollback();
         self.check(target)?;
-        if ask.tangent != TangentKind::None {
-            return Err(RveError::Unsupported(format!("the tangent `{}`", ask.tangent.keyword())));
+        if options.tangent != TangentKind::None {
+            return Err(RveError::Unsupported(format!("the tangent `{}`", options.tangent.keyword())));
         }
         let begun = Instant::now();
-        let question = Ask { ramp_steps: ask.ramp_steps, observables: ask.observables.0, ..Ask::default() };
+        let question = TrialOptions {
+            ramp_steps: options.ramp_steps,
+            observables: options.observables.0,
+            ..TrialOptions::default()
+        };
         let (mut answer, mut reason) = (Answer::blank(), [0u8; REASON]);
         // SAFETY: the RVE is alive; all buffers are ours and have the sizes that the header gives them.
         let outcome = unsafe {
@@ -190,7 +195,7 @@ impl RveSolver for ForeignRve {
             return Err(RveError::Unsupported(words(&reason)));
         }
         self.has_trial = true;
-        Ok(TrialAnswer {
+        Ok(TrialResult {
             stress: Tensor2(answer.stress),
             tangent: None,
             scalars: Scalars {

@@ -13,7 +13,7 @@
 mod engine;
 mod table;
 
-pub use table::{Answer, Ask, Cell, EngineTable};
+pub use table::{Answer, Cell, EngineTable, TrialOptions};
 
 use engine::ForeignEngine;
 use protocol::RveEngine;

@@ -27,7 +27,7 @@ pub struct Cell {
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 #[expect(missing_docs, reason = "the header explains every field")]
-pub struct Ask {
+pub struct TrialOptions {
     pub tangent: u32,
     pub ramp_steps: u32,
     pub observables: u32,
@@ -84,8 +84,9 @@ pub struct EngineTable {
     pub hertz_mindlin: u32,
     pub largest_target: f64,
     pub create: Option<unsafe extern "C" fn(*const Cell, *mut c_char, usize) -> *mut c_void>,
-    pub trial:
-        Option<unsafe extern "C" fn(*mut c_void, *const f64, *const Ask, *mut Answer, *mut c_char, usize) -> c_int>,
+    pub trial: Option<
+        unsafe extern "C" fn(*mut c_void, *const f64, *const TrialOptions, *mut Answer, *mut c_char, usize) -> c_int,
+    >,
     pub commit: Option<unsafe extern "C" fn(*mut c_void)>,
     pub rollback: Option<unsafe extern "C" fn(*mut c_void)>,
     pub snapshot: Option<unsafe extern "C" fn(*const c_void, c_int, *mut u8, usize) -> usize>,
@@ -100,7 +101,7 @@ mod tests {
     /// Sizes as a C compiler gives them for the header, on machines with 64-bit pointers.
     #[test]
     fn types_have_the_sizes_of_the_header() {
-        let sizes = [size_of::<Cell>(), size_of::<Ask>(), size_of::<Answer>(), size_of::<EngineTable>()];
+        let sizes = [size_of::<Cell>(), size_of::<TrialOptions>(), size_of::<Answer>(), size_of::<EngineTable>()];
         assert_eq!(sizes, [168, 16, 784, 96]);
     }
 }

@@ -8,7 +8,7 @@ import numpy
 from .content import name_of
 from .errors import DefinitionRefused
 
-#: Strain per ramp step and force tolerance of the named accuracies of ``docs/scene.md``.
+#: Strain per ramp step and force tolerance of the named accuracies of ``docs/reference/scene.md``.
 ACCURACIES = {"draft": (5e-6, 1e-2), "default": (1e-6, 1e-3), "tight": (1e-7, 1e-7)}
 
 

@@ -4,7 +4,7 @@
 //! definition and takes the states of its points in turn.
 
 use anyhow::Context;
-use protocol::{Ask, RveSolver, Tensor2};
+use protocol::{RveSolver, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -39,7 +39,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize) -> anyhow::Resul
     let target = Tensor2::from_plane([[0.0, 0.0], [0.0, -1e-5]]);
     let live = || -> anyhow::Result<GrainRve<S>> {
         let mut cell = GrainRve::new(&definition)?;
-        cell.trial(&target, &Ask::default())?;
+        cell.trial(&target, &TrialOptions::default())?;
         cell.commit()?;
         Ok(cell)
     };

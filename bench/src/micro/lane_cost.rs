@@ -9,7 +9,7 @@
 
 use super::processor_time;
 use anyhow::Context;
-use protocol::{Ask, Question, RveSolver, Tensor2};
+use protocol::{RveSolver, Tensor2, TrialOptions, TrialRequest};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -22,7 +22,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: Contact
     let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
     let mut state = Vec::new();
     rve.snapshot(&mut state);
-    let questions: Vec<Question<'_>> = (0..cells)
+    let questions: Vec<TrialRequest<'_>> = (0..cells)
         .map(|cell| {
             let phase = cell as f64;
             let mut target = Tensor2::ZERO;
@@ -30,7 +30,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: Contact
                 let is_inside = place / 3 < S::DIMENSION && place % 3 < S::DIMENSION;
                 *value = if is_inside { 1e-3 * (phase + 1.7 * place as f64).sin() } else { 0.0 };
             }
-            Question { state: &state, target, ask: Ask::default() }
+            TrialRequest { state: &state, target, options: TrialOptions::default() }
         })
         .collect();
     let mut fingerprints = Vec::new();
@@ -39,7 +39,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: Contact
     {
         rve.use_lanes(uses_lanes);
         let begin = processor_time();
-        let answers = rve.answer_all(&questions);
+        let answers = rve.solve_batch(&questions);
         let spent = processor_time() - begin;
         let mut steps = 0;
         let mut fingerprint = Vec::new();

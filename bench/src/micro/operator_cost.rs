@@ -5,7 +5,7 @@
 
 use super::processor_time;
 use anyhow::Context;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -46,13 +46,13 @@ fn measure<S: SolverFor>(
 ) -> anyhow::Result<()> {
     let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
     let target = |size: f64| Tensor2::from_plane([[0.0, 0.0], [0.0, -size]]);
-    cell.trial(&target(strain), &Ask::default())?;
+    cell.trial(&target(strain), &TrialOptions::default())?;
     cell.commit()?;
     let mut increments = Vec::new();
     let mut evaluations = 0;
     for _ in 0..3 {
         let started = processor_time();
-        let answer = cell.trial(&target(1e-3), &Ask::default())?;
+        let answer = cell.trial(&target(1e-3), &TrialOptions::default())?;
         increments.push((processor_time() - started) * 1e3);
         evaluations = answer.cost.force_evaluations;
     }

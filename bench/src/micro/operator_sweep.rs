@@ -4,7 +4,7 @@
 //! `grainspan bench micro operator_sweep [PACKING]`.
 
 use anyhow::Context;
-use protocol::{Ask, RveError, RveSolver, TangentKind, Tensor2, Tensor4};
+use protocol::{RveError, RveSolver, TangentKind, Tensor2, Tensor4, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -25,7 +25,7 @@ fn cell(packing: &PackingFile, ratio: f64, options: RveOptions) -> Result<GrainR
 }
 
 fn operator(cell: &mut GrainRve, target: &Tensor2, kind: TangentKind) -> anyhow::Result<(Tensor4, u64)> {
-    let result = cell.trial(target, &Ask { tangent: kind, ..Ask::default() })?;
+    let result = cell.trial(target, &TrialOptions { tangent: kind, ..TrialOptions::default() })?;
     Ok((*result.tangent.context("no tangent")?, result.cost.force_evaluations))
 }
 
@@ -68,7 +68,7 @@ fn symmetry(packing: &PackingFile) -> anyhow::Result<()> {
     for strain in [1e-8, 2e-3] {
         let target = Tensor2::from_plane([[strain, 0.0], [0.0, -strain]]);
         for kind in [TangentKind::TrussLike, TangentKind::TrussLikeReleased, TangentKind::TrussLikeSlip] {
-            let answer = cell.trial(&target, &Ask { tangent: kind, ..Ask::default() })?;
+            let answer = cell.trial(&target, &TrialOptions { tangent: kind, ..TrialOptions::default() })?;
             let (operator, stress) = (*answer.tangent.context("no tangent")?, answer.stress);
             let (mut nominal, mut turned) = (operator, [operator, operator]);
             for [i, j, k, l] in (0..16).map(|place| [place & 1, place >> 1 & 1, place >> 2 & 1, place >> 3]) {
@@ -107,7 +107,7 @@ fn sweep(packing: &PackingFile) -> anyhow::Result<()> {
             let mut cell = cell(packing, 0.5, options)?;
             if before > 0.0 {
                 let path = Tensor2::from_plane([[before, 0.0], [0.0, -before]]);
-                cell.trial(&path, &Ask::default())?;
+                cell.trial(&path, &TrialOptions::default())?;
                 cell.commit()?;
             }
             let elastic = operator(&mut cell, &target, TangentKind::TrussLike)?.0;

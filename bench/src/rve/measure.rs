@@ -4,7 +4,7 @@ use super::case::Case;
 use super::window::CurveRow;
 use crate::workers::measured_processor_seconds;
 use anyhow::Context;
-use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
+use protocol::{Observables, RveEngine, TangentKind, Tensor2, TrialFlags, TrialOptions};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rve_server::definition::{AnyDefinition, Packing, RveOptions};
@@ -70,8 +70,8 @@ pub(super) fn solve(case: &Case, rve: &RveOptions, packing: &Packing) -> anyhow:
     let definition = AnyDefinition::new(packing.clone(), case.contact(), rve.clone());
     let mut cell = GrainEngine.create(&definition.to_protocol()).with_context(|| format!("case {}", case.name))?;
     let planar = packing.dimension() == 2;
-    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
-    let still = cell.trial(&Tensor2([0.0; 9]), &ask).context("the packing as given")?;
+    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let still = cell.trial(&Tensor2([0.0; 9]), &options).context("the packing as given")?;
     let mut run = Run {
         curve: vec![CurveRow { strain: 0.0, stress: independent(&still.stress, planar) }],
         processor: 0.0,
@@ -80,8 +80,9 @@ pub(super) fn solve(case: &Case, rve: &RveOptions, packing: &Packing) -> anyhow:
     };
     let busy = thread_time();
     for row in 1..=case.rows() {
-        let answer =
-            cell.trial(&Tensor2(case.gradient), &ask).with_context(|| format!("case {}, row {row}", case.name))?;
+        let answer = cell
+            .trial(&Tensor2(case.gradient), &options)
+            .with_context(|| format!("case {}, row {row}", case.name))?;
         cell.commit().context("the trial just made")?;
         run.evaluations += answer.cost.force_evaluations;
         run.not_equilibrated += u64::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));

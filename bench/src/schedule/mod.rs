@@ -18,7 +18,7 @@ use costs::{Dice, Tail, drifted, ideal, static_split};
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::shared_memory::Waiting;
-use protocol::{Ask, Definition, Tensor2};
+use protocol::{Definition, Tensor2, TrialOptions};
 use std::sync::{Arc, Barrier};
 use std::time::Duration;
 use virtual_port::{MessageTimes, Play, VirtualPort};
@@ -154,7 +154,7 @@ fn play(workers: usize, first: &[f64], second: &[f64], tells_cost: bool) -> anyh
 /// A trial unlike all others; one ramp step, so that the pool expects the last cost of the point.
 fn trial(point: usize, first: f64, tells_cost: bool) -> PointTrial {
     let target = Tensor2::from_plane([[first, 0.0], [0.0, if tells_cost { 1e-9 } else { 0.0 }]]);
-    PointTrial { point, target, ask: Ask { ramp_steps: 1, ..Ask::default() } }
+    PointTrial { point, target, options: TrialOptions { ramp_steps: 1, ..TrialOptions::default() } }
 }
 
 /// Worker processes that sleep for the cost of a job, through the channel of a run.

@@ -80,7 +80,10 @@ impl Campaign {
         let name = format!("case {}", case.number);
         let refused = |error: scene_reader::InputError| anyhow::Error::from(Failure::from(error));
         let document = Document::from_text(Path::new(&name), text, &overrides).map_err(refused)?;
-        let test = ElementTest::from_table(document.deserialize().map_err(refused)?)
+        let test = document
+            .deserialize::<ElementTest>()
+            .map_err(refused)?
+            .validated()
             .map_err(|error| refused(document.table_error(error)))?;
         let text = document.as_run(&[]).map_err(refused)?;
         Ok((test, text))

@@ -1,8 +1,8 @@
 //! Engines without grains: one whose trials cost nothing, one whose trials take as long as their target says.
 
 use protocol::{
-    Ask, Capabilities, Cost, Definition, Observed, RveEngine, RveError, RveSolver, Scalars, Tensor2, TrialAnswer,
-    TrialFlags,
+    Capabilities, Cost, Definition, Observed, RveEngine, RveError, RveSolver, Scalars, Tensor2, TrialFlags,
+    TrialOptions, TrialResult,
 };
 use std::thread::sleep;
 use std::time::Duration;
@@ -48,8 +48,8 @@ impl Hollow {
 }
 
 impl RveSolver for Hollow {
-    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
-        let mut cost = Cost { ramp_steps: u64::from(ask.ramp_steps), ..Cost::default() };
+    fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
+        let mut cost = Cost { ramp_steps: u64::from(options.ramp_steps), ..Cost::default() };
         if self.pauses {
             let pause = Duration::from_secs_f64(target.0[0].clamp(0.0, 60.0));
             sleep(pause);
@@ -58,7 +58,7 @@ impl RveSolver for Hollow {
             cost.force_evaluations = if target.0[4] > 0.0 { pause.as_micros() as u64 } else { 0 };
         }
         self.trial = Some(*target);
-        Ok(TrialAnswer {
+        Ok(TrialResult {
             stress: *target,
             tangent: None,
             scalars: Scalars::default(),

@@ -5,7 +5,7 @@ use anyhow::Context;
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, Waiting};
-use protocol::{Ask, Definition, TangentKind, Tensor2};
+use protocol::{Definition, TangentKind, Tensor2, TrialOptions};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -103,10 +103,11 @@ impl StudyPool {
     /// The workers are lost or refuse.
     pub(crate) fn round(&mut self) -> anyhow::Result<f64> {
         self.calls += 1;
-        let ask = Ask { tangent: self.tangent, ..Ask::default() };
+        let options = TrialOptions { tangent: self.tangent, ..TrialOptions::default() };
         let strain = |point: usize| STRAIN * (1.0 + 1e-3 * point as f64 + 1e-6 * f64::from(self.calls));
         let target = |point: usize| Tensor2::from_plane([[0.0, 0.0], [0.0, -strain(point)]]);
-        let trials: Vec<_> = (0..self.points).map(|point| PointTrial { point, target: target(point), ask }).collect();
+        let trials: Vec<_> =
+            (0..self.points).map(|point| PointTrial { point, target: target(point), options }).collect();
         Ok(self.ask(&trials)?.as_secs_f64() * 1e6 / self.points as f64)
     }
 

@@ -1,7 +1,7 @@
 //! A trial that ended its workers, with all that is needed to repeat it: `grainspan element --replay` reads it.
 
 use super::CheckpointError;
-use protocol::{Ask, ContentId, Definition, Observables, TangentKind, Tensor2};
+use protocol::{ContentId, Definition, Observables, TangentKind, Tensor2, TrialOptions};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -37,9 +37,9 @@ pub struct FailureCase {
 }
 
 impl FailureCase {
-    /// The ask in the engine's words.
-    pub fn ask(&self) -> Ask {
-        Ask { tangent: self.tangent, ramp_steps: self.ramp_steps, observables: self.observables }
+    /// The options of the trial.
+    pub fn options(&self) -> TrialOptions {
+        TrialOptions { tangent: self.tangent, ramp_steps: self.ramp_steps, observables: self.observables }
     }
 
     /// Content of the file.

@@ -3,6 +3,7 @@
 use super::archive::Archive;
 use super::file::CheckpointFile;
 use super::{CheckpointStore, Progress};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -11,13 +12,18 @@ use std::time::{Duration, Instant};
 const LEAST_PAUSE: u32 = 20;
 
 /// When checkpoints are written, in addition to the one at the end of a run that did not reach its end.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct CheckpointPolicy {
-    /// Whether any are written.
+    /// Whether checkpoints are written; false: also not at the end of a run that stops early.
     pub enabled: bool,
-    /// After this many steps; `None`: steps do not matter.
+    /// A checkpoint after every n accepted steps.
+    #[schemars(range(min = 1), extend("x-default" = "none"))]
     pub steps: Option<u64>,
-    /// After the first step that ends this long after the last checkpoint.
+    /// A checkpoint after the first step that ends this long after the last checkpoint, and not before 20 times the cost of the last
+    /// one has passed.
+    #[serde(rename = "seconds", with = "keys::forms::seconds")]
+    #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub pause: Duration,
 }
 

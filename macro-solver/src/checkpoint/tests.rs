@@ -229,7 +229,7 @@ fn a_run_whose_load_factor_is_unknown_continues_to_the_same_bits() {
         axis: Axis::Y,
         growth: -0.1,
     };
-    for path in [PathControl::ArcLength { first_load: 0.1, measured: None }, indirect] {
+    for path in [PathControl::ArcLength { first_load: 0.1, set: None, component: None }, indirect] {
         let mut problem = problem();
         problem.stages[0].control.path = path;
         continues_to_the_same_bits(&problem);

@@ -6,12 +6,15 @@
 //! potential, symmetric, path-independent and objective.
 
 use super::{Dimension, ElementKind, point_geometry};
+use crate::problem::HourglassKeys;
+use serde::{Deserialize, Serialize};
 
 /// Nodes of the largest element with one point and hourglass modes.
 pub const MAX_HOURGLASS_NODES: usize = 8;
 
 /// How hourglass modes are held.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "HourglassKeys", into = "HourglassKeys")]
 pub enum HourglassControl {
     /// By springs: `Q = c (3 G / d) V (b . b) q` with the shear modulus `G` and the coefficient `c`. At a Poisson's ratio
     /// of 1/4 this is the published form with the P-wave modulus, which would lock near incompressibility.
@@ -124,7 +127,8 @@ impl HourglassModes {
         0.5 * stiffness * amplitudes.iter().flatten().map(|amplitude| amplitude * amplitude).sum::<f64>()
     }
 
-    /// Adds the derivative of [`HourglassModes::add_force`] with the field to a row-major element matrix.
+    /// Adds the derivative of [`HourglassModes::add_force`] with the nodal field to an element matrix: row-major and square, with
+    /// `dimension` rows for each node. `factor` is the stiffness of the modes, N/m, in the plane per metre of thickness.
     pub fn add_stiffness(&self, dimension: usize, factor: f64, matrix: &mut [f64]) {
         let width = dimension * self.nodes;
         for vector in &self.vectors {

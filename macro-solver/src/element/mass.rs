@@ -1,10 +1,13 @@
 //! Lumped masses of elements.
 
 use super::{ElementKind, geometry_of_shape, shape};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// How the mass of an element is given to its nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Lumping {
     /// `m_a = integral rho N_a`: rows of the consistent matrix. Not positive at corners of quadratic elements.
     RowSum,

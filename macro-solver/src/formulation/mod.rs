@@ -14,11 +14,14 @@ pub mod tensor;
 use conversion::{first_piola, piola_moduli, spatial_moduli};
 use corotation::Corotation;
 use nalgebra::Matrix3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use small_strain::small_strain_moduli;
 pub use tensor::Operator;
 
 /// How motion becomes strain, and which stress is integrated where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Formulation {
     /// Strain is the symmetric part of the displacement gradient on the initial geometry, on which the Cauchy stress
     /// is integrated. Rotations are not seen.
@@ -66,7 +69,7 @@ impl Formulation {
         match self {
             Self::SmallStrain => "small_strain",
             Self::TotalLagrangian => "total_lagrangian",
-            Self::UpdatedLagrangian => "updated",
+            Self::UpdatedLagrangian => "updated_lagrangian",
             Self::Corotational => "corotational",
         }
     }
@@ -135,7 +138,10 @@ impl Formulation {
         }
     }
 
-    /// What a point's answer to [`Formulation::target`] means; `None` if the motion turns the point inside out.
+    /// Stress and moduli of a point from the material's result for [`Formulation::target`]: `stress` (Pa) and `tangent` as the
+    /// material returned them, `gradient` the displacement gradient of the step on the configuration of
+    /// [`Formulation::reference`], `committed` the deformation gradient of the committed configuration. `None` if the motion
+    /// turns the point inside out.
     pub fn response(
         self,
         committed: &Matrix3<f64>,

@@ -6,7 +6,7 @@ use super::*;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 use crate::material::{PointMaterial, PointTrial};
 use nalgebra::{Rotation3, Vector3};
-use protocol::{Ask, TangentKind};
+use protocol::{TangentKind, TrialOptions};
 
 /// A point with a history: an anisotropically prestressed elastic material after one committed step.
 struct Sample {
@@ -20,7 +20,7 @@ impl Sample {
         let mut material = ElasticMaterial::new(ElasticLaw::SaintVenant, 2.0, 1.0, 1).with_initial_stress(stress);
         let first = Matrix3::new(0.05, 0.12, -0.03, -0.08, -0.06, 0.04, 0.02, 0.01, 0.03);
         let target = tensor::tensor(&first);
-        material.evaluate(&[PointTrial { point: 0, target, ask: Ask::default() }]).unwrap();
+        material.evaluate(&[PointTrial { point: 0, target, options: TrialOptions::default() }]).unwrap();
         material.commit().unwrap();
         Self { material, committed: Rotation3::from_euler_angles(0.3, -0.4, 0.8) * (Matrix3::identity() + first) }
     }
@@ -28,8 +28,8 @@ impl Sample {
     /// Response to a step gradient.
     fn respond(&mut self, formulation: Formulation, gradient: &Matrix3<f64>) -> Response {
         let target = tensor::tensor(&formulation.target(&self.committed, gradient).unwrap());
-        let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
-        let answer = self.material.evaluate(&[PointTrial { point: 0, target, ask }]).unwrap().remove(0);
+        let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
+        let answer = self.material.evaluate(&[PointTrial { point: 0, target, options }]).unwrap().remove(0);
         let tangent = operator(&answer.tangent.unwrap());
         formulation.response(&self.committed, gradient, &tensor::matrix(&answer.stress), &tangent).unwrap()
     }

@@ -10,7 +10,7 @@ use crate::formulation::tensor::{matrix, tensor, wire_operator};
 use crate::material::elastic::isotropic_moduli;
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::Matrix3;
-use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
+use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 
 /// Elasticity and softening of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +90,7 @@ impl DamageMaterial {
         self.committed[point].largest
     }
 
-    fn trial(&self, trial: &PointTrial) -> Result<(State, TrialAnswer), RveError> {
+    fn trial(&self, trial: &PointTrial) -> Result<(State, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
@@ -98,25 +98,25 @@ impl DamageMaterial {
         let gradient = matrix(&trial.target);
         let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
         let largest = committed.largest.max(law.equivalent_strain(&strain));
-        Ok((State { strain, largest }, answer(law, &strain, law.integrity(largest), &trial.ask)))
+        Ok((State { strain, largest }, answer(law, &strain, law.integrity(largest), &trial.options)))
     }
 }
 
-fn answer(law: &DamageLaw, strain: &Matrix3<f64>, integrity: f64, ask: &Ask) -> TrialAnswer {
+fn answer(law: &DamageLaw, strain: &Matrix3<f64>, integrity: f64, options: &TrialOptions) -> TrialResult {
     let moduli = isotropic_moduli(integrity * law.lambda, integrity * law.shear);
-    TrialAnswer {
+    TrialResult {
         stress: tensor(&(law.elastic_stress(strain) * integrity)),
         // The secant: positive, and exact while nothing softens.
-        tangent: (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
+        tangent: (options.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
         scalars: Scalars { volume_ratio: 1.0 + strain.trace(), ..Scalars::default() },
         observed: Observed::default(),
-        cost: Cost { force_evaluations: 1, ramp_steps: u64::from(ask.ramp_steps), ..Cost::default() },
+        cost: Cost { force_evaluations: 1, ramp_steps: u64::from(options.ramp_steps), ..Cost::default() },
         flags: TrialFlags::default(),
     }
 }
 
 impl PointMaterial for DamageMaterial {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = Vec::with_capacity(trials.len());
         for trial in trials {
             let (state, answer) =
@@ -172,7 +172,7 @@ mod tests {
         let mut material = DamageMaterial::new(vec![law]);
         let mut pull = |by: f64| {
             let target = tensor(&Matrix3::from_diagonal(&[by, 0.0, 0.0].into()));
-            let trial = PointTrial { point: 0, target, ask: Ask::default() };
+            let trial = PointTrial { point: 0, target, options: TrialOptions::default() };
             let answer = material.evaluate(&[trial]).unwrap().remove(0);
             material.commit().unwrap();
             answer.stress.get(0, 0)

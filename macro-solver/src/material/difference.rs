@@ -10,18 +10,33 @@
 
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
-use protocol::{Ask, Observables, TangentKind, Tensor2, Tensor4, TrialAnswer};
+use protocol::{Observables, TangentKind, Tensor2, Tensor4, TrialOptions, TrialResult};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// How the differences are taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct DifferencePlan {
-    /// Space dimension, 2 or 3.
+    /// Space dimension, 2 or 3. No key.
+    #[schemars(skip)]
     pub dimension: usize,
-    /// Strain of a probe, dimensionless. Large against the noise of a relaxed cell, small against a load step.
+    /// Strain of a finite-difference perturbation where an engine has no tangents: large against the noise of a relaxed cell, small
+    /// against a load step.
+    #[serde(rename = "difference_strain")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 0.01))]
     pub strain: f64,
-    /// Evaluations that share one operator.
+    /// Evaluations of a step that share one operator found by differences.
+    #[serde(rename = "difference_reuses")]
+    #[schemars(range(min = 1))]
     pub reuses: u32,
+}
+
+impl Default for DifferencePlan {
+    fn default() -> Self {
+        Self::new(2)
+    }
 }
 
 impl DifferencePlan {
@@ -71,7 +86,7 @@ impl<'a> DifferenceTangents<'a> {
 
     /// Whether the operator of this trial comes from here.
     fn is_ours(&self, trial: &PointTrial) -> bool {
-        trial.ask.tangent != TangentKind::None && self.wanted.get(trial.point).is_some_and(|wanted| *wanted)
+        trial.options.tangent != TangentKind::None && self.wanted.get(trial.point).is_some_and(|wanted| *wanted)
     }
 
     /// Whether this trial needs a new operator.
@@ -81,21 +96,21 @@ impl<'a> DifferenceTangents<'a> {
 }
 
 impl PointMaterial for DifferenceTangents<'_> {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut asked = Vec::new();
         let mut places = Vec::with_capacity(trials.len());
         for trial in trials {
             let probes = if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
             asked.extend(probes.iter().map(|probe| probe.trial));
             // The plain trial comes last: the latest trial of a point is the one that can be committed.
-            let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.ask.tangent };
-            asked.push(PointTrial { ask: Ask { tangent, ..trial.ask }, ..*trial });
+            let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.options.tangent };
+            asked.push(PointTrial { options: TrialOptions { tangent, ..trial.options }, ..*trial });
             places.push(probes);
         }
         let mut found = self.material.evaluate(&asked)?.into_iter();
         let mut answers = Vec::with_capacity(trials.len());
         for (trial, probes) in trials.iter().zip(places) {
-            let probed: Vec<TrialAnswer> = found.by_ref().take(probes.len()).collect();
+            let probed: Vec<TrialResult> = found.by_ref().take(probes.len()).collect();
             let mut answer = found.next().expect("a material answers every trial");
             if self.is_ours(trial) {
                 if !probes.is_empty() {
@@ -163,9 +178,12 @@ fn probes(trial: &PointTrial, plan: &DifferencePlan) -> Vec<Probe> {
                     target.0[3 * row + column] += strain_row[column] + carried;
                 }
             }
-            let ask =
-                Ask { tangent: TangentKind::None, observables: Observables::NONE, ramp_steps: trial.ask.ramp_steps };
-            probes.push(Probe { component: (i, j), size, trial: PointTrial { target, ask, ..*trial } });
+            let options = TrialOptions {
+                tangent: TangentKind::None,
+                observables: Observables::NONE,
+                ramp_steps: trial.options.ramp_steps,
+            };
+            probes.push(Probe { component: (i, j), size, trial: PointTrial { target, options, ..*trial } });
         }
     }
     probes
@@ -173,7 +191,7 @@ fn probes(trial: &PointTrial, plan: &DifferencePlan) -> Vec<Probe> {
 
 /// `C_ijkl` from the stress at the target and at its probes: `dF_kl` is the strain `(kl)` and a spin, and a spin `W`
 /// changes the stress by `W s - s W`.
-fn operator(stress: &Tensor2, probes: &[Probe], probed: &[TrialAnswer], plan: &DifferencePlan) -> Tensor4 {
+fn operator(stress: &Tensor2, probes: &[Probe], probed: &[TrialResult], plan: &DifferencePlan) -> Tensor4 {
     let mut operator = Tensor4::ZERO;
     for (probe, answer) in probes.iter().zip(probed) {
         let (k, l) = probe.component;
@@ -209,8 +227,8 @@ mod tests {
     }
 
     fn trial(point: usize, target: [[f64; 2]; 2]) -> PointTrial {
-        let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
-        PointTrial { point, target: Tensor2::from_plane(target), ask }
+        let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
+        PointTrial { point, target: Tensor2::from_plane(target), options }
     }
 
     #[test]
@@ -252,7 +270,7 @@ mod tests {
     fn points_with_a_tangent_of_their_own_and_trials_without_pass_unchanged() {
         let mut inner = material();
         let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2), vec![true; 2]);
-        let plain = PointTrial { ask: Ask::default(), ..trial(0, [[0.0, 0.0], [0.0, -1e-3]]) };
+        let plain = PointTrial { options: TrialOptions::default(), ..trial(0, [[0.0, 0.0], [0.0, -1e-3]]) };
         assert_eq!(differences.evaluate(&[plain]).unwrap()[0].tangent, None);
         differences.wanted[0] = false;
         let own = trial(0, [[0.0, 0.0], [0.0, -1e-3]]);

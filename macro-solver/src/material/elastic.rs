@@ -10,7 +10,7 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Mesh;
 use crate::problem::InitialStress;
 use nalgebra::Matrix3;
-use protocol::{Ask, Cost, Observed, RveError, Scalars, TangentKind, TrialAnswer, TrialFlags};
+use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 
 /// Law between total deformation gradient `F` and Cauchy stress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,7 +149,7 @@ impl ElasticMaterial {
         tangent
     }
 
-    fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialAnswer), RveError> {
+    fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
@@ -163,26 +163,26 @@ impl ElasticMaterial {
             return Err(RveError::TargetInverted { determinant: step.determinant() });
         }
         let total = step * self.committed[trial.point];
-        Ok((total, self.answer(trial.point, &total, &trial.ask)))
+        Ok((total, self.answer(trial.point, &total, &trial.options)))
     }
 
-    fn answer(&self, point: usize, total: &Matrix3<f64>, ask: &Ask) -> TrialAnswer {
+    fn answer(&self, point: usize, total: &Matrix3<f64>, options: &TrialOptions) -> TrialResult {
         let stress = self.stress_of(point, total);
         let tangent =
-            (ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(point, total))));
-        TrialAnswer {
+            (options.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(point, total))));
+        TrialResult {
             stress: tensor(&stress),
             tangent,
             scalars: Scalars { volume_ratio: total.determinant(), ..Scalars::default() },
             observed: Observed::default(),
-            cost: Cost { force_evaluations: 1, ramp_steps: u64::from(ask.ramp_steps), ..Cost::default() },
+            cost: Cost { force_evaluations: 1, ramp_steps: u64::from(options.ramp_steps), ..Cost::default() },
             flags: TrialFlags::default(),
         }
     }
 }
 
 impl PointMaterial for ElasticMaterial {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = Vec::with_capacity(trials.len());
         for trial in trials {
             let (total, answer) =
@@ -257,7 +257,7 @@ mod tests {
     fn trials_leave_the_committed_state_alone() {
         let mut material = ElasticMaterial::new(ElasticLaw::SaintVenant, 3.0, 1.0, 1);
         let target = tensor(&Matrix3::from_diagonal(&[0.01, -0.02, 0.0].into()));
-        let trial = PointTrial { point: 0, target, ask: Ask::default() };
+        let trial = PointTrial { point: 0, target, options: TrialOptions::default() };
         let first = material.evaluate(&[trial]).unwrap();
         assert_eq!(material.evaluate(&[trial]).unwrap(), first);
         material.commit().unwrap();

@@ -8,7 +8,7 @@ pub mod difference;
 pub mod elastic;
 
 use crate::checkpoint::{Archive, CheckpointError};
-use protocol::{Ask, Tensor2, TrialAnswer};
+use protocol::{Tensor2, TrialOptions, TrialResult};
 use thiserror::Error;
 
 /// Number of a Gauss point: `element * points_per_element + local`, from 0.
@@ -21,8 +21,8 @@ pub struct PointTrial {
     pub point: PointId,
     /// Total displacement gradient `H = F - I` from the committed configuration.
     pub target: Tensor2,
-    /// What is wanted beside the stress.
-    pub ask: Ask,
+    /// Results wanted in addition to the stress.
+    pub options: TrialOptions,
 }
 
 /// Why a point gave no answer.
@@ -70,12 +70,12 @@ impl MaterialError {
 
 /// A material law at every Gauss point, with committed and trial states.
 pub trait PointMaterial {
-    /// Answers all trials, in the order asked. Every trial starts from its point's committed state; the latest trial
+    /// Solves all trials; results in their order. Every trial starts from its point's committed state; the latest trial
     /// of a point replaces its earlier ones.
     ///
     /// # Errors
     /// See [`MaterialError`]; committed states are unchanged. With several failing points the lowest is reported.
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError>;
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError>;
 
     /// Makes the latest trial of every point its committed state. Points without a trial since the last commit keep
     /// their state.

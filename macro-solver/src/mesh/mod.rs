@@ -47,7 +47,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A mesh of one element kind without sets.
+    /// A mesh of one element kind without sets, from node positions (m) and the nodes of every element in the order of its kind.
     pub fn uniform(kind: ElementKind, nodes: Vec<[f64; 3]>, elements: Vec<Vec<usize>>) -> Self {
         let kinds = vec![kind; elements.len()];
         Self {

@@ -1,9 +1,10 @@
 //! Weights over distance.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How the influence of a neighbour falls with `q = distance / radius`; nothing from `q = 1` on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// `(1 - q^2)^2`, [Liu2015] appendix A. Erratum: its Fourier transform changes sign (first at `k radius` = 5.763,

@@ -24,12 +24,14 @@ impl NonlocalLayer {
         Ok(Self { previous: vec![Matrix3::zeros(); operator.len()], operator })
     }
 
-    /// The strain increments that the points see for those of the elements.
+    /// Strain increments of the points (dimensionless, in the fixed axes) from those of the elements, by point: averages over the
+    /// neighbourhood. `strains` has one entry for each point.
     pub fn seen(&self, strains: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
         self.operator.averaged(strains, &self.previous)
     }
 
-    /// The stresses that the elements integrate, see [`NonlocalOperator::integrated_stress`].
+    /// Stresses that the elements integrate, Pa, from those of the points and the volumes of the points, m3; one entry for each
+    /// point. See [`NonlocalOperator::integrated_stress`].
     pub fn integrated(&self, stress: &[Matrix3<f64>], volumes: &[f64]) -> Vec<Matrix3<f64>> {
         self.operator.integrated_stress(stress, volumes)
     }

@@ -17,11 +17,12 @@ pub use layer::NonlocalLayer;
 
 use bins::Bins;
 use nalgebra::Matrix3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Which values of the neighbours are averaged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Update {
     /// The increments of the same step at all points. They are all known before any grain moves, so nothing is lost by it,
@@ -34,16 +35,18 @@ pub enum Update {
 }
 
 /// What a nonlocal operator is made of.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NonlocalSettings {
-    /// Radius of influence R, m.
+    /// Radius of influence R. Below the distance of neighbouring Gauss points nothing is averaged.
+    #[schemars(extend("x-unit" = "m"))]
     pub radius: f64,
     /// Weights over distance.
     #[serde(default)]
     pub kernel: Kernel,
-    /// Share of the point's own increment that is kept beside the average, in [0, 1); 0.1 makes the bell stable in many cases.
+    /// Share of the point's own increment that is kept in addition to the average; 0.1 makes the bell stable in many cases.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub local_share: f64,
     /// Which values are averaged.
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! What a run tells the outside while it goes: events, the state after every accepted step, and final statistics.
+//! What a run reports to the outside: events, the state after every accepted step, and final statistics.
 //!
 //! Outputs, progress bars and logs are [`Observer`]s; they need nothing but what is handed to them here. Counts are
 //! deterministic. Times are not, are named `*_nanoseconds`, and must not reach a file that is compared bit by bit.
@@ -34,7 +34,7 @@ pub trait Observer {
         Ok(())
     }
 
-    /// A stage, counted from 0, is about to begin. Not told again when an interrupted run goes on within it.
+    /// A stage, counted from 0, is about to begin. Not reported again when an interrupted run continues within it.
     fn stage_started(&mut self, _number: usize, _stage: &Stage) {}
 
     /// One iteration of a step is done: all points have answered, the residual is known.
@@ -169,7 +169,7 @@ pub struct Stabilised {
 pub struct FlagCounts {
     /// The relaxation ended at its step cap.
     pub not_equilibrated: u64,
-    /// The uniform-strain tangent replaced the asked one.
+    /// The uniform-strain tangent replaced the requested one.
     pub tangent_fallback: u64,
     /// The network tangent needed a diagonal shift.
     pub tangent_regularised: u64,

@@ -37,7 +37,7 @@ impl Field {
     }
 }
 
-/// A mesh as it is drawn.
+/// Nodes and elements of one `.vtu` file, which may be deformed.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldGrid<'a> {
     /// Node positions, m.

@@ -36,11 +36,11 @@ pub struct HistoryRow {
     pub probes: Vec<f64>,
     /// Failed attempts before the step.
     pub cut_backs: u64,
-    /// Increments of creep with which the step was stabilised; 0 if it was not.
+    /// Increments of viscous stabilisation in the step; 0 if it was not stabilised.
     pub stabilised: u64,
 }
 
-/// What a history holds beside the columns that every history has.
+/// Columns of a history in addition to those that every history has.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HistoryLayout {
     /// A column for each probe.
@@ -71,7 +71,7 @@ impl HistoryWriter {
         Ok(writer)
     }
 
-    /// Makes the file hold exactly these rows and goes on behind them. It is written anew rather than cut back: after a
+    /// Makes the file hold exactly these rows and goes on behind them. It is written again rather than cut back: after a
     /// power cut it may hold less than it did, or something else.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use super::queue::{JobQueues, QueuedJob};
 use crate::material::{PointId, PointTrial};
 use protocol::transport::{LoadedJob, WorkerId};
 use protocol::wire::TrialJob;
-use protocol::{DefinitionId, RveError, StateId, TrialAnswer};
+use protocol::{DefinitionId, RveError, StateId, TrialResult};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Debug)]
 pub(super) enum JobOutcome {
     /// Solved: the answer and the trial state.
-    Done(Box<TrialAnswer>, PointState),
+    Done(Box<TrialResult>, PointState),
     /// The engine refused or failed.
     Failed(RveError),
 }
@@ -79,9 +79,9 @@ impl Job {
             definition,
             state: self.state.id,
             target: self.trial.target,
-            tangent: self.trial.ask.tangent as u32,
-            ramp_steps: self.trial.ask.ramp_steps,
-            observables: self.trial.ask.observables.0,
+            tangent: self.trial.options.tangent as u32,
+            ramp_steps: self.trial.options.ramp_steps,
+            observables: self.trial.options.observables.0,
             attempt: self.attempt,
             // The frame owns the length.
             state_length: 0,
@@ -130,9 +130,9 @@ impl Batch {
                 record.definition,
                 record.committed.id,
                 trial.target.0.map(f64::to_bits),
-                trial.ask.tangent as u32,
-                trial.ask.ramp_steps,
-                trial.ask.observables.0,
+                trial.options.tangent as u32,
+                trial.options.ramp_steps,
+                trial.options.observables.0,
             );
             let index = match known.get(&key) {
                 Some(&index) if deduplicate => index,
@@ -250,7 +250,7 @@ impl Batch {
     }
 
     /// Answers and trial states of all trials, in their order, when none has failed. Only duplicate trials copy an answer.
-    pub(super) fn into_answers(mut self) -> impl Iterator<Item = (TrialAnswer, PointState)> {
+    pub(super) fn into_answers(mut self) -> impl Iterator<Item = (TrialResult, PointState)> {
         let mut uses = vec![0usize; self.jobs.len()];
         self.job_of_trial.iter().for_each(|&job| uses[job] += 1);
         std::mem::take(&mut self.job_of_trial).into_iter().map(move |job| {

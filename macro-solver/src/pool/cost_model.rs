@@ -1,6 +1,6 @@
-//! What a trial will probably cost: orders the queue and tells a long job from a hung worker.
+//! Expected cost of a trial: orders the queue and distinguishes a long job from a hung worker.
 //!
-//! Forecasts are made of deterministic counts, never of times, so the order of the queue is reproducible; only the
+//! Expectations are made of deterministic counts, never of times, so the order of the queue is reproducible; only the
 //! allowance of a hung worker turns them into time.
 
 use crate::material::PointTrial;
@@ -42,8 +42,8 @@ impl CostModel {
 
 /// Ramp increments that the trial will take, about.
 fn effort(trial: &PointTrial) -> f64 {
-    if trial.ask.ramp_steps > 0 {
-        return f64::from(trial.ask.ramp_steps);
+    if trial.options.ramp_steps > 0 {
+        return f64::from(trial.options.ramp_steps);
     }
     let norm = trial.target.0.iter().map(|component| component * component).sum::<f64>().sqrt();
     norm / ASSUMED_STRAIN_PER_STEP
@@ -76,11 +76,11 @@ impl Throughput {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Ask, Tensor2};
+    use protocol::{Tensor2, TrialOptions};
 
     fn trial(strain: f64, ramp_steps: u32) -> PointTrial {
         let target = Tensor2::from_plane([[0.0, 0.0], [0.0, strain]]);
-        PointTrial { point: 0, target, ask: Ask { ramp_steps, ..Ask::default() } }
+        PointTrial { point: 0, target, options: TrialOptions { ramp_steps, ..TrialOptions::default() } }
     }
 
     #[test]

@@ -39,12 +39,12 @@ use batch::Batch;
 use coordinator::{Action, Coordinator};
 use points::PointTable;
 use protocol::control::ToWorker;
+use protocol::process::resident_mebibytes;
 use protocol::transport::{MacroPort, TransportError, Waker};
-use protocol::{Definition, DefinitionId, TrialAnswer};
-use recycling::resident_mebibytes;
+use protocol::{Definition, DefinitionId, TrialResult};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use workers::process_stats::ProcessStats;
+use workers::process_stats::process_stat;
 
 /// Time between two checks of the processes of busy workers.
 const CHECK_INTERVAL: Duration = Duration::from_millis(500);
@@ -239,8 +239,8 @@ impl<P: MacroPort> Pool<P> {
             return;
         }
         self.checked = now;
-        self.any_stopped = self.coordinator.workers.check(now, ProcessStats::of);
-        self.coordinator.retire_the_large(resident_mebibytes);
+        self.any_stopped = self.coordinator.workers.check(now, process_stat);
+        self.coordinator.retire_after_growth(resident_mebibytes);
         if let Some(reporter) = &mut self.reporter {
             reporter(&report::of(&self.coordinator, now));
         }
@@ -356,7 +356,7 @@ impl<P: MacroPort> Pool<P> {
     }
 
     /// Answers in the order of the trials, whose states are kept; or the reason of the lowest failing point.
-    fn collect(&mut self, trials: &[PointTrial], batch: Batch) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn collect(&mut self, trials: &[PointTrial], batch: Batch) -> Result<Vec<TrialResult>, MaterialError> {
         if let Some((point, reason)) = batch.lowest_failure(trials) {
             return Err(MaterialError::Point { point, reason });
         }
@@ -372,7 +372,7 @@ impl<P: MacroPort> Pool<P> {
 }
 
 impl<P: MacroPort> PointMaterial for Pool<P> {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         // After a failure no trial of these points may be mistaken for an answer to this call.
         for trial in trials {
             self.coordinator.points.records[trial.point].trial = None;

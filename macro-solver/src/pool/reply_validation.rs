@@ -4,7 +4,7 @@ use super::batch::Job;
 use super::points::PointState;
 use protocol::transport::LoadedReply;
 use protocol::wire::ReplyStatus;
-use protocol::{RveError, StateId, TangentKind, TrialAnswer, TrialFlags};
+use protocol::{RveError, StateId, TangentKind, TrialFlags, TrialResult};
 use thiserror::Error;
 
 /// A reply that has passed the check.
@@ -13,7 +13,7 @@ pub(super) enum ValidatedReply {
     /// The trial was solved.
     Done {
         /// Stress and all other results.
-        answer: Box<TrialAnswer>,
+        answer: Box<TrialResult>,
         /// The trial state.
         state: PointState,
         /// Time that the worker spent outside the solver, ns.
@@ -125,8 +125,8 @@ fn validate_result(job: &Job, loaded: &LoadedReply<'_>) -> Result<ValidatedReply
     let delivered =
         TangentKind::from_wire(reply.tangent_kind).ok_or(InvalidReply::UnknownTangent(reply.tangent_kind))?;
     let fell_back = TrialFlags(reply.flags).contains(TrialFlags::TANGENT_FALLBACK) && delivered != TangentKind::None;
-    if delivered != job.trial.ask.tangent && !fell_back {
-        return Err(InvalidReply::OtherTangent { requested: job.trial.ask.tangent, delivered });
+    if delivered != job.trial.options.tangent && !fell_back {
+        return Err(InvalidReply::OtherTangent { requested: job.trial.options.tangent, delivered });
     }
     Ok(ValidatedReply::Done {
         answer: Box::new(reply.answer()),

@@ -1,4 +1,4 @@
-//! What the pool tells about its workers while a run goes, for people who watch.
+//! Report about the workers while a run goes on.
 
 use super::coordinator::Coordinator;
 use super::workers::WorkerState;

@@ -3,20 +3,32 @@
 use super::recycling::Recycling;
 use protocol::TangentKind;
 use protocol::transport::shared_memory::ChannelLimits;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
 /// When a silent worker counts as hung. Generous on purpose: a kill costs the work done so far, and a scheduler may
 /// hold a healthy process for many milliseconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct HangPolicy {
     /// Time that every job may take whatever it is expected to cost.
+    #[serde(rename = "hang_floor", with = "keys::forms::seconds")]
+    #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub floor: Duration,
-    /// Times the expected duration that a job may take on top of the floor; dimensionless.
+    /// Times its expected duration that a job may take in addition to `hang_floor`. Time in which the worker was ready and got no
+    /// processor does not count.
+    #[serde(rename = "hang_factor")]
+    #[schemars(extend("x-unit" = "-"), range(min = 1.0))]
     pub factor: f64,
     /// Allowance while nothing is known of the throughput of an RVE definition.
+    #[serde(rename = "hang_unknown", with = "keys::forms::seconds")]
+    #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub unknown: Duration,
     /// How long a worker with work may be stopped (SIGSTOP, a debugger) before it is ended.
+    #[serde(rename = "stopped_limit", with = "keys::forms::seconds")]
+    #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub stopped: Duration,
 }
 
@@ -48,35 +60,60 @@ impl HangPolicy {
 }
 
 /// Settings of a pool; none of them changes a result.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct PoolSettings {
     /// Name of the run; a worker that asks for another run is refused.
+    #[schemars(skip)]
     pub run: String,
     /// Space dimensions that every worker must serve, 2 or 3.
+    #[schemars(skip)]
     pub dimension: u32,
     /// For each definition the engine whose workers solve it; empty = one engine for all, that of the first worker.
+    #[schemars(skip)]
     pub engines: Vec<String>,
     /// Tangent kinds that every worker must serve.
+    #[schemars(skip)]
     pub tangents: Vec<TangentKind>,
     /// Trials per message.
+    #[serde(rename = "jobs_per_message")]
+    #[schemars(extend("x-default" = "64"), range(max = 4096))]
     pub slice: NonZeroUsize,
     /// Most bytes of states in one message: what the channel carries. A slice that would be longer is cut.
+    #[schemars(skip)]
     pub message_bytes: usize,
     /// Messages that a worker may hold unanswered; two hide the latency of the channel.
+    #[schemars(range(max = 4096))]
     pub window: NonZeroUsize,
     /// Whether bitwise equal questions within one evaluation are solved once.
+    #[schemars(skip)]
     pub deduplicate: bool,
     /// When a silent worker is ended.
+    #[serde(flatten)]
     pub hang: HangPolicy,
     /// When a worker has done enough and a fresh one takes its place.
+    #[serde(flatten)]
     pub recycling: Recycling,
     /// How long the pool lives without any worker before it gives up.
+    #[serde(rename = "worker_timeout", with = "keys::forms::seconds")]
+    #[schemars(with = "f64", extend("x-unit" = "s", "x-default" = "60, with --attach 3600"), range(min = 0.0, max = 2_678_400.0))]
     pub patience: Duration,
     /// Number of workers that one job may end before it is held to be the cause and the run stops.
+    #[serde(rename = "quarantine_after")]
+    #[schemars(range(min = 1))]
     pub blames_until_quarantine: u32,
     /// How long a job rests before the worker whose end would quarantine it gets it. Who ends several workers from outside does so at
     /// once; without a rest a job that is handed on from victim to victim would be taken for the culprit.
+    #[schemars(skip)]
+    #[serde(with = "keys::forms::seconds")]
     pub last_rest: Duration,
+}
+
+impl Default for PoolSettings {
+    /// Those of a run without a name.
+    fn default() -> Self {
+        Self::new("")
+    }
 }
 
 impl PoolSettings {

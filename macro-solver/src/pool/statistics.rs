@@ -19,7 +19,7 @@ pub struct WorkerStatistics {
 /// deterministic as long as nothing fails.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoolStatistics {
-    /// Trials asked and answered.
+    /// Trials requested and answered.
     pub evaluations: u64,
     /// Jobs that workers solved; smaller than `evaluations` by the duplicates.
     pub solved: u64,
@@ -37,7 +37,7 @@ pub struct PoolStatistics {
     pub workers_lost: u64,
     /// Workers that left on their own will.
     pub workers_left: u64,
-    /// Workers that were asked to leave because they had done enough; those that did are among `workers_left`.
+    /// Workers that were requested to leave because they had done enough; those that did are among `workers_left`.
     pub workers_recycled: u64,
     /// Replacements started.
     pub worker_restarts: u64,

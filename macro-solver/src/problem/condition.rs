@@ -1,9 +1,12 @@
 //! Supports and loads.
 
 use super::{Amplitude, Link};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A space direction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Axis {
     /// Horizontal.
     X,
@@ -28,7 +31,8 @@ impl Axis {
 }
 
 /// Whether a pressure turns and stretches with the boundary.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum PressureKind {
     /// Acts on the current side along its current normal, as cell water does on a membrane.
     #[default]
@@ -38,7 +42,8 @@ pub enum PressureKind {
 }
 
 /// How a platen holds the ends of a specimen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Platen {
     /// Prescribes the displacement across the platen only.
     Smooth,
@@ -47,7 +52,8 @@ pub enum Platen {
 }
 
 /// Where a prescribed displacement counts from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Origin {
     /// From where each node stands when the stage begins, so that value 0 holds the node there.
     #[default]

@@ -1,5 +1,8 @@
 //! When a step counts as converged: what is measured, against what, and which measures have to hold together.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// What the out-of-balance force is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ForceMeasure {
@@ -25,7 +28,8 @@ pub enum DisplacementMeasure {
 }
 
 /// The criteria that have to hold, all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Vec<Criterion>", into = "Vec<Criterion>")]
 pub struct Criteria {
     /// Out-of-balance force.
     pub force: Option<ForceMeasure>,
@@ -33,6 +37,53 @@ pub struct Criteria {
     pub displacement: Option<DisplacementMeasure>,
     /// Work of the out-of-balance force along the next correction over the work of the internal forces along the step.
     pub energy: bool,
+}
+
+/// A criterion, by its word.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Criterion {
+    /// Out-of-balance force over reactions or loads, whichever are larger, below `force_tolerance`.
+    Force,
+    /// Out-of-balance force over reactions (FNORM/RNORM of [Argilaga2018]) below `force_tolerance`.
+    ForceOverReactions,
+    /// Next correction over the displacement of a full step below `displacement_tolerance`.
+    Displacement,
+    /// Next correction over the displacement of this step (UNORM/DNORM of [Argilaga2018]) below `displacement_tolerance`.
+    CorrectionOverStep,
+    /// Work of the out-of-balance force below `energy_tolerance`.
+    Energy,
+}
+
+impl From<Vec<Criterion>> for Criteria {
+    fn from(words: Vec<Criterion>) -> Self {
+        let mut criteria = Self { force: None, displacement: None, energy: false };
+        for word in words {
+            match word {
+                Criterion::Force => criteria.force = Some(ForceMeasure::Largest),
+                Criterion::ForceOverReactions => criteria.force = Some(ForceMeasure::Reactions),
+                Criterion::Displacement => criteria.displacement = Some(DisplacementMeasure::FullStep),
+                Criterion::CorrectionOverStep => criteria.displacement = Some(DisplacementMeasure::Step),
+                Criterion::Energy => criteria.energy = true,
+            }
+        }
+        criteria
+    }
+}
+
+impl From<Criteria> for Vec<Criterion> {
+    fn from(criteria: Criteria) -> Self {
+        let force = criteria.force.map(|measure| match measure {
+            ForceMeasure::Largest => Criterion::Force,
+            ForceMeasure::Reactions => Criterion::ForceOverReactions,
+        });
+        let displacement = criteria.displacement.map(|measure| match measure {
+            DisplacementMeasure::FullStep => Criterion::Displacement,
+            DisplacementMeasure::Step => Criterion::CorrectionOverStep,
+        });
+        let energy = criteria.energy.then_some(Criterion::Energy);
+        [force, displacement, energy].into_iter().flatten().collect()
+    }
 }
 
 impl Default for Criteria {
@@ -71,16 +122,24 @@ pub struct ConvergenceMeasures {
     pub energy: f64,
 }
 
-/// Tolerances and which of them count.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Tolerances and which of them count: keys of `[solver]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Tolerances {
-    /// Of [`ConvergenceMeasures::force`].
+    /// Largest out-of-balance force over reactions and loads.
+    #[serde(rename = "force_tolerance")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit relaxation"))]
     pub force: f64,
-    /// Of [`ConvergenceMeasures::displacement`].
+    /// Largest correction that the accepted state would still get, over the displacement of a full step.
+    #[serde(rename = "displacement_tolerance")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     pub displacement: f64,
-    /// Of [`ConvergenceMeasures::energy`].
+    /// Largest work of the out-of-balance force along the next correction, over the work of the internal forces along the step.
+    #[serde(rename = "energy_tolerance")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     pub energy: f64,
-    /// Which of them have to hold.
+    /// Criteria of convergence that have to hold, all of them.
+    #[schemars(with = "Vec<Criterion>", length(min = 1), extend("x-procedures" = "implicit"))]
     pub criteria: Criteria,
 }
 

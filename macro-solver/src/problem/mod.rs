@@ -8,7 +8,10 @@ use crate::element::mass::MassError;
 use crate::formulation::Formulation;
 use crate::mesh::{Mesh, MeshError};
 use crate::nonlocal::{NonlocalError, NonlocalSettings};
+use keys::Fault;
 use protocol::{Observables, TangentKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 mod amplitude;
@@ -16,6 +19,7 @@ mod condition;
 mod criteria;
 pub mod dynamics;
 pub(crate) mod elimination;
+mod equations;
 mod initial_stress;
 mod link;
 mod named_strategy;
@@ -29,6 +33,8 @@ mod validation;
 pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
+pub use equations::EquationSettings;
+pub(crate) use equations::HourglassKeys;
 pub use initial_stress::{InitialState, InitialStress};
 pub use link::{Link, LinkTerm};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
@@ -38,7 +44,8 @@ pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
 
 /// How the global equations are solved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum EquationSolver {
     /// Sparse LU; the choice for the plane and for small solids.
     #[default]
@@ -127,6 +134,9 @@ pub enum ProblemError {
         /// What is wrong with it.
         error: Box<ProblemError>,
     },
+    /// A setting is out of the range of its key.
+    #[error(transparent)]
+    Setting(#[from] Fault),
     /// The history of a condition is not usable.
     #[error("the history of a condition is not usable: {reason}")]
     History {

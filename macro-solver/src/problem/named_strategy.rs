@@ -2,10 +2,13 @@
 
 use super::{Predictor, SecantGates, Strategy};
 use protocol::TangentKind;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// When points are asked for tangents. The global matrix is factorized with fresh tangents, and in every iteration if
 /// point tangents are corrected by secants.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "TangentUpdateKeys", into = "TangentUpdateKeys")]
 pub enum Renewal {
     /// At every iterate: full Newton.
     #[default]
@@ -34,6 +37,72 @@ impl Renewal {
     }
 }
 
+/// The keys of `[solver]` that say when tangents are updated.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(super) struct TangentUpdateKeys {
+    /// When points are asked for tangents.
+    #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
+    tangent_update: TangentUpdateWord,
+    /// Of "when_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"), range(max = 1.0))]
+    tangent_update_contraction: f64,
+    /// Of "when_slow": iterations for which tangents serve at most.
+    #[schemars(extend("x-procedures" = "implicit"), range(min = 1))]
+    tangent_max_uses: usize,
+}
+
+/// When tangents are updated.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum TangentUpdateWord {
+    /// At every iterate: full Newton.
+    Always,
+    /// Kept over iterations and steps until an iteration leaves more than `tangent_update_contraction` of the out-of-balance
+    /// force, or for `tangent_max_uses` iterations: modified Newton.
+    WhenSlow,
+    /// At the first iterate of every attempt.
+    EachStep,
+    /// At the start, and after a failed attempt.
+    Once,
+}
+
+impl Default for TangentUpdateKeys {
+    fn default() -> Self {
+        let word = TangentUpdateWord::Always;
+        Self { tangent_update: word, tangent_update_contraction: 0.5, tangent_max_uses: 12 }
+    }
+}
+
+impl From<TangentUpdateKeys> for Renewal {
+    fn from(keys: TangentUpdateKeys) -> Self {
+        match keys.tangent_update {
+            TangentUpdateWord::Always => Self::Always,
+            TangentUpdateWord::WhenSlow => {
+                Self::WhenSlow { contraction: keys.tangent_update_contraction, most_uses: keys.tangent_max_uses }
+            }
+            TangentUpdateWord::EachStep => Self::EachStep,
+            TangentUpdateWord::Once => Self::Once,
+        }
+    }
+}
+
+impl From<Renewal> for TangentUpdateKeys {
+    fn from(update: Renewal) -> Self {
+        let with = |tangent_update| Self { tangent_update, ..Self::default() };
+        match update {
+            Renewal::Always => with(TangentUpdateWord::Always),
+            Renewal::WhenSlow { contraction, most_uses } => Self {
+                tangent_update: TangentUpdateWord::WhenSlow,
+                tangent_update_contraction: contraction,
+                tangent_max_uses: most_uses,
+            },
+            Renewal::EachStep => with(TangentUpdateWord::EachStep),
+            Renewal::Once => with(TangentUpdateWord::Once),
+        }
+    }
+}
+
 /// Limited-memory BFGS on the free degrees of freedom, on top of the kept factors [Nocedal and Wright, algorithm 7.4].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuasiNewton {
@@ -50,8 +119,51 @@ impl Default for QuasiNewton {
     }
 }
 
-/// A way to solve a step, by the name that scenes use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The keys of `[solver]` about quasi-Newton corrections.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(super) struct QuasiNewtonKeys {
+    /// Pairs that limited-memory BFGS keeps, over steps too; 0 switches it off.
+    #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
+    quasi_newton_pairs: usize,
+    /// Pairs between whose iterates no point's displacement gradient has changed by this much are noise and are not used.
+    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
+    quasi_newton_min_change: f64,
+}
+
+impl Default for QuasiNewtonKeys {
+    fn default() -> Self {
+        Self { quasi_newton_pairs: 0, quasi_newton_min_change: QuasiNewton::default().min_change }
+    }
+}
+
+pub(super) mod quasi_newton_keys {
+    use super::{QuasiNewton, QuasiNewtonKeys};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(in crate::problem) fn serialize<S: Serializer>(
+        settings: &Option<QuasiNewton>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let keys = settings.map_or(QuasiNewtonKeys::default(), |settings| QuasiNewtonKeys {
+            quasi_newton_pairs: settings.pairs,
+            quasi_newton_min_change: settings.min_change,
+        });
+        keys.serialize(serializer)
+    }
+
+    pub(in crate::problem) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<QuasiNewton>, D::Error> {
+        let keys = QuasiNewtonKeys::deserialize(deserializer)?;
+        let settings = QuasiNewton { pairs: keys.quasi_newton_pairs, min_change: keys.quasi_newton_min_change };
+        Ok((settings.pairs > 0).then_some(settings))
+    }
+}
+
+/// A solution strategy, by the name that scenes use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum NamedStrategy {
     /// Full Newton: the frozen-network tangent at every iterate.
     Newton,

@@ -2,10 +2,13 @@
 //! unknown. The latter follows softening, snap-through and snap-back.
 
 use super::Axis;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// What is prescribed from step to step. All but [`PathControl::Load`] need loads and prescribed motions that grow with
 /// the load factor; the factor then rises and falls as equilibrium wants it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PathControl {
     /// The load factor goes from 0 to 1.
     #[default]
@@ -14,20 +17,26 @@ pub enum PathControl {
     /// first one. The stage ends after its increments or with the first step that reaches load factor 1.
     ArcLength {
         /// Load factor of the first step, which sets the length of all.
+        #[schemars(extend("x-unit" = "-", "x-nonzero" = true))]
         first_load: f64,
-        /// Node set and, if given, the one component of it that counts; `None`: all components of all nodes.
-        measured: Option<(String, Option<Axis>)>,
+        /// Node set whose displacements are measured; all nodes if left out.
+        set: Option<String>,
+        /// The one component of the set that is measured; all if left out.
+        component: Option<Axis>,
     },
     /// Indirect control: over the stage the difference of two mean displacements grows by a given amount, in proportion
     /// to the steps. The stage ends with it.
     Indirect {
-        /// Node set whose mean counts.
+        /// Node set whose mean displacement counts.
+        #[serde(rename = "set")]
         nodes: String,
-        /// Node set whose mean is taken off; `None`: nothing is.
+        /// Node set whose mean displacement is subtracted; nothing if left out.
         relative_to: Option<String>,
-        /// Component.
+        /// Component of the displacement.
+        #[serde(rename = "component")]
         axis: Axis,
-        /// Growth over the stage, m.
+        /// Growth over the stage.
+        #[schemars(extend("x-unit" = "m", "x-nonzero" = true))]
         growth: f64,
     },
 }
@@ -37,7 +46,7 @@ impl PathControl {
     pub fn measured(&self) -> Vec<(&str, Option<Axis>)> {
         match self {
             Self::Load => Vec::new(),
-            Self::ArcLength { measured, .. } => measured.iter().map(|(set, axis)| (set.as_str(), *axis)).collect(),
+            Self::ArcLength { set, component, .. } => set.iter().map(|set| (set.as_str(), *component)).collect(),
             Self::Indirect { nodes, relative_to, axis, .. } => {
                 std::iter::once(nodes).chain(relative_to).map(|set| (set.as_str(), Some(*axis))).collect()
             }

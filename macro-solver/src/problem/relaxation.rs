@@ -1,7 +1,11 @@
 //! Settings of dynamic relaxation.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// Which equations are followed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum RelaxationForm {
     /// With the errata put right.
     #[default]
@@ -11,20 +15,26 @@ pub enum RelaxationForm {
     AsPrinted,
 }
 
-/// How an equilibrium is relaxed to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How an equilibrium is relaxed to: the keys of `[relaxation]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct RelaxationSettings {
-    /// Equations.
+    /// Equations that are followed. "as_printed" also changes the defaults of `safety` (0.5) and `hits` (1).
     pub form: RelaxationForm,
-    /// Damping ratio `xi` of the moving mode, dimensionless.
+    /// Damping ratio `xi` of the moving mode.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub damping_ratio: f64,
-    /// Share of the critical step, above 0 and at most 1; in the printed form `gamma`.
+    /// Share of the critical step; in the printed form `gamma`.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 1.0))]
     pub safety: f64,
-    /// Kinetic energy over its largest value in the attempt at which it is at rest.
+    /// Kinetic energy over its largest value in the attempt below which the body is at rest; `solver.force_tolerance` must hold too.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub kinetic_tolerance: f64,
     /// Iterations in a row in which all criteria must hold.
+    #[schemars(range(min = 1))]
     pub hits: usize,
-    /// An attempt with more iterations has failed.
+    /// Iterations after which an increment has failed and is cut back.
+    #[schemars(range(min = 1))]
     pub max_iterations: usize,
 }
 
@@ -47,18 +57,11 @@ impl RelaxationSettings {
         Self { form: RelaxationForm::AsPrinted, safety: 0.5, hits: 1, ..Self::default() }
     }
 
-    /// What is wrong with its numbers: the quantity, what it must be, and what it is.
-    pub fn defect(&self) -> Option<(&'static str, &'static str, f64)> {
-        let positive = |value: f64| value > 0.0 && value.is_finite();
-        [
-            ("damping ratio", "above 0", self.damping_ratio, positive(self.damping_ratio)),
-            ("relaxation safety", "above 0 and at most 1", self.safety, self.safety > 0.0 && self.safety <= 1.0),
-            ("kinetic tolerance", "above 0", self.kinetic_tolerance, positive(self.kinetic_tolerance)),
-            ("hits", "at least 1", self.hits as f64, self.hits >= 1),
-            ("relaxation max_iterations", "at least 1", self.max_iterations as f64, self.max_iterations >= 1),
-        ]
-        .into_iter()
-        .find(|(_, _, _, sound)| !sound)
-        .map(|(what, requirement, value, _)| (what, requirement, value))
+    /// The settings with which a form begins.
+    pub fn of_form(form: RelaxationForm) -> Self {
+        match form {
+            RelaxationForm::Corrected => Self::default(),
+            RelaxationForm::AsPrinted => Self::as_printed(),
+        }
     }
 }

@@ -3,6 +3,8 @@
 use super::{Applied, Moment, PathControl, Strategy, Tolerances};
 use crate::problem::dynamics::DynamicSettings;
 use crate::problem::relaxation::RelaxationSettings;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// How a stage is solved.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,26 +69,41 @@ impl Stage {
     }
 }
 
-/// How a stage goes along its path, by default the load factor from 0 to 1. All sizes are shares of the stage.
-#[derive(Clone, Debug, PartialEq)]
+/// How a stage goes along its path, by default the load factor from 0 to 1: keys of `[loading]`. All sizes are shares of the stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct StepControl {
-    /// Number of equal steps if nothing is cut back; the first and largest size is `1 / increments`.
+    /// Number of equal steps if nothing is cut back. No step is larger.
+    #[schemars(range(min = 1), extend("x-procedures" = "implicit relaxation"))]
     pub increments: usize,
-    /// Smallest size that is still tried.
+    /// Smallest step, as a share of the stage. A step that fails at this size is stabilised; if that fails too, or is switched off,
+    /// the run ends with exit code 1.
+    #[serde(rename = "smallest_increment")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit relaxation"), range(max = 1.0))]
     pub min: f64,
-    /// Factor on the size after an easy step, at least 1; the size never exceeds `1 / increments`.
+    /// Factor on the step size after an easy step.
+    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit relaxation"), range(min = 1.0))]
     pub growth: f64,
-    /// Factor on the size after a failed step, below 1.
+    /// Factor on the step size after a failed step.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "exclusiveMaximum" = 1, "x-procedures" = "implicit relaxation"))]
     pub cut: f64,
-    /// A step with at most this many iterations is easy.
+    /// A step with at most this many iterations is easy; with `adapt` = "target" the number that step sizes aim at.
+    #[schemars(extend("x-procedures" = "implicit"))]
     pub target_iterations: usize,
     /// A step that has not converged after this many iterations is cut back.
+    #[schemars(range(min = 1), extend("x-procedures" = "implicit"))]
     pub max_iterations: usize,
-    /// How the size follows the iterations that a step took.
+    /// How the step size follows the iterations that a step took.
+    #[serde(rename = "adapt")]
+    #[schemars(extend("x-procedures" = "implicit"))]
     pub rule: StepRule,
-    /// What a step prescribes.
+    /// What a step prescribes: the load factor, or a measure of displacement with the load factor as an unknown.
+    #[serde(rename = "control")]
+    #[schemars(extend("x-procedures" = "implicit"))]
     pub path: PathControl,
-    /// What happens where no step finds balance; `None`: the run ends.
+    /// What happens where no step converges; `None`: the run ends.
+    #[serde(flatten, with = "stabilisation_keys")]
+    #[schemars(with = "StabilisationKeys")]
     pub stabilisation: Option<Stabilisation>,
 }
 
@@ -103,6 +120,67 @@ pub struct Stabilisation {
     pub drag: f64,
 }
 
+/// The keys of `[loading]` about viscous stabilisation.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+struct StabilisationKeys {
+    /// Whether viscous stabilisation carries the body to the next equilibrium where no step converges. Counted as
+    /// `fallbacks.steps_stabilised`; the energy taken is `energy.stabilisation`. Refused where `control` makes the load factor an
+    /// unknown.
+    #[schemars(extend("x-procedures" = "implicit"))]
+    stabilise: bool,
+    /// Failed attempts after which a step is stabilised before it has been cut back to the smallest size. Refused where `stabilise`
+    /// is false.
+    #[schemars(range(min = 1), extend("x-default" = "none", "x-procedures" = "implicit"))]
+    stabilise_after: Option<usize>,
+    /// Increments with supports and loads at rest after which the body counts as having no equilibrium, and the run ends. Refused
+    /// where `stabilise` is false.
+    #[schemars(range(min = 1), extend("x-procedures" = "implicit"))]
+    stabilise_increments: usize,
+    /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
+    stabilise_viscosity: f64,
+}
+
+impl Default for StabilisationKeys {
+    fn default() -> Self {
+        Self::from(Some(Stabilisation::default()))
+    }
+}
+
+impl From<Option<Stabilisation>> for StabilisationKeys {
+    fn from(settings: Option<Stabilisation>) -> Self {
+        let Stabilisation { after, most_increments, drag } = settings.unwrap_or_default();
+        Self {
+            stabilise: settings.is_some(),
+            stabilise_after: after,
+            stabilise_increments: most_increments,
+            stabilise_viscosity: drag,
+        }
+    }
+}
+
+mod stabilisation_keys {
+    use super::{Stabilisation, StabilisationKeys};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        settings: &Option<Stabilisation>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        StabilisationKeys::from(*settings).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Stabilisation>, D::Error> {
+        let keys = StabilisationKeys::deserialize(deserializer)?;
+        Ok(keys.stabilise.then_some(Stabilisation {
+            after: keys.stabilise_after,
+            most_increments: keys.stabilise_increments,
+            drag: keys.stabilise_viscosity,
+        }))
+    }
+}
+
 impl Default for Stabilisation {
     fn default() -> Self {
         Self { after: None, most_increments: 100, drag: 0.1 }
@@ -110,13 +188,14 @@ impl Default for Stabilisation {
 }
 
 /// How the size of the next step follows from the last one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum StepRule {
-    /// Grows by [`StepControl::growth`] after an easy step and stays otherwise.
+    /// Grows by `growth` after an easy step and stays otherwise.
     #[default]
     Easy,
-    /// Is multiplied by the square root of [`StepControl::target_iterations`] over the iterations taken, at most by
-    /// [`StepControl::growth`] and at least by [`StepControl::cut`] [Crisfield 1981].
+    /// Is multiplied by the square root of `target_iterations` over the iterations taken, at most by `growth` and at least by
+    /// `cut` [Crisfield 1981].
     Target,
 }
 

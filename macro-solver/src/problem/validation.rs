@@ -3,13 +3,14 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, InitialStress, Origin, PathControl, Platen, Problem, ProblemError,
-    Procedure, Renewal, Stage, Tolerances,
+    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, Platen, Problem, ProblemError,
+    Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
 use crate::mesh::{Dimension, Side};
 use crate::nonlocal::NonlocalOperator;
+use keys::check_settings;
 
 /// A prescribed displacement component of one node over a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,16 +45,14 @@ impl Problem {
     /// The first defect found; with several stages, [`ProblemError::Stage`] says in which.
     pub fn validate(&self) -> Result<(), ProblemError> {
         self.mesh.validate()?;
-        let coefficient = self.hourglass.coefficient();
-        refuse_unsound(vec![
-            ("strain_per_step", self.strain_per_step, "at least 0", self.strain_per_step >= 0.0),
-            ("hourglass_coefficient", coefficient, "above 0", coefficient > 0.0),
-        ])?;
+        check_settings(&EquationSettings::of(self), &["solver"])?;
+        let strain = self.strain_per_step;
+        refuse_unsound(vec![("rve.strain_per_step", strain, "at least 0", strain >= 0.0)])?;
         let expected = self.initial.expected.iter().flat_map(InitialStress::numbers);
         refuse_unsound(expected.map(|value| ("initial_stress", value, "a finite number", true)).collect())?;
         let limits = [
-            ("largest_deviation", self.initial.largest_deviation),
-            ("largest_imbalance", self.initial.largest_imbalance),
+            ("initial_stress.largest_deviation", self.initial.largest_deviation),
+            ("initial_stress.largest_imbalance", self.initial.largest_imbalance),
         ];
         let given = limits.into_iter().filter_map(|(name, limit)| Some((name, limit?)));
         refuse_unsound(given.map(|(name, limit)| (name, limit, "at least 0", limit >= 0.0)).collect())?;
@@ -77,7 +76,8 @@ impl Problem {
     }
 
     fn validate_stage(&self, stage: &Stage) -> Result<(), ProblemError> {
-        refuse_unsound(stage_numbers(stage))?;
+        check_stage_settings(stage)?;
+        refuse_unsound(condition_numbers(stage))?;
         for applied in &stage.conditions {
             if let Some(reason) = applied.history.defect() {
                 return Err(ProblemError::History { reason });
@@ -108,11 +108,7 @@ impl Problem {
             });
         }
         match &stage.procedure {
-            Procedure::Implicit => check_rigid_motion(&self.mesh, &prescribed, &dependents),
-            Procedure::Relaxation(settings) => {
-                if let Some((what, requirement, value)) = settings.defect() {
-                    return Err(ProblemError::Number { what, requirement, value });
-                }
+            Procedure::Implicit | Procedure::Relaxation(_) => {
                 check_rigid_motion(&self.mesh, &prescribed, &dependents)
             }
             // Inertia holds what no support does.
@@ -271,59 +267,26 @@ fn refuse_unsound(checks: Vec<Check>) -> Result<(), ProblemError> {
     }
 }
 
-fn stage_numbers(stage: &Stage) -> Vec<Check> {
-    let Tolerances { force, displacement, energy, criteria } = stage.tolerances;
-    let (control, strategy) = (&stage.control, &stage.strategy);
+/// The ranges of all keys, and what one key demands of another.
+fn check_stage_settings(stage: &Stage) -> Result<(), ProblemError> {
+    let (control, tolerances) = (&stage.control, &stage.tolerances);
+    check_settings(control, &["loading"])?;
+    check_settings(tolerances, &["solver"])?;
+    check_settings(&stage.strategy, &["solver"])?;
+    match &stage.procedure {
+        Procedure::Implicit => {}
+        Procedure::Relaxation(settings) => check_settings(settings, &["relaxation"])?,
+        Procedure::Dynamic(settings) => check_settings(&**settings, &["dynamics"])?,
+    }
     let base = 1.0 / control.increments as f64;
-    let mut checks = vec![
-        ("duration", stage.duration, "above 0", stage.duration > 0.0),
-        ("increments", control.increments as f64, "at least 1", control.increments >= 1),
-        ("min", control.min, "above 0 and at most 1 / increments", control.min > 0.0 && control.min <= base),
-        ("growth", control.growth, "at least 1", control.growth >= 1.0),
-        ("cut", control.cut, "between 0 and 1", control.cut > 0.0 && control.cut < 1.0),
-        ("max_iterations", control.max_iterations as f64, "at least 1", control.max_iterations >= 1),
-        ("force tolerance", force, "above 0", force > 0.0),
-        ("displacement tolerance", displacement, "above 0", displacement > 0.0),
-        ("energy criterion", energy, "above 0", energy > 0.0),
-        ("criteria", 0.0, "at least one criterion", !criteria.is_empty()),
-        ("capped_change", strategy.capped_change, "above 0", strategy.capped_change > 0.0),
-    ];
-    if let Some(floor) = strategy.tangent_floor {
-        checks.push(("tangent_floor", floor, "between 0 and 1", (0.0..1.0).contains(&floor)));
-    }
-    match &control.path {
-        PathControl::Load => {}
-        PathControl::ArcLength { first_load, .. } => {
-            checks.push(("first_load", *first_load, "other than 0", *first_load != 0.0));
-        }
-        PathControl::Indirect { growth, .. } => {
-            checks.push(("probe growth", *growth, "other than 0", *growth != 0.0));
-        }
-    }
-    if let Some(stabilisation) = control.stabilisation {
-        let (after, most) = (stabilisation.after.unwrap_or(1), stabilisation.most_increments);
-        checks.push(("stabilise_after", after as f64, "at least 1", after >= 1));
-        checks.push(("stabilise_increments", most as f64, "at least 1", most >= 1));
-        checks.push(("stabilise_drag", stabilisation.drag, "above 0", stabilisation.drag > 0.0));
-    }
-    if let Some(grid) = strategy.target_grid {
-        checks.push(("target_grid", grid, "above 0 and at most 1e-3", grid > 0.0 && grid <= 1e-3));
-    }
-    if let Renewal::WhenSlow { contraction, most_uses } = strategy.renewal {
-        let sound = contraction > 0.0 && contraction <= 1.0;
-        checks.push(("contraction", contraction, "above 0 and at most 1", sound));
-        checks.push(("most_uses", most_uses as f64, "at least 1", most_uses >= 1));
-    }
-    if let Some(quasi_newton) = strategy.quasi_newton {
-        checks.push(("pairs", quasi_newton.pairs as f64, "at least 1", quasi_newton.pairs >= 1));
-        let least = quasi_newton.min_change;
-        checks.push(("quasi_newton min_change", least, "at least 0", least >= 0.0));
-    }
-    if let Some(gates) = strategy.secant {
-        checks.push(("secant min_change", gates.min_change, "at least 0", gates.min_change >= 0.0));
-        checks.push(("secant max_ratio", gates.max_ratio, "above 0", gates.max_ratio > 0.0));
-        checks.push(("secant floor", gates.floor, "at least 0", gates.floor >= 0.0));
-    }
+    refuse_unsound(vec![
+        ("loading.duration", stage.duration, "above 0", stage.duration > 0.0),
+        ("loading.smallest_increment", control.min, "at most 1 / increments", control.min <= base),
+    ])
+}
+
+fn condition_numbers(stage: &Stage) -> Vec<Check> {
+    let mut checks = Vec::new();
     for applied in &stage.conditions {
         let (name, values) = match &applied.condition {
             Condition::Displacement { value, .. } => ("displacement", vec![*value]),
@@ -399,7 +362,10 @@ mod tests {
         assert!(text.contains(said), "{text}");
         let mut bad = problem(supported());
         bad.stages[0].control.cut = f64::NAN;
-        assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "cut", .. })));
+        let refused = bad.validate().unwrap_err().to_string();
+        assert_eq!(refused, "loading.cut must be a finite number, not NaN");
+        bad.stages[0].control.cut = 1.0;
+        assert_eq!(bad.validate().unwrap_err().to_string(), "loading.cut must be above 0 and below 1, not 1");
         let bad = problem(
             [supported(), vec![Condition::Traction { sides: "top".into(), value: [0.0, f64::NAN, 0.0] }]].concat(),
         );

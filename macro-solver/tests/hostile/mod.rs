@@ -18,8 +18,8 @@ use protocol::transport::frame::{Frame, Outgoing};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{
-    Ask, Capabilities, Cost, Definition, PROTOCOL_VERSION, RveError, StateId, TangentKind, Tensor2, Tensor4,
-    TrialAnswer,
+    Capabilities, Cost, Definition, PROTOCOL_VERSION, RveError, StateId, TangentKind, Tensor2, Tensor4, TrialOptions,
+    TrialResult,
 };
 use std::cell::RefCell;
 use std::collections::{BTreeSet, VecDeque};
@@ -123,7 +123,7 @@ fn play(manner: Manner, seed: u64, findings: &mut Findings) {
 }
 
 /// What the macro may take for the answer to `trial`.
-fn believable(manner: Manner, trial: &PointTrial, start: &[u8], answer: &TrialAnswer) {
+fn believable(manner: Manner, trial: &PointTrial, start: &[u8], answer: &TrialResult) {
     match manner {
         Manner::Damaged => {
             let (expected, _) = solve(trial.point as u64, &trial.target, start);
@@ -137,23 +137,23 @@ fn believable(manner: Manner, trial: &PointTrial, start: &[u8], answer: &TrialAn
 }
 
 fn questions(step: u32) -> Vec<PointTrial> {
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     let target = |point: usize| {
         let strain = 1e-4 * (1.0 + point as f64 + f64::from(step) / 7.0);
         Tensor2::from_plane([[strain, 0.0], [0.0, -strain]])
     };
-    (0..POINTS).map(|point| PointTrial { point, target: target(point), ask }).collect()
+    (0..POINTS).map(|point| PointTrial { point, target: target(point), options }).collect()
 }
 
 /// The law: everything depends on every bit of the question.
-fn solve(point: u64, target: &Tensor2, start: &[u8]) -> (TrialAnswer, Vec<u8>) {
+fn solve(point: u64, target: &Tensor2, start: &[u8]) -> (TrialResult, Vec<u8>) {
     let mut text = point.to_le_bytes().to_vec();
     text.extend_from_slice(start);
     text.extend(target.0.iter().flat_map(|component| component.to_bits().to_le_bytes()));
     let end = StateId::of(&text).0.repeat(3);
     let mut stress = *target;
     stress.0[4] += f64::from(end[0]) + f64::from(end[1]) / 7.0;
-    let answer = TrialAnswer {
+    let answer = TrialResult {
         stress,
         tangent: Some(Box::new(Tensor4([f64::from(end[2]); 81]))),
         scalars: Default::default(),

@@ -2,10 +2,11 @@
 
 use super::linear::NormalStiffness;
 use crate::error::{DefinitionError, not_negative, positive};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Contact laws by keyword.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LawName {
     /// Linear springs with Coulomb friction, [Argilaga2018] appendix A.
@@ -29,7 +30,7 @@ impl LawName {
 }
 
 /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentialUnloading {
     /// The force shrinks with the tangential stiffness: no cycle gains energy.
@@ -40,7 +41,7 @@ pub enum TangentialUnloading {
 }
 
 /// Whether grains may rotate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rotations {
     /// Grains rotate.
@@ -51,50 +52,62 @@ pub enum Rotations {
 }
 
 /// The table `[contact]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
     /// Contact law.
     #[serde(default)]
     pub law: LawName,
-    /// Normal stiffness k_n of every contact, N/m. Exactly one of this and `modulus`.
+    /// Normal stiffness k_n of every contact. Exactly one of this and `modulus`.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "N/m"))]
     pub normal_stiffness: Option<f64>,
-    /// Modulus E, Pa: k_n = 2 E R1 R2 / (R1 + R2).
+    /// Modulus E: k_n = 2 E R1 R2 / (R1 + R2).
     #[serde(default)]
+    #[schemars(extend("x-unit" = "Pa"))]
     pub modulus: Option<f64>,
-    /// k_t / k_n, dimensionless.
+    /// k_t / k_n.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub stiffness_ratio: Option<f64>,
-    /// Grain shear modulus of Hertz-Mindlin contacts, Pa.
+    /// Grain shear modulus of Hertz-Mindlin contacts.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "Pa"))]
     pub shear_modulus: Option<f64>,
-    /// Grain Poisson ratio of Hertz-Mindlin contacts, dimensionless.
+    /// Grain Poisson ratio of Hertz-Mindlin contacts.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub poisson_ratio: Option<f64>,
-    /// Coulomb coefficient mu, dimensionless.
+    /// Coulomb coefficient mu.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub friction: f64,
-    /// Cohesive overlap C of f_n = -k_n (h - C), m.
+    /// Cohesive overlap C of f_n = -k_n (h - C).
     #[serde(default)]
+    #[schemars(extend("x-unit" = "m"), range(min = 0.0))]
     pub cohesion: f64,
     /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
     /// elastic force it causes. It acts while grains move and on them alone; no quasi-static result depends on it.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "steps"), range(min = 0.0))]
     pub damping: f64,
     /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-default" = "\"rescaled\""))]
     pub unloading: Option<TangentialUnloading>,
-    /// Rolling stiffness over k_t R1 R2, dimensionless; 0 = none.
+    /// Rolling stiffness over k_t R1 R2; 0 = none.
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub rolling_stiffness: f64,
-    /// Largest rolling moment over min(R1, R2) times the normal force, dimensionless; 0 = none.
+    /// Largest rolling moment over min(R1, R2) times the normal force; 0 = none.
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub rolling_friction: f64,
     /// Whether grains may rotate.
     #[serde(default)]
     pub rotations: Rotations,
-    /// Density of the grain material, kg/m3; quasi-static results do not depend on it.
+    /// Density of the grain material; quasi-static results do not depend on it.
     #[serde(default = "quartz_density")]
+    #[schemars(extend("x-unit" = "kg/m3"))]
     pub density: f64,
 }
 
@@ -199,7 +212,7 @@ impl ContactTable {
         Ok(())
     }
 
-    /// Shear modulus of the grains, Pa.
+    /// Shear modulus of the grains.
     pub(super) fn grain_shear_modulus(&self) -> Result<f64, DefinitionError> {
         self.shear_modulus.ok_or_else(|| missing("shear_modulus", "Pa"))
     }

@@ -1,22 +1,27 @@
 //! The table `[rve.operator]`: perturbations and averages of tangent operators.
 
 use crate::error::{DefinitionError, positive};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The table `[rve.operator]`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorOptions {
-    /// Displacement gradient of the perturbations of a consistent operator, dimensionless; default 1e-5.
+    /// Displacement gradient of the perturbations of a consistent operator.
     // Definitions keep the old name of the key: their bytes are the identity of an RVE.
     #[serde(rename(serialize = "probe"), alias = "probe")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0))]
     pub perturbation: Option<f64>,
-    /// Displacement gradient of the perturbations of a quasi-static operator, dimensionless; default 1e-6.
+    /// Displacement gradient of the perturbations of a quasi-static operator.
     #[serde(rename(serialize = "quasi_static_probe"), alias = "quasi_static_probe")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
     pub quasi_static_perturbation: Option<f64>,
-    /// Value that the `max_force` criterion must reach in the perturbations of a quasi-static operator; default 1e-6.
+    /// Value that the `max_force` criterion must reach in the perturbations of a quasi-static operator.
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
     pub quasi_static_tolerance: Option<f64>,
-    /// Committed steps whose consistent operators make the elastic average; default 5.
+    /// Committed steps whose consistent operators make the elastic average.
+    #[schemars(extend("x-default" = "5"), range(min = 1))]
     pub average_steps: Option<u32>,
 }
 

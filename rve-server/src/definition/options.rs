@@ -2,10 +2,11 @@
 
 use super::operator_options::OperatorOptions;
 use crate::error::{DefinitionError, positive};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Named accuracy: a strain per ramp step and a tolerance.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {
     /// 5e-6 strain per step, force tolerance 1e-2: for trying things out.
@@ -18,7 +19,7 @@ pub enum Accuracy {
 }
 
 /// Equilibrium criteria by keyword. They are not equivalent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
     /// Largest unbalanced force, or moment over radius, of any grain over the mean normal contact force
@@ -44,7 +45,7 @@ impl Criterion {
 }
 
 /// Dampings by keyword.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Damping {
     /// Fast inertial relaxation engine: velocities are steered towards the forces and reset when they oppose them.
@@ -74,7 +75,7 @@ impl Damping {
 }
 
 /// Treatment of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AtStepCap {
     /// An answer with the best stress there is, flagged and counted.
@@ -85,7 +86,7 @@ pub enum AtStepCap {
 }
 
 /// Grain solvers by keyword.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SolverName {
     /// Ramp in small strain increments, damped explicit motion to equilibrium.
@@ -101,7 +102,7 @@ impl SolverName {
 }
 
 /// The table `[rve]`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RveOptions {
     /// Grain solver.
@@ -109,28 +110,35 @@ pub struct RveOptions {
     pub solver: SolverName,
     /// Named accuracy; `strain_per_step` and `tolerance` override its two values.
     pub accuracy: Accuracy,
-    /// Largest strain component applied in one ramp step, dimensionless.
+    /// Largest strain component applied in one ramp step.
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
     pub strain_per_step: Option<f64>,
     /// Equilibrium criterion.
     pub criterion: Criterion,
-    /// Value that the criterion must reach, dimensionless.
+    /// Value that the criterion must reach.
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
     /// Damping.
     pub damping: Damping,
-    /// Coefficient of local damping, in (0, 1); default 0.7.
+    /// Coefficient of local damping, in (0, 1).
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.7"))]
     pub local_damping: Option<f64>,
-    /// Coefficient of viscous damping per pseudo-time step, in (0, 2); default 0.1. The stiffest mode is damped critically
+    /// Coefficient of viscous damping per pseudo-time step, in (0, 2). The stiffest mode is damped critically
     /// near 1.6.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.1"))]
     pub viscous_damping: Option<f64>,
-    /// Most relaxation steps after the ramp; default 20 000. A trial that stagnates with every damping ends
+    /// Most relaxation steps after the ramp. A trial that stagnates with every damping ends
     /// sooner, after some thousand steps.
+    #[schemars(extend("x-default" = "20000"), range(min = 1))]
     pub max_steps: Option<u32>,
     /// Treatment of a trial that needs more.
     pub at_step_cap: AtStepCap,
     /// Most force evaluations of a trial, ramp and relaxation together; unlimited if absent. A trial that needs more is
     /// refused in any case, because it may not even have reached its strain.
+    #[schemars(extend("x-default" = "unlimited"), range(min = 1))]
     pub max_evaluations: Option<u64>,
-    /// Largest |H| of one trial, dimensionless; default 0.2.
+    /// Largest |H| of one trial.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.2", "exclusiveMinimum" = 0))]
     pub largest_target: Option<f64>,
     /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,

@@ -10,8 +10,8 @@ use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
-    Ask, Cost, Definition, DefinitionId, Observables, Question, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
-    TrialAnswer, TrialFlags, answer_alone, snapshot,
+    Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags,
+    TrialOptions, TrialRequest, TrialResult, snapshot, solve_alone,
 };
 use std::time::Instant;
 
@@ -70,11 +70,11 @@ struct PreparedTrial<S: Space> {
     place: usize,
     state: GrainState<S>,
     stretch: Stretch<S>,
-    ask: Ask,
+    options: TrialOptions,
 }
 
 /// An answer with the sealed snapshot of its trial state.
-type TrialOutcome = Result<(TrialAnswer, Vec<u8>), RveError>;
+type TrialOutcome = Result<(TrialResult, Vec<u8>), RveError>;
 
 impl<S: SolverFor> Clone for GrainRve<S> {
     /// The same cell; working memory is not copied, it cannot reach a result.
@@ -178,7 +178,7 @@ impl<S: SolverFor> GrainRve<S> {
     ///
     /// # Errors
     /// As [`committed_network`](Self::committed_network).
-    pub fn observe(&mut self, observables: Observables) -> Result<TrialAnswer, RveError> {
+    pub fn observe(&mut self, observables: Observables) -> Result<TrialResult, RveError> {
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
         let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
@@ -190,23 +190,23 @@ impl<S: SolverFor> GrainRve<S> {
         self.solver.use_lanes(uses_lanes);
     }
 
-    fn solve(&mut self, h: &S::Tensor, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn solve(&mut self, h: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
-        let stretch = self.stretch(h, ask)?;
+        let stretch = self.stretch(h, options)?;
         let job = Job { state: &self.committed, strain: stretch.polar.strain, ramp_steps: stretch.ramp_steps };
         let end = self.solver.solve_one(&self.model, job)?;
-        Ok(self.conclude(end, &stretch, ask, nanoseconds_since(started)))
+        Ok(self.conclude(end, &stretch, options, nanoseconds_since(started)))
     }
 
     /// The stretch of a target, as the solver gets it.
-    fn stretch(&self, h: &S::Tensor, ask: &Ask) -> Result<Stretch<S>, RveError> {
+    fn stretch(&self, h: &S::Tensor, options: &TrialOptions) -> Result<Stretch<S>, RveError> {
         let polar = S::polar(h);
         // Only the stretch is solved for; a rotation costs nothing and needs no limit.
         let (norm, limit) = (norm(&polar.strain), self.model.options.largest_target());
         if norm > limit {
             return Err(RveError::TargetTooLarge { norm, limit });
         }
-        let ramp_steps = match ask.ramp_steps {
+        let ramp_steps = match options.ramp_steps {
             0 => chosen_ramp_steps(&polar.strain, self.model.options.strain_per_step()),
             given => given,
         };
@@ -214,7 +214,13 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// Makes the end of a solve from the committed state the trial state, and answers.
-    fn conclude(&mut self, end: End<S>, stretch: &Stretch<S>, ask: &Ask, nanoseconds: u64) -> TrialAnswer {
+    fn conclude(
+        &mut self,
+        end: End<S>,
+        stretch: &Stretch<S>,
+        options: &TrialOptions,
+        nanoseconds: u64,
+    ) -> TrialResult {
         let solved = end.solved;
         let network = self.solver.network(&self.model, &end);
         let stress = network.stress();
@@ -238,12 +244,12 @@ impl<S: SolverFor> GrainRve<S> {
         };
         let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
         let view = View { network, state, stress, f };
-        let mut answer = self.answer(&view, &end.state, ask.observables, cost, flags);
+        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
         // The network keeps the names of the contacts that the answer was computed with.
         let state = reduced(state);
         self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps: solved.ramp_steps, stress });
-        self.add_tangent(&mut answer, ask.tangent);
+        self.add_tangent(&mut answer, options.tangent);
         answer
     }
 
@@ -268,7 +274,7 @@ impl<S: SolverFor> GrainRve<S> {
             let share = (spent * evaluations(&end) as f64 / all) as u64;
             answers.push(end.and_then(|end| {
                 self.committed = one.state;
-                let answer = self.conclude(end, &one.stretch, &one.ask, share);
+                let answer = self.conclude(end, &one.stretch, &one.options, share);
                 let mut state = Vec::new();
                 self.snapshot_trial(&mut state)?;
                 self.trial = None;
@@ -279,16 +285,17 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// A target of exactly zero: the committed state is the answer.
-    fn stay(&mut self, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn stay(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
         let flags = TrialFlags::SKIPPED_NULL_TARGET;
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
-        let mut answer = self.answer(&view, &end.state, ask.observables, cost, flags);
+        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
-        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps: ask.ramp_steps.max(1), stress });
-        self.add_tangent(&mut answer, ask.tangent);
+        self.trial =
+            Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps: options.ramp_steps.max(1), stress });
+        self.add_tangent(&mut answer, options.tangent);
         Ok(answer)
     }
 
@@ -300,12 +307,12 @@ impl<S: SolverFor> GrainRve<S> {
         wanted: Observables,
         cost: Cost,
         mut flags: TrialFlags,
-    ) -> TrialAnswer {
+    ) -> TrialResult {
         let View { network, state, stress, f } = view;
         let scalars = scalars(network, state);
         note_condition(state, scalars.max_overlap_ratio, &mut flags);
         let elastic_energy = || self.solver.elastic_energy(&self.model, unrotated);
-        TrialAnswer {
+        TrialResult {
             stress: in_space(stress),
             tangent: None,
             scalars,
@@ -316,7 +323,7 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// Adds the tangent requested, its cost and the shortcuts it took.
-    fn add_tangent(&mut self, answer: &mut TrialAnswer, kind: TangentKind) {
+    fn add_tangent(&mut self, answer: &mut TrialResult, kind: TangentKind) {
         if kind == TangentKind::None {
             return;
         }
@@ -360,13 +367,13 @@ impl<S: SolverFor> GrainRve<S> {
 }
 
 impl<S: SolverFor> RveSolver for GrainRve<S> {
-    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
         let h = checked_target(target)?;
-        if h == S::Tensor::ZERO { self.stay(ask) } else { self.solve(&h, ask) }
+        if h == S::Tensor::ZERO { self.stay(options) } else { self.solve(&h, options) }
     }
 
-    fn answer_all(&mut self, questions: &[Question<'_>]) -> Vec<Result<(TrialAnswer, Vec<u8>), RveError>> {
+    fn solve_batch(&mut self, questions: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
         let mut answers: Vec<Option<TrialOutcome>> = questions.iter().map(|_| None).collect();
         let mut opened = Vec::new();
         for (place, question) in questions.iter().enumerate() {
@@ -375,11 +382,13 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                     return Ok(None);
                 }
                 let state = self::opened(question.state, self.id, self.model.radii.len())?;
-                Ok(Some((state, self.stretch(&h, &question.ask)?)))
+                Ok(Some((state, self.stretch(&h, &question.options)?)))
             });
             match stretched {
-                Ok(Some((state, stretch))) => opened.push(PreparedTrial { place, state, stretch, ask: question.ask }),
-                Ok(None) => answers[place] = Some(answer_alone(self, question)),
+                Ok(Some((state, stretch))) => {
+                    opened.push(PreparedTrial { place, state, stretch, options: question.options })
+                }
+                Ok(None) => answers[place] = Some(solve_alone(self, question)),
                 Err(error) => answers[place] = Some(Err(error)),
             }
         }

@@ -9,7 +9,7 @@ use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFil
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::{Components, Tensor, apply};
-use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
 /// First isotropic compression per increment; grains move by a hundredth of a radius or so.
 const FIRST_COMPRESSION: f64 = 5e-3;
@@ -133,7 +133,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
 
     /// A trial of a cell that carries load, given time to come to rest: near jamming forces die away slowly, and would be
     /// taken for the pressure of a packing.
-    fn settled(&mut self, mut answer: TrialAnswer) -> Result<TrialAnswer, PackingError> {
+    fn settled(&mut self, mut answer: TrialResult) -> Result<TrialResult, PackingError> {
         for _ in 0..MOST_SETTLINGS {
             let is_at_rest = !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
             if is_at_rest || self.pressure_share(&answer) < HANDOVER[0] {
@@ -145,7 +145,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         Ok(answer)
     }
 
-    fn pressure_share(&self, answer: &TrialAnswer) -> f64 {
+    fn pressure_share(&self, answer: &TrialResult) -> f64 {
         pressure(&answer.stress, self.target.dimension) / self.target.pressure
     }
 
@@ -232,7 +232,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
 
     /// A step that is taken back and shortened until it brings the stress nearer to the target. Every miss teaches the
     /// response what lies between the two states that a plain servo jumps to and fro.
-    fn careful_step(&mut self, response: &mut Response, before: &TrialAnswer) -> Result<TrialAnswer, PackingError> {
+    fn careful_step(&mut self, response: &mut Response, before: &TrialResult) -> Result<TrialResult, PackingError> {
         let deviator = turned_out(&self.target.deviator, &self.axes());
         let aimed = aim(&self.target, &deviator, &before.stress);
         let missing = |stress: &Tensor2| {
@@ -368,15 +368,15 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         TangentKind::TrussLike
     }
 
-    fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialAnswer, PackingError> {
+    fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialResult, PackingError> {
         let target = Tensor2(std::array::from_fn(|index| strain[index / 3][index % 3]));
-        let ask = Ask { tangent, ..Ask::default() };
-        let answer = self.cell.trial(&target, &ask).map_err(content)?;
+        let options = TrialOptions { tangent, ..TrialOptions::default() };
+        let answer = self.cell.trial(&target, &options).map_err(content)?;
         self.log.spend(answer.cost.force_evaluations);
         Ok(answer)
     }
 
-    fn report(&self, stage: &'static str, increment: u32, answer: &TrialAnswer) {
+    fn report(&self, stage: &'static str, increment: u32, answer: &TrialResult) {
         let stress_error = self.stress_error(&answer.stress);
         self.log.report(PackingProgress {
             attempt: 0,

@@ -4,54 +4,67 @@
 //! the grains' places alone.
 
 use crate::definition::PackingError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Largest deviation of a sieve curve that is accepted unless the recipe says otherwise, as a share of the mass.
 const SIEVE_TOLERANCE: f64 = 0.02;
 
 /// Grain sizes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "distribution", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {
     /// Radii evenly spread between two values: grain k of N has the radius at the quantile (k + 1/2) / N.
     Uniform {
         /// Smallest radius, m.
+        #[schemars(extend("x-unit" = "m"))]
         smallest_radius: f64,
         /// Largest radius, m.
+        #[schemars(extend("x-unit" = "m"))]
         largest_radius: f64,
     },
     /// Given radii, repeated in order until there are enough.
     List {
         /// Radii, m.
+        #[schemars(extend("x-unit" = "m"))]
         radii: Vec<f64>,
     },
     /// Two sizes.
     Bidisperse {
         /// Radius of the small grains, m.
+        #[schemars(extend("x-unit" = "m"))]
         small_radius: f64,
         /// Radius of the large grains, m.
+        #[schemars(extend("x-unit" = "m"))]
         large_radius: f64,
         /// Number of large grains over number of all grains, dimensionless.
+        #[schemars(extend("x-unit" = "-"))]
         large_share: f64,
     },
     /// Number density proportional to `radius^exponent` between two radii.
     PowerLaw {
         /// Smallest radius, m.
+        #[schemars(extend("x-unit" = "m"))]
         smallest_radius: f64,
         /// Largest radius, m.
+        #[schemars(extend("x-unit" = "m"))]
         largest_radius: f64,
         /// Exponent of the number density, dimensionless; 0 is the uniform grading, about -3 the many small and few
         /// large grains of crushed rock.
+        #[schemars(extend("x-unit" = "-"))]
         exponent: f64,
     },
     /// A sieve curve by mass; between two sieves the mass is spread evenly over the logarithm of the size.
     Sieve {
         /// Mesh sizes, m (grain diameters), ascending.
+        #[schemars(extend("x-unit" = "m"))]
         sizes: Vec<f64>,
         /// Mass passing each sieve over the whole mass, ascending from 0 to 1.
+        #[schemars(extend("x-unit" = "-"))]
         passing: Vec<f64>,
         /// Largest accepted difference between the curve of the grains and `passing` at a sieve.
         #[serde(default = "sieve_tolerance")]
+        #[schemars(extend("x-unit" = "-"))]
         tolerance: f64,
     },
 }

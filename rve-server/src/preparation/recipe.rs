@@ -4,11 +4,12 @@ use super::grading::Grading;
 use super::stress_target::StressTarget;
 use crate::contact::ContactTable;
 use crate::definition::PackingError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The description of a packing. `[contact]` holds the law during preparation: its `friction` is the preparation
 /// friction, low values give dense packings. The packing may be used with any other law later.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PackingRecipe {
     /// 2 for discs, 3 for spheres.
@@ -20,21 +21,27 @@ pub struct PackingRecipe {
     pub seed: u64,
     /// Target isotropic pressure, Pa, compression positive. Either this or `stress`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "Pa", "x-instead-of" = "stress"))]
     pub pressure: Option<f64>,
     /// Target stress tensor, Pa, tension positive, symmetric; axis 1 is the direction of Y1. Either this or `pressure`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "Pa", "x-instead-of" = "pressure"))]
     pub stress: Option<Vec<Vec<f64>>>,
     /// Side lengths of the cell in proportion, before the stress is applied; a cube if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "equal sides"))]
     pub aspect: Option<Vec<f64>>,
-    /// Out-of-plane thickness, m; plane packings only.
+    /// Out-of-plane thickness; plane packings only.
     #[serde(default = "unit_thickness")]
+    #[schemars(extend("x-unit" = "m"))]
     pub thickness: f64,
-    /// Largest unbalanced force over mean normal contact force at the end, dimensionless.
+    /// Largest unbalanced force over mean normal contact force at the end.
     #[serde(default = "fine_tolerance")]
+    #[schemars(extend("x-unit" = "-"))]
     pub tolerance: f64,
-    /// Largest deviation of a stress component from the target over the pressure, dimensionless.
+    /// Largest deviation of a stress component from the target over the pressure.
     #[serde(default = "fine_stress")]
+    #[schemars(extend("x-unit" = "-"))]
     pub stress_tolerance: f64,
     /// Grain sizes.
     pub grading: Grading,
@@ -52,25 +59,31 @@ pub struct PackingRecipe {
 }
 
 /// The table `[target]`: exactly one quantity, reached by searching the preparation friction.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateTarget {
     /// Void volume over grain volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-"))]
     pub void_ratio: Option<f64>,
     /// Void volume over cell volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-"))]
     pub porosity: Option<f64>,
     /// 2 x contacts over grains, rattlers counted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-"))]
     pub coordination_number: Option<f64>,
     /// The same without rattlers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-"))]
     pub coordination_number_no_rattlers: Option<f64>,
     /// Largest accepted difference.
+    #[schemars(extend("x-unit" = "-"))]
     pub tolerance: f64,
     /// Smallest and largest preparation friction that is tried.
     #[serde(default = "friction_range")]
+    #[schemars(extend("x-unit" = "-"))]
     pub friction: [f64; 2],
 }
 
@@ -100,23 +113,26 @@ impl StateQuantity {
 }
 
 /// The table `[anisotropy]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnisotropyTarget {
     /// Major over minor principal value of the contact fabric, minus 1, as in [Liu2018].
+    #[schemars(extend("x-unit" = "-"))]
     pub value: f64,
     /// Largest accepted difference.
+    #[schemars(extend("x-unit" = "-"))]
     pub tolerance: f64,
     /// Axis along which most contacts point: 1, 2 or 3.
     #[serde(default = "second_axis")]
     pub axis: u32,
     /// Friction while the packing is sheared and unloaded; without any, a packing hardly remembers a shear.
+    #[schemars(extend("x-unit" = "-"))]
     pub friction: f64,
 }
 
 /// The table `[removal]`: as in [Liu2015] section 3.4, where cells are weakened by taking grains out. The rest is brought
 /// back to the target stress: a cell kept as it is would often bear no stress at all.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Removal {
     /// Number of grains taken out at random.
@@ -230,7 +246,7 @@ impl PackingRecipe {
         }
     }
 
-    /// The radii of all grains, m.
+    /// The radii of all grains.
     pub fn radii(&self) -> Vec<f64> {
         self.grading.radii(self.number, self.dimension)
     }

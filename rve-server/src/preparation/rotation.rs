@@ -55,7 +55,7 @@ mod tests {
     use crate::engine::GrainRve;
     use crate::space::Discs;
     use nalgebra::Matrix3;
-    use protocol::{Ask, Observables, RveSolver, Tensor2};
+    use protocol::{Observables, RveSolver, Tensor2, TrialOptions};
     use std::path::Path;
 
     fn cell(packing: &Packing) -> GrainRve<Discs> {
@@ -68,7 +68,7 @@ mod tests {
 
     fn stress(cell: &mut GrainRve<Discs>, target: &Matrix3<f64>) -> Matrix3<f64> {
         let target = Tensor2(std::array::from_fn(|place| target[(place / 3, place % 3)]));
-        let answer = cell.trial(&target, &Ask::default()).unwrap();
+        let answer = cell.trial(&target, &TrialOptions::default()).unwrap();
         Matrix3::from_row_slice(&answer.stress.0)
     }
 

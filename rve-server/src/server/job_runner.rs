@@ -7,7 +7,8 @@ use super::state_cache::StateCache;
 use protocol::transport::LoadedReply;
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{
-    Ask, ContentId, Definition, DefinitionId, Question, RveEngine, RveError, RveSolver, StateId, TrialAnswer,
+    ContentId, Definition, DefinitionId, RveEngine, RveError, RveSolver, StateId, TrialOptions, TrialRequest,
+    TrialResult,
 };
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -90,8 +91,8 @@ impl<'a> JobRunner<'a> {
         let mut ready: BTreeMap<DefinitionId, Vec<Ready>> = BTreeMap::new();
         for (place, (job, carried)) in slice.iter().enumerate() {
             match self.prepare(job, carried) {
-                Ok(Prepared::Ready { ask, wanted, start }) => {
-                    ready.entry(job.definition).or_default().push(Ready { place, ask, wanted, start });
+                Ok(Prepared::Ready { options, wanted, start }) => {
+                    ready.entry(job.definition).or_default().push(Ready { place, options, wanted, start });
                 }
                 Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
                 Err(error) => answers[place] = Some(JobResult::failed(job, &error)),
@@ -122,7 +123,7 @@ impl<'a> JobRunner<'a> {
 
     /// Checks a job and finds the state it starts from.
     fn prepare(&mut self, job: &TrialJob, carried: &[u8]) -> Result<Prepared, RveError> {
-        let ask = job.ask()?;
+        let options = job.options()?;
         if !job.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
@@ -136,7 +137,7 @@ impl<'a> JobRunner<'a> {
         let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
         let start = if wanted == rve.initial_id { Some(rve.initial.as_slice()) } else { self.states.get(wanted) };
         Ok(match start {
-            Some(start) => Prepared::Ready { ask, wanted, start: start.to_vec() },
+            Some(start) => Prepared::Ready { options, wanted, start: start.to_vec() },
             None => Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedState)),
         })
     }
@@ -164,12 +165,12 @@ impl<'a> JobRunner<'a> {
     }
 
     fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<JobResult, RveError> {
-        let Ready { ask, wanted, start, .. } = ready;
+        let Ready { options, wanted, start, .. } = ready;
         let mut solver = self.solver(job.definition)?;
         let committed = self.rves[&job.definition].committed;
         // The solver moves into the guarded call and only comes back from it whole.
         let (solver, outcome) = guarded(move || {
-            let outcome = try_trial(solver.as_mut(), committed == *wanted, start, job, ask);
+            let outcome = try_trial(solver.as_mut(), committed == *wanted, start, job, options);
             solver.rollback();
             (solver, outcome)
         })?;
@@ -193,12 +194,12 @@ impl<'a> JobRunner<'a> {
             Ok(solver) => solver,
             Err(error) => return group.iter().map(|ready| JobResult::failed(job_of(ready), &error)).collect(),
         };
-        let questions: Vec<Question<'_>> = group
+        let questions: Vec<TrialRequest<'_>> = group
             .iter()
-            .map(|ready| Question { state: &ready.start, target: job_of(ready).target, ask: ready.ask })
+            .map(|ready| TrialRequest { state: &ready.start, target: job_of(ready).target, options: ready.options })
             .collect();
         let together = guarded(|| {
-            let outcomes = solver.answer_all(&questions);
+            let outcomes = solver.solve_batch(&questions);
             (solver, outcomes)
         });
         let Ok((solver, outcomes)) = together else {
@@ -216,7 +217,7 @@ impl<'a> JobRunner<'a> {
     }
 
     /// A finished answer as it is sent; its state stays at hand.
-    fn delivered(&mut self, job: &TrialJob, answer: &TrialAnswer, state: Vec<u8>) -> Result<JobResult, RveError> {
+    fn delivered(&mut self, job: &TrialJob, answer: &TrialResult, state: Vec<u8>) -> Result<JobResult, RveError> {
         let id = StateId::of(&state);
         let reply = TrialReply::done(job, answer, id, state.len() as u64);
         if !reply.is_finite() {
@@ -231,7 +232,7 @@ impl<'a> JobRunner<'a> {
 struct Ready {
     /// Its place in the message.
     place: usize,
-    ask: Ask,
+    options: TrialOptions,
     /// Name of the state it starts from.
     wanted: StateId,
     /// Snapshot of that state.
@@ -241,7 +242,7 @@ struct Ready {
 /// State of a job after its arrival.
 #[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
-    Ready { ask: Ask, wanted: StateId, start: Vec<u8> },
+    Ready { options: TrialOptions, wanted: StateId, start: Vec<u8> },
     Answered(JobResult),
 }
 
@@ -251,15 +252,21 @@ enum Outcome {
     /// The solver has the wanted committed state.
     NotSolved(RveError),
     /// Likewise, and here is its answer with the snapshot of the trial state.
-    Solved(Box<TrialAnswer>, Vec<u8>),
+    Solved(Box<TrialResult>, Vec<u8>),
 }
 
-fn try_trial(solver: &mut dyn RveSolver, at_start: bool, start: &[u8], job: &TrialJob, ask: &Ask) -> Outcome {
+fn try_trial(
+    solver: &mut dyn RveSolver,
+    at_start: bool,
+    start: &[u8],
+    job: &TrialJob,
+    options: &TrialOptions,
+) -> Outcome {
     if !at_start && let Err(error) = solver.restore(start) {
         return Outcome::NotRestored(error);
     }
     let mut state = Vec::new();
-    let solved = solver.trial(&job.target, ask).and_then(|answer| {
+    let solved = solver.trial(&job.target, options).and_then(|answer| {
         solver.snapshot_trial(&mut state)?;
         Ok(answer)
     });

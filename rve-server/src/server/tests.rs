@@ -4,7 +4,9 @@ use super::*;
 use protocol::transport::in_process::{InProcessMacroPort, channel};
 use protocol::transport::{LoadedJob, MacroEvent, MacroPort, WorkerId};
 use protocol::wire::{ReplyStatus, TrialReply};
-use protocol::{Ask, Capabilities, DefinitionId, RveSolver, StateId, TangentKind, Tensor2, TrialAnswer, snapshot};
+use protocol::{
+    Capabilities, DefinitionId, RveSolver, StateId, TangentKind, Tensor2, TrialOptions, TrialResult, snapshot,
+};
 use std::thread::JoinHandle;
 
 const WAIT: Duration = Duration::from_secs(5);
@@ -16,7 +18,7 @@ struct Toy {
 }
 
 impl RveSolver for Toy {
-    fn trial(&mut self, target: &Tensor2, _: &Ask) -> Result<TrialAnswer, RveError> {
+    fn trial(&mut self, target: &Tensor2, _: &TrialOptions) -> Result<TrialResult, RveError> {
         assert!(target.0[8] == 0.0, "thickness must not change");
         self.trial = None;
         if target.0[4] < 0.0 {
@@ -26,7 +28,7 @@ impl RveSolver for Toy {
         self.trial = Some(value);
         let mut stress = Tensor2::ZERO;
         stress.0[0] = if target.0[1] == 0.0 { value } else { f64::NAN };
-        Ok(TrialAnswer {
+        Ok(TrialResult {
             stress,
             tangent: None,
             scalars: Default::default(),

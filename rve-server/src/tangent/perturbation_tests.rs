@@ -6,7 +6,7 @@ use super::*;
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use std::path::Path;
 
 type Plane = [[f64; 2]; 2];
@@ -26,8 +26,8 @@ fn norm(operator: &PlaneOperator) -> f64 {
 }
 
 fn stress_after(cell: &mut GrainRve, strain: Plane, ramp_steps: u32) -> [f64; 4] {
-    let ask = Ask { ramp_steps, ..Ask::default() };
-    let answer = cell.trial(&Tensor2::from_plane(strain), &ask).unwrap();
+    let options = TrialOptions { ramp_steps, ..TrialOptions::default() };
+    let answer = cell.trial(&Tensor2::from_plane(strain), &options).unwrap();
     assert_eq!(answer.flags.0, 0, "{:?}", answer.flags);
     let [[s11, s12], [s21, s22]] = answer.stress.plane();
     [s11, s12, s21, s22]

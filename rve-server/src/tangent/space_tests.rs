@@ -11,7 +11,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::Spheres;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4};
+use protocol::{RveSolver, TangentKind, Tensor2, Tensor4, TrialOptions};
 
 fn truss_like(network: &ContactNetwork<Spheres>) -> Tensor4 {
     let outcome = evaluate(network, TangentKind::TrussLike);
@@ -194,7 +194,7 @@ fn check_probes_of_spheres(contact: ContactTable, allowed: f64) {
     let options = RveOptions { tolerance: Some(1e-10), ..RveOptions::default() };
     let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options }).unwrap();
     let stress = |cell: &mut GrainRve<Spheres>, h: [f64; 9], ramp_steps| {
-        cell.trial(&Tensor2(h), &Ask { ramp_steps, ..Ask::default() }).unwrap().stress
+        cell.trial(&Tensor2(h), &TrialOptions { ramp_steps, ..TrialOptions::default() }).unwrap().stress
     };
     stress(&mut cell, [1e-3, 5e-4, 0.0, 0.0, -1e-3, 2e-4, 0.0, 0.0, 5e-4], 200);
     let operator = evaluate(cell.network().unwrap(), TangentKind::TrussLike);

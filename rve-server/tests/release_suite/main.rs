@@ -11,7 +11,7 @@ mod gas;
 mod jamming;
 mod statistics;
 
-use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2};
+use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::cell::ContactNetwork;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
@@ -125,7 +125,7 @@ fn stress_ratio_is_half_the_sum_of_the_anisotropies() {
         GrainRve::new(&GrainDefinition { packing: PackingFile::read(&path).unwrap(), contact, options }).unwrap();
     for increment in 1..=20 {
         let h = Tensor2::from_plane([[4e-4, 0.0], [0.0, -5e-4]]);
-        cell.trial(&h, &Ask { observables: Observables::NONE, ..Ask::default() }).unwrap();
+        cell.trial(&h, &TrialOptions { observables: Observables::NONE, ..TrialOptions::default() }).unwrap();
         let [ratio, contacts, normals, tangentials] = stress_and_anisotropies(cell.network().unwrap());
         cell.commit().unwrap();
         if increment % 5 == 0 {

@@ -1,7 +1,9 @@
 //! The engine keeps its contract: trials are pure, states are complete, bad targets are refused.
 
 use crate::samples::{hundred_discs, trial};
-use protocol::{Ask, Observables, RveEngine, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{
+    Observables, RveEngine, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult,
+};
 use rve_server::definition::{Criterion, Damping, RveOptions};
 use rve_server::engine::{GrainEngine, GrainRve, grains_of_snapshot};
 use rve_server::space::Discs;
@@ -18,27 +20,27 @@ fn cell() -> GrainRve {
 }
 
 /// An answer without its timings.
-fn timeless(mut answer: TrialAnswer) -> TrialAnswer {
+fn timeless(mut answer: TrialResult) -> TrialResult {
     (answer.cost.solve_nanoseconds, answer.cost.tangent_nanoseconds) = (0, 0);
     answer
 }
 
-fn ask_all(tangent: TangentKind) -> Ask {
-    Ask { tangent, observables: Observables::ALL, ..Ask::default() }
+fn ask_all(tangent: TangentKind) -> TrialOptions {
+    TrialOptions { tangent, observables: Observables::ALL, ..TrialOptions::default() }
 }
 
 /// trials do not see each other.
 #[test]
 fn trial_rollback_trial_gives_the_same_bits() {
     let mut cell = cell();
-    let ask = ask_all(TangentKind::TrussLikeSlip);
-    let first = timeless(cell.trial(&Tensor2::from_plane(FIRST), &ask).unwrap());
+    let options = ask_all(TangentKind::TrussLikeSlip);
+    let first = timeless(cell.trial(&Tensor2::from_plane(FIRST), &options).unwrap());
     let mut state = Vec::new();
     cell.snapshot_trial(&mut state).unwrap();
     cell.rollback();
     trial(&mut cell, &SECOND);
     cell.rollback();
-    let again = timeless(cell.trial(&Tensor2::from_plane(FIRST), &ask).unwrap());
+    let again = timeless(cell.trial(&Tensor2::from_plane(FIRST), &options).unwrap());
     let mut state_again = Vec::new();
     cell.snapshot_trial(&mut state_again).unwrap();
     assert_eq!(first, again);
@@ -53,8 +55,8 @@ fn restored_state_continues_as_if_never_stored() {
     direct.commit().unwrap();
     let mut bytes = Vec::new();
     direct.snapshot(&mut bytes);
-    let ask = ask_all(TangentKind::TrussLike);
-    let expected = timeless(direct.trial(&Tensor2::from_plane(SECOND), &ask).unwrap());
+    let options = ask_all(TangentKind::TrussLike);
+    let expected = timeless(direct.trial(&Tensor2::from_plane(SECOND), &options).unwrap());
 
     let definition = hundred_discs(draft()).to_protocol();
     let mut restored = GrainEngine.create(&definition).unwrap();
@@ -62,7 +64,7 @@ fn restored_state_continues_as_if_never_stored() {
     let mut bytes_again = Vec::new();
     restored.snapshot(&mut bytes_again);
     assert_eq!(bytes, bytes_again);
-    assert_eq!(timeless(restored.trial(&Tensor2::from_plane(SECOND), &ask).unwrap()), expected);
+    assert_eq!(timeless(restored.trial(&Tensor2::from_plane(SECOND), &options).unwrap()), expected);
     assert!(bytes.len() < 12_000, "a state of 100 discs takes {} bytes", bytes.len());
 }
 
@@ -71,7 +73,7 @@ fn restored_state_continues_as_if_never_stored() {
 fn bad_targets_are_refused_and_leave_the_state_alone() {
     let mut cell = cell();
     let before = cell.committed().clone();
-    let mut refused = |h: [[f64; 2]; 2]| cell.trial(&Tensor2::from_plane(h), &Ask::default()).unwrap_err();
+    let mut refused = |h: [[f64; 2]; 2]| cell.trial(&Tensor2::from_plane(h), &TrialOptions::default()).unwrap_err();
     assert_eq!(refused([[f64::NAN, 0.0], [0.0, 0.0]]), RveError::TargetNotFinite);
     assert_eq!(refused([[0.0, f64::INFINITY], [0.0, 0.0]]), RveError::TargetNotFinite);
     assert!(matches!(refused([[-1.0, 0.0], [0.0, 0.1]]), RveError::TargetInverted { .. }));
@@ -79,7 +81,7 @@ fn bad_targets_are_refused_and_leave_the_state_alone() {
     assert!(matches!(refused([[0.3, 0.0], [0.0, 0.0]]), RveError::TargetTooLarge { .. }));
     let mut out_of_plane = Tensor2::ZERO;
     out_of_plane.0[8] = 0.01;
-    assert!(matches!(cell.trial(&out_of_plane, &Ask::default()), Err(RveError::Unsupported(_))));
+    assert!(matches!(cell.trial(&out_of_plane, &TrialOptions::default()), Err(RveError::Unsupported(_))));
     assert_eq!(cell.commit(), Err(RveError::NothingToCommit));
     assert_eq!(*cell.committed(), before);
 }

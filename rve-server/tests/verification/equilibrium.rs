@@ -1,7 +1,7 @@
 //! When a trial ends: the three criteria by their definitions, the step cap, and damping that stays stable at the bound.
 
 use crate::samples::{TRIANGULAR, hundred_discs, lattice, trial};
-use protocol::{Ask, Question, RveError, RveSolver, Tensor2, TrialFlags};
+use protocol::{RveError, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialRequest};
 use rve_server::cell::ContactNetwork;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AtStepCap, Criterion, Damping, ListedContact, RveOptions};
@@ -66,8 +66,8 @@ fn energy_criterion_waits_for_ten_hits() {
     let evaluations = |criterion: Criterion, tolerance: f64| {
         let options = RveOptions { criterion, tolerance: Some(tolerance), ..draft() };
         let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
-        let ask = Ask { ramp_steps: 50, ..Ask::default() };
-        let answer = cell.trial(&Tensor2::from_plane(STRAIN), &ask).unwrap();
+        let options = TrialOptions { ramp_steps: 50, ..TrialOptions::default() };
+        let answer = cell.trial(&Tensor2::from_plane(STRAIN), &options).unwrap();
         assert!(answer.scalars.unbalanced_force_ratio <= tolerance);
         answer.cost.force_evaluations
     };
@@ -77,7 +77,7 @@ fn energy_criterion_waits_for_ten_hits() {
     assert!(loose < tight, "{loose} evaluations at 1e-4, {tight} at 1e-12");
 }
 
-fn gave_up(answer: Result<protocol::TrialAnswer, RveError>) -> [f64; 7] {
+fn gave_up(answer: Result<protocol::TrialResult, RveError>) -> [f64; 7] {
     match answer {
         Err(RveError::NotEquilibrated {
             strain,
@@ -101,20 +101,20 @@ fn step_cap_says_how_far_the_trial_got() {
     let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
     let before = cell.committed().clone();
     let [strain, asked, increments, of, unbalanced, tolerance, evaluations] =
-        gave_up(cell.trial(&target, &Ask { ramp_steps: 80, ..Ask::default() }));
+        gave_up(cell.trial(&target, &TrialOptions { ramp_steps: 80, ..TrialOptions::default() }));
     // The first evaluation is that of the given state.
     assert_eq!([increments, of, evaluations], [59.0, 80.0, 60.0]);
     assert!((strain / asked - 59.0 / 80.0).abs() < 1e-12 && (asked / 4e-4 - 1.0).abs() < 1e-2, "{strain} of {asked}");
     assert!(unbalanced.is_finite() && unbalanced > 0.0 && tolerance == 1e-3);
     assert_eq!(*cell.committed(), before);
     assert!(cell.commit().is_err(), "a trial that gave up leaves nothing to commit");
-    let small = cell.trial(&Tensor2::from_plane([[1e-7, 0.0], [0.0, 0.0]]), &Ask::default()).unwrap();
+    let small = cell.trial(&Tensor2::from_plane([[1e-7, 0.0], [0.0, 0.0]]), &TrialOptions::default()).unwrap();
     assert!(small.cost.force_evaluations <= 60);
 
     let options =
         RveOptions { max_steps: Some(20), at_step_cap: AtStepCap::Refuse, tolerance: Some(1e-9), ..draft() };
     let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
-    let refusal = cell.trial(&target, &Ask { ramp_steps: 80, ..Ask::default() });
+    let refusal = cell.trial(&target, &TrialOptions { ramp_steps: 80, ..TrialOptions::default() });
     let text = refusal.clone().unwrap_err().to_string();
     assert!(text.contains("80 of 80 increments") && text.contains("101 force evaluations"), "{text}");
     let [strain, asked, increments, of, unbalanced, ..] = gave_up(refusal);
@@ -130,19 +130,19 @@ fn step_cap_in_lanes_is_that_of_single_cells() {
     let mut cell = GrainRve::new(&definition).unwrap();
     let mut state = Vec::new();
     cell.snapshot(&mut state);
-    let questions: Vec<Question<'_>> = [10u32, 90, 20, 200, 30]
+    let questions: Vec<TrialRequest<'_>> = [10u32, 90, 20, 200, 30]
         .iter()
-        .map(|&ramp_steps| Question {
+        .map(|&ramp_steps| TrialRequest {
             state: &state,
             target: Tensor2::from_plane(STRAIN.map(|row| row.map(|value| 0.1 * value))),
-            ask: Ask { ramp_steps, ..Ask::default() },
+            options: TrialOptions { ramp_steps, ..TrialOptions::default() },
         })
         .collect();
-    let together = cell.answer_all(&questions);
+    let together = cell.solve_batch(&questions);
     assert_eq!(together.iter().map(Result::is_ok).collect::<Vec<_>>(), [true, false, true, false, true]);
     for (question, found) in questions.iter().zip(&together) {
         let mut alone = GrainRve::new(&definition).unwrap();
-        match (alone.trial(&question.target, &question.ask), found) {
+        match (alone.trial(&question.target, &question.options), found) {
             (Ok(answer), Ok((found, _))) => assert_eq!(answer.stress, found.stress),
             (Err(reason), Err(found)) => assert_eq!(reason, *found),
             (alone, together) => panic!("{alone:?} alone, {together:?} in lanes"),

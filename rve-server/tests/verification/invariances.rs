@@ -161,7 +161,7 @@ fn basis_origin_and_numbering_do_not_matter() {
 #[test]
 fn energy_is_accounted_for() {
     let mut cell = GrainRve::new(&hundred_discs(RveOptions { tolerance: Some(1e-5), ..tight() })).unwrap();
-    let energy = |answer: &protocol::TrialAnswer| {
+    let energy = |answer: &protocol::TrialResult| {
         let volume = answer.scalars.volume_ratio;
         (answer.observed.elastic_energy * volume, answer.observed.frictional_dissipation * volume)
     };
@@ -173,8 +173,8 @@ fn energy_is_accounted_for() {
     let mut last = given;
     let increment = [[2e-4, 0.0], [0.0, -2e-4]];
     for _ in 0..20 {
-        let ask = protocol::Ask { observables: Observables::ALL, ..protocol::Ask::default() };
-        last = cell.trial(&protocol::Tensor2::from_plane(increment), &ask).unwrap();
+        let options = protocol::TrialOptions { observables: Observables::ALL, ..protocol::TrialOptions::default() };
+        last = cell.trial(&protocol::Tensor2::from_plane(increment), &options).unwrap();
         cell.commit().unwrap();
         let f = plane::add_scaled(&IDENTITY, 1.0, &increment);
         let next = last.stress.plane();
@@ -201,8 +201,9 @@ fn network_tangent_is_the_derivative_of_the_trial() {
     // A first trial lets every contact that the packing brings settle.
     trial(&mut cell, &[[1e-6, 0.0], [0.0, -1e-6]]);
     cell.commit().unwrap();
-    let ask = protocol::Ask { tangent: protocol::TangentKind::TrussLike, ..protocol::Ask::default() };
-    let tangent = cell.trial(&protocol::Tensor2::ZERO, &ask).unwrap().tangent.unwrap().plane();
+    let options =
+        protocol::TrialOptions { tangent: protocol::TangentKind::TrussLike, ..protocol::TrialOptions::default() };
+    let tangent = cell.trial(&protocol::Tensor2::ZERO, &options).unwrap().tangent.unwrap().plane();
     let perturbed = perturbed_operator(&mut cell, 1e-8);
     let scale = tangent.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     let mut worst = 0.0f64;

@@ -1,7 +1,7 @@
 //! Crystals with one grain per cell: every contact is with an image of the same grain, and all answers are closed forms.
 
 use crate::samples::{SQUARE, TRIANGULAR, assert_close, lattice, perturbed_operator, trial};
-use protocol::{Ask, RveSolver, TangentKind, Tensor2};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::{ContactTable, Rotations};
 use rve_server::engine::GrainRve;
 
@@ -117,8 +117,8 @@ fn blocked_rotations_keep_grains_with_the_cell() {
     let perturbed = perturbed_operator(&mut cell, 1e-7);
     let stress = cell.observe(protocol::Observables::NONE).unwrap().stress.plane();
     assert_close(perturbed[1][2] - perturbed[1][1], stress[0][0] - stress[1][1], 1e-6, "objectivity");
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
-    let tangent = cell.trial(&Tensor2::ZERO, &ask).unwrap().tangent.unwrap().plane();
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
+    let tangent = cell.trial(&Tensor2::ZERO, &options).unwrap().tangent.unwrap().plane();
     for row in 0..4 {
         for column in 0..4 {
             assert_close(tangent[row][column], perturbed[row][column], 1e-6, &format!("C[{row}][{column}]"));

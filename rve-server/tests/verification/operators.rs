@@ -1,6 +1,6 @@
 //! Tangent operators of random packings against probes of the grains and against closed forms of isotropic contacts.
 
-use protocol::{Ask, Observables, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags};
+use protocol::{Observables, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -18,7 +18,7 @@ fn cell<S: SolverFor>(file: &str, contact: ContactTable, options: RveOptions) ->
 }
 
 fn operator<S: SolverFor>(cell: &mut GrainRve<S>, target: &Tensor2, kind: TangentKind) -> Tensor4 {
-    let answer = cell.trial(target, &Ask { tangent: kind, ..Ask::default() }).unwrap();
+    let answer = cell.trial(target, &TrialOptions { tangent: kind, ..TrialOptions::default() }).unwrap();
     assert!(!answer.flags.contains(TrialFlags::TANGENT_FALLBACK), "{kind:?}");
     *answer.tangent.unwrap()
 }
@@ -65,7 +65,7 @@ fn truss_like_is_the_derivative_of_the_incremental_law_of_spheres() {
         let mut cell = cell::<Spheres>("packings/spheres-100.json", glass(unloading), options);
         let increment = Tensor2([2.5e-4, 7.5e-5, 0.0, 7.5e-5, 2.5e-4, 0.0, 0.0, 0.0, -5e-4]);
         for _ in 0..2 {
-            cell.trial(&increment, &Ask::default()).unwrap();
+            cell.trial(&increment, &TrialOptions::default()).unwrap();
             cell.commit().unwrap();
         }
         let network = operator(&mut cell, &increment, TangentKind::TrussLike);
@@ -82,8 +82,8 @@ fn one_factor_is_calibrated_where_two_are_not_positive() {
     let mut cell = cell::<Spheres>("packings/spheres-100.json", glass("rescaled"), RveOptions::default());
     let increment = Tensor2([2.5e-4, 7.5e-5, 0.0, 7.5e-5, 2.5e-4, 0.0, 0.0, 0.0, -5e-4]);
     let consistent = operator(&mut cell, &increment, TangentKind::Consistent);
-    let ask = Ask { tangent: TangentKind::KruytTwiceCalibrated, ..Ask::default() };
-    let twice = cell.trial(&increment, &ask).unwrap();
+    let options = TrialOptions { tangent: TangentKind::KruytTwiceCalibrated, ..TrialOptions::default() };
+    let twice = cell.trial(&increment, &options).unwrap();
     assert!(twice.flags.contains(TrialFlags::TANGENT_FALLBACK), "no positive pair here");
     let calibrated = operator(&mut cell, &increment, TangentKind::KruytCalibrated);
     let wanted = consistent.get(0, 0, 0, 0);
@@ -92,7 +92,7 @@ fn one_factor_is_calibrated_where_two_are_not_positive() {
     cell.commit().unwrap();
     let increment = Tensor2([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1e-5]);
     let cost = |cell: &mut GrainRve<Spheres>, tangent| {
-        cell.trial(&increment, &Ask { tangent, ..Ask::default() }).unwrap().cost.force_evaluations
+        cell.trial(&increment, &TrialOptions { tangent, ..TrialOptions::default() }).unwrap().cost.force_evaluations
     };
     assert_eq!(cost(&mut cell, TangentKind::KruytCalibrated), cost(&mut cell, TangentKind::None));
 }

@@ -3,7 +3,7 @@
 
 use crate::samples::{assert_close, hundred_discs, tight, trial};
 use crate::spheres::{self, Matrix, thousand};
-use protocol::{Ask, RveSolver, Tensor2};
+use protocol::{RveSolver, Tensor2, TrialOptions};
 use rve_server::definition::{Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::space::plane::{self, Plane};
@@ -104,7 +104,8 @@ fn closed_ways_lead_back_to_the_stress() {
     spheres.contact.friction = 1e9;
     let mut cell = GrainRve::new(&spheres).unwrap();
     let mut go = |h: &Matrix| {
-        let answer = cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &Ask::default()).unwrap();
+        let answer =
+            cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &TrialOptions::default()).unwrap();
         cell.commit().unwrap();
         (Matrix::from_fn(|i, j| answer.stress.get(i, j)), cell.committed().contacts.len())
     };
@@ -124,8 +125,8 @@ fn error_is_proportional_to_the_rate() {
     let stress = |ramp_steps: u32| {
         let options = RveOptions { damping: Damping::Viscous, tolerance: Some(1e9), ..RveOptions::default() };
         let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
-        let ask = Ask { ramp_steps, ..Ask::default() };
-        cell.trial(&Tensor2::from_plane(h), &ask).unwrap().stress.plane()
+        let options = TrialOptions { ramp_steps, ..TrialOptions::default() };
+        cell.trial(&Tensor2::from_plane(h), &options).unwrap().stress.plane()
     };
     let reference = stress(64_000);
     let errors = [500, 1000, 2000, 4000]

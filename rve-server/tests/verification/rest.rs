@@ -1,7 +1,7 @@
 //! Every cell comes to rest: away from the cells that the solver was tuned on, and where nothing is left to carry load.
 
 use crate::samples::packing_of;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AtStepCap, Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -26,7 +26,7 @@ fn target(components: [f64; 4]) -> Tensor2 {
     Tensor2([xx, xy, 0.0, 0.0, yy, 0.0, 0.0, 0.0, zz])
 }
 
-fn pressure(answer: &TrialAnswer, dimension: usize) -> f64 {
+fn pressure(answer: &TrialResult, dimension: usize) -> f64 {
     -(0..dimension).map(|i| answer.stress.get(i, i)).sum::<f64>() / dimension as f64
 }
 
@@ -34,7 +34,7 @@ fn pressure(answer: &TrialAnswer, dimension: usize) -> f64 {
 fn strained<S: SolverFor>(cell: &mut GrainRve<S>, step: [f64; 4], increments: u32) -> (u32, u64) {
     let (mut restless, mut largest) = (0, 0);
     for _ in 0..increments {
-        let answer = cell.trial(&target(step), &Ask::default()).unwrap();
+        let answer = cell.trial(&target(step), &TrialOptions::default()).unwrap();
         restless += u32::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         largest = largest.max(answer.cost.force_evaluations);
         cell.commit().unwrap();
@@ -83,10 +83,10 @@ fn lost<S: SolverFor>(packing: &str, name: &str, contact: &ContactTable) {
     // A little room, then sheared at constant volume.
     let mut out = [0.0; 4];
     out[..S::DIMENSION].fill(4e-3);
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     let mut evaluations = Vec::new();
     for step in [out, [0.0, 0.0, 0.0, 1e-3], [0.0, 0.0, 0.0, 1e-3]] {
-        let answer = cell.trial(&target(step), &ask).unwrap();
+        let answer = cell.trial(&target(step), &options).unwrap();
         assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{name}: {:?}", answer.scalars);
         assert!(answer.flags.contains(TrialFlags::FLUID), "{name}: {:?}", answer.scalars);
         assert!(answer.stress.0.iter().all(|value| value.abs() < 1e-3 * before), "{name}: {:?}", answer.stress);
@@ -100,7 +100,7 @@ fn lost<S: SolverFor>(packing: &str, name: &str, contact: &ContactTable) {
     back[..S::DIMENSION].fill(-1e-3);
     let mut last = None;
     for _ in 0..12 {
-        last = Some(cell.trial(&target(back), &ask).unwrap());
+        last = Some(cell.trial(&target(back), &options).unwrap());
         cell.commit().unwrap();
     }
     let last = last.unwrap();
@@ -117,7 +117,7 @@ fn a_trial_without_headway_ends_soon_and_says_so() {
     let endless = RveOptions { tolerance: Some(1e-18), max_steps: Some(1_000_000), ..options(Damping::Fire) };
     let mut discs = cell::<Discs>("discs-100.json", &contact, endless.clone());
     let step = target([1e-4, -1e-4, 0.0, 0.0]);
-    let answer = discs.trial(&step, &Ask::default()).unwrap();
+    let answer = discs.trial(&step, &TrialOptions::default()).unwrap();
     assert!(
         answer.flags.contains(TrialFlags::NOT_EQUILIBRATED) && answer.flags.contains(TrialFlags::DAMPING_CHANGED)
     );
@@ -125,7 +125,8 @@ fn a_trial_without_headway_ends_soon_and_says_so() {
     assert!(answer.scalars.unbalanced_force_ratio < 1e-10, "{:?}", answer.scalars);
 
     let refusing = RveOptions { at_step_cap: AtStepCap::Refuse, ..endless };
-    let refusal = cell::<Discs>("discs-100.json", &contact, refusing).trial(&step, &Ask::default()).unwrap_err();
+    let refusal =
+        cell::<Discs>("discs-100.json", &contact, refusing).trial(&step, &TrialOptions::default()).unwrap_err();
     assert!(refusal.to_string().contains("did not come to rest"), "{refusal}");
 }
 

@@ -1,6 +1,6 @@
 //! Cells that the checks share.
 
-use protocol::{Ask, RveSolver, Tensor2, TrialAnswer};
+use protocol::{RveSolver, Tensor2, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
@@ -55,8 +55,8 @@ pub(crate) const SQUARE: Plane = [[1.0, 0.0], [0.0, 1.0]];
 /// Triangular lattice of unit spacing.
 pub(crate) const TRIANGULAR: Plane = [[1.0, 0.0], [0.5, 0.866_025_403_784_438_6]];
 
-pub(crate) fn trial(cell: &mut GrainRve, h: &Plane) -> TrialAnswer {
-    cell.trial(&Tensor2::from_plane(*h), &Ask::default()).unwrap()
+pub(crate) fn trial(cell: &mut GrainRve, h: &Plane) -> TrialResult {
+    cell.trial(&Tensor2::from_plane(*h), &TrialOptions::default()).unwrap()
 }
 
 /// `d sigma_ij / d F_kl` by central differences of trials, pairs ordered 11, 12, 21, 22.

@@ -1,7 +1,7 @@
 //! Cells of spheres: crystals with one grain per cell, and a random packing of a thousand.
 
 use crate::samples::{assert_close, tight};
-use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
@@ -39,12 +39,12 @@ fn sticking() -> ContactTable {
     ContactTable::linear(NORMAL, TANGENTIAL / NORMAL, 1e9)
 }
 
-pub(crate) fn tensor(answer: &TrialAnswer) -> Matrix {
+pub(crate) fn tensor(answer: &TrialResult) -> Matrix {
     Matrix::from_fn(|i, j| answer.stress.get(i, j))
 }
 
-pub(crate) fn trial(cell: &mut GrainRve<Spheres>, h: &Matrix) -> TrialAnswer {
-    cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &Ask::default()).unwrap()
+pub(crate) fn trial(cell: &mut GrainRve<Spheres>, h: &Matrix) -> TrialResult {
+    cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &TrialOptions::default()).unwrap()
 }
 
 /// `C11`, `C12`, `C44` of a cubic crystal by central differences.

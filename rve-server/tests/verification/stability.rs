@@ -1,7 +1,7 @@
 //! Attacks on a cell: each must end in a right answer or in a refusal that says why.
 
 use crate::samples::{TRIANGULAR, assert_close, hundred_discs, lattice, tight, trial};
-use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -70,7 +70,7 @@ fn tiny_and_huge_targets_are_answered_or_refused() {
         // Compressed by a fifth, grains as stiff as a thousand pressures overlap by more than a tenth.
         let is_compressed = direction[1][1] != 0.0;
         assert_eq!(answer.flags.contains(TrialFlags::LARGE_OVERLAP), is_compressed);
-        let refusal = cell.trial(&Tensor2::from_plane(at(0.5)), &Ask::default());
+        let refusal = cell.trial(&Tensor2::from_plane(at(0.5)), &TrialOptions::default());
         assert!(matches!(refusal, Err(RveError::TargetTooLarge { .. })));
     }
 }
@@ -80,9 +80,9 @@ fn tiny_and_huge_targets_are_answered_or_refused() {
 #[test]
 fn a_cell_that_came_apart_is_a_fluid_until_it_is_pressed_together() {
     let mut cell = GrainRve::new(&hundred_discs(RveOptions { strain_per_step: Some(2e-5), ..coarse() })).unwrap();
-    let ask = Ask { tangent: TangentKind::TrussLikeSlip, observables: Observables::ALL, ramp_steps: 0 };
-    let mut go = |size: f64| -> (TrialAnswer, GrainRve) {
-        let answer = cell.trial(&Tensor2::from_plane([[size, 0.0], [0.0, size]]), &ask).unwrap();
+    let options = TrialOptions { tangent: TangentKind::TrussLikeSlip, observables: Observables::ALL, ramp_steps: 0 };
+    let mut go = |size: f64| -> (TrialResult, GrainRve) {
+        let answer = cell.trial(&Tensor2::from_plane([[size, 0.0], [0.0, size]]), &options).unwrap();
         cell.commit().unwrap();
         (answer, cell.clone())
     };
@@ -99,7 +99,7 @@ fn a_cell_that_came_apart_is_a_fluid_until_it_is_pressed_together() {
     // Back to the area of the start.
     let (back, _) = go(1.0 / (1.02 * 1.001) - 1.0);
     let pressed = [2e-3, 2e-3].map(|step| go(-step).0);
-    let pressure = |answer: &TrialAnswer| -0.5 * (answer.stress.get(0, 0) + answer.stress.get(1, 1)) / PRESSURE;
+    let pressure = |answer: &TrialResult| -0.5 * (answer.stress.get(0, 0) + answer.stress.get(1, 1)) / PRESSURE;
     assert!(pressure(&back) < pressure(&pressed[0]) && pressure(&pressed[0]) < pressure(&pressed[1]));
     assert!(pressure(&pressed[1]) > 1.0, "{} of the old pressure", pressure(&pressed[1]));
     assert!(!pressed[1].flags.contains(TrialFlags::FLUID) && pressed[1].tangent.is_some());
@@ -164,10 +164,10 @@ fn corners_of_the_range_of_grains_are_stable() {
 
 /// Expands a cell until it bears a pressure, within a factor of two.
 fn unload(cell: &mut GrainRve<Discs>, pressure: f64) {
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     let mut strain = 1e-9;
     for _ in 0..30 {
-        let answer = cell.trial(&Tensor2::from_plane([[strain, 0.0], [0.0, strain]]), &ask).unwrap();
+        let answer = cell.trial(&Tensor2::from_plane([[strain, 0.0], [0.0, strain]]), &options).unwrap();
         let (stress, tangent) = (answer.stress.plane(), answer.tangent.unwrap());
         let now = -0.5 * (stress[0][0] + stress[1][1]);
         if now < 0.5 * pressure {
@@ -222,8 +222,8 @@ fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
         .collect();
     definition.packing.periodicity = rows.map(|row| row.map(|value| 5.0 * value));
     let mut cell = GrainRve::new(&definition).unwrap();
-    let ask = Ask { tangent: TangentKind::TrussLike, observables: Observables::ALL, ramp_steps: 0 };
-    let answer = cell.trial(&Tensor2::from_plane([[1e-5, 0.0], [0.0, -3e-5]]), &ask).unwrap();
+    let options = TrialOptions { tangent: TangentKind::TrussLike, observables: Observables::ALL, ramp_steps: 0 };
+    let answer = cell.trial(&Tensor2::from_plane([[1e-5, 0.0], [0.0, -3e-5]]), &options).unwrap();
     for flag in [TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED, TrialFlags::NOT_EQUILIBRATED] {
         assert!(!answer.flags.contains(flag), "{:?}", answer.flags);
     }
@@ -259,10 +259,10 @@ fn four_copies_of_a_packing_answer_as_one() {
         })
         .collect();
     four.packing.periodicity = rows.map(|row| row.map(|value| 2.0 * value));
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     let [first, second] = [one, four].map(|definition| {
         let mut cell = GrainRve::new(&definition).unwrap();
-        cell.trial(&Tensor2::from_plane([[1e-5, 5e-6], [5e-6, -2e-5]]), &ask).unwrap()
+        cell.trial(&Tensor2::from_plane([[1e-5, 5e-6], [5e-6, -2e-5]]), &options).unwrap()
     });
     assert!(difference(&first.stress.plane(), &second.stress.plane()) < 1e-6);
     let [first, second] = [first, second].map(|answer| answer.tangent.unwrap().0);

@@ -9,7 +9,7 @@ use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
 use macro_solver::output::{Field, FieldSeries, OutputError, RecordPlan, write_particles};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
-use protocol::{RveError, RveSolver, TrialAnswer};
+use protocol::{RveError, RveSolver, TrialResult};
 use rve_server::cell::ContactNetwork;
 use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
@@ -51,7 +51,7 @@ impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
 }
 
 impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         self.pool.evaluate(trials)
     }
 

@@ -80,7 +80,7 @@ pub(super) fn run(
         Box::new(groups)
     };
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
-    scene.pool.apply(&mut settings);
+    let settings = scene.pool.apply(&scene.document, &settings)?;
     let mut pool = Pool::new(port, supply, interrupt, settings, served.definitions, &served.made_of);
     let watcher = status_file.clone();
     pool.report_to(move |workers| watcher.report(workers));

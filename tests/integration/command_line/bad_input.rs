@@ -102,7 +102,7 @@ fn a_wrong_type_is_named_with_its_line() {
     desk.spoil("scene.toml", "increments = 5", "increments = \"five\"");
     desk.refused(
         &["run", "scene.toml"],
-        &["scene.toml:", "invalid type: string \"five\", expected a whole number", "increments = \"five\"", "hint:"],
+        &["scene.toml:", "loading.increments must be a whole number at least 1, not the text \"five\"", "increments = \"five\"", "hint:"],
     );
 }
 
@@ -186,7 +186,7 @@ fn more_workers_than_any_machine_can_use_are_refused_before_anything_starts() {
     let desk = Desk::new();
     desk.refused(&["run", "scene.toml", "--workers", "100000"], &["--workers 100000", "pool.most_workers=100000"]);
     desk.refused(&["run", "scene.toml", "--workers", "2", "--set", "pool.most_workers=1"], &["more than 1"]);
-    desk.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["at least one worker"]);
+    desk.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["must be at least 1, not 0"]);
 }
 
 /// The command that takes the file is named, in place of a list of keys.
@@ -197,12 +197,12 @@ fn a_file_of_another_command_is_recognised() {
         &["check", "element.toml"],
         &["this is an element test, not a scene", "hint: grainspan element element.toml"],
     );
-    desk.refused(&["run", "recipe.toml"], &["this is a recipe of a packing", "grainspan pack recipe.toml"]);
-    desk.refused(&["pack", "scene.toml"], &["this is a scene, not a recipe", "grainspan run scene.toml"]);
+    desk.refused(&["run", "recipe.toml"], &["this is a packing recipe", "grainspan pack recipe.toml"]);
+    desk.refused(&["pack", "scene.toml"], &["this is a scene, not a packing recipe", "grainspan run scene.toml"]);
     desk.refused(&["element", "scene.toml"], &["this is a scene, not an element test"]);
     desk.refused(
         &["pack", "recipe.toml", "--set", "presure=1"],
-        &["unknown key `presure`", "docs/guide/packings.md"],
+        &["unknown key `presure`", "did you mean `pressure`?"],
     );
 }
 
@@ -303,7 +303,7 @@ fn values_out_of_range_are_named_by_their_key() {
         ("contact.friction=-0.1", "contact.friction"),
         ("rve.tolerance=0.0", "rve.tolerance"),
         ("loading.increments=0", "increments must be at least 1"),
-        ("loading.cut=1.5", "cut must be between 0 and 1"),
+        ("loading.cut=1.5", "loading.cut must be above 0 and below 1, not 1.5"),
         ("loading.duration=-1", "duration"),
         ("output.grains=[32]", "no Gauss point 32"),
         ("probe.0.name=load", "cannot be named 'load'"),

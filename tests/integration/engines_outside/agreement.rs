@@ -3,7 +3,7 @@
 use super::claims::discs;
 use super::conversation::{Conversation, Partner};
 use super::foreign;
-use protocol::{Ask, Definition, RveSolver, StateId, Tensor2};
+use protocol::{Definition, RveSolver, StateId, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, PackingFile};
 use rve_server::engine::GrainRve;
@@ -46,7 +46,7 @@ fn crystals(talk: &mut Conversation, tolerance: f64) {
         for target in [[[0.0, 0.0], [0.0, -1e-5]], [[-1e-5, 0.0], [0.0, 0.0]], [[0.0, 1e-5], [1e-5, 0.0]]] {
             let job = talk.job(&made_of, StateId::NONE, target);
             let said = talk.ask_one(job, b"");
-            let expected = built_in.trial(&Tensor2::from_plane(target), &Ask::default()).unwrap();
+            let expected = built_in.trial(&Tensor2::from_plane(target), &TrialOptions::default()).unwrap();
             let scale = expected.stress.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
             for (found, expected) in said.reply.stress.0.iter().zip(&expected.stress.0) {
                 let error = (found - expected).abs() / scale;
@@ -60,7 +60,7 @@ fn crystals(talk: &mut Conversation, tolerance: f64) {
 fn as_packed(talk: &mut Conversation, made_of: &Definition, built_in: &mut GrainRve<Discs>) {
     let job = talk.job(made_of, StateId::NONE, [[0.0; 2]; 2]);
     let found = talk.ask_one(job, b"").reply.stress;
-    let expected = built_in.trial(&Tensor2::ZERO, &Ask::default()).unwrap().stress;
+    let expected = built_in.trial(&Tensor2::ZERO, &TrialOptions::default()).unwrap().stress;
     let scale = expected.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
     for (found, expected) in found.0.iter().zip(&expected.0) {
         assert!((found - expected).abs() < 1e-9 * scale, "{found} {expected}");
@@ -100,7 +100,7 @@ fn random_packing(talk: &mut Conversation, tolerance: f64) {
         let target = [[4e-4, 0.0], [0.0, -1e-3]];
         let job = talk.job(&made_of, state, target);
         let said = talk.ask_one(job, &bytes);
-        let expected = built_in.trial(&Tensor2::from_plane(target), &Ask::default()).unwrap();
+        let expected = built_in.trial(&Tensor2::from_plane(target), &TrialOptions::default()).unwrap();
         built_in.commit().unwrap();
         (state, bytes) = (said.reply.state, said.state);
         let (found, expected) = (said.reply.stress.get(1, 1), expected.stress.get(1, 1));

@@ -13,7 +13,7 @@ use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequ
 use macro_solver::problem::dynamics::{DynamicSettings, RayleighDamping, Reporting};
 use macro_solver::problem::relaxation::RelaxationSettings;
 use macro_solver::problem::{Axis, Condition, NamedStrategy, Platen, PressureKind, Problem, Procedure};
-use protocol::{Ask, Definition, Observables, RveEngine, TangentKind, Tensor2};
+use protocol::{Definition, Observables, RveEngine, TangentKind, Tensor2, TrialOptions};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use std::path::Path;
@@ -190,9 +190,9 @@ fn one_element_repeats_one_cell() {
     assert_eq!(record.samples.len(), 4);
 
     let mut cell = GrainEngine.create(&definition()).unwrap();
-    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
     for (step, points) in record.samples.iter().enumerate() {
-        let alone = cell.trial(&points[0].step_gradient, &ask).unwrap();
+        let alone = cell.trial(&points[0].step_gradient, &options).unwrap();
         cell.commit().unwrap();
         for point in points {
             for (ours, theirs) in point.stress.0.iter().zip(&alone.stress.0) {

@@ -4,7 +4,7 @@
 //! Reference. Yade 2023.02a and LAMMPS 22 Jul 2025 at inertial number 1e-4, see `tests/data/case-b/README.md`.
 //! Tolerance. 0.2 % of the shear stress, twice what the two programs differ by; this packing is not chaotic.
 
-use protocol::{Ask, Observables, RveEngine, TangentKind, Tensor2, TrialFlags};
+use protocol::{Observables, RveEngine, TangentKind, Tensor2, TrialFlags, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use rve_server::engine::GrainEngine;
@@ -37,9 +37,9 @@ fn sheared_spheres_follow_both_codes() {
     let packing = Packing::read(&folder().join("packing.json")).unwrap();
     let definition = AnyDefinition::new(packing, contact, RveOptions::default());
     let mut cell = GrainEngine.create(&definition.to_protocol()).unwrap();
-    let ask = Ask { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
 
-    let given = cell.trial(&Tensor2([0.0; 9]), &ask).unwrap();
+    let given = cell.trial(&Tensor2([0.0; 9]), &options).unwrap();
     assert_eq!(given.scalars.coordination_number, 2.0 * 3317.0 / 1000.0);
     // Yade, before any grain has moved.
     let unstrained =
@@ -54,7 +54,7 @@ fn sheared_spheres_follow_both_codes() {
     let mut rows = csv::Reader::from_path(folder().join("shear-reference.csv")).unwrap();
     for record in rows.records() {
         let row: Vec<f64> = record.unwrap().iter().map(|cell| cell.parse().unwrap()).collect();
-        let answer = cell.trial(&Tensor2(step), &ask).unwrap();
+        let answer = cell.trial(&Tensor2(step), &options).unwrap();
         assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         cell.commit().unwrap();
         for (column, place) in PLACES.into_iter().enumerate() {

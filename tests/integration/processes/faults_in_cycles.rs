@@ -3,7 +3,7 @@
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::transport::in_process::channel;
-use protocol::{Ask, Definition, RveEngine, Tensor2};
+use protocol::{Definition, RveEngine, Tensor2, TrialOptions};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ServeOptions, serve};
@@ -44,18 +44,18 @@ fn without_growth(mut cycle: impl FnMut(u32)) {
 #[test]
 fn a_cell_returns_to_the_same_bits_ten_thousand_times() {
     let mut cell = GrainEngine.create(&definition()).unwrap();
-    let ask = Ask { ramp_steps: 2, ..Ask::default() };
-    cell.trial(&target(1e-4), &ask).unwrap();
+    let options = TrialOptions { ramp_steps: 2, ..TrialOptions::default() };
+    cell.trial(&target(1e-4), &options).unwrap();
     cell.commit().unwrap();
     let (mut start, mut end, mut now) = (Vec::new(), Vec::new(), Vec::new());
     cell.snapshot(&mut start);
-    cell.trial(&target(-2e-5), &ask).unwrap();
+    cell.trial(&target(-2e-5), &options).unwrap();
     cell.snapshot_trial(&mut end).unwrap();
     without_growth(|number| {
-        cell.trial(&target(1e-5 * f64::from(number % 7)), &ask).unwrap();
+        cell.trial(&target(1e-5 * f64::from(number % 7)), &options).unwrap();
         cell.rollback();
         if number % 5 == 0 {
-            cell.trial(&target(-2e-5), &ask).unwrap();
+            cell.trial(&target(-2e-5), &options).unwrap();
             cell.commit().unwrap();
             cell.snapshot(&mut now);
             assert_eq!(now, end, "cycle {number}");
@@ -72,9 +72,9 @@ fn a_pool_returns_to_the_same_states_ten_thousand_times() {
     let servant = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("cycles")));
     let settings = PoolSettings::new("cycles");
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition()], &[0, 0]);
-    let ask = Ask { ramp_steps: 1, ..Ask::default() };
+    let options = TrialOptions { ramp_steps: 1, ..TrialOptions::default() };
     let trials =
-        |size: f64| [0, 1].map(|point| PointTrial { point, target: target(size * (1.0 + point as f64)), ask });
+        |size: f64| [0, 1].map(|point| PointTrial { point, target: target(size * (1.0 + point as f64)), options });
     pool.evaluate(&trials(1e-4)).unwrap();
     pool.commit().unwrap();
     let start = [0, 1].map(|point| pool.committed_snapshot(point).1.clone());

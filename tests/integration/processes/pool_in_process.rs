@@ -8,7 +8,7 @@ use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStat
 use protocol::control::FromWorker;
 use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, channel};
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
-use protocol::{Ask, Definition, Observables, RveEngine, StateId, TangentKind, Tensor2, TrialAnswer};
+use protocol::{Definition, Observables, RveEngine, StateId, TangentKind, Tensor2, TrialOptions, TrialResult};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use rve_server::server::{ServeOptions, serve};
@@ -31,12 +31,13 @@ fn definition() -> Definition {
 fn question(point: usize, step: u32) -> PointTrial {
     let strain = 2e-4 * (1.0 + 0.21 * point as f64) * f64::from(step + 1);
     let target = Tensor2::from_plane([[0.3 * strain, 1e-5 * point as f64], [0.0, -strain]]);
-    let ask = Ask { tangent: TangentKind::TrussLikeSlip, ramp_steps: 0, observables: Observables::FABRIC };
-    PointTrial { point, target, ask }
+    let options =
+        TrialOptions { tangent: TangentKind::TrussLikeSlip, ramp_steps: 0, observables: Observables::FABRIC };
+    PointTrial { point, target, options }
 }
 
 /// What an answer is made of, without what it cost in time.
-fn bits(answer: &TrialAnswer) -> Vec<u64> {
+fn bits(answer: &TrialResult) -> Vec<u64> {
     let tangent = answer.tangent.as_deref().map_or(&[][..], |tangent| &tangent.0);
     let scalars = [answer.scalars.void_ratio, answer.scalars.unbalanced_force_ratio];
     let values = answer.stress.0.iter().chain(tangent).chain(&answer.observed.fabric.0).chain(&scalars);
@@ -53,7 +54,7 @@ fn directly() -> Journey {
         let mut rve = GrainEngine.create(&definition()).unwrap();
         for step in 0..STEPS {
             let trial = question(point, step);
-            answers[step as usize * POINTS + point] = bits(&rve.trial(&trial.target, &trial.ask).unwrap());
+            answers[step as usize * POINTS + point] = bits(&rve.trial(&trial.target, &trial.options).unwrap());
             rve.commit().unwrap();
         }
         let mut bytes = Vec::new();
@@ -167,12 +168,16 @@ fn deserting_workers_change_nothing() {
 fn equal_cells_under_equal_strain_are_solved_once() {
     let answers = |deduplicated: bool| {
         with_pool(&[STEADY, STEADY], 1, |pool| {
-            // An ask that differs in a bit that changes no answer makes the questions different.
-            let ask = |point: usize| Observables(if deduplicated { 0 } else { point as u32 % 64 });
+            // An option that changes no result makes the trials different.
+            let observables = |point: usize| Observables(if deduplicated { 0 } else { point as u32 % 64 });
             let trials: Vec<_> = (0..POINTS)
                 .map(|point| {
                     let trial = question(0, 0);
-                    PointTrial { point, ask: Ask { observables: ask(point), ..trial.ask }, ..trial }
+                    PointTrial {
+                        point,
+                        options: TrialOptions { observables: observables(point), ..trial.options },
+                        ..trial
+                    }
                 })
                 .collect();
             let stresses: Vec<_> =

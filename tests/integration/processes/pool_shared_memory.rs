@@ -7,7 +7,7 @@ use macro_solver::pool::{HangPolicy, Interrupt, JoiningWorkers, Outlook, Pool, P
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort};
 use protocol::transport::{WorkerEvent, WorkerPort};
-use protocol::{Ask, Capabilities, Definition, TangentKind, Tensor2};
+use protocol::{Capabilities, Definition, TangentKind, Tensor2, TrialOptions};
 use rustix::process::Signal;
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
 use std::path::Path;
@@ -25,9 +25,9 @@ fn definition(options: &str) -> Definition {
 }
 
 fn questions(strain: f64) -> Vec<PointTrial> {
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     let target = |point: usize| Tensor2::from_plane([[0.0, 0.0], [0.0, -strain * (1.0 + 0.1 * point as f64)]]);
-    (0..POINTS).map(|point| PointTrial { point, target: target(point), ask }).collect()
+    (0..POINTS).map(|point| PointTrial { point, target: target(point), options }).collect()
 }
 
 /// A pool and this many worker processes that have joined it.

@@ -118,7 +118,7 @@ fn a_changed_scene_is_refused_with_the_keys_that_changed() {
     assert!(ended.stderr.contains("contact.friction was 0.5 and is 0.4"), "{}", ended.stderr);
     assert!(!ended.stderr.contains("loading"), "{}", ended.stderr);
     let harmless =
-        ["--resume", "--set", "checkpoint.steps=3", "--set", "pool.patience=50", "--set", "output.plot=false"];
+        ["--resume", "--set", "checkpoint.steps=3", "--set", "pool.worker_timeout=50", "--set", "output.plot=false"];
     assert!(run(&site, "a", &harmless).status.success());
 }
 

@@ -388,6 +388,47 @@ fn the_map_of_the_architecture_names_every_source_folder() {
     no_faults(&missing.map(|folder| format!("ARCHITECTURE.md: the map lacks `{folder}/`")).collect::<Vec<_>>());
 }
 
+/// Names behind `crate::` in the sources of a file, comments and tests left out.
+fn imported(text: &str) -> BTreeSet<String> {
+    let sources = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
+    let plain: String =
+        sources.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
+    let name =
+        |rest: &str| rest.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect::<String>();
+    plain.split("crate::").skip(1).map(name).collect()
+}
+
+/// The map says "lowest first": a folder imports only from folders above it in the list of its crate.
+#[test]
+fn folders_import_in_the_order_of_the_map() {
+    let text = read("ARCHITECTURE.md");
+    let map = section(&text, "Map inside the crates");
+    let files = files();
+    let mut faults = Vec::new();
+    for krate in ["rve-server", "macro-solver"] {
+        let lead = format!("* `{krate}/src/");
+        let order: Vec<&str> = map
+            .lines()
+            .filter_map(|line| line.strip_prefix(lead.as_str()))
+            .filter_map(|rest| rest.split('/').next())
+            .collect();
+        assert!(order.len() > 8, "{krate}: {order:?}");
+        for (place, folder) in order.iter().enumerate() {
+            let inside = format!("{krate}/src/{folder}/");
+            let product =
+                |file: &&String| file.starts_with(&inside) && !file.contains("/tests") && !file.ends_with("tests.rs");
+            for file in files.iter().filter(product) {
+                let higher =
+                    imported(&read(file)).into_iter().filter(|name| order[place + 1..].contains(&name.as_str()));
+                faults.extend(
+                    higher.map(|name| format!("{file} imports `{name}`, which the map lists after `{folder}`")),
+                );
+            }
+        }
+    }
+    no_faults(&faults);
+}
+
 #[test]
 fn the_seams_of_the_architecture_are_types_of_the_files_they_name() {
     let text = read("ARCHITECTURE.md");

@@ -52,9 +52,17 @@ fn numerics_neither_print_nor_touch_files_nor_threads() {
 #[test]
 fn random_iteration_order_is_absent() {
     let mut files = Vec::new();
-    for folder in
-        ["protocol/src", "rve-server/src", "macro-solver/src", "scene-reader/src", "charts/src", "bench/src", "src"]
-    {
+    let folders = [
+        "protocol/src",
+        "rve-server/src",
+        "macro-solver/src",
+        "scene-reader/src",
+        "keys/src",
+        "charts/src",
+        "bench/src",
+        "src",
+    ];
+    for folder in folders {
         rust_files(&root().join(folder), &mut files);
     }
     for file in files {

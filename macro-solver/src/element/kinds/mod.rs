@@ -21,11 +21,12 @@ pub(crate) use triangle::{linear_triangle, quadratic_triangle};
 
 use super::quadrature::GaussPoint;
 use super::{Dimension, Shape};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use vtkio::model::CellType;
 
 /// Shape functions and quadrature of an element; read from the keyword that [`ElementKind::keyword`] gives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementKind {
     /// Bilinear quadrilateral, 2x2 points.

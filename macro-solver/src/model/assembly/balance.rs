@@ -9,7 +9,6 @@ use crate::model::body::{Body, degrees_of_freedom};
 use crate::model::loads::Loads;
 use crate::model::points::Point;
 use crate::problem::Moment;
-use rayon::prelude::*;
 
 /// Forces and stiffness of one iterate. Vectors run over all degrees of freedom; N, in the plane per metre.
 #[derive(Clone, Debug)]
@@ -25,7 +24,7 @@ pub(crate) struct Balance {
 }
 
 /// Contribution of one element.
-struct Part {
+struct ElementBalance {
     block: Block,
     force: Vec<f64>,
     hourglass_energy: f64,
@@ -73,15 +72,11 @@ impl Body {
     pub(crate) fn balance(&self, increment: &[f64], points: &[Point], loads: &Loads, moment: Moment) -> Balance {
         let positions = self.positions(increment);
         let geometry = self.integration_geometry(&positions);
-        // Elements in parallel; their contributions are added up in their order, so the bits do not depend on threads.
-        let parts: Vec<Part> = (0..self.mesh().elements.len())
-            .into_par_iter()
-            .map(|element| self.part(element, &geometry, &positions, points))
-            .collect();
+        let elements = self.for_all_elements(|element| self.element_balance(element, &geometry, &positions, points));
         let mut internal = self.zero();
         let mut hourglass_energy = 0.0;
-        let mut blocks = Vec::with_capacity(parts.len());
-        for part in parts {
+        let mut blocks = Vec::with_capacity(elements.len());
+        for part in elements {
             for (&dof, value) in part.block.dofs.iter().zip(&part.force) {
                 internal[dof] += value;
             }
@@ -93,26 +88,30 @@ impl Body {
     }
 
     /// Forces and stiffness of one element.
-    fn part(&self, element: usize, geometry: &[PointGeometry], positions: &[[f64; 3]], points: &[Point]) -> Part {
+    fn element_balance(
+        &self,
+        element: usize,
+        geometry: &[PointGeometry],
+        positions: &[[f64; 3]],
+        points: &[Point],
+    ) -> ElementBalance {
         let (dimension, nodes) = (self.mesh().dimension.count(), &self.mesh().elements[element]);
         let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
         let mut force = vec![0.0; block.dofs.len()];
-        let mut hourglass_energy = 0.0;
         for number in self.points_of(element) {
             let (stress, moduli) = points[number].integrand(self.formulation());
             add_force(dimension, &geometry[number], nodes.len(), &stress, &mut force);
             add_stiffness(dimension, &geometry[number], nodes.len(), &moduli, &mut block.matrix);
         }
+        let mut hourglass_energy = 0.0;
         if let Some(modes) = self.hourglass(element) {
-            let shear = points[self.points_of(element).start].first_shear_modulus();
-            let stiffness = modes.stiffness(self.hourglass_coefficient(), shear);
+            let stiffness = modes.stiffness(self.hourglass_coefficient(), self.first_shear_modulus(element, points));
             // Of displacements, not positions: exactly zero in the initial state.
-            let moved = |&node: &usize| std::array::from_fn(|i| positions[node][i] - self.mesh().nodes[node][i]);
-            let amplitudes = modes.amplitudes(&nodes.iter().map(moved).collect::<Vec<_>>());
-            modes.add_force(dimension, stiffness, &amplitudes, &mut force);
+            let moved = |node: usize| std::array::from_fn(|i| positions[node][i] - self.mesh().nodes[node][i]);
+            let amplitudes = self.add_hourglass_force(element, modes, stiffness, moved, &mut force);
             modes.add_stiffness(dimension, stiffness, &mut block.matrix);
             hourglass_energy = modes.energy(stiffness, &amplitudes);
         }
-        Part { block, force, hourglass_energy }
+        ElementBalance { block, force, hourglass_energy }
     }
 }

@@ -1,4 +1,4 @@
-//! Nodal forces of the elements at the committed state.
+//! Nodal forces of the elements, without stiffness: for procedures that move masses.
 
 use super::isotropic::Isotropic;
 use super::viscosity::Viscosity;
@@ -9,9 +9,8 @@ use crate::formulation::Formulation;
 use crate::model::body::{Body, degrees_of_freedom};
 use crate::model::points::Points;
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
-/// What the elements make of stresses and velocities.
+/// Laws by which elements turn stresses and velocities into nodal forces.
 pub(crate) struct ElementLaws<'a> {
     pub(crate) body: &'a Body,
     pub(crate) points: &'a Points,
@@ -23,7 +22,7 @@ pub(crate) struct ElementLaws<'a> {
     pub(crate) hourglass: HourglassControl,
 }
 
-/// Where and how fast the body is.
+/// Geometry, displacements and velocities at which forces are evaluated.
 #[derive(Clone, Copy)]
 pub(crate) struct Motion<'a> {
     /// Geometry of the points on which stresses are integrated.
@@ -44,8 +43,8 @@ pub(crate) struct ElementForces {
     pub(crate) hourglass_energy: f64,
 }
 
-/// Of one element, over its own degrees of freedom.
-struct Part {
+/// Forces of one element over its own degrees of freedom; viscous and hourglass forces are empty if there are none.
+struct OneElement {
     internal: Vec<f64>,
     viscous: Vec<f64>,
     hourglass: Vec<f64>,
@@ -53,15 +52,11 @@ struct Part {
 }
 
 impl ElementLaws<'_> {
-    /// All forces, from the latest answers of the points.
+    /// All forces, from the latest stresses of the points.
     pub(crate) fn forces(&self, motion: Motion<'_>) -> ElementForces {
         let averaged = self.points.integrated_stresses(motion.geometry.iter().map(|geometry| geometry.volume));
         let dimension = self.body.mesh().dimension.count();
-        // Elements in parallel; their contributions are added up in their order, so the bits do not depend on threads.
-        let parts: Vec<Part> = (0..self.body.mesh().elements.len())
-            .into_par_iter()
-            .map(|element| self.part(element, motion, averaged.as_deref()))
-            .collect();
+        let parts = self.body.for_all_elements(|element| self.of_element(element, motion, averaged.as_deref()));
         let zero = self.body.zero();
         let mut forces =
             ElementForces { internal: zero.clone(), viscous: zero.clone(), hourglass: zero, hourglass_energy: 0.0 };
@@ -80,12 +75,12 @@ impl ElementLaws<'_> {
         forces
     }
 
-    fn part(&self, element: usize, motion: Motion<'_>, averaged: Option<&[Matrix3<f64>]>) -> Part {
+    fn of_element(&self, element: usize, motion: Motion<'_>, averaged: Option<&[Matrix3<f64>]>) -> OneElement {
         let (mesh, formulation) = (self.body.mesh(), self.body.formulation());
         let (dimension, nodes) = (mesh.dimension.count(), &mesh.elements[element]);
         let width = dimension * nodes.len();
         let is_viscous = !self.viscosity.is_none();
-        let mut part = Part {
+        let mut part = OneElement {
             internal: vec![0.0; width],
             viscous: vec![0.0; if is_viscous { width } else { 0 }],
             hourglass: Vec::new(),
@@ -107,21 +102,19 @@ impl ElementLaws<'_> {
         part
     }
 
-    fn add_hourglass(&self, element: usize, motion: Motion<'_>, part: &mut Part) {
+    fn add_hourglass(&self, element: usize, motion: Motion<'_>, part: &mut OneElement) {
         let Some(modes) = self.body.hourglass(element) else { return };
-        let mesh = self.body.mesh();
-        let dimension = mesh.dimension.count();
+        let dimension = self.body.mesh().dimension.count();
         let (stiffness, viscosity) = self.hourglass_factors(element);
         let (factor, values) = match self.hourglass {
             HourglassControl::Stiffness { .. } => (stiffness, motion.displacements),
             HourglassControl::Viscous { .. } => (viscosity, motion.velocity),
         };
-        let of_node = |&node: &usize| -> [f64; 3] {
+        let of_node = |node: usize| -> [f64; 3] {
             std::array::from_fn(|axis| if axis < dimension { values[dimension * node + axis] } else { 0.0 })
         };
-        let amplitudes = modes.amplitudes(&mesh.elements[element].iter().map(of_node).collect::<Vec<_>>());
         part.hourglass = vec![0.0; part.internal.len()];
-        modes.add_force(dimension, factor, &amplitudes, &mut part.hourglass);
+        let amplitudes = self.body.add_hourglass_force(element, modes, factor, of_node, &mut part.hourglass);
         part.hourglass_energy = modes.energy(stiffness, &amplitudes);
     }
 
@@ -134,7 +127,7 @@ impl ElementLaws<'_> {
     /// Stiffness, N/m, and viscosity, N s/m, of the hourglass modes of an element: one of them is zero.
     pub(crate) fn hourglass_factors(&self, element: usize) -> (f64, f64) {
         let Some(modes) = self.body.hourglass(element) else { return (0.0, 0.0) };
-        let shear = self.points.all()[self.body.points_of(element).start].first_shear_modulus();
+        let shear = self.body.first_shear_modulus(element, self.points.all());
         match self.hourglass {
             HourglassControl::Stiffness { coefficient } => (modes.stiffness(coefficient, shear), 0.0),
             HourglassControl::Viscous { coefficient } => {

@@ -1,11 +1,12 @@
-//! A trial that a point refuses, gone in parts: where a step cannot be made smaller for all, as in explicit dynamics.
+//! Sub-steps of single points: where a point refuses its trial and the step cannot be made smaller for all, as in explicit
+//! dynamics.
 
 use super::Points;
 use crate::formulation::tensor::{matrix, tensor};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::observer::Statistics;
 use nalgebra::Matrix3;
-use protocol::{Ask, TangentKind, TrialAnswer};
+use protocol::{TangentKind, TrialOptions, TrialResult};
 
 /// Times that the first part of a refused trial is halved.
 const MOST_HALVINGS: usize = 4;
@@ -14,8 +15,8 @@ const MOST_HALVINGS: usize = 4;
 const MOST_PARTS: usize = 64;
 
 impl Points {
-    /// Asks for answers as they are wanted. A point that refuses its trial goes a part of the way and commits it before it is
-    /// asked for the rest, which replaces its trial; the others wait. Between the parts no forces are seen.
+    /// Evaluates trials. A point that refuses its trial takes a part of it and commits that before the rest, which replaces its
+    /// trial; the other points wait. Between the parts no forces are assembled.
     ///
     /// # Errors
     /// As the material's, where smaller parts do not help either. The parts that were gone stay committed.
@@ -24,7 +25,7 @@ impl Points {
         trials: &mut [PointTrial],
         material: &mut dyn PointMaterial,
         statistics: &mut Statistics,
-    ) -> Result<Vec<TrialAnswer>, MaterialError> {
+    ) -> Result<Vec<TrialResult>, MaterialError> {
         for _ in 0..MOST_PARTS {
             let error = match material.evaluate(trials) {
                 Ok(answers) => return Ok(answers),
@@ -55,8 +56,8 @@ impl Points {
         let mut share = 0.5;
         for _ in 0..MOST_HALVINGS {
             let first = whole * share;
-            let ask = Ask { tangent: TangentKind::None, ..trial.ask };
-            match material.evaluate(&[PointTrial { target: tensor(&first), ask, ..*trial }]) {
+            let options = TrialOptions { tangent: TangentKind::None, ..trial.options };
+            match material.evaluate(&[PointTrial { target: tensor(&first), options, ..*trial }]) {
                 Ok(answers) => {
                     answers.iter().for_each(|answer| self.count(trial.point, answer, statistics));
                     let Some(back) = (Matrix3::identity() + first).try_inverse() else { return Ok(false) };

@@ -1,12 +1,13 @@
 //! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
-//! held and no sample is kept, and the counters of a step begin anew with it.
+//! held and no sample is kept, and the counters of a step start again with it.
 
-use super::{Point, Points, ReferenceModuli};
+use super::secant::ReferenceModuli;
+use super::{Point, Points};
 use crate::checkpoint::CheckpointError;
 use crate::formulation::Operator;
 use crate::nonlocal::NonlocalLayer;
 use nalgebra::Matrix3;
-use protocol::{Cost, Observed, Scalars, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags, TrialResult};
 use serde::{Deserialize, Serialize};
 
 /// One Gauss point after an accepted step.
@@ -117,7 +118,7 @@ impl Point {
         self.ramp_steps = record.ramp_steps;
         self.evaluations = record.evaluations;
         self.cost = record.cost;
-        self.answer = record.answer.map(|answer| TrialAnswer {
+        self.answer = record.answer.map(|answer| TrialResult {
             stress: answer.stress,
             tangent: None,
             scalars: answer.scalars,

@@ -58,9 +58,9 @@ impl Coordinator {
                 definition: self.points.definitions[job.definition].1.clone(),
                 state: job.state.bytes.to_vec(),
                 target: job.trial.target,
-                tangent: job.trial.ask.tangent,
-                ramp_steps: job.trial.ask.ramp_steps,
-                observables: job.trial.ask.observables,
+                tangent: job.trial.options.tangent,
+                ramp_steps: job.trial.options.ramp_steps,
+                observables: job.trial.options.observables,
             });
             self.fatal = Some(MaterialError::WorkersLost(text));
         }

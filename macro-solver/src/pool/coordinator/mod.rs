@@ -192,7 +192,7 @@ impl Coordinator {
                 self.count_cost(worker, &answer.cost, overhead_nanoseconds);
                 self.statistics.replayed_trials += u64::from(replayed);
                 self.workers.edit(worker, |known| known.cache.touch(state.id));
-                self.retire_when_worn(worker);
+                self.retire_after_jobs(worker);
                 self.batch.settle(index, JobOutcome::Done(answer, PointState { holder: Some(worker), ..state }));
             }
             ValidatedReply::Failed(reason) => {

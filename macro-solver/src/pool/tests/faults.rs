@@ -123,7 +123,7 @@ fn a_deadly_point_is_named_after_three_workers() {
     assert!(error.to_string().contains("Gauss point 6 has ended 3 workers"), "{error}");
     let case = pool.quarantined().unwrap();
     let question = questions(POINTS, 0)[6];
-    assert_eq!((case.point, case.target, case.ask()), (6, question.target, question.ask));
+    assert_eq!((case.point, case.target, case.options()), (6, question.target, question.options));
     assert!(case.state.is_empty() && case.failures.len() == 3 && case.definition.bytes == [1], "{case:?}");
     assert_eq!(pool.statistics().workers_lost, 3);
 }

@@ -4,13 +4,13 @@ use super::scripted::{Fault, Stage, questions};
 use crate::material::{PointMaterial, PointTrial};
 use crate::pool::Pool;
 use protocol::transport::MacroPort;
-use protocol::{StateId, Tensor2, TrialAnswer};
+use protocol::{StateId, Tensor2, TrialResult};
 use std::num::NonZeroUsize;
 
 const POINTS: usize = 12;
 
 /// Four steps of two iterations each, as a Newton solver would ask; every third step is thrown away.
-fn journey<P: MacroPort>(pool: &mut Pool<P>) -> (Vec<TrialAnswer>, Vec<StateId>) {
+fn journey<P: MacroPort>(pool: &mut Pool<P>) -> (Vec<TrialResult>, Vec<StateId>) {
     let mut answers = Vec::new();
     for step in 0..4 {
         for iteration in 0..2 {

@@ -7,8 +7,8 @@ use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{
-    Ask, Capabilities, Cost, Definition, DefinitionId, PROTOCOL_VERSION, RveError, StateId, TangentKind, Tensor2,
-    Tensor4, TrialAnswer,
+    Capabilities, Cost, Definition, DefinitionId, PROTOCOL_VERSION, RveError, StateId, TangentKind, Tensor2, Tensor4,
+    TrialOptions, TrialResult,
 };
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -236,7 +236,7 @@ impl FakeWorker {
 }
 
 /// The law of the test: stress and end state depend on every bit of the start and of the target.
-fn solve(job: &TrialJob, state: &[u8]) -> (TrialAnswer, Vec<u8>) {
+fn solve(job: &TrialJob, state: &[u8]) -> (TrialResult, Vec<u8>) {
     let mut text = job.definition.0.to_vec();
     text.extend_from_slice(state);
     text.extend(job.target.0.iter().flat_map(|component| component.to_bits().to_le_bytes()));
@@ -244,7 +244,7 @@ fn solve(job: &TrialJob, state: &[u8]) -> (TrialAnswer, Vec<u8>) {
     let mut stress = job.target;
     stress.0[4] += f64::from(end[0]) + f64::from(end[1]) / 7.0;
     let tangent = (job.tangent != 0).then(|| Box::new(Tensor4([f64::from(end[2]); 81])));
-    let answer = TrialAnswer {
+    let answer = TrialResult {
         stress,
         tangent,
         scalars: Default::default(),
@@ -439,11 +439,11 @@ impl Stage {
 
 /// One question per point, all different.
 pub(super) fn questions(points: usize, step: u32) -> Vec<PointTrial> {
-    let ask = Ask { tangent: TangentKind::TrussLike, ..Ask::default() };
+    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
     (0..points)
         .map(|point| {
             let strain = 1e-4 * (1.0 + 0.37 * point as f64 + f64::from(step));
-            PointTrial { point, target: Tensor2::from_plane([[-strain, 0.0], [0.0, strain]]), ask }
+            PointTrial { point, target: Tensor2::from_plane([[-strain, 0.0], [0.0, strain]]), options }
         })
         .collect()
 }

@@ -7,7 +7,8 @@ pub(super) mod process_stats;
 use super::settings::{HangPolicy, PoolSettings};
 use cache_mirror::CacheMirror;
 use load_index::{Entry, LoadIndex};
-use process_stats::{ProcessHistory, ProcessStats};
+use process_stats::ProcessHistory;
+use protocol::process::ProcessStat;
 use protocol::transport::WorkerId;
 use protocol::{Capabilities, PROTOCOL_VERSION, TangentKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -30,7 +31,7 @@ pub(super) struct PendingMessage {
 pub(super) enum WorkerState {
     /// Gets jobs; its replies count.
     Active,
-    /// Was asked to finish what it holds and to remove: no new jobs, but its replies count.
+    /// Was requested to finish its jobs and to leave: no new jobs, but its replies count.
     Draining,
     /// Has announced that it leaves: no new jobs.
     Leaving,
@@ -112,10 +113,10 @@ impl Worker {
     }
 
     /// Records what the kernel says about its process; returns whether that is stopped.
-    fn check(&mut self, now: Instant, stats: impl Fn(u32) -> Option<ProcessStats>) -> bool {
-        let Some(stats) = stats(self.pid) else { return false };
-        self.process.take(&stats, self.head_since, now);
-        stats.stopped
+    fn check(&mut self, now: Instant, stat: impl Fn(u32) -> Option<ProcessStat>) -> bool {
+        let Some(stat) = stat(self.pid) else { return false };
+        self.process.record(&stat, self.head_since, now);
+        stat.is_stopped()
     }
 
     /// Why it is to be ended, if it is.
@@ -225,10 +226,10 @@ impl WorkerTable {
     }
 
     /// Checks the processes of the workers that have work; returns whether any of them is stopped.
-    pub(super) fn check(&mut self, now: Instant, stats: impl Fn(u32) -> Option<ProcessStats>) -> bool {
+    pub(super) fn check(&mut self, now: Instant, stat: impl Fn(u32) -> Option<ProcessStat>) -> bool {
         self.any_stopped = false;
         for id in self.busy() {
-            self.any_stopped |= self.edit(id, |worker| worker.check(now, &stats)).unwrap_or(false);
+            self.any_stopped |= self.edit(id, |worker| worker.check(now, &stat)).unwrap_or(false);
         }
         self.any_stopped
     }

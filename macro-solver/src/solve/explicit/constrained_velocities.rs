@@ -1,19 +1,19 @@
-//! Displacements that follow others in motion: rigid bodies, tilting platens, periodic faces.
+//! Multi-point constraints in motion: rigid bodies, tilting platens, periodic faces.
 //!
-//! With `u = T v + g` the forces that keep the velocity_constraints do no work along them, so the velocities after a step are those of the
-//! untied nodes, moved to the nearest ones that the velocity_constraints allow in the metric `A = m / dt + C / 2` of masses and dampers (Gauss's principle
-//! of least constraint): `T^T A T w = T^T A (v' - g')`. Displacements meet the velocity_constraints at every instant, without drift. VelocityConstraints leave
+//! With `u = T v + g` the constraint forces do no work along them, so the velocities after a step are those of the
+//! unconstrained nodes, moved to the nearest ones that the constraints allow in the metric `A = m / dt + C / 2` of masses and dampers (Gauss's principle
+//! of least constraint): `T^T A T w = T^T A (v' - g')`. Displacements meet the constraints at every instant, without drift. Constraints leave
 //! the step stable: a body that may move in fewer ways has no higher frequency.
 
 use crate::model::constraints::Constraints;
 use crate::problem::{Moment, ProblemError};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// All velocity_constraints of a stage, in groups that share no free component.
+/// All constraints of a stage, in groups that share no free component.
 #[derive(Clone, Debug)]
 pub(super) struct VelocityConstraints {
     groups: Vec<Group>,
-    /// Factors of the groups' equations for the metric that they were last asked for.
+    /// Factors of the groups' equations for the metric of their last use.
     factors: Vec<(Vec<f64>, Cholesky<f64, Dyn>)>,
 }
 
@@ -29,7 +29,7 @@ impl VelocityConstraints {
     /// Those of a stage; `has_oblique_damper` tells of a degree of freedom whether a damper couples it with others of its node.
     ///
     /// # Errors
-    /// A tied component with such a damper.
+    /// A constrained component with such a damper.
     pub(super) fn of_stage(
         constraints: &Constraints,
         has_oblique_damper: impl Fn(usize) -> bool,
@@ -77,12 +77,12 @@ impl VelocityConstraints {
         Ok(Self { groups, factors: Vec::new() })
     }
 
-    /// Whether nothing is tied.
+    /// Whether there are none.
     pub(super) fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
 
-    /// Components that are tied to others, whether they lead or follow.
+    /// Constrained components, masters and followers.
     pub(super) fn tied(&self) -> impl Iterator<Item = usize> {
         let of_group = |group: &Group| {
             let followers = group.followers.iter().map(|(dof, _)| *dof);
@@ -91,7 +91,7 @@ impl VelocityConstraints {
         self.groups.iter().flat_map(of_group)
     }
 
-    /// Moves velocities onto the velocity_constraints. `weight` is the diagonal of the metric by degree of freedom, `given` what followers move at
+    /// Moves velocities onto the constraints. `weight` is the diagonal of the metric by degree of freedom, `given` what followers move at
     /// without their masters, m/s.
     pub(super) fn keep(&mut self, velocity: &mut [f64], weight: impl Fn(usize) -> f64, given: &[f64]) {
         for (number, group) in self.groups.iter().enumerate() {
@@ -142,7 +142,7 @@ impl Group {
 }
 
 /// Velocities of followers whose masters stand still, over a step of `step` (s) that ends at `next`: with them displacements
-/// meet the velocity_constraints then.
+/// meet the constraints then.
 pub(super) fn given_velocities(
     constraints: &Constraints,
     displacements: &[f64],

@@ -3,7 +3,7 @@
 //! An absorbing side carries the traction `-rho (c_p n n + c_s (I - n n)) v` (Lysmer and Kuhlemeyer 1969), which lets plane waves that
 //! arrive at a right angle out entirely. Dampers at nodes are taken at the middle of the two half steps, which is stable for any strength.
 
-use super::integrator::Specimen;
+use super::specimen::Specimen;
 use crate::element::side::side_shapes;
 use crate::mesh::Side;
 use crate::model::assembly::isotropic::Isotropic;

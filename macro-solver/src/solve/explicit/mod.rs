@@ -11,12 +11,14 @@
 mod constrained_velocities;
 mod dashpots;
 mod energy;
+mod instants;
 mod integrator;
 mod masses;
 mod record;
+mod specimen;
 mod stage;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use integrator::{Integrator, Specimen};
+pub(crate) use integrator::Integrator;
 pub(crate) use record::IntegratorRecord;

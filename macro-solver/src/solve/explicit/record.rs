@@ -2,7 +2,8 @@
 
 use super::dashpots::Dashpots;
 use super::energy::{Forces, Monitor};
-use super::integrator::{Integrator, Specimen};
+use super::integrator::Integrator;
+use super::specimen::Specimen;
 use crate::checkpoint::CheckpointError;
 use crate::model::assembly::isotropic::Isotropic;
 use crate::model::assembly::viscosity::Viscosity;

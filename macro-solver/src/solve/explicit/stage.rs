@@ -6,7 +6,8 @@ use crate::observer::{DynamicsView, Outcome};
 use crate::problem::Procedure;
 use crate::problem::dynamics::DynamicSettings;
 use crate::solve::driver::{Session, Solver};
-use crate::solve::explicit::{Integrator, IntegratorRecord, Specimen};
+use crate::solve::explicit::specimen::Specimen;
+use crate::solve::explicit::{Integrator, IntegratorRecord};
 use crate::solve::report::{AcceptedState, Counters};
 
 impl Solver<'_> {

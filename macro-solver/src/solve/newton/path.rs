@@ -40,10 +40,10 @@ impl Constraint {
         let count = problem.mesh.degrees_of_freedom();
         Ok(match control {
             PathControl::Load => None,
-            PathControl::ArcLength { first_load, measured } => {
-                let mut weights = vec![if measured.is_some() { 0.0 } else { 1.0 }; count];
-                if let Some((nodes, axis)) = measured {
-                    for dof in components(problem, nodes, *axis)? {
+            PathControl::ArcLength { first_load, set, component } => {
+                let mut weights = vec![if set.is_some() { 0.0 } else { 1.0 }; count];
+                if let Some(nodes) = set {
+                    for dof in components(problem, nodes, *component)? {
                         weights[dof] = 1.0;
                     }
                 }

@@ -1,10 +1,10 @@
-//! When tangents are asked for, and when the global matrix is factorized with them.
+//! When tangents are requested, and when the global matrix is factorized with them.
 
 use crate::problem::Renewal;
 use protocol::TangentKind;
 use serde::{Deserialize, Serialize};
 
-/// Keeps count of the tangents in use.
+/// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
     renewal: Renewal,

@@ -16,7 +16,7 @@ fn squeezed() -> Problem {
 struct Twisted(ElasticMaterial, f64);
 
 impl PointMaterial for Twisted {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = self.0.evaluate(trials)?;
         for answer in &mut answers {
             let size = answer.stress.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));

@@ -102,7 +102,7 @@ fn all_formulations_agree_for_small_strains() {
 fn rotation_superposed_on_compression_leaves_the_stress_in_the_material_frame() {
     use crate::formulation::tensor::tensor;
     use crate::material::PointMaterial;
-    use protocol::Ask;
+    use protocol::TrialOptions;
     let steps = 200;
     let stretch = |share: f64| Matrix3::from_diagonal(&[1.0 + 0.03 * share, 1.0 - 0.1 * share, 1.0].into());
     let deformation = |share: f64, turn: f64| {
@@ -120,7 +120,7 @@ fn rotation_superposed_on_compression_leaves_the_stress_in_the_material_frame() 
             let [before, after] = [step, step + 1].map(|step| deformation(f64::from(step) / f64::from(steps), turn));
             let gradient = after * before.try_inverse().unwrap() - Matrix3::identity();
             let target = tensor(&formulation.target(&before, &gradient).unwrap());
-            let trial = PointTrial { point: 0, target, ask: Ask::default() };
+            let trial = PointTrial { point: 0, target, options: TrialOptions::default() };
             let answer = matrix(&material.evaluate(&[trial]).unwrap()[0].stress);
             material.commit().unwrap();
             stress = formulation.cauchy(&before, &gradient, &answer).unwrap();

@@ -27,7 +27,7 @@ use crate::mesh::block::Block;
 use crate::mesh::{Dimension, ElementKind, Mesh};
 use crate::observer::{CutBack, FieldsView, IterationReport, Observer, PointFields, Run, StepReport, StopRequest};
 use crate::problem::{Axis, Condition, Problem, Stage, Tolerances};
-use protocol::TrialAnswer;
+use protocol::TrialResult;
 
 /// Keeps everything that a run reports.
 #[derive(Default)]
@@ -93,7 +93,7 @@ impl Spy {
 }
 
 impl PointMaterial for Spy {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         if let Some(error) = (self.refuse)(trials) {
             return Err(error);
         }

@@ -66,13 +66,13 @@ fn averages_reach_through_periodic_faces() {
 fn ramps_are_as_fine_as_the_averages_want_them() {
     for trial in asked(2.5, false, 3) {
         let largest = trial.target.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
-        let per_step = largest / f64::from(trial.ask.ramp_steps);
+        let per_step = largest / f64::from(trial.options.ramp_steps);
         assert!(per_step <= 1.5e-6, "point {}: {per_step:e} in a ramp step", trial.point);
         assert!(
-            trial.ask.ramp_steps == 1 || per_step > 0.6e-6,
+            trial.options.ramp_steps == 1 || per_step > 0.6e-6,
             "point {}: {} steps",
             trial.point,
-            trial.ask.ramp_steps
+            trial.options.ramp_steps
         );
     }
 }

@@ -28,7 +28,7 @@ impl Noisy {
 }
 
 impl PointMaterial for Noisy {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = self.inner.evaluate(trials)?;
         for answer in &mut answers {
             let Some(tangent) = answer.tangent.as_mut() else { continue };

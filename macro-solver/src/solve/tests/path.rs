@@ -32,7 +32,7 @@ struct Graded {
 }
 
 impl PointMaterial for Graded {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let mut answers = self.inner.evaluate(trials)?;
         for (trial, answer) in trials.iter().zip(&mut answers) {
             if trial.point >= self.from {
@@ -111,7 +111,10 @@ fn indirect(growth: f64) -> PathControl {
 /// be raised beyond it.
 #[test]
 fn a_cell_is_followed_over_its_peak() {
-    let arc = |measured| PathControl::ArcLength { first_load: 0.1, measured };
+    let arc = |measured: Option<(String, Option<Axis>)>| {
+        let (set, component) = measured.map_or((None, None), |(set, component)| (Some(set), component));
+        PathControl::ArcLength { first_load: 0.1, set, component }
+    };
     let peak = 2.0 / 27.0f64.sqrt();
     let paths = [indirect(-0.75), arc(None), arc(Some(("top".to_owned(), Some(Axis::Y))))];
     for (control, predictor) in

@@ -148,7 +148,7 @@ struct Timid {
 }
 
 impl PointMaterial for Timid {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         match trials.iter().find(|trial| size(trial) > self.limit) {
             None => self.inner.evaluate(trials),

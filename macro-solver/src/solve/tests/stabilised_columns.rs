@@ -43,7 +43,7 @@ impl Plastic {
         Self { committed: vec![start; points], trials: vec![None; points], largest: 0.0 }
     }
 
-    fn answer(&mut self, trial: &PointTrial) -> TrialAnswer {
+    fn answer(&mut self, trial: &PointTrial) -> TrialResult {
         let from = self.committed[trial.point];
         let gradient = matrix(&trial.target);
         let strain = 0.5 * (gradient + gradient.transpose());
@@ -62,9 +62,9 @@ impl Plastic {
             moduli -= along * along.transpose() * ((2.0 * SHEAR).powi(2) / (2.0 * SHEAR + HARDENING));
         }
         self.trials[trial.point] = Some((state, gradient.amax()));
-        TrialAnswer {
+        TrialResult {
             stress: tensor(&state.stress),
-            tangent: (trial.ask.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
+            tangent: (trial.options.tangent != TangentKind::None).then(|| Box::new(wire_operator(&moduli))),
             scalars: Scalars::default(),
             observed: Observed::default(),
             cost: Cost::default(),
@@ -74,7 +74,7 @@ impl Plastic {
 }
 
 impl PointMaterial for Plastic {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         Ok(trials.iter().map(|trial| self.answer(trial)).collect())
     }
 

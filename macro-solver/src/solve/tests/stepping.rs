@@ -192,7 +192,7 @@ fn ramp_counts_are_fixed_within_a_step() {
     for step in 0..4 {
         for point in 0..problem.point_count() {
             let counts: Vec<u32> =
-                spy.trials[step].iter().filter(|t| t.point == point).map(|t| t.ask.ramp_steps).collect();
+                spy.trials[step].iter().filter(|t| t.point == point).map(|t| t.options.ramp_steps).collect();
             assert!(counts.iter().all(|count| *count == counts[0] && *count > 100), "{counts:?}");
         }
     }

@@ -22,15 +22,15 @@ const BELIEVED: Duration = Duration::from_millis(20);
 const LOOKS: usize = 16;
 
 /// What an end of the channel does while nothing has come. No policy changes a result.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Waiting {
-    /// Sleeps until the kernel wakes it.
+    /// Blocks until a message comes.
     #[default]
     Block,
-    /// Looks for 50 us first, if a core is free.
+    /// Polls for 50 us if a core is free, then blocks.
     Hybrid,
-    /// Looks all the time. For measurements, and for machines with more cores than processes.
+    /// Polls all the time. For measurements, and for machines with more cores than processes.
     Spin,
 }
 

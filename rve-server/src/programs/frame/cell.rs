@@ -15,8 +15,8 @@ use crate::solver::chosen_ramp_steps;
 use crate::space::plane::{self, Plane};
 use crate::space::{Discs, Space};
 use protocol::{
-    Ask, Capabilities, Cost, Definition, DefinitionId, Observables, Observed, RveEngine, RveError, RveSolver,
-    Scalars, SnapshotKind, TangentKind, Tensor2, TrialAnswer, TrialFlags, snapshot,
+    Capabilities, Cost, Definition, DefinitionId, Observables, Observed, RveEngine, RveError, RveSolver, Scalars,
+    SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult, snapshot,
 };
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -179,7 +179,7 @@ impl FrameRve {
     }
 
     /// Everything about the committed state, without moving a grain.
-    pub fn observe(&mut self, observables: Observables) -> TrialAnswer {
+    pub fn observe(&mut self, observables: Observables) -> TrialResult {
         let state = self.committed.clone();
         self.answer_for(&state, &plane::IDENTITY, observables, Cost { force_evaluations: 1, ..Cost::default() }).0
     }
@@ -204,14 +204,14 @@ impl FrameRve {
         FrameRelaxation::new(geometry, options, constraint, self.rotations_free, body, state.rotations.clone())
     }
 
-    fn solve(&mut self, h: &Plane, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn solve(&mut self, h: &Plane, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let polar = plane::polar(h);
         let norm = plane::norm(&polar.strain);
         if norm > LARGEST_TARGET {
             return Err(RveError::TargetTooLarge { norm, limit: LARGEST_TARGET });
         }
-        let ramp_steps = match ask.ramp_steps {
+        let ramp_steps = match options.ramp_steps {
             0 => chosen_ramp_steps(&polar.strain, self.options.strain_per_step()),
             given => given,
         };
@@ -226,17 +226,17 @@ impl FrameRve {
             return Err(RveError::NotFinite { force_evaluations: relaxed.force_evaluations });
         }
         turn(&mut state, polar.angle);
-        Ok(self.finish(state, h, ask, &relaxed, started))
+        Ok(self.finish(state, h, options, &relaxed, started))
     }
 
     fn finish(
         &mut self,
         state: GrainState<Discs>,
         h: &Plane,
-        ask: &Ask,
+        options: &TrialOptions,
         relaxed: &Relaxed,
         started: Instant,
-    ) -> TrialAnswer {
+    ) -> TrialResult {
         let cost = Cost {
             force_evaluations: relaxed.force_evaluations,
             ramp_steps: u64::from(relaxed.ramp_steps),
@@ -244,7 +244,7 @@ impl FrameRve {
             tangent_nanoseconds: 0,
         };
         let f = plane::add_scaled(&plane::IDENTITY, 1.0, h);
-        let (mut answer, network) = self.answer_for(&state, &f, ask.observables, cost);
+        let (mut answer, network) = self.answer_for(&state, &f, options.observables, cost);
         if !relaxed.equilibrated {
             answer.flags.insert(TrialFlags::NOT_EQUILIBRATED);
         }
@@ -259,7 +259,7 @@ impl FrameRve {
         f: &Plane,
         observables: Observables,
         cost: Cost,
-    ) -> (TrialAnswer, ContactNetwork<Discs>) {
+    ) -> (TrialResult, ContactNetwork<Discs>) {
         let mut relaxation = self.relaxation(state);
         let sums = relaxation.contacts();
         let network = relaxation.network(state, self.thickness, self.law.friction);
@@ -278,7 +278,7 @@ impl FrameRve {
         if network.max_overlap_ratio() > 0.5 * LARGE_OVERLAP {
             flags.insert(TrialFlags::LARGE_OVERLAP);
         }
-        let answer = TrialAnswer {
+        let answer = TrialResult {
             stress: Tensor2::from_plane(stress),
             tangent: None,
             scalars: Scalars {
@@ -444,12 +444,12 @@ fn turn(state: &mut GrainState<Discs>, angle: f64) {
 }
 
 impl RveSolver for FrameRve {
-    fn trial(&mut self, target: &Tensor2, ask: &Ask) -> Result<TrialAnswer, RveError> {
+    fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
         if !target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
-        if ask.tangent != TangentKind::None {
+        if options.tangent != TangentKind::None {
             return Err(RveError::Unsupported("tangent operators of a frame; ask for none".into()));
         }
         let h = target.plane();
@@ -461,11 +461,11 @@ impl RveSolver for FrameRve {
             return Err(RveError::TargetInverted { determinant });
         }
         if h != [[0.0; 2]; 2] {
-            return self.solve(&h, ask);
+            return self.solve(&h, options);
         }
         let state = self.committed.clone();
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
-        let (mut answer, network) = self.answer_for(&state, &plane::IDENTITY, ask.observables, cost);
+        let (mut answer, network) = self.answer_for(&state, &plane::IDENTITY, options.observables, cost);
         answer.flags.insert(TrialFlags::SKIPPED_NULL_TARGET);
         self.trial = Some(Trial { state, network, boundary_residual: 0.0 });
         Ok(answer)

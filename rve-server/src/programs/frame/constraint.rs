@@ -4,10 +4,11 @@ use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::Load;
 use crate::simd::Tuple;
 use crate::space::Discs;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Boundary conditions of a frame by keyword, from the stiffest to the softest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameConstraint {
     /// `x_q = F X_q`, no rotation: a linear displacement of all boundary grains.

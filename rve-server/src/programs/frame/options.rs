@@ -3,10 +3,11 @@
 use super::constraint::FrameConstraint;
 use crate::definition::{Criterion, Damping, RveOptions};
 use crate::error::DefinitionError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Damping of the grains.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameDamping {
     /// Velocities are steered towards the forces and reset when they oppose them; ends at a force tolerance.
@@ -15,12 +16,13 @@ pub enum FrameDamping {
     /// `f_d = -coefficient |f| sign(v)` per component; ends at a ratio of kinetic to stored energy, [Liu2018] eq. 31.
     Local {
         /// Coefficient, in (0, 1); [Liu2018] uses 0.7.
+        #[schemars(extend("x-unit" = "-"))]
         coefficient: f64,
     },
 }
 
 /// How opposite boundary grains are brought to cancelling loads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameControl {
     /// Both move in every step along the sum of their loads, like one grain.
@@ -29,12 +31,13 @@ pub enum FrameControl {
     /// They are held while the inner grains relax and corrected in between, as in [Liu2018] table 2.
     Servo {
         /// Correction over the sum of loads per contact stiffness of the pair, dimensionless; 1 converges slowly but surely, 1.8 was seen to diverge.
+        #[schemars(extend("x-unit" = "-"))]
         gain: f64,
     },
 }
 
 /// How a frame is solved.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameOptions {
     /// Boundary condition.
@@ -49,24 +52,30 @@ pub struct FrameOptions {
     /// Damping.
     #[serde(default)]
     pub damping: FrameDamping,
-    /// Strain per ramp step; default 1e-6.
+    /// Strain per ramp step.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
     pub strain_per_step: Option<f64>,
-    /// Largest load left over mean normal contact force; default 1e-3.
+    /// Largest load left over mean normal contact force.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-3"))]
     pub tolerance: Option<f64>,
-    /// Kinetic over stored energy at the end under local damping; default 1e-6. The 1e-3 of [Liu2018] leaves motion.
+    /// Kinetic over stored energy at the end under local damping. The 1e-3 of [Liu2018] leaves motion.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
     pub energy_tolerance: Option<f64>,
     /// Residual of opposite boundary loads over mean contact force; default 1e-2 for servo and local damping, otherwise
     /// thirty times the force tolerance.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `control` and `damping`"))]
     pub servo_tolerance: Option<f64>,
-    /// Most relaxation steps of one hold; default 50 000.
+    /// Most relaxation steps of one hold.
     #[serde(default)]
+    #[schemars(extend("x-default" = "50000"))]
     pub max_steps: Option<u32>,
-    /// Most corrections of the servo in one trial; default 500.
+    /// Most corrections of the servo in one trial.
     #[serde(default)]
+    #[schemars(extend("x-default" = "500"))]
     pub most_corrections: Option<u32>,
 }
 

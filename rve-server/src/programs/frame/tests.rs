@@ -7,7 +7,7 @@ use crate::contact::ContactTable;
 use crate::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::plane::{self, Plane};
-use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::path::Path;
 
 fn packing() -> PackingFile {
@@ -26,9 +26,9 @@ fn frame(options: FrameOptions) -> FrameRve {
     FrameRve::new(&FrameDefinition { packing: packing(), contact: sand(), frame: options }).unwrap()
 }
 
-fn trial(frame: &mut FrameRve, h: Plane) -> TrialAnswer {
-    let ask = Ask { observables: Observables::ALL, ..Ask::default() };
-    frame.trial(&Tensor2::from_plane(h), &ask).unwrap()
+fn trial(frame: &mut FrameRve, h: Plane) -> TrialResult {
+    let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
+    frame.trial(&Tensor2::from_plane(h), &options).unwrap()
 }
 
 fn worst(a: &Plane, b: &Plane) -> f64 {
@@ -52,7 +52,7 @@ fn periodic_frame_with_shared_sides_is_the_periodic_cell() {
     assert!(as_cut < 1e-7 * 1e5, "stress of the frame as cut is off by {as_cut}");
     for h in [[[2e-4, 1e-4], [0.0, -4e-4]], [[1e-4, 0.0], [2e-4, -3e-4]]] {
         let ours = trial(&mut frame, h);
-        let theirs = cell.trial(&Tensor2::from_plane(h), &Ask::default()).unwrap();
+        let theirs = cell.trial(&Tensor2::from_plane(h), &TrialOptions::default()).unwrap();
         let error = worst(&ours.stress.plane(), &theirs.stress.plane());
         assert!(error < 2e-3 * 1e5, "stress differs by {error} Pa");
         assert!((ours.scalars.void_ratio - theirs.scalars.void_ratio).abs() < 1e-12);

@@ -8,7 +8,7 @@ use crate::definition::PackingFile;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::plane::{self, Plane};
 use nalgebra::{DMatrix, DVector};
-use protocol::{Ask, Observables, RveSolver, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
@@ -171,15 +171,15 @@ impl Run<'_> {
         Ok(response)
     }
 
-    fn attempt(&mut self, start: &Plane, gradient: &[f64; 4]) -> Result<TrialAnswer, ElementError> {
+    fn attempt(&mut self, start: &Plane, gradient: &[f64; 4]) -> Result<TrialResult, ElementError> {
         let target = plane::product(&deformed(start, gradient), &plane::inverse(&self.deformation));
         let h = plane::add_scaled(&target, -1.0, &plane::IDENTITY);
-        let ask = Ask { observables: Observables::ALL, ..Ask::default() };
-        let answer = self.cell.trial(&Tensor2::from_plane(h), &ask);
+        let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
+        let answer = self.cell.trial(&Tensor2::from_plane(h), &options);
         answer.map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })
     }
 
-    fn deliver(&mut self, answer: &TrialAnswer, trials: u32, dem_steps: u64) {
+    fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) {
         let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
         row.trials = trials;
         row.dem_steps = dem_steps;

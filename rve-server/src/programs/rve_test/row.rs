@@ -2,7 +2,7 @@
 
 use super::path::{Matrix, tensor_of};
 use crate::tangent::TangentOutcome;
-use protocol::{TrialAnswer, TrialFlags};
+use protocol::{TrialFlags, TrialResult};
 
 /// The accepted state after one increment; row 0 is the packing as given, before any grain has moved.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +48,7 @@ impl ElementRow {
         increment: u64,
         dimension: u32,
         deformation: Matrix,
-        answer: &TrialAnswer,
+        answer: &TrialResult,
         tangent: Option<TangentOutcome>,
     ) -> Self {
         Self {

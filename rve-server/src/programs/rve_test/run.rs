@@ -13,7 +13,7 @@ use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled};
 use crate::tangent;
-use protocol::{Ask, Observables, RveError, RveSolver, TangentKind, Tensor2, TrialAnswer, TrialFlags};
+use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -135,7 +135,7 @@ struct Spent {
 /// An accepted trial and what it took.
 struct Accepted {
     gradient: Matrix,
-    answer: TrialAnswer,
+    answer: TrialResult,
     trials: u32,
     dem_steps: u64,
 }
@@ -146,7 +146,7 @@ impl<S: SolverFor> Run<S> {
         self.network = Some(self.cell.committed_network()?);
         let operator = (self.tangent != TangentKind::None).then(|| {
             // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
-            self.cell.trial(&Tensor2::ZERO, &Ask::default()).expect("a zero increment cannot be refused");
+            self.cell.trial(&Tensor2::ZERO, &TrialOptions::default()).expect("a zero increment cannot be refused");
             let operator = self.operator();
             self.cell.rollback();
             operator.expect("one was requested")
@@ -274,12 +274,12 @@ impl<S: SolverFor> Run<S> {
     }
 
     /// One trial; keeps its network.
-    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialAnswer, ElementError> {
-        let ask = Ask { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
+    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
+        let options = TrialOptions { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
         let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
         let answer = self
             .cell
-            .trial(&target, &ask)
+            .trial(&target, &options)
             .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
         self.spent.trials += 1;
         self.spent.dem_steps += answer.cost.force_evaluations;

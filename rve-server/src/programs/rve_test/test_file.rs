@@ -6,11 +6,12 @@ use crate::contact::ContactTable;
 use crate::definition::RveOptions;
 use crate::programs::frame::FrameOptions;
 use crate::space::{Tensor, add_scaled, determinant};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// An element test as written in its TOML file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ElementTest {
     /// Packing file, relative to the test file.
@@ -18,6 +19,7 @@ pub struct ElementTest {
     /// Largest difference between a controlled stress component and its target, relative to the mean pressure of the
     /// row; dimensionless.
     #[serde(default = "default_stress_tolerance")]
+    #[schemars(extend("x-unit" = "-"))]
     pub stress_tolerance: f64,
     /// Contact law.
     pub contact: ContactTable,
@@ -32,26 +34,31 @@ pub struct ElementTest {
 }
 
 /// One segment of the path.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
     /// Number of increments, at least 1.
+    #[schemars(range(min = 1))]
     pub increments: u32,
     /// How often the segment is done, default 1. Every time E acts on the F reached, so that `repeat` small segments of
     /// `E = exp(e) - 1` follow a logarithmic strain exactly.
     #[serde(default = "once")]
+    #[schemars(range(min = 1))]
     pub repeat: u32,
-    /// Prescribed displacement gradient over the segment, dimensionless: `F` goes linearly from F0 to `(I + E) F0`.
+    /// Prescribed displacement gradient over the segment: `F` goes linearly from F0 to `(I + E) F0`.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub strain: Components,
     /// Components driven linearly from where they are to these values, Pa, tension positive.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "Pa"))]
     pub stress: Components,
 }
 
 /// Components of a tensor, each given or not; those with a z belong to packings of spheres.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("x-folded" = true))]
 pub struct Components {
     /// Component 11.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -129,7 +136,11 @@ impl ElementTest {
         test.validated()
     }
 
-    fn validated(self) -> Result<Self, ElementError> {
+    /// Itself, if it is sound beyond the types and ranges of its keys.
+    ///
+    /// # Errors
+    /// [`ElementError::Test`] with the key of the first defect.
+    pub fn validated(self) -> Result<Self, ElementError> {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         if let Some(frame) = &self.frame {

@@ -10,7 +10,7 @@ use crate::contact::{ContactTable, PlainLinear};
 use crate::definition::{Damping, GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::Discs;
-use protocol::{Ask, RveSolver, Tensor2};
+use protocol::{RveSolver, Tensor2, TrialOptions};
 use std::path::Path;
 
 /// Overlap with both plates in the middle, m.
@@ -100,7 +100,7 @@ fn cells_do_not_damp_a_superposed_rigid_velocity() {
         }
         let definition = GrainDefinition { packing, contact: contact.clone(), options: options.clone() };
         let target = Tensor2::from_plane([[3e-5, 1e-5], [1e-5, -6e-5]]);
-        GrainRve::<Discs>::new(&definition).unwrap().trial(&target, &Ask::default()).unwrap().stress
+        GrainRve::<Discs>::new(&definition).unwrap().trial(&target, &TrialOptions::default()).unwrap().stress
     };
     let expected = stress_from(0.0);
     for cells in [1.0, 20.5] {

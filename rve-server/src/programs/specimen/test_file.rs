@@ -2,10 +2,11 @@
 
 use crate::contact::ContactTable;
 use crate::error::DefinitionError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTest {
     /// Packing file, relative to this one. Its cell must be a rectangle or box; it is repeated `tiles` times.
@@ -31,7 +32,7 @@ pub struct SpecimenTest {
 }
 
 /// Which grains of the repeated packing a specimen consists of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Cut {
     /// Every grain of every tile.
@@ -43,16 +44,20 @@ pub enum Cut {
 }
 
 /// The table `[motion]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MotionTable {
     /// Acceleration of gravity, m/s2, one number per axis; none if empty.
+    #[schemars(extend("x-unit" = "m/s2"))]
     pub gravity: Vec<f64>,
     /// Coefficient of local damping; 0 for none.
+    #[schemars(extend("x-unit" = "-"))]
     pub local_damping: f64,
     /// Share of the stability limit that a step takes.
+    #[schemars(extend("x-unit" = "-"))]
     pub safety: f64,
     /// Step, s; from the stability limit if absent.
+    #[schemars(extend("x-unit" = "s", "x-default" = "from the stability limit"))]
     pub step: Option<f64>,
     /// Whether masses are scaled so that all grains have the same stability limit; the unit of time is the step then.
     pub scaled_masses: bool,
@@ -65,40 +70,49 @@ impl Default for MotionTable {
 }
 
 /// The table `[walls]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WallTable {
     /// Friction of the walls; 0 (default) makes them smooth.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub friction: f64,
-    /// Speed of the servo per missing force, relative to the walls' stiffness; default 0.02.
+    /// Speed of the servo per missing force, relative to the walls' stiffness.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.02"))]
     pub servo_gain: Option<f64>,
-    /// Largest strain of one step of a servo-controlled wall; default 1e-5.
+    /// Largest strain of one step of a servo-controlled wall.
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5"))]
     pub largest_strain_per_step: Option<f64>,
 }
 
 /// One stage. Each axis has at most one of a strain and a stress; axes with neither keep their walls.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
     /// Name in the table of results.
     pub name: String,
     /// Steps of the stage, or the most of them if `until_balance` is given.
+    #[schemars(range(min = 1))]
     pub steps: u64,
     /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
     /// targets over the mean target, are below this.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub until_balance: Option<f64>,
     /// Strain over the stage per axis, relative to its start, extension positive.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-"))]
     pub strain: AxisTable,
     /// Stress on the walls per axis, Pa, tension positive.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "Pa"))]
     pub stress: AxisTable,
     /// Rows of the result table in this stage.
     #[serde(default = "some_rows")]
+    #[schemars(range(min = 1))]
     pub rows: u64,
     /// Friction between the grains in this stage, if not that of `[contact]`.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "-", "x-default" = "that of `[contact]`"), range(min = 0.0))]
     pub friction: Option<f64>,
 }
 
@@ -107,8 +121,9 @@ fn some_rows() -> u64 {
 }
 
 /// Values by axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-folded" = true))]
 pub struct AxisTable {
     /// Along x.
     pub xx: Option<f64>,

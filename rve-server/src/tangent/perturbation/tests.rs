@@ -3,7 +3,7 @@
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, OperatorOptions, PackingFile, RveOptions};
 use crate::engine::GrainRve;
-use protocol::{Ask, RveSolver, TangentKind, Tensor2, Tensor4, TrialAnswer, TrialFlags};
+use protocol::{RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags, TrialOptions, TrialResult};
 use std::path::Path;
 
 fn discs(friction: f64, options: RveOptions) -> GrainRve {
@@ -20,8 +20,8 @@ fn fast() -> RveOptions {
 
 const STEP: [[f64; 2]; 2] = [[1e-4, 2e-5], [0.0, -2e-4]];
 
-fn trial(cell: &mut GrainRve, kind: TangentKind) -> TrialAnswer {
-    cell.trial(&Tensor2::from_plane(STEP), &Ask { tangent: kind, ..Ask::default() }).unwrap()
+fn trial(cell: &mut GrainRve, kind: TangentKind) -> TrialResult {
+    cell.trial(&Tensor2::from_plane(STEP), &TrialOptions { tangent: kind, ..TrialOptions::default() }).unwrap()
 }
 
 fn operator(cell: &mut GrainRve, kind: TangentKind) -> Tensor4 {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
-use protocol::{RveError, TrialAnswer};
+use protocol::{RveError, TrialResult};
 
 /// Refuses targets beyond a limit.
 struct Timid {
@@ -13,7 +13,7 @@ struct Timid {
 }
 
 impl PointMaterial for Timid {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialAnswer>, MaterialError> {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         match trials.iter().find(|trial| size(trial) > self.limit) {
             None => self.inner.evaluate(trials),

@@ -1,0 +1,194 @@
+//! From one instant to the next: forces, velocities, accelerations, reactions and energies of the nodes.
+
+use super::constrained_velocities::given_velocities;
+use super::dashpots::next_velocity;
+use super::energy::Forces;
+use super::integrator::Integrator;
+use super::masses::element_masses;
+use super::specimen::Specimen;
+use crate::element::hourglass::HourglassControl;
+use crate::model::assembly::forces::Motion;
+use crate::model::stable_step::limits;
+use crate::observer::Outcome;
+use crate::problem::dynamics::StepRule;
+use nalgebra::Vector3;
+
+impl Integrator {
+    /// Forces, velocities and the ledger at the start.
+    pub(super) fn first_instant(&mut self, specimen: &Specimen<'_>) {
+        for given in &specimen.settings.initial_velocities {
+            let axes = specimen.problem.mesh.dimension.count();
+            for &node in specimen.problem.nodes(&given.nodes).expect("checked before the run") {
+                self.velocity[axes * node..axes * (node + 1)].copy_from_slice(&given.value[..axes]);
+            }
+        }
+        for dof in 0..self.velocity.len() {
+            // A support that starts to move has its velocity from the start: only free nodes are accelerated.
+            if let Some(velocity) = self.prescribed_velocity(specimen, dof) {
+                self.velocity[dof] = velocity;
+            }
+        }
+        let mut velocity = std::mem::take(&mut self.velocity);
+        self.apply_constraints(specimen, &mut velocity, None);
+        self.velocity = velocity;
+        self.ahead.clone_from(&self.velocity);
+        self.collect_forces(specimen);
+        let rate = specimen.settings.damping.mass;
+        let axes = specimen.problem.mesh.dimension.count();
+        for node in 0..self.masses.len() {
+            let damper = self.dashpots.of_node(node, self.masses[node], rate);
+            let velocity = triple(&self.velocity, axes, node);
+            let dashpot = damper * velocity;
+            for axis in 0..axes {
+                let dof = axes * node + axis;
+                self.forces.dashpots[dof] = dashpot[axis];
+                if !specimen.constraints.is_prescribed(dof) {
+                    self.acceleration[dof] = (self.driving_force(dof) - dashpot[axis]) / self.masses[node];
+                    self.ahead[dof] = self.velocity[dof] + 0.5 * self.step * self.acceleration[dof];
+                }
+            }
+        }
+        let mut ahead = std::mem::take(&mut self.ahead);
+        self.apply_constraints(specimen, &mut ahead, None);
+        for dof in self.velocity_constraints.tied() {
+            self.acceleration[dof] = (ahead[dof] - self.velocity[dof]) / (0.5 * self.step);
+        }
+        self.ahead = ahead;
+        self.find_reactions(specimen, axes);
+        let per_freedom = self.acceleration.iter().enumerate();
+        let left: f64 =
+            per_freedom.map(|(dof, rate)| self.masses[dof / axes] * (rate * self.step).powi(2) / 8.0).sum();
+        self.monitor.start(self.kinetic_energy(axes), left);
+    }
+
+    /// Forces, velocities, accelerations and energies after the displacements `path` (m) of a step; `renews` if the tangents have
+    /// been updated, so that the step may be chosen again.
+    pub(super) fn next_instant(
+        &mut self,
+        specimen: &Specimen<'_>,
+        path: &[f64],
+        renews: bool,
+    ) -> Result<(), Outcome> {
+        let before = self.forces.clone();
+        let last_step = self.step;
+        self.collect_forces(specimen);
+        if renews && self.done < self.total && matches!(specimen.settings.step, StepRule::Stable { .. }) {
+            let masses = element_masses(specimen.body, specimen.settings).map_err(Outcome::Refused)?;
+            let limits = limits(&self.laws(specimen), specimen.constraints, &masses);
+            self.choose_step(specimen, &limits);
+        }
+        let mean_step = 0.5 * (last_step + self.step);
+        let axes = specimen.problem.mesh.dimension.count();
+        let rate = specimen.settings.damping.mass;
+        let mut next = specimen.body.zero();
+        for node in 0..self.masses.len() {
+            let damper = self.dashpots.of_node(node, self.masses[node], rate);
+            let behind = triple(&self.ahead, axes, node);
+            let force = Vector3::from_fn(|axis, _| match axis < axes {
+                true => self.driving_force(axes * node + axis),
+                false => 0.0,
+            });
+            let prescribed = std::array::from_fn(|axis| match axis < axes {
+                true => self.prescribed_velocity(specimen, axes * node + axis),
+                false => None,
+            });
+            let velocity = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
+            (0..axes).for_each(|axis| next[axes * node + axis] = velocity[axis]);
+        }
+        self.apply_constraints(specimen, &mut next, Some(mean_step));
+        for node in 0..self.masses.len() {
+            let damper = self.dashpots.of_node(node, self.masses[node], rate);
+            let (behind, ahead) = (triple(&self.ahead, axes, node), triple(&next, axes, node));
+            let (velocity, acceleration) = (0.5 * (ahead + behind), (ahead - behind) / mean_step);
+            let dashpot = damper * velocity;
+            for axis in 0..axes {
+                let dof = axes * node + axis;
+                self.ahead[dof] = ahead[axis];
+                self.velocity[dof] = velocity[axis];
+                self.acceleration[dof] = acceleration[axis];
+                self.forces.dashpots[dof] = dashpot[axis];
+            }
+        }
+        self.find_reactions(specimen, axes);
+        self.monitor.step(path, &before, &self.forces, self.kinetic_energy(axes));
+        Ok(())
+    }
+
+    /// All forces of the instant but those that depend on its own velocity.
+    fn collect_forces(&mut self, specimen: &Specimen<'_>) {
+        let elements = self.laws(specimen).forces(Motion {
+            geometry: specimen.body.settled_geometry(),
+            displacements: &specimen.body.displacements,
+            velocity: &self.ahead,
+        });
+        let positions = specimen.body.positions(&specimen.body.zero());
+        let loads = specimen.loads.force(&positions, self.moment(specimen, self.time()));
+        self.hourglass_energy = match specimen.problem.hourglass {
+            HourglassControl::Stiffness { .. } => elements.hourglass_energy,
+            HourglassControl::Viscous { .. } => 0.0,
+        };
+        self.forces = Forces {
+            internal: elements.internal,
+            hourglass: elements.hourglass,
+            viscous: elements.viscous,
+            loads,
+            dashpots: specimen.body.zero(),
+            reactions: specimen.body.zero(),
+        };
+    }
+
+    /// Force that accelerates, without dampers at nodes and supports, N.
+    fn driving_force(&self, dof: usize) -> f64 {
+        let forces = &self.forces;
+        forces.loads[dof] - forces.internal[dof] - forces.hourglass[dof] - forces.viscous[dof]
+    }
+
+    /// Moves velocities of the coming step onto the constraints. After a change over `mean_step` (s) nodes resist by their masses and dampers;
+    /// at the start, `None`, by their masses alone.
+    fn apply_constraints(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
+        if self.velocity_constraints.is_empty() {
+            return;
+        }
+        let next = self.moment(specimen, self.time() + self.step);
+        let given = given_velocities(specimen.constraints, &specimen.body.displacements, next, self.step);
+        let (axes, rate) = (specimen.problem.mesh.dimension.count(), specimen.settings.damping.mass);
+        let (masses, dashpots) = (&self.masses, &self.dashpots);
+        let weight = |dof: usize| {
+            let (node, axis) = (dof / axes, dof % axes);
+            match mean_step {
+                None => masses[node],
+                Some(step) => masses[node] / step + 0.5 * dashpots.of_node(node, masses[node], rate)[(axis, axis)],
+            }
+        };
+        self.velocity_constraints.keep(velocity, weight, &given);
+    }
+
+    fn find_reactions(&mut self, specimen: &Specimen<'_>, axes: usize) {
+        for dof in 0..self.acceleration.len() {
+            if !specimen.constraints.is_unloaded(dof) {
+                self.forces.reactions[dof] = self.masses[dof / axes] * self.acceleration[dof]
+                    + self.forces.dashpots[dof]
+                    - self.driving_force(dof);
+            }
+        }
+    }
+
+    /// Velocity of a prescribed degree of freedom over the coming step: that which meets its displacement exactly.
+    fn prescribed_velocity(&self, specimen: &Specimen<'_>, dof: usize) -> Option<f64> {
+        let next = self.moment(specimen, self.time() + self.step);
+        let target = specimen.constraints.prescribed(dof, next)?;
+        Some((target - specimen.body.displacements[dof]) / self.step)
+    }
+
+    fn kinetic_energy(&self, axes: usize) -> f64 {
+        self.velocity
+            .iter()
+            .enumerate()
+            .map(|(dof, velocity)| 0.5 * self.masses[dof / axes] * velocity * velocity)
+            .sum()
+    }
+}
+
+fn triple(values: &[f64], axes: usize, node: usize) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| if axis < axes { values[axes * node + axis] } else { 0.0 })
+}

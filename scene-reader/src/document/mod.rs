@@ -1,0 +1,319 @@
+//! A TOML input file with `--set` overrides: parsing, and errors that name file and line.
+//!
+//! Overrides are applied to the parsed document before anything is read from it, so an overridden key is checked
+//! exactly like a written one. To keep places apart, the text of an override is parsed after as many
+//! blanks as the file and the earlier overrides are long, so every byte offset belongs to exactly one source.
+
+mod as_run;
+mod kind;
+mod overrides;
+pub(crate) mod renamed;
+
+pub use kind::Kind;
+
+use crate::input_error::InputError;
+use keys::{Fault, Node, Table, Value, deserialize};
+use overrides::{Override, insert};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::de::DeTable;
+
+/// An input file and what the command line changes in it.
+#[derive(Clone, Debug)]
+pub struct Document {
+    path: PathBuf,
+    text: String,
+    overrides: Vec<Override>,
+    /// The values, overrides applied, under their present names.
+    root: Node,
+    warnings: Vec<String>,
+}
+
+impl Document {
+    /// Reads a file and parses the overrides; the document is known to be well-formed TOML afterwards.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not TOML, holds a NaN or infinity, or an override does not fit it.
+    pub fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+        let text = std::fs::read_to_string(path).map_err(|source| {
+            InputError::at(path.display(), format!("could not read it: {source}"))
+                .hint("check the path; it is relative to the current folder")
+        })?;
+        Self::from_text(path, text, overrides)
+    }
+
+    /// A document whose text is at hand; `path` is what errors call it and what paths in it are relative to.
+    ///
+    /// # Errors
+    /// As [`Document::read`], but for the reading.
+    pub fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
+        let mut document =
+            Self { path: path.to_owned(), text, overrides: Vec::new(), root: Node::table(), warnings: Vec::new() };
+        let mut root = document.parse(&document.text)?;
+        document.warn(&mut root);
+        for given in overrides {
+            let length = document.overrides.last().map_or(document.text.len(), |last| last.padded.len());
+            let (given, warning) = Override::parse(given, length)?;
+            document.warnings.extend(warning.map(|warning| format!("--set {}: {warning}", given.text)));
+            document.overrides.push(given.clone());
+            let parsed = document.parse(&given.padded)?;
+            let value = parsed.get("v").cloned().unwrap_or_else(Node::table);
+            insert(&mut root, "", &given.path, value).map_err(|problem| {
+                InputError::at(format!("--set {}", given.text), problem)
+                    .hint("name an existing table; entries of [[lists]] are numbered from 0, as in boundary.0.set")
+            })?;
+        }
+        document.warn(&mut root);
+        document.refuse_non_finite("", &root)?;
+        document.root = root;
+        Ok(document)
+    }
+
+    fn parse(&self, text: &str) -> Result<Node, InputError> {
+        Ok(Node::from(&DeTable::parse(text).map_err(|error| self.toml_error(&error))?))
+    }
+
+    /// Renames what has an old name, and keeps the warnings.
+    fn warn(&mut self, root: &mut Node) {
+        for renaming in renamed::rename(root) {
+            let (place, _) = self.place(&renaming.span);
+            self.warnings.push(format!("{place}: {}", renaming.message));
+        }
+    }
+
+    /// Old names that were read as their present ones, each with its place: for people.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// What the file is, if one of its keys tells.
+    fn kind(&self) -> Option<Kind> {
+        // Of the file itself: an override cannot make it another kind.
+        let root = self.parse(&self.text).ok()?;
+        Kind::ALL.into_iter().find(|kind| root.get(kind.mark()).is_some())
+    }
+
+    /// Refuses a file of another command, whose keys would be called unknown.
+    ///
+    /// # Errors
+    /// The file is of another kind; the command that takes it is named.
+    pub fn expect(&self, wanted: Kind) -> Result<(), InputError> {
+        match self.kind() {
+            Some(found) if found != wanted => Err(self
+                .error(format!("this is {}, not {}: it has the key `{}`", found.name(), wanted.name(), found.mark()))
+                .hint(format!("grainspan {} {}", found.command(), self.path.display()))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where the file lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A path written in the file, taken relative to the file's own folder.
+    pub fn resolve(&self, written: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(written)
+    }
+
+    /// Checks the whole document against the keys of `T` and reads it.
+    ///
+    /// # Errors
+    /// Unknown keys, wrong types, missing keys and numbers out of range, each with file and line.
+    pub fn deserialize<T: DeserializeOwned + JsonSchema>(&self) -> Result<T, InputError> {
+        let read = keys::check(&self.root, &Table::of::<T>(), &[]).and_then(|()| deserialize(&self.root));
+        read.map_err(|fault| self.fault(&fault))
+    }
+
+    /// An error about a value that a check has refused.
+    pub(crate) fn fault(&self, fault: &Fault) -> InputError {
+        let error = if fault.path.is_empty() && fault.span.is_empty() {
+            self.error(fault)
+        } else if fault.span.is_empty() {
+            let path: Vec<&str> = fault.path.iter().map(String::as_str).collect();
+            self.error_at_key(&path, fault)
+        } else if fault.span == self.root.span {
+            self.error(fault)
+        } else {
+            self.error_at(fault.span.clone(), fault)
+        };
+        let explain = explain_command(&fault.path);
+        error.hint(match &fault.hint {
+            Some(hint) => format!("{hint}; {explain}"),
+            None => explain,
+        })
+    }
+
+    /// An error about the text at `span`, with its place.
+    pub fn error_at(&self, span: Range<usize>, problem: impl ToString) -> InputError {
+        let (place, excerpt) = self.place(&span);
+        InputError::at(place, problem.to_string()).excerpt(excerpt)
+    }
+
+    /// An error about the file as a whole.
+    pub fn error(&self, problem: impl ToString) -> InputError {
+        InputError::at(self.path.display(), problem.to_string())
+    }
+
+    /// An error about the value at `path`, or about the nearest table above it that is written.
+    pub fn error_at_key(&self, path: &[&str], problem: impl ToString) -> InputError {
+        let written = (1..=path.len()).rev().find_map(|depth| self.root.at(path[..depth].iter().copied()));
+        match written {
+            Some(node) => self.error_at(node.span.clone(), problem),
+            None => self.error(problem),
+        }
+    }
+
+    /// Where the value at `path` stands, if there is one.
+    pub(crate) fn span_of(&self, path: &[&str]) -> Option<Range<usize>> {
+        self.root.at(path.iter().copied()).map(|node| node.span.clone())
+    }
+
+    /// Whether the file or an override has a value at `path`.
+    pub fn is_written(&self, path: &[&str]) -> bool {
+        self.root.at(path.iter().copied()).is_some()
+    }
+
+    /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
+    /// the place.
+    pub fn table_error(&self, problem: impl ToString) -> InputError {
+        let problem = problem.to_string();
+        if let Some(rest) = problem.strip_prefix("path segment ") {
+            let number: usize = rest.split(':').next().and_then(|text| text.parse().ok()).unwrap_or(1);
+            let entry = number.saturating_sub(1).to_string();
+            return self.error_at_key(&["path", &entry], &problem).hint("`grainspan explain path` lists its keys");
+        }
+        let is_key = |letter: &char| letter.is_ascii_alphanumeric() || "._".contains(*letter);
+        let key: String = problem.chars().take_while(is_key).collect();
+        let path: Vec<&str> = key.split('.').collect();
+        let known: Vec<String> = path
+            .iter()
+            .enumerate()
+            .take_while(|(depth, _)| self.is_written(&path[..=*depth]))
+            .map(|(_, part)| (*part).to_owned())
+            .collect();
+        self.error_at_key(&path, &problem).hint(explain_command(&known))
+    }
+
+    fn refuse_non_finite(&self, key: &str, node: &Node) -> Result<(), InputError> {
+        match &node.value {
+            Value::Number(number) if !number.is_finite() => {
+                let number = number.to_string().to_lowercase();
+                Err(self
+                    .error_at(node.span.clone(), format!("`{key}` is {number}, which is not a finite number"))
+                    .hint("every quantity has to be a finite number in SI units"))
+            }
+            Value::List(entries) => entries.iter().try_for_each(|entry| self.refuse_non_finite(key, entry)),
+            Value::Table(members) => {
+                members.iter().try_for_each(|(key, member)| self.refuse_non_finite(key, &member.node))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn toml_error(&self, error: &toml::de::Error) -> InputError {
+        let message = error.message().trim().replace('\n', ", ");
+        match error.span() {
+            Some(span) => self.error_at(span, message),
+            None => self.error(message),
+        }
+    }
+
+    /// Name of the place of a byte range, and the line to show.
+    fn place(&self, span: &Range<usize>) -> (String, Option<String>) {
+        if span.start > self.text.len() {
+            let given = self.overrides.iter().find(|given| span.start < given.padded.len());
+            return (given.map_or("--set".to_owned(), |given| format!("--set {}", given.text)), None);
+        }
+        let before = &self.text[..self.text.floor_char_boundary(span.start)];
+        let line = before.matches('\n').count();
+        let excerpt = self.text.lines().nth(line).map(|text| format!("{:>5} | {}", line + 1, text.trim_end()));
+        (format!("{}:{}", self.path.display(), line + 1), excerpt)
+    }
+}
+
+/// The command that explains a key or the table that it belongs to.
+pub(crate) fn explain_command(path: &[String]) -> String {
+    let names: Vec<&str> = path.iter().map(String::as_str).filter(|part| part.parse::<usize>().is_err()).collect();
+    match names.join(".") {
+        key if key.is_empty() => "`grainspan explain` lists all tables and their keys".to_owned(),
+        key => format!("`grainspan explain {key}` describes it"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Sample {
+        size: f64,
+        #[serde(default)]
+        list: Vec<Entry>,
+    }
+
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Entry {
+        set: String,
+    }
+
+    const TEXT: &str = "# comment\nsize = 2.0 # m\n[[list]]\nset = \"left\"\n";
+
+    fn document(text: &str, overrides: &[&str]) -> Result<Document, InputError> {
+        let overrides: Vec<String> = overrides.iter().map(|&given| given.to_owned()).collect();
+        Document::from_text(Path::new("sample.toml"), text.to_owned(), &overrides)
+    }
+
+    #[test]
+    fn overrides_change_keys_entries_of_lists_and_bare_words() {
+        let document = document(TEXT, &["size=3.5", "list.0.set = right"]).unwrap();
+        let sample: Sample = document.deserialize().unwrap();
+        assert_eq!((sample.size, sample.list[0].set.as_str()), (3.5, "right"));
+        let text = document.as_run(&[]).unwrap();
+        assert_eq!(text, "# comment\nsize = 3.5 # m\n[[list]]\nset = \"right\"\n");
+    }
+
+    #[test]
+    fn errors_name_the_line_or_the_override() {
+        let wrong = document("\nsize = \"big\"\n", &[]).unwrap().deserialize::<Sample>().unwrap_err().to_string();
+        assert!(wrong.starts_with("sample.toml:2: size must be a number, not the text \"big\""), "{wrong}");
+        let unknown = document(TEXT, &["list.0.sett=1"]).unwrap().deserialize::<Sample>().unwrap_err().to_string();
+        assert!(unknown.starts_with("--set list.0.sett=1: unknown key `sett` in list.0"), "{unknown}");
+        assert!(unknown.contains("hint: did you mean `set`?"), "{unknown}");
+        let second = document(TEXT, &["size=1.0", "list.0.set=[1]"]).unwrap();
+        let second = second.deserialize::<Sample>().unwrap_err().to_string();
+        assert!(second.starts_with("--set list.0.set=[1]: list.0.set must be a text"), "{second}");
+        let malformed = document("size = 1.0\nlist = [\n", &[]).unwrap_err().to_string();
+        assert!(malformed.starts_with("sample.toml:2: ") || malformed.starts_with("sample.toml:3: "), "{malformed}");
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_refused_wherever_they_stand() {
+        let written = document("a = 1\n[t]\nx = [1.0, nan]\n", &[]).unwrap_err().to_string();
+        assert!(written.starts_with("sample.toml:3: `x` is nan"), "{written}");
+        let given = document(TEXT, &["size=-inf"]).unwrap_err().to_string();
+        assert!(given.starts_with("--set size=-inf: `size` is -inf"), "{given}");
+    }
+
+    #[test]
+    fn overrides_that_do_not_fit_say_why() {
+        let list = document(TEXT, &["list.3.set=x"]).unwrap_err().to_string();
+        assert!(list.contains("`list` is a list of 1 entries, and '3' is none of them"), "{list}");
+        let scalar = document(TEXT, &["size.x=1"]).unwrap_err().to_string();
+        assert!(scalar.contains("`size` is a number, which has no keys"), "{scalar}");
+        assert!(document(TEXT, &["size"]).unwrap_err().to_string().contains("there is no '='"));
+    }
+
+    #[test]
+    fn an_added_key_appears_in_the_document_as_run() {
+        let document = document(TEXT, &["solver.force=1e-4"]).unwrap();
+        let table: toml::Table = document.as_run(&[("size", "new")]).unwrap().parse().unwrap();
+        assert_eq!(table["solver"]["force"].as_float(), Some(1e-4));
+        assert_eq!(table["size"].as_str(), Some("new"));
+    }
+}

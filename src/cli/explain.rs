@@ -1,0 +1,83 @@
+//! `grainspan explain [KEY]`: what the keys of input files mean, from the definitions that also check them.
+
+use crate::exit::{Exit, Failure};
+use crate::stdout::print;
+use scene_reader::{Kind, completions, explained, nearest_key, overview};
+
+/// Arguments of `grainspan explain`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan explain                       all tables of a scene
+  grainspan explain loading.growth        one key: meaning, unit, default, range
+  grainspan explain solver                a table with its keys
+  grainspan explain --markdown packing    the reference of packing recipes
+  grainspan explain --schema scene        JSON schema for editors")]
+pub(crate) struct Arguments {
+    /// Key such as loading.growth, its last name, or a table
+    #[arg(value_name = "KEY")]
+    key: Option<String>,
+    /// Kind of input file [default: all]
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"])]
+    file: Option<String>,
+    /// Print the reference of a kind of input file as Markdown
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"], conflicts_with = "key")]
+    markdown: Option<String>,
+    /// Print the JSON schema of a kind of input file
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"], conflicts_with = "key")]
+    schema: Option<String>,
+}
+
+/// Prints what is asked for.
+///
+/// # Errors
+/// There is no such key (exit code 2).
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let kind = |word: &Option<String>| word.as_deref().and_then(Kind::of_keyword);
+    let text = if let Some(kind) = kind(&arguments.markdown) {
+        kind.reference()
+    } else if let Some(kind) = kind(&arguments.schema) {
+        let schema = serde_json::to_string_pretty(&kind.schema());
+        schema.map_err(|error| Failure::new(Exit::BadInput, error))? + "\n"
+    } else {
+        let kinds = kind(&arguments.file).map_or(Kind::ALL.to_vec(), |kind| vec![kind]);
+        match &arguments.key {
+            Some(key) => explanation(&kinds, key)?,
+            None => overview(kinds[0]) + "\n`grainspan explain TABLE` lists the keys of a table.\n",
+        }
+    };
+    print(text.as_bytes())?;
+    Ok(Exit::Done)
+}
+
+fn explanation(kinds: &[Kind], key: &str) -> Result<String, Failure> {
+    let texts = explained(kinds, key);
+    if !texts.is_empty() {
+        return Ok(texts.join("\n"));
+    }
+    let meant = nearest_key(key).map_or_else(String::new, |meant| format!("did you mean {meant}? "));
+    let hint = format!("hint: {meant}`grainspan explain` lists all tables");
+    Err(Failure::new(Exit::BadInput, format!("there is no key '{key}'\n{hint}")))
+}
+
+/// Arguments of the hidden command that completion scripts call.
+#[derive(clap::Args, Debug)]
+pub(crate) struct CompleteArguments {
+    /// Command whose `--set` is completed
+    command: String,
+    /// What has been typed of KEY.PATH=VALUE
+    #[arg(default_value = "")]
+    start: String,
+}
+
+/// Prints what `--set` may go on with, a line each.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub(crate) fn complete(arguments: &CompleteArguments) -> Result<Exit, Failure> {
+    let named = |kind: &Kind| kind.command() == arguments.command;
+    let kind = Kind::ALL.into_iter().find(named).unwrap_or(Kind::Scene);
+    let lines: String =
+        completions(kind, &arguments.start).into_iter().map(|(candidate, _)| format!("{candidate}\n")).collect();
+    print(lines.as_bytes())?;
+    Ok(Exit::Done)
+}
