@@ -203,9 +203,7 @@ impl Region<'_> {
             }
         }
         match variants.is_empty() {
-            true => {
-                Err(self.error("it has no rotation, and so no cell").hint("leave out `rotations`"))
-            }
+            true => Err(self.error("it has no rotation, and so no cell").hint("leave out `rotations`")),
             false => Ok(variants),
         }
     }

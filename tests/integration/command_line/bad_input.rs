@@ -102,7 +102,12 @@ fn a_wrong_type_is_named_with_its_line() {
     desk.spoil("scene.toml", "increments = 5", "increments = \"five\"");
     desk.refused(
         &["run", "scene.toml"],
-        &["scene.toml:", "loading.increments must be a whole number at least 1, not the text \"five\"", "increments = \"five\"", "hint:"],
+        &[
+            "scene.toml:",
+            "loading.increments must be a whole number at least 1, not the text \"five\"",
+            "increments = \"five\"",
+            "hint:",
+        ],
     );
 }
 
