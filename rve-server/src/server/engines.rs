@@ -44,7 +44,7 @@ mod tests {
     use crate::contact::ContactTable;
     use crate::definition::{GrainDefinition, PackingFile, RveOptions};
     use crate::space::Discs;
-    use protocol::{Ask, Tensor2};
+    use protocol::{Tensor2, TrialOptions};
     use std::path::Path;
 
     #[test]
@@ -57,7 +57,7 @@ mod tests {
         for engine in BUILT_IN_ENGINES {
             let mut solver = (engine.create)().create(&definition).unwrap();
             let target = Tensor2::from_plane([[-1e-5, 0.0], [0.0, -1e-5]]);
-            let answer = solver.trial(&target, &Ask::default()).unwrap();
+            let answer = solver.trial(&target, &TrialOptions::default()).unwrap();
             assert!(answer.stress.get(0, 0) < 0.0 && answer.stress.get(1, 1) < 0.0, "{}", engine.keyword);
             solver.commit().unwrap();
             let mut snapshot = Vec::new();
