@@ -1,6 +1,6 @@
 //! Rows of a specimen test as CSV. Equal rows give equal bytes; no column holds a wall-clock time.
 
-use super::run::SpecimenRow;
+use super::results::SpecimenRow;
 use std::io::Write;
 
 const NAMES: [&str; 28] = [

@@ -16,6 +16,7 @@ mod error;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
+mod results;
 pub mod run;
 pub mod test_file;
 #[cfg(test)]
@@ -29,9 +30,8 @@ pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
 pub use error::SpecimenError;
-pub use run::{
-    SpecimenEvent, SpecimenFor, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, run_specimen,
-};
+pub use results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
+pub use run::{SpecimenFor, run_specimen};
 pub use test_file::SpecimenTest;
 pub use wall::{Wall, WallDrive};
 
