@@ -5,8 +5,8 @@
 //! geometry and applied to the total motion they need no integration in time: the stiffness form is a quadratic
 //! potential, symmetric, path-independent and objective.
 
+pub(crate) use super::hourglass_keys::HourglassKeys;
 use super::{Dimension, ElementKind, point_geometry};
-use crate::problem::HourglassKeys;
 use serde::{Deserialize, Serialize};
 
 /// Nodes of the largest element with one point and hourglass modes.

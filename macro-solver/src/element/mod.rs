@@ -10,6 +10,7 @@ use nalgebra::Matrix3;
 mod dimension;
 pub mod frequency;
 pub mod hourglass;
+mod hourglass_keys;
 pub mod integrals;
 mod kinds;
 pub mod mass;

@@ -34,7 +34,6 @@ pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use equations::EquationSettings;
-pub(crate) use equations::HourglassKeys;
 pub use initial_stress::{InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};

@@ -46,7 +46,7 @@ impl Default for SecantGates {
 }
 
 /// `[solver.secant]`: the gates, and whether they are in use.
-#[derive(Serialize, Deserialize, JsonSchema)]
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 struct SecantKeys {
     /// Whether tangents are corrected by secants. A table that is written switches them on unless it says otherwise.
@@ -54,12 +54,6 @@ struct SecantKeys {
     enabled: bool,
     #[serde(flatten)]
     gates: SecantGates,
-}
-
-impl Default for SecantKeys {
-    fn default() -> Self {
-        Self { enabled: false, gates: SecantGates::default() }
-    }
 }
 
 mod secant_keys {

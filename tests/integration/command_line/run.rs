@@ -368,21 +368,21 @@ fn a_run_that_finds_no_start_says_what_the_packing_carries_and_the_report_shows_
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     for part in [
         "found no equilibrium to start from",
-        "the packing carries xx -1.000e5",
+        "the packing has the stress xx -1.000e5",
         "-1.000e5 Pa on right",
         "history = \"ramp\"",
     ] {
         assert!(stderr.contains(part), "{part}: {stderr}");
     }
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
-    assert!(summary["reason"].as_str().unwrap().contains("the packing carries"), "{summary}");
+    assert!(summary["reason"].as_str().unwrap().contains("the packing has the stress"), "{summary}");
     let journal = fs::read_to_string(out.join("run.jsonl")).unwrap();
-    assert!(journal.lines().any(|line| line.contains("\"ended\"") && line.contains("the packing carries")));
+    assert!(journal.lines().any(|line| line.contains("\"ended\"") && line.contains("the packing has the stress")));
     report(&out);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(
         page.contains("not converged")
-            && page.contains("the packing carries")
+            && page.contains("the packing has the stress")
             && page.contains("No step was accepted")
     );
     assert!(page.contains("<polygon"), "a picture of the mesh");
@@ -417,7 +417,7 @@ fn a_body_is_unloaded_to_zero_and_loaded_again() {
     let place = tempfile::tempdir().unwrap();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let shipped = fs::read_to_string(folder.join("scenes/compression-shear.toml")).unwrap();
-    let first = shipped.split("# The lid gives way").next().unwrap();
+    let first = shipped.split("# A platen replaces the pressure").next().unwrap();
     let unloading = first
         .replace("value = 2.0e5", "value = 0.0")
         .replace("../packings", folder.join("packings").to_str().unwrap());

@@ -30,7 +30,7 @@ fn the_shipped_specimen_runs_and_says_where_it_starts() {
         arguments.extend(short);
         let (code, text, _) = run(&site, &arguments);
         assert_eq!(code, 1, "{text}");
-        assert!(text.contains("stages that did not come to balance: 1"), "{text}");
+        assert!(text.contains("stages without equilibrium at the end: 1"), "{text}");
         assert!(text.contains("stress at the start, from the contacts between grains: xx -1."), "{text}");
         assert!(text.contains("contacts kept their history") && text.contains("the copies lean by 2.8 %"), "{text}");
         assert!(pictures.join("grains-0005.vtp").exists() && pictures.join("grains.pvd").exists());
@@ -76,7 +76,7 @@ fn specimens_that_are_not_sound_are_refused() {
     let site = Site::new();
     let scene = "scenes/specimen-biaxial.toml";
     for (change, words) in [
-        ("stage.0.steps=0", "stage 1: steps and rows must be at least 1"),
+        ("stage.0.steps=0", "stage.0.steps must be at least 1, not 0"),
         ("motion.safety=1.5", "motion.safety = 1.5 must lie between 0 and 1"),
         ("tiles=[1]", "needs 2 whole numbers"),
         ("contact.damping=-1.0", "damping ratio, 0 to 10"),

@@ -88,7 +88,7 @@ fn the_small_packing_is_made_to_the_same_bits_each_time_and_reported() {
         "another packing the second time"
     );
     let report = String::from_utf8(output.stderr).unwrap();
-    for word in ["void ratio", "coordination number", "anisotropy", "within", "force evaluations"] {
+    for word in ["void ratio", "coordination number", "anisotropy", "tolerance", "force evaluations"] {
         assert!(report.contains(word), "{word}: {report}");
     }
 }

@@ -129,7 +129,7 @@ fn a_collapse_is_told_from_a_snap() {
     let problem = softening_column(traction);
     let (run, recorder) = run(&problem, &mut weak_at_the_bottom());
     let Outcome::DidNotConverge { reason } = &run.outcome else { panic!("{:?}", run.outcome) };
-    assert!(reason.contains("stabilised: no balance after 100 increments"), "{reason}");
+    assert!(reason.contains("stabilised: no equilibrium after 100 increments"), "{reason}");
     assert!(run.load < 1.0 && run.load > 0.85, "{}", run.load);
     let statistics = &run.statistics;
     assert_eq!(statistics.stabilised_steps, 0);

@@ -160,7 +160,7 @@ fn settings_out_of_range_are_refused() {
             .contains("criteria")
     );
     assert!(refused(|p| p.stages[0].strategy.target_grid = Some(0.1)).contains("target_grid"));
-    assert!(refused(|p| p.stages[0].tolerances.energy = -1.0).contains("energy criterion"));
+    assert!(refused(|p| p.stages[0].tolerances.energy = -1.0).contains("solver.energy_tolerance"));
     let strategy = Strategy { tangent: TangentKind::TrussLike, ..NamedStrategy::QuasiNewton.preset() };
     assert_eq!(strategy, NamedStrategy::QuasiNewton.preset());
 }
