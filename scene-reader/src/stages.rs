@@ -267,7 +267,7 @@ mod tests {
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
         assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
         assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
-        let slow = Stabilisation { drag: 0.3, ..by_default };
+        let slow = Stabilisation { viscosity: 0.3, ..by_default };
         assert_eq!(told(&["loading.stabilise_viscosity=0.3"]), [Some(slow); 2]);
         let error = stages(&["loading.stabilise_viscosity=0"]).unwrap_err();
         assert!(error.contains("loading.stabilise_viscosity") && error.contains("above 0"), "{error}");

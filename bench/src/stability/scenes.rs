@@ -84,7 +84,7 @@ pub(super) fn run(seed: u64, count: u64, slots: &[Slot], report: &mut Report) ->
             Ok(Err(error)) => (format!("broke off: {error:#}"), [(); 7].map(|()| Cell::from(f64::NAN))),
             Ok(Ok(finding)) => (class(finding), costs(finding)),
         };
-        let [steps, reached, cut_backs, creep, evaluations, not_at_rest, wall] = costs;
+        let [steps, reached, cut_backs, stabilisation, evaluations, not_at_rest, wall] = costs;
         let [aspect, slant, taper] = scene.shape;
         table.row([
             scene.number.into(),
@@ -102,7 +102,7 @@ pub(super) fn run(seed: u64, count: u64, slots: &[Slot], report: &mut Report) ->
             steps,
             reached,
             cut_backs,
-            creep,
+            stabilisation,
             evaluations,
             not_at_rest,
             wall,

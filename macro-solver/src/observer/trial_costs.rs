@@ -19,7 +19,7 @@ pub struct TrialCosts {
 pub struct SlowestTrials {
     /// How many trials these are: at least the share asked for, rounded up to a whole class.
     pub trials: u64,
-    /// All of them needed at least so many force evaluations.
+    /// All of them needed at least this number of force evaluations.
     pub from_force_evaluations: u64,
     /// Force evaluations of the slowest trial.
     pub largest_force_evaluations: u64,

@@ -26,7 +26,7 @@ pub struct RecordPlan {
 pub struct StageOutput {
     /// Its name.
     pub name: String,
-    /// Fields after every so many steps of the run, beside the first and those that end a stage; 0 = never.
+    /// Fields every n steps of the run, in addition to the first and those that end a stage; 0 = never.
     pub fields_every: u64,
 }
 

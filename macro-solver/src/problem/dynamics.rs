@@ -191,7 +191,7 @@ impl From<InitialVelocity> for InitialVelocityKeys {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "ReportingKeys", into = "ReportingKeys")]
 pub enum Reporting {
-    /// After every so many steps.
+    /// Every n steps.
     Steps(u64),
     /// After the first step at or behind every multiple of this time, s.
     Interval(f64),
@@ -269,7 +269,7 @@ pub struct DynamicSettings {
     pub energy_tolerance: f64,
     /// Instants in a row with a larger residual at which a run is stopped; 0: only a growing energy stops it.
     pub longest_excess: u64,
-    /// The stable step is found again from new elastic tangents after every so many steps; 0: only at the start.
+    /// The stable step is found again from new elastic tangents every n steps; 0: only at the start.
     pub tangent_every: u64,
 }
 

@@ -36,7 +36,7 @@ pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeas
 pub use equations::EquationSettings;
 pub use initial_stress::{InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
-pub use named_strategy::{NamedStrategy, QuasiNewton, Renewal};
+pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
 pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// point tangents are corrected by secants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "TangentUpdateKeys", into = "TangentUpdateKeys")]
-pub enum Renewal {
+pub enum TangentUpdate {
     /// At every iterate: full Newton.
     #[default]
     Always,
@@ -27,7 +27,7 @@ pub enum Renewal {
     Once,
 }
 
-impl Renewal {
+impl TangentUpdate {
     /// Modified Newton with the values that were measured to need the fewest evaluations.
     pub const WHEN_SLOW: Self = Self::WhenSlow { contraction: 0.5, most_uses: 12 };
 
@@ -74,7 +74,7 @@ impl Default for TangentUpdateKeys {
     }
 }
 
-impl From<TangentUpdateKeys> for Renewal {
+impl From<TangentUpdateKeys> for TangentUpdate {
     fn from(keys: TangentUpdateKeys) -> Self {
         match keys.tangent_update {
             TangentUpdateWord::Always => Self::Always,
@@ -87,18 +87,18 @@ impl From<TangentUpdateKeys> for Renewal {
     }
 }
 
-impl From<Renewal> for TangentUpdateKeys {
-    fn from(update: Renewal) -> Self {
+impl From<TangentUpdate> for TangentUpdateKeys {
+    fn from(update: TangentUpdate) -> Self {
         let with = |tangent_update| Self { tangent_update, ..Self::default() };
         match update {
-            Renewal::Always => with(TangentUpdateWord::Always),
-            Renewal::WhenSlow { contraction, most_uses } => Self {
+            TangentUpdate::Always => with(TangentUpdateWord::Always),
+            TangentUpdate::WhenSlow { contraction, most_uses } => Self {
                 tangent_update: TangentUpdateWord::WhenSlow,
                 tangent_update_contraction: contraction,
                 tangent_max_uses: most_uses,
             },
-            Renewal::EachStep => with(TangentUpdateWord::EachStep),
-            Renewal::Once => with(TangentUpdateWord::Once),
+            TangentUpdate::EachStep => with(TangentUpdateWord::EachStep),
+            TangentUpdate::Once => with(TangentUpdateWord::Once),
         }
     }
 }
@@ -191,7 +191,7 @@ impl NamedStrategy {
         Self::QuasiNewton,
     ];
 
-    /// The one used where none is named, for cells in so many dimensions. Measured (docs/concepts/strategies.md): slip tangents of large cells of
+    /// The one used where none is named, for cells of this dimension. Measured (docs/concepts/strategies.md): slip tangents of large cells of
     /// spheres cost many times what they save, and fail where the cell next to flows.
     pub fn default_of(dimension: usize) -> Self {
         if dimension == 3 { Self::QuasiNewton } else { Self::SlipNewton }
@@ -220,7 +220,7 @@ impl NamedStrategy {
             tangent: TangentKind::TrussLike,
             predictor: Predictor::Linear,
             secant: None,
-            renewal: Renewal::Always,
+            tangent_update: TangentUpdate::Always,
             quasi_newton: None,
             tangent_floor: Some(0.02),
             capped_change: 1e-3,
@@ -230,17 +230,19 @@ impl NamedStrategy {
         let slip = Strategy { tangent: TangentKind::TrussLikeSlip, ..plain.clone() };
         match self {
             Self::Newton => plain,
-            Self::ModifiedNewton => Strategy { renewal: Renewal::WHEN_SLOW, ..plain },
+            Self::ModifiedNewton => Strategy { tangent_update: TangentUpdate::WHEN_SLOW, ..plain },
             Self::SlipNewton => slip,
             Self::SlipSecant => Strategy { secant: Some(SecantGates::default()), ..slip },
             Self::PointSecant => Strategy {
-                renewal: Renewal::Once,
+                tangent_update: TangentUpdate::Once,
                 secant: Some(SecantGates { carried: true, ..SecantGates::default() }),
                 ..plain
             },
-            Self::QuasiNewton => {
-                Strategy { renewal: Renewal::EachStep, quasi_newton: Some(QuasiNewton::default()), ..plain }
-            }
+            Self::QuasiNewton => Strategy {
+                tangent_update: TangentUpdate::EachStep,
+                quasi_newton: Some(QuasiNewton::default()),
+                ..plain
+            },
         }
     }
 }

@@ -107,17 +107,17 @@ pub struct StepControl {
     pub stabilisation: Option<Stabilisation>,
 }
 
-/// Creep in a viscous drag from a state next to which there is no balance to the next balanced one. Only in implicit
+/// Viscous stabilisation: from a state next to which there is no equilibrium to the next equilibrium. Only in implicit
 /// stages that prescribe the load factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stabilisation {
-    /// After so many failed attempts at a step; in any case after one with the smallest step.
+    /// After n failed attempts at a step; in any case after one with the smallest step.
     pub after: Option<usize>,
-    /// A body that has not come to balance within so many increments with supports and loads at rest does not count as
+    /// A body that has not reached equilibrium within this number of increments with supports and loads at rest does not count as
     /// stabilised.
     pub most_increments: usize,
-    /// Drag of the first increment in terms of the first stiffness, above 0.
-    pub drag: f64,
+    /// Viscosity of the first increment in terms of the first stiffness, above 0.
+    pub viscosity: f64,
 }
 
 /// The keys of `[loading]` about viscous stabilisation.
@@ -150,12 +150,12 @@ impl Default for StabilisationKeys {
 
 impl From<Option<Stabilisation>> for StabilisationKeys {
     fn from(settings: Option<Stabilisation>) -> Self {
-        let Stabilisation { after, most_increments, drag } = settings.unwrap_or_default();
+        let Stabilisation { after, most_increments, viscosity } = settings.unwrap_or_default();
         Self {
             stabilise: settings.is_some(),
             stabilise_after: after,
             stabilise_increments: most_increments,
-            stabilise_viscosity: drag,
+            stabilise_viscosity: viscosity,
         }
     }
 }
@@ -176,14 +176,14 @@ mod stabilisation_keys {
         Ok(keys.stabilise.then_some(Stabilisation {
             after: keys.stabilise_after,
             most_increments: keys.stabilise_increments,
-            drag: keys.stabilise_viscosity,
+            viscosity: keys.stabilise_viscosity,
         }))
     }
 }
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Self { after: None, most_increments: 100, drag: 0.1 }
+        Self { after: None, most_increments: 100, viscosity: 0.1 }
     }
 }
 

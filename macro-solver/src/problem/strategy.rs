@@ -1,7 +1,7 @@
 //! Choices that change the path to the answer, not the equations.
 
 use super::named_strategy::{QuasiNewtonKeys, TangentUpdateKeys, quasi_newton_keys};
-use super::{NamedStrategy, QuasiNewton, Renewal};
+use super::{NamedStrategy, QuasiNewton, TangentUpdate};
 use protocol::TangentKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -87,7 +87,7 @@ pub struct Strategy {
     /// When points are asked for tangents.
     #[serde(flatten)]
     #[schemars(with = "TangentUpdateKeys")]
-    pub renewal: Renewal,
+    pub tangent_update: TangentUpdate,
     /// Global quasi-Newton corrections; `None` switches them off.
     #[serde(flatten, with = "quasi_newton_keys")]
     #[schemars(with = "QuasiNewtonKeys")]

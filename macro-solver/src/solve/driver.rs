@@ -138,7 +138,7 @@ impl<'a> Solver<'a> {
             body,
             // No ramp has been seen yet that could tell which contacts slip.
             tangent_kind: TangentKind::TrussLike,
-            tangents: TangentUpdater::new(first.strategy.renewal, first.strategy.secant.is_some()),
+            tangents: TangentUpdater::new(first.strategy.tangent_update, first.strategy.secant.is_some()),
             memory: first.strategy.quasi_newton.as_ref().map(Memory::new),
             balance: empty.clone(),
             committed_balance: empty,

@@ -83,7 +83,7 @@ impl<'a> Solver<'a> {
         let stage = &self.problem.stages[self.stage];
         self.points.choose(self.problem, stage);
         let strategy = &stage.strategy;
-        self.tangents = TangentUpdater::new(strategy.renewal, strategy.secant.is_some());
+        self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);
         self.balance = self.body.balance(&self.body.zero(), self.points.all(), &self.loads, moment);

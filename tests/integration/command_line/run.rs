@@ -174,7 +174,7 @@ fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     assert!(summary["cutbacks"].as_u64() > Some(0));
     let history = fs::read_to_string(out.join("history.csv")).unwrap();
     assert!(history.lines().count() >= 2 && history.ends_with('\n'), "the initial state is kept: {history}");
-    // The same with creep: it gets through, and says what that took.
+    // The same with viscous stabilisation: it gets through, and says what that took.
     let out = place.path().join("stabilised");
     let output = run(&out, "2", &hopeless);
     let stderr = text(&output.stderr);

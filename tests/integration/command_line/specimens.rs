@@ -79,7 +79,7 @@ fn specimens_that_are_not_sound_are_refused() {
         ("stage.0.steps=0", "stage.0.steps must be at least 1, not 0"),
         ("motion.safety=1.5", "motion.safety = 1.5 must lie between 0 and 1"),
         ("tiles=[1]", "needs 2 whole numbers"),
-        ("contact.damping=-1.0", "damping ratio, 0 to 10"),
+        ("contact.damping=-1.0", "contact.damping must be at least 0, not -1"),
     ] {
         let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
         assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");

@@ -1,13 +1,13 @@
 //! When tangents are requested, and when the global matrix is factorized with them.
 
-use crate::problem::Renewal;
+use crate::problem::TangentUpdate;
 use protocol::TangentKind;
 use serde::{Deserialize, Serialize};
 
 /// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
-    renewal: Renewal,
+    tangent_update: TangentUpdate,
     /// Whether point tangents change between renewals, by secant corrections.
     corrected: bool,
     /// The next evaluation asks for tangents.
@@ -27,13 +27,13 @@ pub(in crate::solve) struct TangentUpdaterRecord {
 }
 
 impl TangentUpdater {
-    pub(in crate::solve) fn new(renewal: Renewal, corrected: bool) -> Self {
-        Self { renewal, corrected, due: true, fresh: true, uses: 0, last_residual: None }
+    pub(in crate::solve) fn new(tangent_update: TangentUpdate, corrected: bool) -> Self {
+        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None }
     }
 
     /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
     pub(in crate::solve) fn started(&mut self, suffices: bool) {
-        self.due = !(suffices && self.renewal == Renewal::Once);
+        self.due = !(suffices && self.tangent_update == TangentUpdate::Once);
     }
 
     /// Kind to ask for at the next evaluation.
@@ -43,19 +43,19 @@ impl TangentUpdater {
 
     /// Whether the global matrix is to be factorized at the iterate just evaluated.
     pub(in crate::solve) fn factorizes(&self) -> bool {
-        self.fresh || self.corrected || self.renewal == Renewal::Always
+        self.fresh || self.corrected || self.tangent_update == TangentUpdate::Always
     }
 
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
-        self.due |= again || matches!(self.renewal, Renewal::Always | Renewal::EachStep);
+        self.due |= again || matches!(self.tangent_update, TangentUpdate::Always | TangentUpdate::EachStep);
     }
 
     /// All points have answered.
     pub(in crate::solve) fn evaluated(&mut self) {
         self.fresh |= self.due;
-        self.due = self.renewal == Renewal::Always;
+        self.due = self.tangent_update == TangentUpdate::Always;
     }
 
     /// The global matrix has been factorized.
@@ -67,7 +67,7 @@ impl TangentUpdater {
     /// Judges the tangents in use by the out-of-balance force of an accepted iterate.
     pub(in crate::solve) fn judge(&mut self, residual: f64) {
         self.uses += 1;
-        if let Renewal::WhenSlow { contraction, most_uses } = self.renewal {
+        if let TangentUpdate::WhenSlow { contraction, most_uses } = self.tangent_update {
             let slow = self.last_residual.is_some_and(|last| residual > contraction * last);
             // Tangents that this very iterate has brought are as good as they get.
             self.due |= !self.fresh && (slow || self.uses >= most_uses);
@@ -86,7 +86,7 @@ impl TangentUpdater {
 
     /// Whether the next step may use the factors in place.
     pub(in crate::solve) fn keeps_factors(&self) -> bool {
-        self.renewal.keeps() && !self.fresh
+        self.tangent_update.keeps() && !self.fresh
     }
 
     /// The factors of an earlier process are in place again.
@@ -102,8 +102,8 @@ mod tests {
     const WANTED: TangentKind = TangentKind::TrussLike;
 
     /// Kinds asked for over evaluations with these residuals, all within one attempt.
-    fn asked(renewal: Renewal, residuals: &[f64]) -> String {
-        let mut tangents = TangentUpdater::new(renewal, false);
+    fn asked(tangent_update: TangentUpdate, residuals: &[f64]) -> String {
+        let mut tangents = TangentUpdater::new(tangent_update, false);
         tangents.started(true);
         let mut letters = String::new();
         for attempt in 0..2 {
@@ -126,18 +126,18 @@ mod tests {
 
     #[test]
     fn tangents_are_asked_for_as_the_rule_says() {
-        assert_eq!(asked(Renewal::Always, &[1.0, 0.1]), "TFTF TFTF.");
-        assert_eq!(asked(Renewal::EachStep, &[1.0, 0.1, 0.01]), "TFss TFss.");
-        assert_eq!(asked(Renewal::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
-        assert_eq!(asked(Renewal::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
-        assert_eq!(asked(Renewal::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
-        let short = Renewal::WhenSlow { contraction: 0.5, most_uses: 2 };
+        assert_eq!(asked(TangentUpdate::Always, &[1.0, 0.1]), "TFTF TFTF.");
+        assert_eq!(asked(TangentUpdate::EachStep, &[1.0, 0.1, 0.01]), "TFss TFss.");
+        assert_eq!(asked(TangentUpdate::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
+        assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
+        assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
+        let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
     }
 
     #[test]
     fn a_failed_attempt_renews_and_corrected_tangents_are_always_factorized() {
-        let mut tangents = TangentUpdater::new(Renewal::Once, true);
+        let mut tangents = TangentUpdater::new(TangentUpdate::Once, true);
         assert_eq!(tangents.kind(WANTED), WANTED);
         tangents.started(true);
         tangents.begin_attempt(false);

@@ -70,7 +70,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
         self.statistics.cut_backs += 1;
-        let mut path = self.stabilised_path(settings.drag, target, reason);
+        let mut path = self.stabilised_path(settings.viscosity, target, reason);
         // Viscous forces are no part of the pairs that quasi-Newton updates are made of.
         let mut memory = self.memory.take();
         let followed = self.follow(&mut path, settings, target, session);

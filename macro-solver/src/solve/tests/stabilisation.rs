@@ -99,7 +99,7 @@ fn a_snap_under_displacement_control_ends_on_the_far_branch() {
     assert!((strain / 1e-2 - 1.0).abs() < 1e-9, "{strain}");
 }
 
-/// Work that the drag takes is what the column gives up: the work of the supports less what is stored and lost.
+/// Work that the viscosity takes is what the column gives up: the work of the supports less what is stored and lost.
 #[test]
 fn the_drag_takes_what_the_snap_sets_free() {
     let problem = pulled(1e-2);
@@ -133,10 +133,10 @@ fn a_collapse_is_told_from_a_snap() {
     assert!(run.load < 1.0 && run.load > 0.85, "{}", run.load);
     let statistics = &run.statistics;
     assert_eq!(statistics.stabilised_steps, 0);
-    let creep = &recorder.iterations[recorder.iterations.len() - 100..];
-    let taken_back = creep.iter().filter(|report| report.rejected).count() as u64;
+    let stabilised = &recorder.iterations[recorder.iterations.len() - 100..];
+    let taken_back = stabilised.iter().filter(|report| report.rejected).count() as u64;
     assert_eq!(statistics.stabilisation_increments + taken_back, 100);
-    assert_eq!(statistics.stabilisation_evaluations, creep.iter().map(|report| report.evaluations).sum::<u64>());
+    assert_eq!(statistics.stabilisation_evaluations, stabilised.iter().map(|report| report.evaluations).sum::<u64>());
     assert!(statistics.stabilisation_work > 0.0, "{}", statistics.stabilisation_work);
 }
 
@@ -184,13 +184,13 @@ fn increments_that_points_refuse_are_taken_back_and_counted() {
     };
     assert_eq!(refused(&iterations), material.refused);
     assert_eq!(run.statistics.rejected, iterations.iter().filter(|report| report.rejected).count() as u64);
-    // Creep begins to count iterations anew after the attempt that failed.
+    // Stabilisation begins to count iterations again after the attempt that failed.
     let snap = &events[0];
     let of_step: Vec<IterationReport> = iterations.into_iter().filter(|report| report.step == snap.step).collect();
-    let creep = &of_step[of_step.iter().rposition(|report| report.iteration == 1).unwrap()..];
-    assert!(refused(creep) > 3, "{}", refused(creep));
-    assert_eq!(creep.iter().filter(|report| !report.rejected).count(), snap.increments);
-    assert_eq!(creep.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
+    let stabilised = &of_step[of_step.iter().rposition(|report| report.iteration == 1).unwrap()..];
+    assert!(refused(stabilised) > 3, "{}", refused(stabilised));
+    assert_eq!(stabilised.iter().filter(|report| !report.rejected).count(), snap.increments);
+    assert_eq!(stabilised.iter().map(|report| report.evaluations).sum::<u64>(), snap.evaluations);
     let increments: u64 = events.iter().map(|event| event.increments as u64).sum();
     assert_eq!(
         (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),

@@ -1,4 +1,4 @@
-//! Creep where nothing snaps: a column that remembers its way ends where Newton's method brings it, however many rows it
+//! Viscous stabilisation where nothing snaps: a history-dependent column ends where Newton's method brings it, however many rows it
 //! has, and no increment on the way strains a point by more than the cap. And what the drag decides where something snaps.
 
 use super::stabilisation::{pulled, weak_at_the_bottom};
@@ -113,7 +113,7 @@ fn column_of(kind: ElementKind, rows: usize, strain: f64) -> Problem {
 }
 
 #[test]
-fn creep_without_a_snap_ends_where_newton_does_for_any_number_of_rows() {
+fn stabilisation_without_a_snap_ends_where_newton_does_for_any_number_of_rows() {
     for (kind, strain) in [(ElementKind::Q4, 3e-4), (ElementKind::Q4, 1.03e-3), (ElementKind::Q8, 6e-4)] {
         for rows in [2, 4, 8, 16] {
             let mut problem = column_of(kind, rows, strain);
@@ -130,14 +130,14 @@ fn creep_without_a_snap_ends_where_newton_does_for_any_number_of_rows() {
             problem.stages[0].control.max_iterations = 1;
             problem.stages[0].control.stabilisation =
                 Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
-            let (run, crept, yielded) = solved(&problem);
+            let (run, stabilised, yielded) = solved(&problem);
             let what = format!("{kind:?}, {rows} rows, {strain}");
             assert_eq!(run.statistics.stabilised_steps, 1, "{what}");
-            let [wanted, found] = [&newton, &crept].map(|record| record.points[0].stress.plane()[1][1]);
+            let [wanted, found] = [&newton, &stabilised].map(|record| record.points[0].stress.plane()[1][1]);
             assert!((found / wanted - 1.0).abs() < 1e-3, "{what}: {found} instead of {wanted}");
             assert!(yielded.largest <= CAP * (1.0 + 1e-6), "{what}: strained by {} at once", yielded.largest);
-            for (number, (crept, newton)) in yielded.committed.iter().zip(&plastic.committed).enumerate() {
-                let (found, wanted) = (crept.lost, newton.lost);
+            for (number, (stabilised, newton)) in yielded.committed.iter().zip(&plastic.committed).enumerate() {
+                let (found, wanted) = (stabilised.lost, newton.lost);
                 assert!(
                     wanted > 0.0 && (found / wanted - 1.0).abs() < 1e-2,
                     "{what}, point {number}: {found} {wanted}"
@@ -176,12 +176,12 @@ impl Observer for Watch {
 /// On a softening column with one far branch all drags end on it; a stronger one only takes longer.
 #[test]
 fn the_drag_changes_the_way_and_not_the_far_branch() {
-    let ends = [0.03, 0.1, 0.3].map(|drag| {
+    let ends = [0.03, 0.1, 0.3].map(|viscosity| {
         let mut problem = pulled(1e-2);
-        problem.stages[0].control.stabilisation = Some(Stabilisation { drag, ..Stabilisation::default() });
+        problem.stages[0].control.stabilisation = Some(Stabilisation { viscosity, ..Stabilisation::default() });
         let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
         let run = solve(&problem, &mut material, &mut watch);
-        assert!(matches!(run.outcome, Outcome::Completed), "{drag}: {:?}", run.outcome);
+        assert!(matches!(run.outcome, Outcome::Completed), "{viscosity}: {:?}", run.outcome);
         let increments: usize = watch.0.iter().map(|event| event.increments).sum();
         (material.largest_strain(0), run.statistics.stabilisation_work, increments)
     });

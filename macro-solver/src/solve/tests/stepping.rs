@@ -206,7 +206,7 @@ fn an_inverted_element_is_refused_before_any_point_is_asked() {
     problem = compression(-1.5 * height);
     problem.stages[0].control.increments = 1;
     problem.stages[0].control.min = 1.0;
-    // Creep would go there by increments that turn nothing inside out as yet.
+    // Stabilisation would go there by increments that turn nothing inside out as yet.
     problem.stages[0].control.stabilisation = None;
     let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
     let (run, _) = run(&problem, &mut spy);

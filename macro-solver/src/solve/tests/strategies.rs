@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::observer::Outcome;
-use crate::problem::{Criteria, NamedStrategy, Platen, Renewal, Strategy};
+use crate::problem::{Criteria, NamedStrategy, Platen, Strategy, TangentUpdate};
 use protocol::TangentKind;
 
 /// A block pressed between rough platens; not linear.
@@ -60,7 +60,7 @@ fn every_named_strategy_finds_the_same_state() {
 /// With the factors of the undeformed body for the whole run, pairs are what makes the iteration converge soon.
 #[test]
 fn quasi_newton_pairs_need_fewer_iterations_than_the_factors_alone() {
-    let learnt = Strategy { renewal: Renewal::Once, ..NamedStrategy::QuasiNewton.preset() };
+    let learnt = Strategy { tangent_update: TangentUpdate::Once, ..NamedStrategy::QuasiNewton.preset() };
     let plain = Strategy { quasi_newton: None, ..learnt.clone() };
     let iterations = |strategy| solved(strategy).0.statistics.iterations;
     let (learnt, plain) = (iterations(learnt), iterations(plain));
