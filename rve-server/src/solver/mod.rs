@@ -1,7 +1,7 @@
 //! Grain solvers: from the state of a cell and a stretch to the next equilibrium.
 //!
 //! [`GrainSolver`] is the seam. A second solver is a folder next to `relaxation`, a [`SolverName`], and an arm of
-//! [`solver_of`]; the key `[rve] solver` then chooses it.
+//! `solver_of`; the key `[rve] solver` then chooses it.
 
 pub mod kernel;
 mod relaxation;

@@ -3,7 +3,7 @@
 //! An operator is a pure function of a [`ContactNetwork`]: it moves no grain and reads no history. `F` is measured from
 //! the network's own state, so that `C` is the derivative at `F = I`. The network operators let every grain of the frozen
 //! network find its own translation and rotation by one sparse solve; the uniform-strain operators force the mean strain
-//! upon all grains. Operators that need the grain solver itself are in [`perturbation`]. What an operator cannot do honestly is
+//! upon all grains. Operators that need the grain solver itself are in `perturbation`. What an operator cannot do honestly is
 //! reported in [`TangentOutcome`].
 
 mod calibration;
