@@ -164,10 +164,10 @@ impl Site {
         let count = workers.to_string();
         let arguments = self.arguments(name, scene, &["--attach", &run, "--workers", &count]);
         let log = self.path(&format!("{name}.faults"));
-        let mut crew = Crew { run, log: log.clone(), workers: Vec::new(), hired: 0 };
+        let mut workers_of_run = RunWorkers { run, log: log.clone(), workers: Vec::new(), hired: 0 };
         let mut r#macro = Macro::start(&arguments, &self.path(&format!("{name}.stderr")));
-        let ended = wait(&mut r#macro, |_| crew.keep(workers, draw));
-        drop(crew);
+        let ended = wait(&mut r#macro, |_| workers_of_run.keep(workers, draw));
+        drop(workers_of_run);
         for line in fs::read_to_string(&log).unwrap_or_default().lines() {
             let (what, _) = line.rsplit_once(':').unwrap_or((line, ""));
             Tally::add(&mut tally.faulty, what.to_owned());
@@ -264,14 +264,14 @@ pub fn wait(run: &mut Macro, mut meanwhile: impl FnMut(u32)) -> Result<(), Strin
 }
 
 /// Workers of an attached run, hired again when they end.
-struct Crew {
+struct RunWorkers {
     run: String,
     log: PathBuf,
     workers: Vec<Child>,
     hired: usize,
 }
 
-impl Crew {
+impl RunWorkers {
     fn keep(&mut self, count: usize, draw: &mut Draw) {
         self.workers.retain_mut(|worker| matches!(worker.try_wait(), Ok(None)));
         while self.workers.len() < count + usize::from(self.hired < FAULTY) {
@@ -289,7 +289,7 @@ impl Crew {
     }
 }
 
-impl Drop for Crew {
+impl Drop for RunWorkers {
     fn drop(&mut self) {
         // Those that were stopped or put to sleep before the run knew them do not end by themselves.
         for worker in &mut self.workers {

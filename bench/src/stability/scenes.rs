@@ -73,7 +73,7 @@ pub(super) fn run(seed: u64, count: u64, slots: &[Slot], report: &mut Report) ->
         "steps",
         "reached_%",
         "cut_backs",
-        "creep_steps",
+        "stabilised_steps",
         "evaluations",
         "not_at_rest",
         "wall_s",

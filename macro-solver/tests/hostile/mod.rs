@@ -331,7 +331,7 @@ fn hello(pid: u32) -> FromWorker {
         tangents: TangentKind::ALL.to_vec(),
         ..Capabilities::default()
     };
-    // A process id that no process has: nobody looks at a stranger's vitals.
+    // A process id that no process has: figures of foreign processes are not read.
     let pid = u32::MAX - pid;
     FromWorker::Hello { protocol: PROTOCOL_VERSION, run: "hunt".into(), pid, capabilities, state_cache: 4096 }
 }

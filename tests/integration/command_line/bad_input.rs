@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// A folder with a sound scene, its packing, an element test and a recipe, to be spoiled one thing at a time.
-struct Desk {
+struct InputFolder {
     folder: tempfile::TempDir,
 }
 
-impl Desk {
+impl InputFolder {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -74,33 +74,33 @@ fn listing(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn malformed_toml_is_named_with_its_line() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "elements = [2, 4]", "elements = [2, 4");
-    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "elements = [2, 4]", "elements = [2, 4");
+    let text = fs::read_to_string(input.path("scene.toml")).unwrap();
     let line = 1 + text.lines().position(|line| line.starts_with("elements")).unwrap();
     // The parser notices the missing bracket on this line or where the next begins.
-    let output = desk.grainspan(&["run", "scene.toml"]);
+    let output = input.grainspan(&["run", "scene.toml"]);
     let stderr = String::from_utf8(output.stderr).unwrap();
     let named = (line..=line + 1).any(|line| stderr.contains(&format!("scene.toml:{line}: ")));
     assert!(output.status.code() == Some(2) && named, "{stderr}");
-    desk.refused(&["run", "scene.toml"], &["scene.toml:"]);
+    input.refused(&["run", "scene.toml"], &["scene.toml:"]);
 }
 
 #[test]
 fn an_unknown_key_is_named_with_its_line_and_the_likely_one() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "friction", "frictoin");
-    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "friction", "frictoin");
+    let text = fs::read_to_string(input.path("scene.toml")).unwrap();
     let line = 1 + text.lines().position(|line| line.starts_with("frictoin")).unwrap();
     let place = format!("scene.toml:{line}: unknown key `frictoin`");
-    desk.refused(&["run", "scene.toml"], &[&place, "hint: did you mean `friction`?"]);
+    input.refused(&["run", "scene.toml"], &[&place, "hint: did you mean `friction`?"]);
 }
 
 #[test]
 fn a_wrong_type_is_named_with_its_line() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "increments = 5", "increments = \"five\"");
-    desk.refused(
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "increments = 5", "increments = \"five\"");
+    input.refused(
         &["run", "scene.toml"],
         &[
             "scene.toml:",
@@ -113,18 +113,18 @@ fn a_wrong_type_is_named_with_its_line() {
 
 #[test]
 fn a_missing_scene_or_packing_is_named_with_the_remedy() {
-    let desk = Desk::new();
-    desk.refused(&["run", "nowhere.toml"], &["nowhere.toml: could not read it", "hint: check the path"]);
-    fs::remove_file(desk.path("discs-100.json")).unwrap();
-    desk.refused(&["run", "scene.toml"], &["scene.toml:", "discs-100.json", "hint: make one with `grainspan pack`"]);
-    desk.refused(&["element", "element.toml"], &["element.toml:1", "discs-100.json", "grainspan pack"]);
+    let input = InputFolder::new();
+    input.refused(&["run", "nowhere.toml"], &["nowhere.toml: could not read it", "hint: check the path"]);
+    fs::remove_file(input.path("discs-100.json")).unwrap();
+    input.refused(&["run", "scene.toml"], &["scene.toml:", "discs-100.json", "hint: make one with `grainspan pack`"]);
+    input.refused(&["element", "element.toml"], &["element.toml:1", "discs-100.json", "grainspan pack"]);
 }
 
 #[test]
 fn an_inverted_element_is_refused() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "size = [0.05, 0.10]", "size = [-0.05, 0.10]");
-    desk.refused(
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "size = [0.05, 0.10]", "size = [-0.05, 0.10]");
+    input.refused(
         &["run", "scene.toml"],
         &["turns its elements inside out", "size = [-0.05, 0.10]", "positive lengths"],
     );
@@ -133,79 +133,79 @@ fn an_inverted_element_is_refused() {
 /// A mesh of Gmsh instead of a block: its defects are named by its own line, those of the scene by the scene's.
 #[test]
 fn a_mesh_file_is_read_and_its_defects_are_named() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let good = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n4\n1 1 \"bottom\"\n1 2 \"right\"\n1 3 \"top\"\n\
                 1 4 \"left\"\n$EndPhysicalNames\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 2 0\n4 0 2 0\n$EndNodes\n\
                 $Elements\n6\n1 15 2 5 1 1\n2 1 2 1 1 1 2\n3 1 2 2 1 2 3\n4 1 2 3 1 3 4\n5 1 2 4 1 4 1\n\
                 6 3 2 6 1 1 2 3 4\n$EndElements\n";
-    desk.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
-    fs::write(desk.path("square.msh"), good).unwrap();
-    desk.refused(&["check", "scene.toml"], &["`generator` belongs to a generated mesh", "remove `generator`"]);
-    desk.spoil("scene.toml", "generator = \"block\"", "");
-    desk.refused(&["check", "scene.toml"], &["`elements` belongs to a generated mesh", "remove `elements`"]);
-    desk.spoil("scene.toml", "elements = [2, 4]", "");
-    desk.refused(&["check", "scene.toml"], &["no node set 'bottom_left'", "group_5"]);
-    let text = fs::read_to_string(desk.path("scene.toml")).unwrap();
-    fs::write(desk.path("scene.toml"), text.replace("bottom_left", "bottom")).unwrap();
-    let output = desk.grainspan(&["check", "scene.toml"]);
+    input.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
+    fs::write(input.path("square.msh"), good).unwrap();
+    input.refused(&["check", "scene.toml"], &["`generator` belongs to a generated mesh", "remove `generator`"]);
+    input.spoil("scene.toml", "generator = \"block\"", "");
+    input.refused(&["check", "scene.toml"], &["`elements` belongs to a generated mesh", "remove `elements`"]);
+    input.spoil("scene.toml", "elements = [2, 4]", "");
+    input.refused(&["check", "scene.toml"], &["no node set 'bottom_left'", "group_5"]);
+    let text = fs::read_to_string(input.path("scene.toml")).unwrap();
+    fs::write(input.path("scene.toml"), text.replace("bottom_left", "bottom")).unwrap();
+    let output = input.grainspan(&["check", "scene.toml"]);
     let stdout = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && stdout.contains("1 elements (q4), 4 nodes"), "{stdout}");
-    fs::write(desk.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 1 2 3 9")).unwrap();
-    desk.refused(&["check", "scene.toml"], &["square.msh:25: there is no node 9", "hint:"]);
-    fs::write(desk.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 4 3 2 1")).unwrap();
-    desk.refused(&["check", "scene.toml"], &["square.msh: element 0 is inverted", "correct the mesh in Gmsh"]);
+    fs::write(input.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 1 2 3 9")).unwrap();
+    input.refused(&["check", "scene.toml"], &["square.msh:25: there is no node 9", "hint:"]);
+    fs::write(input.path("square.msh"), good.replace("6 3 2 6 1 1 2 3 4", "6 3 2 6 1 4 3 2 1")).unwrap();
+    input.refused(&["check", "scene.toml"], &["square.msh: element 0 is inverted", "correct the mesh in Gmsh"]);
 }
 
 #[test]
 fn a_condition_on_a_set_that_does_not_exist_lists_those_that_do() {
-    let desk = Desk::new();
-    desk.refused(
+    let input = InputFolder::new();
+    input.refused(
         &["run", "scene.toml", "--set", "pressure.1.set=north"],
         &[
             "--set pressure.1.set=north: the mesh has no side set 'north'",
             "hint: use one of: bottom, left, right, top",
         ],
     );
-    desk.spoil("scene.toml", "set = \"bottom_left\"", "set = \"corner\"");
-    desk.refused(&["run", "scene.toml"], &["scene.toml:", "no node set 'corner'", "bottom_left"]);
+    input.spoil("scene.toml", "set = \"bottom_left\"", "set = \"corner\"");
+    input.refused(&["run", "scene.toml"], &["scene.toml:", "no node set 'corner'", "bottom_left"]);
 }
 
 #[test]
 fn numbers_that_are_not_finite_are_refused_in_every_file() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "value = 1.0e5", "value = nan");
-    desk.refused(&["run", "scene.toml"], &["scene.toml:", "`value` is nan", "finite"]);
-    desk.refused(&["element", "element.toml", "--set", "path.0.strain.yy=inf"], &["`yy` is inf"]);
-    desk.refused(&["pack", "recipe.toml", "--set", "pressure=-inf"], &["`pressure` is -inf"]);
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "value = 1.0e5", "value = nan");
+    input.refused(&["run", "scene.toml"], &["scene.toml:", "`value` is nan", "finite"]);
+    input.refused(&["element", "element.toml", "--set", "path.0.strain.yy=inf"], &["`yy` is inf"]);
+    input.refused(&["pack", "recipe.toml", "--set", "pressure=-inf"], &["`pressure` is -inf"]);
 }
 
 #[test]
 fn zero_workers_are_refused() {
-    let desk = Desk::new();
-    desk.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
+    let input = InputFolder::new();
+    input.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
 }
 
 /// Thousands of processes would leave no room even for the command that ends them.
 #[test]
 fn more_workers_than_any_machine_can_use_are_refused_before_anything_starts() {
-    let desk = Desk::new();
-    desk.refused(&["run", "scene.toml", "--workers", "100000"], &["--workers 100000", "pool.most_workers=100000"]);
-    desk.refused(&["run", "scene.toml", "--workers", "2", "--set", "pool.most_workers=1"], &["more than 1"]);
-    desk.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["must be at least 1, not 0"]);
+    let input = InputFolder::new();
+    input.refused(&["run", "scene.toml", "--workers", "100000"], &["--workers 100000", "pool.most_workers=100000"]);
+    input.refused(&["run", "scene.toml", "--workers", "2", "--set", "pool.most_workers=1"], &["more than 1"]);
+    input.refused(&["run", "scene.toml", "--set", "pool.most_workers=0"], &["must be at least 1, not 0"]);
 }
 
 /// The command that takes the file is named, in place of a list of keys.
 #[test]
 fn a_file_of_another_command_is_recognised() {
-    let desk = Desk::new();
-    desk.refused(
+    let input = InputFolder::new();
+    input.refused(
         &["check", "element.toml"],
         &["this is an element test, not a scene", "hint: grainspan element element.toml"],
     );
-    desk.refused(&["run", "recipe.toml"], &["this is a packing recipe", "grainspan pack recipe.toml"]);
-    desk.refused(&["pack", "scene.toml"], &["this is a scene, not a packing recipe", "grainspan run scene.toml"]);
-    desk.refused(&["element", "scene.toml"], &["this is a scene, not an element test"]);
-    desk.refused(
+    input.refused(&["run", "recipe.toml"], &["this is a packing recipe", "grainspan pack recipe.toml"]);
+    input.refused(&["pack", "scene.toml"], &["this is a scene, not a packing recipe", "grainspan run scene.toml"]);
+    input.refused(&["element", "scene.toml"], &["this is a scene, not an element test"]);
+    input.refused(
         &["pack", "recipe.toml", "--set", "presure=1"],
         &["unknown key `presure`", "did you mean `pressure`?"],
     );
@@ -214,23 +214,23 @@ fn a_file_of_another_command_is_recognised() {
 /// Whoever types a zero too many waits for no mesh of billions.
 #[test]
 fn absurd_meshes_are_refused_before_they_are_built() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let said = ["elements", "1.0e10 elements", "TB of memory"];
-    desk.refused(&["check", "scene.toml", "--set", "mesh.elements=[100000, 100000]"], &said);
+    input.refused(&["check", "scene.toml", "--set", "mesh.elements=[100000, 100000]"], &said);
     let slope =
         ["check", "scene.toml", "--set", "mesh={generator='slope',size=[1,1,1,1],elements=[9000,1,9000,1],run=0.5}"];
-    desk.refused(&slope, &["TB of memory"]);
+    input.refused(&slope, &["TB of memory"]);
 }
 
 #[test]
 fn a_device_is_no_packing() {
-    let desk = Desk::new();
-    desk.refused(&["check", "scene.toml", "--set", "packing='/dev/zero'"], &["/dev/zero", "a device, not a file"]);
+    let input = InputFolder::new();
+    input.refused(&["check", "scene.toml", "--set", "packing='/dev/zero'"], &["/dev/zero", "a device, not a file"]);
 }
 
 #[test]
 fn keys_of_relaxation_and_dynamics_are_named_where_they_stand() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     for (setting, procedure) in [
         ("relaxation.max_iterations=0", "procedure=relaxation"),
         ("relaxation.safety=2", "procedure=relaxation"),
@@ -238,72 +238,72 @@ fn keys_of_relaxation_and_dynamics_are_named_where_they_stand() {
     ] {
         if procedure == "procedure=dynamic" {
             // Keys of load steps say nothing there.
-            desk.spoil("scene.toml", "increments = 5", "duration = 1e-3");
+            input.spoil("scene.toml", "increments = 5", "duration = 1e-3");
         }
         let more = ["check", "scene.toml", "--set", procedure, "--set", setting];
-        desk.refused(&more, &[&format!("--set {setting}: "), "must be"]);
+        input.refused(&more, &[&format!("--set {setting}: "), "must be"]);
     }
 }
 
 #[test]
 fn two_sets_that_share_a_node_are_named_with_its_place() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let more = "boundary.1={ set = 'left', displacement = { y = 1e-3 } }";
     let said = ["(0.0000, 0.0000, 0.0000) m", "'left'", "hint: a node follows one condition along each axis"];
-    desk.refused(&["check", "scene.toml", "--set", more], &said);
+    input.refused(&["check", "scene.toml", "--set", more], &said);
 }
 
 #[test]
 fn a_binary_mesh_and_one_without_groups_are_told_what_they_lack() {
-    let desk = Desk::new();
-    desk.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
-    desk.spoil("scene.toml", "generator = \"block\"", "");
-    desk.spoil("scene.toml", "elements = [2, 4]", "");
-    fs::write(desk.path("square.msh"), b"$MeshFormat\n2.2 1 8\n\x01\x00\x00\x00\xff\xfe\n$EndMeshFormat\n").unwrap();
-    desk.refused(&["check", "scene.toml"], &["square.msh:2: the file is binary", "-bin 0"]);
+    let input = InputFolder::new();
+    input.spoil("scene.toml", "size = [0.05, 0.10]", "file = \"square.msh\"");
+    input.spoil("scene.toml", "generator = \"block\"", "");
+    input.spoil("scene.toml", "elements = [2, 4]", "");
+    fs::write(input.path("square.msh"), b"$MeshFormat\n2.2 1 8\n\x01\x00\x00\x00\xff\xfe\n$EndMeshFormat\n").unwrap();
+    input.refused(&["check", "scene.toml"], &["square.msh:2: the file is binary", "-bin 0"]);
     let bare = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 2 0\n4 0 2 0\n$EndNodes\n\
                 $Elements\n1\n6 3 2 0 1 1 2 3 4\n$EndElements\n";
-    fs::write(desk.path("square.msh"), bare).unwrap();
-    desk.refused(&["check", "scene.toml"], &["no ", " set '", "Physical Curve"]);
+    fs::write(input.path("square.msh"), bare).unwrap();
+    input.refused(&["check", "scene.toml"], &["no ", " set '", "Physical Curve"]);
 }
 
 #[test]
 fn names_that_break_line_tools_are_refused() {
-    let desk = Desk::new();
-    desk.refused(&["check", "scene.toml", "--set", "probe.0.name=\"a\\nb\""], &["control character", "hint:"]);
+    let input = InputFolder::new();
+    input.refused(&["check", "scene.toml", "--set", "probe.0.name=\"a\\nb\""], &["control character", "hint:"]);
 }
 
 #[test]
 fn grains_that_would_be_pressed_flat_are_refused_before_the_first_step() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let said = ["would overlap by about 4.0", "thickness is 1.000e0 m for grains of 5.000e-4 m", "one mean diameter"];
-    desk.refused(&["pack", "recipe.toml", "--set", "thickness=1.0"], &said);
+    input.refused(&["pack", "recipe.toml", "--set", "thickness=1.0"], &said);
 }
 
 #[test]
 fn a_grain_larger_than_its_cell_is_named() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let mut packing: serde_json::Value =
-        serde_json::from_slice(&fs::read(desk.path("discs-100.json")).unwrap()).unwrap();
+        serde_json::from_slice(&fs::read(input.path("discs-100.json")).unwrap()).unwrap();
     packing["grains"][17][2] = serde_json::json!(1.0);
-    fs::write(desk.path("discs-100.json"), packing.to_string()).unwrap();
-    desk.refused(
+    fs::write(input.path("discs-100.json"), packing.to_string()).unwrap();
+    input.refused(
         &["run", "scene.toml"],
         &["scene.toml:", "discs-100.json", "grain 17", "larger than the cell", "hint:"],
     );
-    desk.refused(&["check", "scene.toml"], &["grain 17"]);
+    input.refused(&["check", "scene.toml"], &["grain 17"]);
 }
 
 #[test]
 fn a_packing_that_is_not_one_is_named_with_line_and_column() {
-    let desk = Desk::new();
-    fs::write(desk.path("discs-100.json"), "{ \"format\": \"grainspan-packing\",\n oops").unwrap();
-    desk.refused(&["run", "scene.toml"], &["discs-100.json", "line 2", "hint:"]);
+    let input = InputFolder::new();
+    fs::write(input.path("discs-100.json"), "{ \"format\": \"grainspan-packing\",\n oops").unwrap();
+    input.refused(&["run", "scene.toml"], &["discs-100.json", "line 2", "hint:"]);
 }
 
 #[test]
 fn values_out_of_range_are_named_by_their_key() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     for (setting, reason) in [
         ("contact.friction=-0.1", "contact.friction"),
         ("rve.tolerance=0.0", "rve.tolerance"),
@@ -319,55 +319,55 @@ fn values_out_of_range_are_named_by_their_key() {
         ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves along its normal only"),
     ] {
         let place = format!("--set {setting}: ");
-        desk.refused(&["run", "scene.toml", "--set", setting], &[&place, reason, "hint:"]);
+        input.refused(&["run", "scene.toml", "--set", setting], &[&place, reason, "hint:"]);
     }
-    desk.refused(&["run", "scene.toml", "--set", "boundary.9.set=top"], &["boundary.9.set=top", "hint:"]);
-    desk.refused(&["run", "scene.toml", "--set", "loading.increments"], &["there is no '='", "key.path=VALUE"]);
+    input.refused(&["run", "scene.toml", "--set", "boundary.9.set=top"], &["boundary.9.set=top", "hint:"]);
+    input.refused(&["run", "scene.toml", "--set", "loading.increments"], &["there is no '='", "key.path=VALUE"]);
 }
 
 #[test]
 fn a_body_that_can_fly_away_is_refused() {
-    let desk = Desk::new();
-    desk.refused(&["run", "scene.toml", "--set", "boundary.1.displacement={y=0.0}"], &["scene.toml: ", "hint:"]);
+    let input = InputFolder::new();
+    input.refused(&["run", "scene.toml", "--set", "boundary.1.displacement={y=0.0}"], &["scene.toml: ", "hint:"]);
 }
 
 #[test]
 fn defects_of_an_element_path_are_named_by_segment() {
-    let desk = Desk::new();
-    desk.refused(
+    let input = InputFolder::new();
+    input.refused(
         &["element", "element.toml", "--set", "path.0.stress={yy=-1e5}"],
         &["path segment 1", "yy is in both strain and stress", "hint:"],
     );
-    desk.refused(&["element", "element.toml", "--tangent", "magic"], &["--tangent", "truss_like_slip"]);
+    input.refused(&["element", "element.toml", "--tangent", "magic"], &["--tangent", "truss_like_slip"]);
 }
 
 #[test]
 fn places_that_cannot_be_written_are_refused_before_anything_runs() {
-    let desk = Desk::new();
-    desk.refused(
+    let input = InputFolder::new();
+    input.refused(
         &["run", "scene.toml", "--out", "discs-100.json"],
         &["--out discs-100.json", "not a folder", "hint:"],
     );
-    desk.refused(&["run", "scene.toml", "--out", "discs-100.json/out"], &["could not write", "hint:"]);
-    fs::create_dir(desk.path("mine")).unwrap();
-    fs::write(desk.path("mine/thesis.txt"), "precious").unwrap();
-    desk.refused(&["run", "scene.toml", "--out", "mine"], &["thesis.txt", "hint: name an empty or new folder"]);
-    desk.refused(&["run", "scene.toml", "--out", "/proc/grainspan"], &["could not write /proc/grainspan"]);
+    input.refused(&["run", "scene.toml", "--out", "discs-100.json/out"], &["could not write", "hint:"]);
+    fs::create_dir(input.path("mine")).unwrap();
+    fs::write(input.path("mine/thesis.txt"), "precious").unwrap();
+    input.refused(&["run", "scene.toml", "--out", "mine"], &["thesis.txt", "hint: name an empty or new folder"]);
+    input.refused(&["run", "scene.toml", "--out", "/proc/grainspan"], &["could not write /proc/grainspan"]);
 }
 
 #[test]
 fn a_full_disk_is_named_with_the_remedy() {
-    let desk = Desk::new();
+    let input = InputFolder::new();
     let remedy = "hint: free some space";
-    desk.refused(
+    input.refused(
         &["element", "element.toml", "--quiet", "--out", "/dev/full"],
         &["could not write /dev/full", remedy],
     );
-    desk.refused(&["pack", "recipe.toml", "--quiet", "--out", "/dev/full"], &["could not write /dev/full", remedy]);
+    input.refused(&["pack", "recipe.toml", "--quiet", "--out", "/dev/full"], &["could not write /dev/full", remedy]);
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
         .args(["check", "scene.toml"])
-        .current_dir(desk.folder.path())
+        .current_dir(input.folder.path())
         .stdout(full)
         .output()
         .unwrap();

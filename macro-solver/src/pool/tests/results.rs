@@ -90,7 +90,7 @@ fn slices_of_large_states_are_cut_to_what_a_message_carries() {
 
 /// Check A-9: points with equal history and equal targets are solved once, and nobody can tell.
 #[test]
-fn equal_questions_are_solved_once_with_equal_results() {
+fn equal_trials_are_solved_once_with_equal_results() {
     let equal = |step: f64| -> Vec<PointTrial> {
         let target = Tensor2::from_plane([[-1e-4 * step, 0.0], [0.0, 0.0]]);
         questions(POINTS, 0).into_iter().map(|trial| PointTrial { target, ..trial }).collect()

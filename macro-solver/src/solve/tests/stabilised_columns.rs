@@ -149,7 +149,7 @@ fn stabilisation_without_a_snap_ends_where_newton_does_for_any_number_of_rows() 
 
 /// Supports that lie still leave nothing to the cap: the column comes to the same state under a load alone.
 #[test]
-fn creep_under_a_growing_load_stays_near_balance() {
+fn stabilisation_under_a_growing_load_stays_near_equilibrium() {
     let mut problem = column_of(ElementKind::Q4, 8, 0.0);
     let pushed = Condition::Traction { sides: "top".into(), value: [0.0, -1.2e4, 0.0] };
     problem.stages[0].conditions.pop();
