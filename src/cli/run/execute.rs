@@ -18,6 +18,7 @@ use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
 use macro_solver::pool::Pool;
 use macro_solver::solve::solve_with_checkpoints;
+use protocol::engine::Observables;
 use protocol::transport::MacroPort;
 use scene_reader::Scene;
 use std::time::Instant;
@@ -77,7 +78,7 @@ pub(super) fn execute<P: MacroPort>(
         wall_s: solved.wall_s,
         engines: assignment.description(),
         differences: solved.differences,
-        energy: solved.energy.entries(),
+        energy: solved.energy.entries(scene.problem.observables.contains(Observables::ENERGY)),
         dynamics: solved.energy.dynamics(),
         definition: description.definition.clone(),
         checkpoints: solved.checkpoints.clone(),

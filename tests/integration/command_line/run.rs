@@ -223,6 +223,15 @@ fn stabilisation_without_an_instability_ends_where_newton_does() {
     let set = ["mesh.elements=[1, 1]", "boundary.2.displacement.y=-5e-4", "loading.increments=1"];
     let output = run(&coarse, "1", &set.iter().flat_map(|&set| ["--set", set]).collect::<Vec<_>>());
     assert!(text(&output.stderr).contains("energy balance open by"), "{}", text(&output.stderr));
+    // Without the energies of the grains there is no balance that could be open.
+    let unobserved = place.path().join("unobserved");
+    let set = [&set[..], &["output.observables=[]"]].concat();
+    let output = run(&unobserved, "1", &set.iter().flat_map(|&set| ["--set", set]).collect::<Vec<_>>());
+    assert!(output.status.success() && !text(&output.stderr).contains("energy balance"), "{}", text(&output.stderr));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fs::read(unobserved.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["energy"]["external_work"].as_f64().unwrap() > 0.0);
+    assert!(summary["energy"]["elastic"].is_null() && summary["energy"]["relative_residual"].is_null(), "{summary}");
 }
 
 /// Values of a column of a history, by row.
