@@ -5,6 +5,7 @@
 //! so that a busy machine slows both sides alike.
 
 mod channel;
+mod error_estimate;
 mod machine;
 mod micro;
 mod newton;
@@ -69,6 +70,12 @@ const STUDIES: &[Study] = &[
         about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
         run: rve::run,
         redraw: Some(rve::redraw),
+    },
+    Study {
+        name: "error-estimate",
+        about: "estimated against true error of the stresses over ten cells, and what it costs to keep to an error",
+        run: error_estimate::run,
+        redraw: None,
     },
     Study {
         name: "newton",

@@ -16,9 +16,10 @@ use super::supervision::PoolKeys;
 use super::tables::{PoolRunKeys, SceneFile};
 use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::output::RecordPlan;
-use macro_solver::problem::{Problem, ProblemError, Tolerances};
-use rve_server::definition::{AnyDefinition, Packing};
+use macro_solver::problem::{ErrorControl, Problem, ProblemError, Tolerances};
+use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
@@ -47,6 +48,8 @@ pub struct Scene {
     pub record: RecordPlan,
     /// Gauss points whose grains are written.
     pub grains: Vec<usize>,
+    /// Gauss points whose error is estimated.
+    pub error_estimate: ErrorEstimateSettings,
     /// Columns of the plot, x and y; `None` = no plot.
     pub plot: Option<(String, String)>,
     /// When the state of the run is written.
@@ -89,9 +92,17 @@ impl Scene {
         problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.observables = observables;
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();
+        let error_estimate = error_estimate(&document, &file)?;
+        problem.error_control = error_control(materials.definitions[0].options());
         problem.validate().map_err(|error| problem_error(&document, &error))?;
         let grains = grains(&document, &file.output, problem.point_count())?;
-        let record = RecordPlan { probes, stages: outputs, gauss_points: file.output.gauss_points, observables };
+        let record = RecordPlan {
+            probes,
+            stages: outputs,
+            gauss_points: file.output.gauss_points,
+            observables,
+            accuracy: false,
+        };
         let fault = |fault| document.fault(&fault);
         let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;
         let keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
@@ -108,6 +119,7 @@ impl Scene {
             engines,
             record,
             grains,
+            error_estimate,
             plot,
             checkpoint,
             pool,
@@ -115,6 +127,27 @@ impl Scene {
         };
         Ok(scene)
     }
+}
+
+/// The table `[error_estimate]`.
+///
+/// # Errors
+/// A share that is none; an estimate that is switched off although `rve.error` needs it.
+fn error_estimate(document: &Document, file: &SceneFile) -> Result<ErrorEstimateSettings, InputError> {
+    let given = file.error_estimate.over(&ErrorEstimateSettings::default());
+    let settings = given.map_err(|fault| document.fault(&fault))?;
+    if !settings.enabled && file.rve.error.is_some() {
+        return Err(document
+            .error_at_key(&["error_estimate", "enabled"], "rve.error needs the estimate of the error")
+            .hint("remove one of the two keys"));
+    }
+    Ok(settings)
+}
+
+/// What the key `rve.error` asks of the strain per ramp step.
+fn error_control(options: &RveOptions) -> Option<ErrorControl> {
+    let [smallest, largest] = options.strain_per_step_bounds();
+    options.error.map(|error| ErrorControl { error, smallest, largest })
 }
 
 /// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.

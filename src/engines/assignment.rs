@@ -2,9 +2,11 @@
 
 use super::{Catalogue, Compatibility, Engine, capabilities_of, compatibility};
 use crate::exit::{Exit, Failure};
+use macro_solver::material::error_estimate::ReplicaPlan;
 use protocol::{Capabilities, Definition};
 use rve_server::server::built_in_engine;
 use scene_reader::{Materials, Scene};
+use std::collections::BTreeMap;
 
 /// One engine of a run.
 #[derive(Clone, Debug)]
@@ -35,6 +37,24 @@ pub(crate) struct EngineAssignment {
     pub(crate) engines: Vec<AssignedEngine>,
     /// For each Gauss point the index of its engine.
     pub(crate) engine_of: Vec<usize>,
+}
+
+impl PoolDefinitions {
+    /// Adds a replica of each of these points, solved by the same engine with half the tolerance.
+    pub(crate) fn add_replicas(&mut self, plans: &[ReplicaPlan], materials: &Materials) {
+        let mut replica_of: BTreeMap<usize, usize> = BTreeMap::new();
+        for plan in plans {
+            let original = self.made_of[plan.point];
+            let place = *replica_of.entry(original).or_insert_with(|| {
+                let finer = materials.definitions[materials.made_of[plan.point]].with_half_tolerance();
+                self.definitions.push(finer.to_protocol());
+                self.engines.push(self.engines[original].clone());
+                self.definitions.len() - 1
+            });
+            debug_assert_eq!(plan.replica, self.made_of.len());
+            self.made_of.push(place);
+        }
+    }
 }
 
 impl EngineAssignment {
@@ -94,6 +114,12 @@ impl EngineAssignment {
         let definitions = kinds.iter().map(|&(_, material)| materials.definitions[material].to_protocol()).collect();
         let engines = kinds.iter().map(|&(engine, _)| self.engines[engine].capabilities.engine.clone()).collect();
         PoolDefinitions { definitions, engines, made_of }
+    }
+
+    /// For each point the kind of its cell; `None` where an external engine solves it, which has no replicas.
+    pub(crate) fn replicated_kinds(&self, materials: &Materials) -> Vec<Option<usize>> {
+        let kind = |(point, &material): (usize, &usize)| self.is_built_in(point).then_some(material);
+        materials.made_of.iter().enumerate().map(kind).collect()
     }
 
     /// For each point, whether its tangents are found by finite differences.

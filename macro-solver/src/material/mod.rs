@@ -6,8 +6,10 @@
 pub mod damage;
 pub mod difference;
 pub mod elastic;
+pub mod error_estimate;
 
 use crate::checkpoint::{Archive, CheckpointError};
+use error_estimate::ErrorEstimate;
 use protocol::{Tensor2, TrialOptions, TrialResult};
 use thiserror::Error;
 
@@ -86,6 +88,11 @@ pub trait PointMaterial {
 
     /// Forgets all trials.
     fn rollback(&mut self);
+
+    /// Estimated error of the committed stresses, of a material that estimates it.
+    fn error_estimate(&self) -> Option<ErrorEstimate> {
+        None
+    }
 
     /// Saves the committed states, see [`crate::checkpoint::Checkpointed::save`]. Nothing for a material without states.
     fn save(&self, _archive: &mut Archive) {}

@@ -3,9 +3,11 @@
 //! Outputs, progress bars and logs are [`Observer`]s; they need nothing but what is handed to them here. Counts are
 //! deterministic. Times are not, are named `*_nanoseconds`, and must not reach a file that is compared bit by bit.
 
+mod accuracy;
 mod energy;
 pub mod trial_costs;
 
+pub use accuracy::{AccuracyFigures, StepAccuracy};
 pub use energy::EnergyBalance;
 
 use crate::checkpoint::{Archive, CheckpointError};
@@ -128,6 +130,8 @@ pub struct StepReport {
     pub displacement_ratio: f64,
     /// Shortcuts in the accepted answers, counted by point.
     pub flags: FlagCounts,
+    /// Strain per ramp step, and the error of the stresses as far as it is estimated.
+    pub accuracy: StepAccuracy,
 }
 
 /// A failed attempt that is repeated with a smaller step.
@@ -332,6 +336,8 @@ pub struct Statistics {
     pub cost: Cost,
     /// How the force evaluations are spread over the trials.
     pub trial_costs: TrialCosts,
+    /// Accuracy of the accepted steps.
+    pub accuracy: AccuracyFigures,
     /// Symbolic factorizations of the global matrix.
     pub symbolic_factorizations: u64,
     /// Numeric factorizations of the global matrix.

@@ -1,11 +1,13 @@
 //! `history.csv`: one row per accepted step, with one column per probe behind the fixed ones, the stage where there are
-//! several, and last how the step was reached.
+//! several, and last how the step was reached and how accurate it is.
 //!
 //! Invariants: no timings (equal runs give equal bytes); after every [`HistoryWriter::append`] the file on disk ends
 //! with a complete row, also when the disk is full.
 
 use super::OutputError;
 use super::write_atomically;
+use crate::material::error_estimate::ErrorEstimate;
+use crate::observer::StepAccuracy;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -16,6 +18,9 @@ const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluat
 
 /// Columns that every history ends with.
 const LAST_COLUMNS: [&str; 2] = ["cut_backs", "stabilised"];
+
+/// Columns behind them in runs whose error is estimated.
+const ACCURACY_COLUMNS: [&str; 3] = ["strain_per_step", "estimated_error", "estimated_error_of_mean"];
 
 /// One accepted step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +43,8 @@ pub struct HistoryRow {
     pub cut_backs: u64,
     /// Increments of viscous stabilisation in the step; 0 if it was not stabilised.
     pub stabilised: u64,
+    /// Strain per ramp step, and the estimated errors of the stresses: of a point, and of their mean over the body.
+    pub accuracy: StepAccuracy,
 }
 
 /// Columns of a history in addition to those that every history has.
@@ -47,6 +54,8 @@ pub struct HistoryLayout {
     pub probes: Vec<String>,
     /// Names of the stages; a column `stage` behind the probes tells them apart where there are several.
     pub stages: Vec<String>,
+    /// Whether the error of the stresses is estimated.
+    pub accuracy: bool,
 }
 
 /// Appends rows to a history file.
@@ -110,6 +119,7 @@ impl HistoryLayout {
     fn header(&self, path: &Path) -> Result<Vec<u8>, OutputError> {
         let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
         let names = names.chain(self.tells_stages().then_some("stage")).chain(LAST_COLUMNS);
+        let names = names.chain(ACCURACY_COLUMNS.into_iter().filter(|_| self.accuracy));
         encode(path, names.map(str::to_owned))
     }
 
@@ -128,7 +138,17 @@ impl HistoryLayout {
         ];
         let stage = self.tells_stages().then(|| self.stages.get(row.stage).cloned().unwrap_or_default());
         let last = [row.cut_backs.to_string(), row.stabilised.to_string()];
-        encode(path, fixed.into_iter().chain(row.probes.iter().copied().map(number)).chain(stage).chain(last))
+        let of_estimate = |figure: fn(&ErrorEstimate) -> f64| {
+            row.accuracy.estimate.as_ref().map(figure).map_or(String::new(), number)
+        };
+        let accuracy = [
+            number(row.accuracy.strain_per_step),
+            of_estimate(|estimate| estimate.rms),
+            of_estimate(|estimate| estimate.of_mean),
+        ];
+        let accuracy = accuracy.into_iter().filter(|_| self.accuracy);
+        let probes = row.probes.iter().copied().map(number);
+        encode(path, fixed.into_iter().chain(probes).chain(stage).chain(last).chain(accuracy))
     }
 
     fn tells_stages(&self) -> bool {
@@ -158,6 +178,7 @@ mod tests {
         let layout = HistoryLayout {
             probes: vec!["plain".to_owned(), "with, comma".to_owned()],
             stages: vec!["squeeze".to_owned(), "shear".to_owned()],
+            accuracy: true,
         };
         let mut history = HistoryWriter::create(&path, layout).unwrap();
         let values = vec![0.1 + 0.2, -1.234_567_890_123_456_7e-300];
@@ -172,6 +193,7 @@ mod tests {
                 probes: values.clone(),
                 cut_backs: 2,
                 stabilised: 17,
+                accuracy: StepAccuracy { strain_per_step: 1e-6, estimate: None },
             })
             .unwrap();
         let mut reader = csv::Reader::from_path(&path).unwrap();
@@ -183,6 +205,8 @@ mod tests {
         let headers = reader.headers().unwrap();
         assert_eq!([7, 8, 9].map(|column| &headers[column]), ["stage", "cut_backs", "stabilised"]);
         assert_eq!((&row[8], &row[9]), ("2", "17"));
+        assert_eq!([10, 11].map(|column| &headers[column]), ["strain_per_step", "estimated_error"]);
+        assert_eq!((&row[10], &row[11]), ("1e-6", ""), "what is not known is left empty");
     }
 
     #[test]
@@ -201,6 +225,7 @@ mod tests {
             probes: vec![1.0],
             cut_backs: 0,
             stabilised: 0,
+            accuracy: StepAccuracy::default(),
         };
         assert!(history.append(&row).is_err());
         assert_eq!(std::fs::read(&path).unwrap(), before);
@@ -219,8 +244,9 @@ mod tests {
             probes: vec![-0.0, 1.0 / 3.0][..1 + usize::from(step > 99)].to_vec(),
             cut_backs: step % 2,
             stabilised: 0,
+            accuracy: StepAccuracy::default(),
         };
-        let layout = HistoryLayout { probes: vec!["one".to_owned()], stages: Vec::new() };
+        let layout = HistoryLayout { probes: vec!["one".to_owned()], ..HistoryLayout::default() };
         let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));
         let mut history = HistoryWriter::create(&whole, layout.clone()).unwrap();
         (0..4).for_each(|step| history.append(&row(step)).unwrap());

@@ -22,7 +22,7 @@ pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
 pub use particles::write_particles;
 pub use probe::{Probe, Quantity};
 pub use recorder::{RecordPlan, Recorder, StageOutput};
-pub use summary::{CheckpointSummary, RunStatus, Summary, TimeShares};
+pub use summary::{AccuracySummary, CheckpointSummary, RunStatus, Summary, TimeShares};
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -19,6 +19,8 @@ pub struct RecordPlan {
     pub gauss_points: bool,
     /// Optional results that the points are asked for.
     pub observables: Observables,
+    /// Whether the error of the stresses is estimated, and so has its columns.
+    pub accuracy: bool,
 }
 
 /// What is written of one stage.
@@ -47,6 +49,7 @@ impl RecordPlan {
         HistoryLayout {
             probes: self.probes.iter().map(|probe| probe.name.clone()).collect(),
             stages: self.stages.iter().map(|stage| stage.name.clone()).collect(),
+            accuracy: self.accuracy,
         }
     }
 }
@@ -99,6 +102,7 @@ impl Recorder {
             probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
             cut_backs: report.cut_backs as u64,
             stabilised: report.stabilisation_increments as u64,
+            accuracy: report.accuracy,
         };
         if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);
@@ -119,7 +123,7 @@ impl Recorder {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;

@@ -62,6 +62,33 @@ pub struct CheckpointSummary {
     pub resumed: u64,
 }
 
+/// Estimated error of the stresses, from Gauss points that are solved once more. Errors are relative to the largest mean pressure
+/// that a point has had.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AccuracySummary {
+    /// Root mean square over the points, after the last step.
+    pub estimated_error: f64,
+    /// The same of the mean stress of the points.
+    pub estimated_error_of_mean: f64,
+    /// Largest of a point, after the last step.
+    pub largest_of_a_point: f64,
+    /// Root mean square over points and steps.
+    pub over_all_steps: f64,
+    /// Largest root mean square of a step.
+    pub largest_of_a_step: f64,
+    /// Error that the run keeps to, the key `rve.error`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wanted: Option<f64>,
+    /// Points that are solved once more.
+    pub points: u64,
+    /// Smallest strain per ramp step of any step.
+    pub smallest_strain_per_step: f64,
+    /// Largest strain per ramp step of any step.
+    pub largest_strain_per_step: f64,
+    /// Force evaluations of the points solved once more over those of all others.
+    pub share_of_force_evaluations: f64,
+}
+
 /// Content of `summary.json`; the keys are a contract with scripts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -113,6 +140,9 @@ pub struct Summary {
     /// What checkpoints have cost.
     #[serde(default)]
     pub checkpoint: CheckpointSummary,
+    /// Estimated error of the stresses; left out of runs that do not estimate it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<AccuracySummary>,
     /// Energies at the end, J, by name.
     pub energy: BTreeMap<String, f64>,
     /// Figures of dynamic stages by name: the last time step (s), mass of the body and added mass (kg, in the plane per metre of
@@ -164,6 +194,7 @@ mod tests {
             deprecated_names: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
+            accuracy: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),
             versions: BTreeMap::new(),

@@ -20,6 +20,7 @@ mod criteria;
 pub mod dynamics;
 pub(crate) mod elimination;
 mod equations;
+mod error_control;
 mod initial_stress;
 mod multi_point_constraint;
 mod named_strategy;
@@ -34,6 +35,7 @@ pub use amplitude::{Amplitude, Moment};
 pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use equations::EquationSettings;
+pub use error_control::ErrorControl;
 pub use initial_stress::{InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
@@ -76,6 +78,9 @@ pub struct Problem {
     /// predicted largest `|H_ij|` over this. 0 lets the engine choose at every evaluation, which makes the stress
     /// jump with the strain; only for laws without a ramp.
     pub strain_per_step: f64,
+    /// Error that the strain per ramp increment is chosen for, step by step, starting with `strain_per_step`; `None`: it stays. Needs a
+    /// material that estimates its error.
+    pub error_control: Option<ErrorControl>,
 }
 
 impl Problem {
@@ -92,6 +97,7 @@ impl Problem {
             nonlocal: None,
             observables: Observables::NONE,
             strain_per_step: 0.0,
+            error_control: None,
         }
     }
 

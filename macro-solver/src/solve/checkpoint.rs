@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -38,6 +38,8 @@ struct Record {
     /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
     kept_matrix: Vec<f64>,
     pairs: Vec<Pair>,
+    /// Of the next step.
+    strain_per_step: f64,
 }
 
 impl Solver<'_> {
@@ -85,6 +87,7 @@ impl Checkpointed for Solver<'_> {
             tangents: self.tangents.record(),
             kept_matrix: if self.tangents.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
+            strain_per_step: self.points.strain_per_step(),
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -98,6 +101,7 @@ impl Checkpointed for Solver<'_> {
             return Err(CheckpointError::unfit(SECTION, "the last increment is that of another mesh"));
         }
         self.points.restore(SECTION, record.points)?;
+        self.points.set_strain_per_step(record.strain_per_step);
         self.last_increment = record.last_increment;
         (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);

@@ -22,7 +22,7 @@ use crate::model::constraints::Constraints;
 use crate::model::failure::{Failure, failure};
 use crate::model::loads::Loads;
 use crate::model::points::Points;
-use crate::observer::{CutBack, Observer, Outcome, Run, Statistics};
+use crate::observer::{CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
 use crate::problem::{PathControl, Problem, ProblemError};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -111,6 +111,8 @@ pub(super) struct Solver<'a> {
     /// Share of the stage that the next step tries.
     pub(super) step_size: f64,
     pub(super) statistics: Statistics,
+    /// Of the last accepted step.
+    pub(super) accuracy: StepAccuracy,
 }
 
 impl<'a> Solver<'a> {
@@ -153,6 +155,7 @@ impl<'a> Solver<'a> {
             carried_velocity: None,
             step_size: 1.0 / first.control.increments as f64,
             statistics,
+            accuracy: StepAccuracy::default(),
         })
     }
 
@@ -325,6 +328,7 @@ impl<'a> Solver<'a> {
             self.statistics.steps += 1;
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
+        self.note_accuracy(session);
         let mut reactions = self.committed_balance.residual();
         for (dof, reaction) in reactions.iter_mut().enumerate() {
             if self.constraints.is_unloaded(dof) {

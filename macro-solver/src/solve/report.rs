@@ -3,7 +3,7 @@
 use super::driver::{Session, Solver};
 use crate::formulation::tensor::tensor;
 use crate::model::body::by_node;
-use crate::observer::{DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepReport};
+use crate::observer::{DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepAccuracy, StepReport};
 use nalgebra::Matrix3;
 
 /// Counters at the start of a step, and what happened before it was accepted.
@@ -57,6 +57,17 @@ pub(super) struct AcceptedState<'a> {
 }
 
 impl Solver<'_> {
+    /// Takes note of the accuracy of a committed step and chooses the strain per ramp step of the next one.
+    pub(super) fn note_accuracy(&mut self, session: &Session<'_>) {
+        let strain_per_step = self.points.strain_per_step();
+        let control = self.problem.error_control;
+        self.accuracy = StepAccuracy { strain_per_step, estimate: session.material.error_estimate() };
+        self.statistics.accuracy.add(&self.accuracy, control.map(|control| control.error));
+        if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate) {
+            self.points.set_strain_per_step(control.next_strain_per_step(strain_per_step, estimate.rms));
+        }
+    }
+
     /// Reports an accepted state to the observer; `before` are the counters at the start of the step.
     ///
     /// # Errors
@@ -82,6 +93,7 @@ impl Solver<'_> {
             force_ratio: state.force_ratio,
             displacement_ratio: state.displacement_ratio,
             flags: self.points.flags(),
+            accuracy: self.accuracy,
         };
         let dimension = self.body.mesh().dimension.count();
         let view = FieldsView {

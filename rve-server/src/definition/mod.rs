@@ -170,6 +170,17 @@ impl AnyDefinition {
         }
     }
 
+    /// The same cell, solved to half the tolerance.
+    pub fn with_half_tolerance(&self) -> Self {
+        let mut finer = self.clone();
+        let options = match &mut finer {
+            Self::Discs(definition) => &mut definition.options,
+            Self::Spheres(definition) => &mut definition.options,
+        };
+        *options = options.with_half_tolerance();
+        finer
+    }
+
     /// Solver options.
     pub fn options(&self) -> &RveOptions {
         match self {

@@ -113,6 +113,12 @@ pub struct RveOptions {
     /// Largest strain component applied in one ramp step.
     #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
     pub strain_per_step: Option<f64>,
+    /// Error of the stress over the pressure that a run keeps to. It chooses the tolerance, and the strain per ramp step from load
+    /// step to load step by the estimated error, between a fifth and four times the value it starts with. Takes the place of
+    /// `accuracy`, `strain_per_step` and `tolerance`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 0.1))]
+    pub error: Option<f64>,
     /// Equilibrium criterion.
     pub criterion: Criterion,
     /// Value that the criterion must reach.
@@ -150,6 +156,16 @@ impl RveOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
+        if let Some(error) = self.error {
+            if !(error > 0.0 && error <= 0.1) {
+                return Err(DefinitionError(format!("rve.error = {error} must lie between 0 and 0.1")));
+            }
+            if self.accuracy != Accuracy::Default || self.strain_per_step.is_some() || self.tolerance.is_some() {
+                return Err(DefinitionError(
+                    "rve.error chooses strain per step and tolerance; leave out accuracy, strain_per_step and tolerance".into(),
+                ));
+            }
+        }
         positive("rve.strain_per_step", self.strain_per_step())?;
         positive("rve.tolerance", self.tolerance())?;
         positive("rve.largest_target", self.largest_target())?;
@@ -176,23 +192,43 @@ impl RveOptions {
         self.operator.validate()
     }
 
-    /// Strain per ramp step in force.
+    /// Strain per ramp step in force; with `error` the one that a run starts with.
     pub fn strain_per_step(&self) -> f64 {
-        self.strain_per_step.unwrap_or(match self.accuracy {
-            Accuracy::Draft => 5e-6,
-            Accuracy::Default => 1e-6,
-            Accuracy::Tight => 1e-7,
+        self.strain_per_step.unwrap_or(match (self.error, self.accuracy) {
+            (Some(error), _) => 1e-3 * error,
+            (None, Accuracy::Draft) => 5e-6,
+            (None, Accuracy::Default) => 1e-6,
+            (None, Accuracy::Tight) => 1e-7,
         })
     }
 
     /// Tolerance in force. The energy criterion is quadratic in the forces, so its named values are the squares.
     pub fn tolerance(&self) -> f64 {
-        let force = match self.accuracy {
-            Accuracy::Draft => 1e-2,
-            Accuracy::Default => 1e-3,
-            Accuracy::Tight => 1e-7,
+        let force = match (self.error, self.accuracy) {
+            // Out-of-balance forces of single grains weigh less in the stress: measured, a fifth at most.
+            (Some(error), _) => (2.0 * error).min(1e-2),
+            (None, Accuracy::Draft) => 1e-2,
+            (None, Accuracy::Default) => 1e-3,
+            (None, Accuracy::Tight) => 1e-7,
         };
         self.tolerance.unwrap_or(if self.criterion == Criterion::Energy { force * force } else { force })
+    }
+
+    /// The same options with half the tolerance; all values that `accuracy` or `error` stand for are written out.
+    #[must_use]
+    pub fn with_half_tolerance(&self) -> Self {
+        Self {
+            accuracy: Accuracy::Default,
+            error: None,
+            strain_per_step: Some(self.strain_per_step()),
+            tolerance: Some(0.5 * self.tolerance()),
+            ..self.clone()
+        }
+    }
+
+    /// Smallest and largest strain per ramp step that `error` may choose.
+    pub fn strain_per_step_bounds(&self) -> [f64; 2] {
+        [0.2 * self.strain_per_step(), 4.0 * self.strain_per_step()]
     }
 
     /// Coefficient of local damping in force.

@@ -80,9 +80,17 @@ impl Packing {
     /// See [`PackingError`]; the file is named.
     pub fn read(path: &Path) -> Result<Self, PackingError> {
         let (name, text) = text_of(path)?;
-        match dimension_of(&name, &text)? {
-            3 => PackingFile::from_json(&name, &text).map(Self::Spheres),
-            _ => PackingFile::from_json(&name, &text).map(Self::Discs),
+        Self::from_json(&name, &text)
+    }
+
+    /// Reads and checks the text of a packing file; errors call it `name`.
+    ///
+    /// # Errors
+    /// See [`PackingError`].
+    pub fn from_json(name: &str, text: &str) -> Result<Self, PackingError> {
+        match dimension_of(name, text)? {
+            3 => PackingFile::from_json(name, text).map(Self::Spheres),
+            _ => PackingFile::from_json(name, text).map(Self::Discs),
         }
     }
 

@@ -23,6 +23,7 @@ pub(crate) use stage::*;
 
 use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;
+use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::problem::dynamics::DynamicSettings;
 use macro_solver::problem::relaxation::RelaxationSettings;
@@ -49,6 +50,9 @@ pub(crate) struct SceneFile {
     /// Accuracy of the grain solver of one RVE. The same for all regions.
     #[serde(default)]
     pub(crate) rve: RveOptions,
+    /// Estimate of the error of the grain solver, from Gauss points that are solved once more with half the strain per ramp step.
+    #[serde(default)]
+    pub(crate) error_estimate: Given<ErrorEstimateSettings>,
     /// Elements whose Gauss points have another packing or contact law than the rest. Where regions overlap, the last one holds.
     #[serde(default)]
     pub(crate) region: Vec<Located<RegionTable>>,

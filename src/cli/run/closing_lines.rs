@@ -3,7 +3,7 @@
 use super::counters::{Concern, in_words};
 use crate::cli::start_state::MISMATCH;
 use macro_solver::observer::Outcome;
-use macro_solver::output::{CheckpointSummary, Summary};
+use macro_solver::output::{AccuracySummary, CheckpointSummary, Summary};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -12,6 +12,26 @@ const LARGEST_RESIDUAL: f64 = 0.05;
 
 /// Where the counters are explained.
 const EXPLAINED: &str = "see docs/reference/counters.md";
+
+/// The estimated error in words.
+fn accuracy(accuracy: &AccuracySummary) -> String {
+    let AccuracySummary { points, smallest_strain_per_step: smallest, largest_strain_per_step: largest, .. } =
+        accuracy;
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let wanted = accuracy.wanted.map_or(String::new(), |wanted| format!(", wanted {}", percent(wanted)));
+    let strain = if smallest == largest {
+        format!("strain per step {smallest:.1e}")
+    } else {
+        format!("strain per step {smallest:.1e} to {largest:.1e}")
+    };
+    format!(
+        "estimated error {} of the pressure at a point, {} of the mean stress{wanted}; {strain}; {points} points solved once more, {} \
+         of the work",
+        percent(accuracy.estimated_error),
+        percent(accuracy.estimated_error_of_mean),
+        percent(accuracy.share_of_force_evaluations),
+    )
+}
 
 /// A headline and one line per subject; `folder` is the output folder.
 pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluations: u64, folder: &str) -> String {
@@ -42,6 +62,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
                 100.0 * slowest.share_of_force_evaluations
             ),
         ),
+        ("accuracy", summary.accuracy.as_ref().map_or_else(|| "error not estimated".to_owned(), accuracy)),
         ("worker time", worker_time(summary)),
         (
             "macro time",

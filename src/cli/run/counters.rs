@@ -42,7 +42,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 31] = [
+pub(crate) const COUNTERS: [Counter; 33] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -51,6 +51,8 @@ pub(crate) const COUNTERS: [Counter; 31] = [
     counter("stabilisation_increments", LookAtThis, "stabilisation increment*"),
     counter("continued_by_another_build", LookAtThis, "continuation* by another build"),
     counter("checkpoints_failed", LookAtThis, "failed checkpoint*"),
+    counter("error_above_wanted", LookAtThis, "step* with an estimated error above rve.error"),
+    counter("replicas_lost", LookAtThis, "replica* given up"),
     counter("stabilisation_evaluations", Harmless, "evaluation* in stabilisation"),
     counter("unfinished_trials", Harmless, "unfinished trial*"),
     counter("damping_changed", Harmless, "trial* with changed damping"),

@@ -14,8 +14,9 @@ use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
 use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
+use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, ReplicaPlan};
 use macro_solver::observer::{Observer, Outcome, Run};
-use macro_solver::output::{EnergyLedger, OutputError, Recorder, Summary, write_atomically};
+use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically};
 use macro_solver::pool::Pool;
 use macro_solver::solve::solve_with_checkpoints;
 use protocol::engine::Observables;
@@ -27,6 +28,8 @@ use std::time::Instant;
 pub(super) struct RunContext<'a> {
     /// The engines and their points.
     pub(super) assignment: &'a EngineAssignment,
+    /// Points that are solved once more to estimate the error.
+    pub(super) replicas: Vec<ReplicaPlan>,
     /// Workers requested.
     pub(super) workers: usize,
     /// When the first worker was started.
@@ -47,6 +50,7 @@ struct Solved {
     recorder: Recorder,
     energy: EnergyLedger,
     differences: DifferenceCounts,
+    replicas: ReplicaFigures,
     checkpoints: CheckpointFigures,
     /// Wall time, s; that of earlier processes of the run included.
     wall_s: f64,
@@ -78,6 +82,8 @@ pub(super) fn execute<P: MacroPort>(
         wall_s: solved.wall_s,
         engines: assignment.description(),
         differences: solved.differences,
+        replicas: solved.replicas,
+        error: scene.problem.error_control.map(|control| control.error),
         energy: solved.energy.entries(scene.problem.observables.contains(Observables::ENERGY)),
         dynamics: solved.energy.dynamics(),
         definition: description.definition.clone(),
@@ -111,7 +117,8 @@ fn solve<P: MacroPort>(
     folder: &OutputFolder,
     context: RunContext<'_>,
 ) -> Result<Solved, Failure> {
-    let mut recorder = Recorder::create(folder.path(), scene.record.clone())?;
+    let record = RecordPlan { accuracy: !context.replicas.is_empty(), ..scene.record.clone() };
+    let mut recorder = Recorder::create(folder.path(), record)?;
     let (mut material, snapshots) = SnapshotRecorder::new(pool, &drawn_points(scene, context.assignment));
     let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;
@@ -134,13 +141,15 @@ fn solve<P: MacroPort>(
     let mut checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);
     let differences = context.assignment.differences();
     let mut material = DifferenceTangents::new(&mut material, scene.engines.difference, differences);
-    let run = solve_with_checkpoints(&scene.problem, &mut material, &mut observers, &mut checkpoints);
+    let mut estimator = ErrorEstimator::new(&mut material, scene.materials.cell_dimension(), &context.replicas);
+    let run = solve_with_checkpoints(&scene.problem, &mut estimator, &mut observers, &mut checkpoints);
+    let replicas = estimator.figures();
     let differences = material.counts();
     if !matches!(run.outcome, Outcome::Completed) {
         checkpoints.flush();
     }
     let (checkpoints, wall_s) = (checkpoints.figures().clone(), wall_s());
-    Ok(Solved { run, recorder, energy, differences, checkpoints, wall_s })
+    Ok(Solved { run, recorder, energy, differences, replicas, checkpoints, wall_s })
 }
 
 /// The points whose grains are drawn: those of the scene that the built-in engine solves.

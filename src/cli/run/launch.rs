@@ -8,6 +8,7 @@ use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use crate::workers::{LaunchPlan, RunProgress, SignalWatch, StatusFile, WorkerGroups, WorkerProcesses, run_name};
 use macro_solver::material::MaterialError;
+use macro_solver::material::error_estimate::{ReplicaPlan, replicas};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
@@ -57,7 +58,9 @@ pub(super) fn run(
     let differences = assignment.differences();
     // The assigned engines have been checked; workers that join by hand must have the same tangents.
     settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.tangents() };
-    let served = assignment.pool_definitions(&scene.materials);
+    let mut served = assignment.pool_definitions(&scene.materials);
+    let replicas = replicas_of(scene, assignment)?;
+    served.add_replicas(&replicas, &scene.materials);
     settings.engines = served.engines;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.worker_timeout = ATTACHED_TIMEOUT;
@@ -91,6 +94,7 @@ pub(super) fn run(
     let workers = pool.workers();
     let context = RunContext {
         assignment,
+        replicas,
         workers,
         begun,
         quiet: arguments.quiet,
@@ -99,6 +103,24 @@ pub(super) fn run(
         observer: &mut status_file,
     };
     execute(scene, pool, folder, context)
+}
+
+/// Gauss points that are solved once more to estimate the error of the stresses.
+///
+/// # Errors
+/// `rve.error` needs the estimate, and no point can give one.
+fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<Vec<ReplicaPlan>, Failure> {
+    if !scene.error_estimate.enabled {
+        return Ok(Vec::new());
+    }
+    let plans = replicas(&assignment.replicated_kinds(&scene.materials), &scene.error_estimate);
+    if plans.is_empty() && scene.problem.error_control.is_some() {
+        let problem = "rve.error needs Gauss points that the built-in engine solves: the error of other engines is not estimated
+\
+                       hint: give rve.accuracy instead";
+        return Err(Failure::new(Exit::BadInput, problem));
+    }
+    Ok(plans)
 }
 
 /// Workers to start or to wait for.

@@ -4,8 +4,9 @@ use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
-use macro_solver::observer::{Outcome, Run, Statistics};
-use macro_solver::output::{CheckpointSummary, RunStatus, Summary, TimeShares};
+use macro_solver::material::error_estimate::ReplicaFigures;
+use macro_solver::observer::{AccuracyFigures, Outcome, Run, Statistics};
+use macro_solver::output::{AccuracySummary, CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
@@ -25,6 +26,10 @@ pub(super) struct SummaryInputs {
     pub(super) engines: String,
     /// Counts of finite differences.
     pub(super) differences: DifferenceCounts,
+    /// Cost of the replicas.
+    pub(super) replicas: ReplicaFigures,
+    /// Error that the run keeps to.
+    pub(super) error: Option<f64>,
     /// The energy ledger.
     pub(super) energy: BTreeMap<String, f64>,
     /// Figures of dynamic stages.
@@ -56,6 +61,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
     let deprecated =
         |(table, former, name): (&str, &str, &str)| (format!("{table}.{former}"), format!("{table}.{name}"));
     let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
+    let accuracy = accuracy(&statistics.accuracy, &inputs, statistics.cost.force_evaluations);
     Summary {
         status: status(&run.outcome),
         reason: inputs.reason,
@@ -93,6 +99,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
             share_of_wall: inputs.checkpoints.seconds / inputs.wall_s.max(f64::MIN_POSITIVE),
             resumed: inputs.checkpoints.resumed,
         },
+        accuracy,
         energy: inputs.energy,
         dynamics: inputs.dynamics,
         versions: BTreeMap::from([
@@ -147,9 +154,28 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),
         ("messages_refused", pool.refused_messages),
+        ("error_above_wanted", statistics.accuracy.missed_steps),
+        ("replicas_lost", inputs.replicas.lost),
         ("checkpoints_failed", inputs.checkpoints.failed),
         ("continued_by_another_build", u64::from(inputs.other_build)),
     ])
+}
+
+/// Estimated error and strain per ramp step; `None` if nothing was estimated.
+fn accuracy(figures: &AccuracyFigures, inputs: &SummaryInputs, force_evaluations: u64) -> Option<AccuracySummary> {
+    let last = &figures.last;
+    (figures.estimated_steps > 0).then(|| AccuracySummary {
+        estimated_error: last.rms,
+        estimated_error_of_mean: last.of_mean,
+        largest_of_a_point: last.largest,
+        over_all_steps: figures.rms(),
+        largest_of_a_step: figures.largest_rms,
+        wanted: inputs.error,
+        points: last.points,
+        smallest_strain_per_step: figures.strain_per_step[0],
+        largest_strain_per_step: figures.strain_per_step[1],
+        share_of_force_evaluations: inputs.replicas.force_evaluations as f64 / force_evaluations.max(1) as f64,
+    })
 }
 
 fn named<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
@@ -172,6 +198,8 @@ mod tests {
             wall_s: 1.0,
             engines: String::new(),
             differences: DifferenceCounts::default(),
+            replicas: ReplicaFigures::default(),
+            error: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),
             definition: String::new(),

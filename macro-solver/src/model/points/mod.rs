@@ -77,6 +77,16 @@ impl Points {
         self.grid = 0.0;
     }
 
+    /// Strain of one ramp increment.
+    pub(crate) fn strain_per_step(&self) -> f64 {
+        self.strain_per_step
+    }
+
+    /// Changes the strain of one ramp increment, from the next attempt on.
+    pub(crate) fn set_strain_per_step(&mut self, strain_per_step: f64) {
+        self.strain_per_step = strain_per_step;
+    }
+
     /// The points, by number.
     pub(crate) fn all(&self) -> &[Point] {
         &self.points

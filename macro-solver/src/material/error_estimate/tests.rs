@@ -1,0 +1,166 @@
+//! The estimate against a law whose error is known.
+
+use super::*;
+use protocol::{Cost, Observed, RveError, Scalars, TrialFlags};
+
+/// Stress that tends to a limit, `d sigma = E (1 - sigma / limit) d strain`, by explicit steps: its error falls with the ramp step.
+/// Pressure in all directions, so that nothing but the size of the error is under test.
+struct Hardening {
+    committed: Vec<f64>,
+    trial: Vec<Option<f64>>,
+    /// Refuses trials of this point.
+    refuses: Option<PointId>,
+    evaluations: usize,
+}
+
+const MODULUS: f64 = 1e8;
+const LIMIT: f64 = -2e5;
+const START: f64 = -1e5;
+
+impl Hardening {
+    fn new(points: usize) -> Self {
+        Self { committed: vec![START; points], trial: vec![None; points], refuses: None, evaluations: 0 }
+    }
+}
+
+/// The exact stress after a compression, Pa.
+fn exact(strain: f64) -> f64 {
+    LIMIT + (START - LIMIT) * (-MODULUS * strain.abs() / LIMIT.abs()).exp()
+}
+
+impl PointMaterial for Hardening {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut results = Vec::new();
+        for trial in trials {
+            if self.refuses == Some(trial.point) {
+                return Err(MaterialError::Point { point: trial.point, reason: RveError::TargetNotFinite });
+            }
+            self.evaluations += 1;
+            let steps = trial.options.ramp_steps;
+            let mut stress = self.committed[trial.point];
+            for _ in 0..steps {
+                stress += MODULUS * (1.0 - stress / LIMIT) * trial.target.get(1, 1) / f64::from(steps);
+            }
+            self.trial[trial.point] = Some(stress);
+            results.push(TrialResult {
+                stress: Tensor2::from_plane([[stress, 0.0], [0.0, stress]]),
+                tangent: None,
+                scalars: Scalars::default(),
+                observed: Observed::default(),
+                cost: Cost::default(),
+                flags: TrialFlags::default(),
+            });
+        }
+        Ok(results)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trial) {
+            *committed = trial.take().unwrap_or(*committed);
+        }
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.trial.fill(None);
+    }
+}
+
+const PLAN: [ReplicaPlan; 1] = [ReplicaPlan { point: 1, replica: 2 }];
+
+fn compression(point: PointId, strain: f64, ramp_steps: u32) -> PointTrial {
+    let options = TrialOptions { tangent: TangentKind::TrussLike, observables: Observables::NONE, ramp_steps };
+    PointTrial { point, target: Tensor2::from_plane([[0.0, 0.0], [0.0, -strain]]), options }
+}
+
+/// Steps of small strain; the sum of their logarithms is the strain that the replica sees in merged increments.
+fn loaded(estimator: &mut ErrorEstimator<'_>, steps: usize, strain: f64, ramp_steps: u32) -> f64 {
+    let mut stress = 0.0;
+    for _ in 0..steps {
+        // The first trial is an iterate that is not accepted.
+        let trials = [compression(1, 3.0 * strain, ramp_steps), compression(1, strain, ramp_steps)];
+        for trial in trials {
+            stress = estimator.evaluate(&[compression(0, strain, ramp_steps), trial]).unwrap()[1].stress.get(1, 1);
+        }
+        estimator.commit().unwrap();
+    }
+    stress
+}
+
+#[test]
+fn the_estimate_is_within_a_factor_of_two_of_the_true_error() {
+    for ramp_steps in [2, 5, 20] {
+        let mut material = Hardening::new(3);
+        let mut estimator = ErrorEstimator::new(&mut material, 2, &PLAN);
+        let stress = loaded(&mut estimator, 10, 2e-4, ramp_steps);
+        let pressure = stress.abs();
+        let truth = 2f64.sqrt() * (stress - exact(2e-3)).abs() / pressure;
+        let estimate = estimator.error_estimate().unwrap();
+        assert_eq!(estimate.points, 1);
+        assert!((estimate.rms - estimate.largest).abs() < 1e-15 && (estimate.rms - estimate.of_mean).abs() < 1e-15);
+        let ratio = estimate.rms / truth;
+        assert!((0.5..2.0).contains(&ratio), "{ramp_steps} ramp steps: {} for {truth}", estimate.rms);
+        assert_eq!(estimator.figures().evaluations, 10);
+    }
+}
+
+#[test]
+fn points_answer_and_are_committed_as_without_replicas() {
+    let (mut with, mut without) = (Hardening::new(3), Hardening::new(2));
+    let mut estimator = ErrorEstimator::new(&mut with, 2, &PLAN);
+    for strain in [1e-4, 3e-4, 2e-4] {
+        let trials = [compression(0, strain, 4), compression(1, 0.5 * strain, 4)];
+        assert_eq!(estimator.evaluate(&trials).unwrap(), without.evaluate(&trials).unwrap());
+        estimator.commit().unwrap();
+        without.commit().unwrap();
+    }
+    // A rejected step reaches no replica.
+    estimator.evaluate(&[compression(1, 1e-3, 4)]).unwrap();
+    estimator.rollback();
+    estimator.commit().unwrap();
+    assert_eq!(estimator.figures().evaluations, 3);
+    assert_eq!(with.committed[..2], without.committed[..]);
+}
+
+#[test]
+fn increments_of_one_ramp_step_are_followed_in_groups() {
+    let mut material = Hardening::new(3);
+    let mut estimator = ErrorEstimator::new(&mut material, 2, &PLAN);
+    let stress = loaded(&mut estimator, 15, 1e-5, 1);
+    assert_eq!(estimator.figures().evaluations, 1, "eight of them are one trial");
+    loaded(&mut estimator, 1, 1e-5, 1);
+    assert_eq!(estimator.figures().evaluations, 2);
+    let truth = 2f64.sqrt() * (stress - exact(1.6e-4)).abs() / stress.abs();
+    let estimate = estimator.error_estimate().unwrap();
+    assert!(estimate.rms < 10.0 * truth && estimate.rms > 0.0, "{} for {truth}", estimate.rms);
+}
+
+#[test]
+fn a_refused_replica_is_given_up_and_counted() {
+    let mut material = Hardening::new(4);
+    material.refuses = Some(3);
+    let plans = [ReplicaPlan { point: 0, replica: 2 }, ReplicaPlan { point: 1, replica: 3 }];
+    let mut estimator = ErrorEstimator::new(&mut material, 2, &plans);
+    loaded(&mut estimator, 3, 1e-4, 4);
+    let figures = estimator.figures();
+    assert_eq!((figures.lost, figures.evaluations), (1, 3));
+    assert_eq!(estimator.error_estimate().unwrap().points, 1);
+}
+
+#[test]
+fn an_estimator_goes_on_from_what_it_saved() {
+    let (mut whole, mut first) = (Hardening::new(3), Hardening::new(3));
+    let mut estimator = ErrorEstimator::new(&mut first, 2, &PLAN);
+    loaded(&mut estimator, 3, 1e-5, 1);
+    let mut archive = Archive::default();
+    estimator.save(&mut archive);
+    let mut second = Hardening { committed: first.committed.clone(), ..Hardening::new(3) };
+    let mut resumed = ErrorEstimator::new(&mut second, 2, &PLAN);
+    resumed.restore(&archive).unwrap();
+    loaded(&mut resumed, 7, 1e-5, 1);
+    let mut estimator = ErrorEstimator::new(&mut whole, 2, &PLAN);
+    loaded(&mut estimator, 10, 1e-5, 1);
+    assert_eq!(resumed.error_estimate(), estimator.error_estimate());
+    assert_eq!(resumed.figures(), estimator.figures());
+    assert!(ErrorEstimator::new(&mut whole, 2, &[]).restore(&archive).is_err());
+}
