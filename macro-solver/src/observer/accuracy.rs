@@ -35,7 +35,7 @@ impl AccuracyFigures {
         let [smallest, largest] = &mut self.strain_per_step;
         *smallest = if *largest == 0.0 { step.strain_per_step } else { smallest.min(step.strain_per_step) };
         *largest = largest.max(step.strain_per_step);
-        let Some(estimate) = step.estimate else { return };
+        let Some(estimate) = step.estimate.filter(|estimate| estimate.points > 0) else { return };
         self.estimated_steps += 1;
         self.last = estimate;
         self.largest_rms = self.largest_rms.max(estimate.rms);

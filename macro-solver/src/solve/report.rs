@@ -63,7 +63,9 @@ impl Solver<'_> {
         let control = self.problem.error_control;
         self.accuracy = StepAccuracy { strain_per_step, estimate: session.material.error_estimate() };
         self.statistics.accuracy.add(&self.accuracy, control.map(|control| control.error));
-        if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate) {
+        if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate)
+            && estimate.points > 0
+        {
             self.points.set_strain_per_step(control.next_strain_per_step(strain_per_step, estimate.rms));
         }
     }

@@ -27,6 +27,7 @@ pub(super) fn curve(rows: &[HistoryRow], probes: &[String], x: &str, y: &str) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use macro_solver::observer::StepAccuracy;
 
     #[test]
     fn columns_are_found_by_name_and_an_unknown_one_gives_no_picture() {
@@ -40,6 +41,7 @@ mod tests {
             probes: vec![2.0 * step as f64],
             cut_backs: u64::from(step == 1),
             stabilised: 0,
+            accuracy: StepAccuracy::default(),
         };
         let (rows, probes) = ([row(0), row(1), row(2)], ["ratio".to_owned()]);
         let text = curve(&rows, &probes, "load", "ratio").unwrap().unwrap();

@@ -36,6 +36,7 @@ fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer)
     let description = RunDescription::new(&as_run, "");
     let context = RunContext {
         assignment: &assignment,
+        replicas: Vec::new(),
         workers,
         begun: Instant::now(),
         quiet: true,

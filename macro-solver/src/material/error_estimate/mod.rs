@@ -26,7 +26,7 @@ const MERGED_INCREMENTS: u32 = 8;
 /// Estimated error over all replicas, after a commit. Relative to the mean pressure of a point: the largest it has had so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorEstimate {
-    /// Points compared with their replicas.
+    /// Points compared with their replicas; 0 before anything has been committed.
     pub points: u64,
     /// Root mean square of the estimated stress errors (Frobenius norm) over the pressure.
     pub rms: f64,
@@ -105,7 +105,9 @@ impl<'a> ErrorEstimator<'a> {
             replica_of[plan.point] = Some(place);
         }
         let replicas = plans.iter().map(|&plan| Replica { plan, latest: None, state: State::new() }).collect();
-        Self { material, axes, replicas, replica_of, estimate: None, figures: ReplicaFigures::default() }
+        // Points and replicas start alike.
+        let estimate = (!plans.is_empty()).then(ErrorEstimate::default);
+        Self { material, axes, replicas, replica_of, estimate, figures: ReplicaFigures::default() }
     }
 
     /// What the replicas have cost so far.
