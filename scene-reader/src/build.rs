@@ -7,8 +7,8 @@ use super::initial::initial_state;
 use super::input_error::InputError;
 use super::materials::{Materials, materials};
 use super::mesh::mesh;
-use super::probes::probes;
-use super::recording::{grains, observables, plot};
+use super::probes::{ProbeContext, probes, profiles};
+use super::recording::{observables, plot, points};
 use super::sets::Sets;
 use super::solving::equations;
 use super::stages::{Given, stages};
@@ -78,11 +78,13 @@ impl Scene {
         let mesh = mesh(&document, &file.mesh)?;
         let mesh_dimension = mesh.dimension.count();
         let sets = Sets { mesh: &mesh };
-        let probes = probes(&document, &sets, &file.probe)?;
-        let observables = observables(&document, &file.output, &probes)?;
-        let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &sets, definition)?;
+        let context = ProbeContext { document: &document, sets: &sets, file: &file, materials: &materials };
+        let probes = probes(&context)?;
+        let profiles = profiles(&context)?;
+        let observables = observables(&document, &file.output, &probes, &profiles)?;
+        let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let given = Given { densities: &materials.densities(&mesh), cell_dimension: materials.cell_dimension() };
         let (stages, outputs) = stages(&document, &sets, &file, &given)?;
         let mut problem = Problem::new(mesh, Vec::new());
@@ -95,9 +97,11 @@ impl Scene {
         let error_estimate = error_estimate(&document, &file)?;
         problem.error_control = error_control(materials.definitions[0].options());
         problem.validate().map_err(|error| problem_error(&document, &error))?;
-        let grains = grains(&document, &file.output, problem.point_count())?;
+        let grains = points(&document, &file.output.grains, problem.point_count())?;
         let record = RecordPlan {
             probes,
+            profiles,
+            points: points(&document, &file.output.points, problem.point_count())?,
             stages: outputs,
             gauss_points: file.output.gauss_points,
             observables,

@@ -18,6 +18,8 @@ pub struct Materials {
     pub definitions: Vec<AnyDefinition>,
     /// For each Gauss point the place of its definition.
     pub made_of: Vec<usize>,
+    /// For each Gauss point the number of its `[[region]]`, if any.
+    pub region_of: Vec<Option<usize>>,
     /// Packing files behind them.
     pub files: Vec<PackingCopy>,
     /// One line per region, for people.
@@ -106,6 +108,7 @@ pub(super) fn materials(
     let copy = PackingCopy { key: "packing".into(), name: "packing.json".into(), text: base.packing_json() };
     let mut materials = Materials {
         made_of: vec![0; sets.mesh.point_count()],
+        region_of: vec![None; sets.mesh.point_count()],
         definitions: vec![base],
         files: vec![copy],
         remarks: Vec::new(),
@@ -147,6 +150,7 @@ impl Region<'_> {
             for point in starts[element]..starts[element + 1] {
                 let sampled = if table.vary == Vary::Element { element } else { point };
                 materials.made_of[point] = first + drawn(seed, sampled as u64, count);
+                materials.region_of[point] = Some(self.number);
             }
         }
         let kinds = if count == 1 { "one kind of cell".to_owned() } else { format!("{count} kinds of cells") };

@@ -4,17 +4,18 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::tables::{Observable, OutputTable};
 use keys::Located;
-use macro_solver::output::Probe;
+use macro_solver::output::{Probe, Profile};
 use protocol::Observables;
 
 /// Optional results that every point is asked for.
 ///
 /// # Errors
-/// A probe needs one that is left out.
+/// A probe or profile needs one that is left out.
 pub(super) fn observables(
     document: &Document,
     table: &OutputTable,
     probes: &[Probe],
+    profiles: &[Profile],
 ) -> Result<Observables, InputError> {
     let observables = table.observables.iter().fold(Observables::NONE, |all, keyword| {
         all.union(match keyword {
@@ -25,31 +26,51 @@ pub(super) fn observables(
             Observable::Energy => Observables::ENERGY,
         })
     });
-    match probes.iter().find(|probe| probe.quantity.needs_energy()) {
-        Some(probe) if !observables.contains(Observables::ENERGY) => Err(document
-            .error(format!("the probe '{}' needs energies, which output.observables leaves out", probe.name))
-            .hint("add \"energy\" to output.observables")),
-        _ => Ok(observables),
+    let of_probes = probes.iter().map(|probe| ("probe", &probe.name, probe.quantity.needs()));
+    let of_profiles = profiles.iter().map(|profile| ("profile", &profile.name, profile.probe.measure.needs()));
+    for (what, name, needs) in of_probes.chain(of_profiles) {
+        if !observables.contains(needs) {
+            let keyword = keyword(needs);
+            return Err(document
+                .error(format!("the {what} '{name}' needs \"{keyword}\", which output.observables leaves out"))
+                .hint(format!("add \"{keyword}\" to output.observables")));
+        }
+    }
+    Ok(observables)
+}
+
+/// The word for one optional result.
+fn keyword(observable: Observables) -> &'static str {
+    match observable {
+        Observables::ROTATION => "rotation",
+        Observables::COORDINATION_NO_RATTLERS => "coordination_no_rattlers",
+        Observables::FABRIC => "fabric",
+        Observables::SLIDING_FRACTION => "sliding_fraction",
+        _ => "energy",
     }
 }
 
-/// Gauss points whose grains are written, ascending.
+/// Chosen Gauss points, ascending.
 ///
 /// # Errors
 /// There is no such point.
-pub(super) fn grains(document: &Document, table: &OutputTable, points: usize) -> Result<Vec<usize>, InputError> {
-    let mut grains = Vec::new();
-    for point in &table.grains {
-        if *point.get_ref() >= points {
+pub(super) fn points(
+    document: &Document,
+    written: &[Located<usize>],
+    count: usize,
+) -> Result<Vec<usize>, InputError> {
+    let mut points = Vec::new();
+    for point in written {
+        if *point.get_ref() >= count {
             return Err(document
                 .error_at(point.span(), format!("there is no Gauss point {}", point.get_ref()))
-                .hint(format!("the mesh has the points 0 to {}", points - 1)));
+                .hint(format!("the mesh has the points 0 to {}", count - 1)));
         }
-        grains.push(*point.get_ref());
+        points.push(*point.get_ref());
     }
-    grains.sort_unstable();
-    grains.dedup();
-    Ok(grains)
+    points.sort_unstable();
+    points.dedup();
+    Ok(points)
 }
 
 /// Axes of the plot: as asked, else the first strain-like probe against the first stress-like one.

@@ -127,19 +127,19 @@ fn quantities(dimension: Dimension, asked: Observables) -> Vec<Quantity> {
 }
 
 /// `E = (F^T F - I) / 2`.
-fn green_lagrange(deformation: &Tensor2) -> Tensor2 {
+pub(super) fn green_lagrange(deformation: &Tensor2) -> Tensor2 {
     let deformation = matrix(deformation);
     tensor(&(0.5 * (deformation.transpose() * deformation - Matrix3::identity())))
 }
 
 /// Difference of the principal values of the Green-Lagrange strain in the plane: what shows a shear band.
-fn plane_shear_strain(deformation: &Tensor2) -> f64 {
+pub(super) fn plane_shear_strain(deformation: &Tensor2) -> f64 {
     let [[xx, xy], [_, yy]] = green_lagrange(deformation).plane();
     (xx - yy).hypot(2.0 * xy)
 }
 
 /// Largest minus smallest principal value of the Green-Lagrange strain.
-fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
+pub(super) fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
     let principal = matrix(&green_lagrange(deformation)).symmetric_eigenvalues();
     principal.max() - principal.min()
 }

@@ -5,13 +5,11 @@
 //! with a complete row, also when the disk is full.
 
 use super::OutputError;
-use super::write_atomically;
+use super::appended::{AppendedFile, csv_line, number};
 use crate::material::error_estimate::ErrorEstimate;
 use crate::observer::StepAccuracy;
 use serde::{Deserialize, Serialize};
-use std::fs::{File, OpenOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Columns that every history has, in order; probes follow.
 const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
@@ -61,9 +59,7 @@ pub struct HistoryLayout {
 /// Appends rows to a history file.
 #[derive(Debug)]
 pub struct HistoryWriter {
-    path: PathBuf,
-    file: File,
-    length: u64,
+    file: AppendedFile,
     layout: HistoryLayout,
 }
 
@@ -73,15 +69,10 @@ impl HistoryWriter {
     /// # Errors
     /// [`OutputError::Write`].
     pub fn create(path: &Path, layout: HistoryLayout) -> Result<Self, OutputError> {
-        let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
-        let header = layout.header(path)?;
-        let mut writer = Self { path: path.to_owned(), file, length: 0, layout };
-        writer.append_line(&header)?;
-        Ok(writer)
+        Ok(Self { file: AppendedFile::create(path, &layout.header(path)?)?, layout })
     }
 
-    /// Makes the file hold exactly these rows and goes on behind them. It is written again rather than cut back: after a
-    /// power cut it may hold less than it did, or something else.
+    /// Makes the file hold exactly these rows and goes on behind them.
     ///
     /// # Errors
     /// As [`HistoryWriter::append`].
@@ -90,9 +81,7 @@ impl HistoryWriter {
         for row in rows {
             text.extend(layout.line(path, row)?);
         }
-        write_atomically(path, &text)?;
-        let file = OpenOptions::new().append(true).open(path).map_err(|source| OutputError::write(path, source))?;
-        Ok(Self { path: path.to_owned(), file, length: text.len() as u64, layout })
+        Ok(Self { file: AppendedFile::rewrite(path, &text)?, layout })
     }
 
     /// Appends one row and flushes it.
@@ -101,17 +90,7 @@ impl HistoryWriter {
     /// [`OutputError::Encode`] when the number of probes is not that of the header; [`OutputError::Write`] when the
     /// system refuses, in which case the file is cut back to its last complete row.
     pub fn append(&mut self, row: &HistoryRow) -> Result<(), OutputError> {
-        self.append_line(&self.layout.line(&self.path, row)?)
-    }
-
-    fn append_line(&mut self, line: &[u8]) -> Result<(), OutputError> {
-        if let Err(source) = self.file.write_all(line).and_then(|()| self.file.flush()) {
-            // Cutting back can only fail where the write failed for a graver reason, which is reported.
-            let _ = self.file.set_len(self.length);
-            return Err(OutputError::write(&self.path, source));
-        }
-        self.length += line.len() as u64;
-        Ok(())
+        self.file.append(&self.layout.line(self.file.path(), row)?)
     }
 }
 
@@ -120,7 +99,7 @@ impl HistoryLayout {
         let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
         let names = names.chain(self.tells_stages().then_some("stage")).chain(LAST_COLUMNS);
         let names = names.chain(ACCURACY_COLUMNS.into_iter().filter(|_| self.accuracy));
-        encode(path, names.map(str::to_owned))
+        csv_line(path, names.map(str::to_owned))
     }
 
     fn line(&self, path: &Path, row: &HistoryRow) -> Result<Vec<u8>, OutputError> {
@@ -148,23 +127,12 @@ impl HistoryLayout {
         ];
         let accuracy = accuracy.into_iter().filter(|_| self.accuracy);
         let probes = row.probes.iter().copied().map(number);
-        encode(path, fixed.into_iter().chain(probes).chain(stage).chain(last).chain(accuracy))
+        csv_line(path, fixed.into_iter().chain(probes).chain(stage).chain(last).chain(accuracy))
     }
 
     fn tells_stages(&self) -> bool {
         self.stages.len() > 1
     }
-}
-
-fn encode(path: &Path, record: impl Iterator<Item = String>) -> Result<Vec<u8>, OutputError> {
-    let mut encoder = csv::Writer::from_writer(Vec::new());
-    encoder.write_record(record).map_err(|reason| OutputError::encode(path, reason))?;
-    encoder.into_inner().map_err(|reason| OutputError::encode(path, reason))
-}
-
-/// Shortest text that reads back to the same bits.
-fn number(value: f64) -> String {
-    format!("{value:e}")
 }
 
 #[cfg(test)]

@@ -4,15 +4,18 @@
 //! their final name and renamed, so that a reader never sees half a file; the history grows by whole rows, and a row
 //! that does not fit on the disk is taken back.
 
+mod appended;
 mod atomic;
 mod energy;
 mod fields;
 mod frames;
 mod history;
 mod particles;
+mod points;
 mod probe;
 mod recorder;
 mod summary;
+mod table;
 
 pub use atomic::write_atomically;
 pub use energy::EnergyLedger;
@@ -20,7 +23,10 @@ pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};
 pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
 pub use particles::write_particles;
-pub use probe::{Probe, Quantity};
+pub use probe::{
+    Axes, BandProbe, BandProperty, FieldProbe, Measure, Part, Probe, Profile, Quantity, Rank, ReferenceState,
+    References, Statistic, StressMeasure,
+};
 pub use recorder::{RecordPlan, Recorder, StageOutput};
 pub use summary::{AccuracySummary, CheckpointSummary, RunStatus, Summary, TimeShares};
 

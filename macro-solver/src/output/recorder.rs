@@ -1,7 +1,9 @@
 //! The observer that fills a run's output folder while the solver goes.
 
 use super::frames::{write_frame, write_point_frame};
-use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe};
+use super::points::point_columns;
+use super::table::{TableFile, TableRow};
+use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe, Profile, References};
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
 use protocol::Observables;
@@ -13,6 +15,10 @@ use std::path::{Path, PathBuf};
 pub struct RecordPlan {
     /// Columns of the history.
     pub probes: Vec<Probe>,
+    /// Profiles, a file in `profiles/` each.
+    pub profiles: Vec<Profile>,
+    /// Gauss points, numbered through the mesh, with a file in `points/` each.
+    pub points: Vec<usize>,
     /// The stages of the run, in order.
     pub stages: Vec<StageOutput>,
     /// Whether the Gauss points are written beside the elements.
@@ -44,6 +50,17 @@ impl RecordPlan {
         self.stages.iter().any(|stage| stage.fields_every > 0)
     }
 
+    /// Whether a profile is written at this step.
+    fn wants_profile(&self, profile: &Profile, report: &StepReport) -> bool {
+        report.load >= 1.0 || (report.step as u64).is_multiple_of(profile.every)
+    }
+
+    /// The states from whose start anything is counted.
+    fn references(&self) -> References {
+        let of_probes = self.probes.iter().filter_map(|probe| probe.quantity.reference());
+        References::of_stages(of_probes.chain(self.profiles.iter().filter_map(|profile| profile.probe.reference)))
+    }
+
     /// Columns behind the fixed ones, and the names behind the numbers of stages.
     fn layout(&self) -> HistoryLayout {
         HistoryLayout {
@@ -54,7 +71,7 @@ impl RecordPlan {
     }
 }
 
-/// Writes `history.csv`, `fields.pvd` and `fields/`.
+/// Writes `history.csv`, `profiles/`, `points/`, `fields.pvd` and `fields/`.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
@@ -63,10 +80,13 @@ pub struct Recorder {
     elements: FieldSeries,
     points: FieldSeries,
     curve: Vec<HistoryRow>,
+    references: References,
+    /// One for each profile, then one for each chosen Gauss point.
+    tables: Vec<TableFile>,
 }
 
 impl Recorder {
-    /// Creates the history and the folder of fields.
+    /// Creates the history, the tables and the folder of fields.
     ///
     /// # Errors
     /// [`OutputError::Write`].
@@ -76,8 +96,11 @@ impl Recorder {
             let fields = folder.join("fields");
             fs::create_dir_all(&fields).map_err(|source| OutputError::write(&fields, source))?;
         }
+        let tables = tables(folder, &plan)?;
         Ok(Self {
             folder: folder.to_owned(),
+            references: plan.references(),
+            tables,
             plan,
             history,
             elements: FieldSeries::new(&folder.join("fields.pvd")),
@@ -92,6 +115,7 @@ impl Recorder {
     }
 
     fn record(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
+        self.references.enter(report);
         let row = HistoryRow {
             step: report.step as u64,
             time: report.time,
@@ -99,7 +123,7 @@ impl Recorder {
             iterations: report.iterations as u64,
             evaluations: report.evaluations,
             stage: report.stage,
-            probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view)).collect(),
+            probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view, &self.references)).collect(),
             cut_backs: report.cut_backs as u64,
             stabilised: report.stabilisation_increments as u64,
             accuracy: report.accuracy,
@@ -114,31 +138,78 @@ impl Recorder {
                 self.points.add(row.time, frame)?;
             }
         }
+        self.record_tables(report, view)?;
+        self.references.keep(report, view);
         self.history.append(&row)?;
         self.curve.push(row);
         Ok(())
     }
+
+    fn record_tables(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
+        let (of_profiles, of_points) = self.tables.split_at_mut(self.plan.profiles.len());
+        let step = report.step as u64;
+        for (profile, table) in self.plan.profiles.iter().zip(of_profiles) {
+            if self.plan.wants_profile(profile, report) {
+                let values = profile.values(view, &self.references);
+                let row =
+                    |[coordinate, value]: [f64; 2]| TableRow { step, values: vec![report.time, coordinate, value] };
+                table.append(values.into_iter().map(row))?;
+            }
+        }
+        let columns = if self.plan.points.is_empty() { Vec::new() } else { point_columns(self.plan.observables) };
+        for (&number, table) in self.plan.points.iter().zip(of_points) {
+            if let Some(point) = view.points.get(number) {
+                let values = columns.iter().map(|column| column.of(point));
+                table.append([TableRow { step, values: std::iter::once(report.time).chain(values).collect() }])?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Creates the files of profiles and Gauss points.
+fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputError> {
+    let mut tables = Vec::new();
+    for profile in &plan.profiles {
+        let path = folder.join(format!("profiles/{}.csv", profile.name));
+        tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(str::to_owned))?);
+    }
+    let columns: Vec<String> = point_columns(plan.observables).into_iter().map(|column| column.name).collect();
+    let columns = [vec!["time".to_owned()], columns].concat();
+    for number in &plan.points {
+        tables.push(TableFile::create(&folder.join(format!("points/point-{number:04}.csv")), &columns)?);
+    }
+    Ok(tables)
 }
 
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;
 
+/// What [`Recorder`] saves: rows of the history, frames of elements and points, reference states, rows of the tables.
+type Saved = (Vec<HistoryRow>, (Frames, Frames), References, Vec<Vec<TableRow>>);
+
 impl Observer for Recorder {
     fn save(&self, archive: &mut Archive) {
-        archive.put(SECTION, VERSION, &(&self.curve, self.elements.frames(), self.points.frames()));
+        let tables: Vec<&[TableRow]> = self.tables.iter().map(TableFile::rows).collect();
+        let frames = (self.elements.frames(), self.points.frames());
+        archive.put(SECTION, VERSION, &(&self.curve, frames, &self.references, tables));
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        let (curve, elements, points): (Vec<HistoryRow>, Frames, Frames) = archive.get(SECTION, VERSION)?;
+        let (curve, (elements, points), references, tables): Saved = archive.get(SECTION, VERSION)?;
         let unfit = |error| CheckpointError::unfit(SECTION, error);
         let path = self.folder.join("history.csv");
         self.history = HistoryWriter::reopen(&path, self.plan.layout(), &curve).map_err(unfit)?;
         self.curve = curve;
+        self.references = references;
+        for (table, rows) in self.tables.iter_mut().zip(tables) {
+            table.restore(rows).map_err(unfit)?;
+        }
         self.elements.restore(elements).map_err(unfit)?;
         self.points.restore(points).map_err(unfit)
     }

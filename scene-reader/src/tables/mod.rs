@@ -6,6 +6,7 @@ mod constraints;
 mod initial_stress;
 mod mesh;
 mod output;
+mod probe;
 mod region;
 mod run;
 mod solving;
@@ -16,6 +17,7 @@ pub(crate) use constraints::{PeriodicTable, RigidBodyTable, SumTable, TiltingPla
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
 pub(crate) use output::*;
+pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable, StatisticKeyword};
 pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
 pub(crate) use solving::*;
@@ -107,9 +109,13 @@ pub(crate) struct SceneFile {
     /// What is recorded.
     #[serde(default)]
     pub(crate) output: OutputTable,
-    /// Columns of `history.csv`. Averages over the body are weighted with the current volume.
+    /// Columns of `history.csv`.
     #[serde(default)]
     pub(crate) probe: Vec<Located<ProbeTable>>,
+    /// Quantities along an axis, a file `profiles/NAME.csv` each with the columns `step, time, coordinate, value`; `coordinate` is that of
+    /// the centre of the bin in the mesh as given, m.
+    #[serde(default)]
+    pub(crate) profile: Vec<Located<ProfileTable>>,
     /// When the state of the run is written. Changes no result and may differ when a run is continued.
     #[serde(default)]
     pub(crate) checkpoint: Given<CheckpointPolicy>,

@@ -72,8 +72,10 @@ fn unit(kind: &str, is_solid: bool) -> &'static str {
                 "N/m"
             }
         }
-        "displacement" => "m",
-        "mean_stress" | "mean_pressure" | "deviator" => "Pa",
+        "displacement" | "band_width" => "m",
+        "grain_rotation" => "rad",
+        "friction_angle" | "band_inclination" => "degrees",
+        "mean_stress" | "mean_pressure" | "deviator" | "principal_stress" | "von_mises_stress" => "Pa",
         "elastic_energy" | "frictional_dissipation" | "hourglass_energy" | "kinetic_energy" => {
             if is_solid {
                 "J"

@@ -27,7 +27,7 @@ const FILES: [&str; 13] = [
 ];
 
 /// Folders that a run fills.
-const FOLDERS: [&str; 3] = ["fields", "grains", "packings"];
+const FOLDERS: [&str; 5] = ["fields", "grains", "packings", "points", "profiles"];
 
 /// A folder that is ready to be written to.
 #[derive(Debug)]

@@ -1,0 +1,246 @@
+//! Width and inclination of a shear band.
+//!
+//! The measure `s` at the Gauss points is fitted, in the sense of least squares weighted with the volume, by a ridge
+//!
+//! ```text
+//! s(x) = b + a exp(-d^2 / (2 w^2)),   d = n . x - c,   n = (-sin phi, cos phi)
+//! ```
+//!
+//! The fit needs no threshold, and unlike principal axes of the strained volume its angle has no bias where the border of the body
+//! cuts a band obliquely. Angles every 5 degrees with position and width from moments give the start; Levenberg-Marquardt steps
+//! in the five parameters follow. Widths below the spacing of the points cannot be resolved.
+
+use super::field::Part;
+use super::measure::Measure;
+use super::reference::References;
+use crate::observer::FieldsView;
+use nalgebra::{SMatrix, SVector};
+
+/// A property of the band that a measure shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BandProbe {
+    /// What shows the band, usually a shear strain.
+    pub measure: Measure,
+    /// Points that take part.
+    pub part: Part,
+    /// Stage, from 0, from whose start deformation is counted; without one from the start of the run.
+    pub reference: Option<usize>,
+    /// The two axes of the plane in which the band is a line, 0 = x, 1 = y, 2 = z.
+    pub plane: [usize; 2],
+    /// What is reported.
+    pub property: BandProperty,
+}
+
+/// What is reported of a band.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BandProperty {
+    /// Full width at half of the height above the surroundings, m, `2 sqrt(2 ln 2) w`.
+    Width,
+    /// Angle from the first to the second axis of the plane, degrees, above -90 and at most 90: 0 lies along the first axis.
+    Inclination,
+    /// Share of the variance of the measure that the ridge explains, at most 1.
+    Quality,
+}
+
+impl BandProbe {
+    /// Value after an accepted step; NaN where no ridge fits, for instance to a uniform field.
+    pub fn value(&self, view: &FieldsView<'_>, references: &References) -> f64 {
+        let origin = references.origin(self.reference);
+        let samples: Vec<Sample> = self
+            .part
+            .of(view.points)
+            .map(|(number, point)| Sample {
+                place: self.plane.map(|axis| point.position[axis]),
+                weight: point.volume,
+                value: self.measure.at(number, point, origin),
+            })
+            .collect();
+        let Some(ridge) = Ridge::fitted(&samples) else { return f64::NAN };
+        match self.property {
+            BandProperty::Width => ridge.width,
+            BandProperty::Inclination => ridge.inclination,
+            BandProperty::Quality => ridge.quality,
+        }
+    }
+}
+
+/// The measure at one place.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    /// m.
+    place: [f64; 2],
+    weight: f64,
+    value: f64,
+}
+
+/// The fitted ridge in the units of the body.
+#[derive(Clone, Copy, Debug)]
+struct Ridge {
+    /// Full width at half height, m.
+    width: f64,
+    /// Degrees.
+    inclination: f64,
+    quality: f64,
+}
+
+/// Directions that are tried for the start.
+const DIRECTIONS: usize = 36;
+
+/// Most steps of the fit.
+const MOST_STEPS: usize = 200;
+
+/// Parameters: angle, position, width, height, level; lengths over that of the body, values over their spread.
+type Parameters = SVector<f64, 5>;
+
+impl Ridge {
+    fn fitted(samples: &[Sample]) -> Option<Self> {
+        let (scaled, length) = scaled(samples)?;
+        let start = (0..DIRECTIONS)
+            .filter_map(|number| guess(&scaled, std::f64::consts::PI * number as f64 / DIRECTIONS as f64))
+            .min_by(|one, other| misfit(&scaled, one).total_cmp(&misfit(&scaled, other)))?;
+        let fit = improved(&scaled, start);
+        let [angle, _, width, height, _] = fit.data.0[0];
+        // The values have unit variance, and the weights the sum 1.
+        let quality = 1.0 - misfit(&scaled, &fit);
+        let is_band = width.abs() < 1.0 && height > 0.0 && quality > 0.0;
+        let turns = angle.to_degrees().rem_euclid(180.0);
+        is_band.then(|| Self {
+            width: 2.0 * (2.0 * 2_f64.ln()).sqrt() * width.abs() * length,
+            inclination: if turns > 90.0 { turns - 180.0 } else { turns },
+            quality,
+        })
+    }
+}
+
+/// Samples about their mean, with the extent of the body and the spread of the values as units, and that extent, m.
+fn scaled(samples: &[Sample]) -> Option<(Vec<Sample>, f64)> {
+    let total: f64 = samples.iter().map(|sample| sample.weight).sum();
+    let mean = |value: &dyn Fn(&Sample) -> f64| {
+        samples.iter().map(|sample| sample.weight * value(sample)).sum::<f64>() / total
+    };
+    let centre = [0, 1].map(|axis| mean(&|sample| sample.place[axis]));
+    let level = mean(&|sample| sample.value);
+    let spread = mean(&|sample| (sample.value - level).powi(2)).sqrt();
+    let offset = |sample: &Sample| [0, 1].map(|axis: usize| sample.place[axis] - centre[axis]);
+    let length = samples.iter().map(|sample| offset(sample)[0].hypot(offset(sample)[1])).fold(0.0, f64::max);
+    // Rounding alone is no band.
+    if !(spread > 1e-9 * level.abs() && spread > 0.0 && length > 0.0 && spread.is_finite()) {
+        return None;
+    }
+    let scale = |sample: &Sample| Sample {
+        place: offset(sample).map(|distance| distance / length),
+        weight: sample.weight / total,
+        value: (sample.value - level) / spread,
+    };
+    Some((samples.iter().map(scale).collect(), length))
+}
+
+/// A ridge in a given direction: position and width from the moments of what lies above the mean, heights by least squares.
+fn guess(samples: &[Sample], angle: f64) -> Option<Parameters> {
+    let normal = [-angle.sin(), angle.cos()];
+    let across = |sample: &Sample| normal[0] * sample.place[0] + normal[1] * sample.place[1];
+    let excess = |sample: &Sample| sample.weight * sample.value.max(0.0).powi(2);
+    let total: f64 = samples.iter().map(excess).sum();
+    let centre = samples.iter().map(|sample| excess(sample) * across(sample)).sum::<f64>() / total;
+    let square = samples.iter().map(|sample| excess(sample) * (across(sample) - centre).powi(2)).sum::<f64>() / total;
+    let width = square.sqrt();
+    // Least squares of value = level + height g, with the mean value 0 and weights of the sum 1.
+    let shape = |sample: &Sample| (-0.5 * ((across(sample) - centre) / width).powi(2)).exp();
+    let mean: f64 = samples.iter().map(|sample| sample.weight * shape(sample)).sum();
+    let variance: f64 = samples.iter().map(|sample| sample.weight * (shape(sample) - mean).powi(2)).sum();
+    let covariance: f64 = samples.iter().map(|sample| sample.weight * shape(sample) * sample.value).sum();
+    let height = covariance / variance;
+    let parameters = Parameters::new(angle, centre, width, height, -height * mean);
+    parameters.iter().all(|value| value.is_finite()).then_some(parameters)
+}
+
+/// Model and its derivatives by the parameters.
+fn ridge(place: [f64; 2], parameters: &Parameters) -> (f64, Parameters) {
+    let [angle, centre, width, height, level] = parameters.data.0[0];
+    let (sin, cos) = angle.sin_cos();
+    let across = -sin * place[0] + cos * place[1] - centre;
+    let along = cos * place[0] + sin * place[1];
+    let shape = (-0.5 * (across / width).powi(2)).exp();
+    let slope = height * shape * across / (width * width);
+    (level + height * shape, Parameters::new(slope * along, slope, slope * across / width, shape, 1.0))
+}
+
+/// Weighted mean of the squared residuals.
+fn misfit(samples: &[Sample], parameters: &Parameters) -> f64 {
+    samples.iter().map(|sample| sample.weight * (sample.value - ridge(sample.place, parameters).0).powi(2)).sum()
+}
+
+/// Levenberg-Marquardt steps until they change nothing.
+fn improved(samples: &[Sample], start: Parameters) -> Parameters {
+    let (mut best, mut least) = (start, misfit(samples, &start));
+    let mut damping = 1e-3;
+    for _ in 0..MOST_STEPS {
+        let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), Parameters::zeros());
+        for sample in samples {
+            let (value, gradient) = ridge(sample.place, &best);
+            normal += sample.weight * gradient * gradient.transpose();
+            right += sample.weight * (sample.value - value) * gradient;
+        }
+        let damped = normal + SMatrix::from_diagonal(&(damping * normal.diagonal().add_scalar(1e-12)));
+        let Some(step) = damped.cholesky().map(|factors| factors.solve(&right)) else { break };
+        let next = best + step;
+        let found = misfit(samples, &next);
+        if found < least {
+            let is_done = step.norm() < 1e-12 * best.norm();
+            (best, least, damping) = (next, found, (0.3 * damping).max(1e-12));
+            if is_done {
+                break;
+            }
+        } else {
+            damping *= 4.0;
+            if damping > 1e12 {
+                break;
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body of 40 x 80 mm with a band through a place off its centre.
+    fn band(angle: f64, profile: impl Fn(f64) -> f64) -> Vec<Sample> {
+        let (sin, cos) = angle.to_radians().sin_cos();
+        let mut samples = Vec::new();
+        for row in 0..80 {
+            for column in 0..40 {
+                let place = [1e-3 * (f64::from(column) + 0.5), 1e-3 * (f64::from(row) + 0.5)];
+                let across = -sin * (place[0] - 0.018) + cos * (place[1] - 0.045);
+                samples.push(Sample { place, weight: 1e-6 * (1.0 + f64::from(row % 3)), value: profile(across) });
+            }
+        }
+        samples
+    }
+
+    #[test]
+    fn a_gaussian_band_is_found_to_the_digits_of_the_fit() {
+        let profile = |across: f64| 0.02 + 0.3 * (-0.5 * (across / 0.003).powi(2)).exp();
+        for angle in [35.0, -55.0, 0.0, 90.0, 47.3] {
+            let ridge = Ridge::fitted(&band(angle, profile)).unwrap();
+            assert!((ridge.inclination - angle).abs() < 1e-6, "{ridge:?}");
+            assert!((ridge.width - 0.003 * (8.0 * 2_f64.ln()).sqrt()).abs() < 1e-9, "{ridge:?}");
+            assert!(ridge.quality > 1.0 - 1e-9, "{ridge:?}");
+        }
+    }
+
+    #[test]
+    fn a_band_of_constant_strain_has_its_width() {
+        let ridge = Ridge::fitted(&band(35.0, |across| if across.abs() < 0.005 { 0.2 } else { 0.01 })).unwrap();
+        assert!((ridge.inclination - 35.0).abs() < 0.3, "{ridge:?}");
+        assert!((ridge.width - 0.010).abs() < 0.5e-3, "{ridge:?}");
+        assert!(ridge.quality > 0.8, "{ridge:?}");
+    }
+
+    #[test]
+    fn a_uniform_field_has_no_band() {
+        assert!(Ridge::fitted(&band(20.0, |_| 0.1)).is_none());
+        assert!(Ridge::fitted(&[]).is_none());
+    }
+}

@@ -1,0 +1,135 @@
+//! Statistics of a measure over a part of the body.
+
+use super::measure::Measure;
+use super::reference::{Origin, References, reference_volume};
+use super::stress_measure::StressMeasure;
+use crate::observer::{FieldsView, PointFields};
+use protocol::Tensor2;
+
+/// A measure over Gauss points, reduced to one number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldProbe {
+    /// What is measured at each point.
+    pub measure: Measure,
+    /// Where.
+    pub part: Part,
+    /// How the values become one number.
+    pub statistic: Statistic,
+    /// Stage, from 0, from whose start deformation is counted; without one from the start of the run.
+    pub reference: Option<usize>,
+}
+
+/// Gauss points of a probe.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Part {
+    /// The whole body.
+    #[default]
+    Body,
+    /// These Gauss points, numbered through the mesh, ascending; at least one.
+    Points(Vec<usize>),
+}
+
+impl Part {
+    /// The points with their numbers.
+    pub(super) fn of<'a>(
+        &'a self,
+        points: &'a [PointFields],
+    ) -> impl Iterator<Item = (usize, &'a PointFields)> + Clone {
+        let (all, some) = match self {
+            Self::Body => (points, &[][..]),
+            Self::Points(numbers) => (&[][..], &numbers[..]),
+        };
+        let some = some.iter().filter_map(|&number| points.get(number).map(|point| (number, point)));
+        all.iter().enumerate().chain(some)
+    }
+}
+
+/// How values at Gauss points become one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Statistic {
+    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of
+    /// the whole part, and energies are sums over the part.
+    #[default]
+    Mean,
+    /// Smallest value of a point.
+    Minimum,
+    /// Largest value of a point.
+    Maximum,
+    /// Standard deviation of the values of the points, weighted with the current volume.
+    StandardDeviation,
+}
+
+impl FieldProbe {
+    /// A mean over the whole body, counted from the start of the run.
+    pub fn mean(measure: Measure) -> Self {
+        Self { measure, part: Part::Body, statistic: Statistic::Mean, reference: None }
+    }
+
+    /// Value after an accepted step; NaN over no points.
+    pub fn value(&self, view: &FieldsView<'_>, references: &References) -> f64 {
+        self.over(self.part.of(view.points), references.origin(self.reference))
+    }
+
+    /// The same over other points than those of the part.
+    pub(super) fn over<'a>(
+        &self,
+        points: impl Iterator<Item = (usize, &'a PointFields)> + Clone,
+        origin: Origin<'_>,
+    ) -> f64 {
+        let values = points.clone().map(|(number, point)| self.measure.at(number, point, origin));
+        match self.statistic {
+            Statistic::Mean => mean_of_part(&self.measure, points, origin),
+            Statistic::Minimum => values.reduce(f64::min).unwrap_or(f64::NAN),
+            Statistic::Maximum => values.reduce(f64::max).unwrap_or(f64::NAN),
+            Statistic::StandardDeviation => {
+                let mean = mean(points.clone(), |number, point| self.measure.at(number, point, origin));
+                let square = |number, point: &PointFields| (self.measure.at(number, point, origin) - mean).powi(2);
+                self::mean(points, square).sqrt()
+            }
+        }
+    }
+}
+
+/// The mean of a measure as the field means it, see [`Statistic::Mean`].
+fn mean_of_part<'a>(
+    measure: &Measure,
+    points: impl Iterator<Item = (usize, &'a PointFields)> + Clone,
+    origin: Origin<'_>,
+) -> f64 {
+    match *measure {
+        Measure::Stress(stress) => stress_of_part(stress, points),
+        Measure::VolumeChange | Measure::LogVolumeStrain => {
+            let initial: f64 = points.clone().map(|(number, point)| reference_volume(origin, number, point)).sum();
+            let ratio = points.map(|(_, point)| point.volume).sum::<f64>() / initial;
+            if *measure == Measure::VolumeChange { ratio - 1.0 } else { ratio.ln() }
+        }
+        Measure::ElasticEnergy | Measure::FrictionalDissipation => {
+            points.map(|(number, point)| point.volume * measure.at(number, point, origin)).sum()
+        }
+        _ => mean(points, |number, point| measure.at(number, point, origin)),
+    }
+}
+
+/// The function of the mean stress.
+fn stress_of_part<'a>(measure: StressMeasure, points: impl Iterator<Item = (usize, &'a PointFields)> + Clone) -> f64 {
+    let stress = |row: usize, column: usize| mean(points.clone(), |_, point| point.stress.get(row, column));
+    match measure {
+        // Linear in the stress: one sum instead of nine.
+        StressMeasure::Component(row, column) => stress(row, column),
+        StressMeasure::Pressure(axes) => {
+            let trace = |_, point: &PointFields| (0..axes).map(|axis| point.stress.get(axis, axis)).sum::<f64>();
+            -mean(points, trace) / axes as f64
+        }
+        StressMeasure::Deviator => mean(points, |_, point| point.stress.get(0, 0) - point.stress.get(1, 1)),
+        _ => measure.of(&Tensor2(std::array::from_fn(|pair| stress(pair / 3, pair % 3)))),
+    }
+}
+
+/// Mean weighted with the current volume.
+fn mean<'a>(
+    points: impl Iterator<Item = (usize, &'a PointFields)> + Clone,
+    value: impl Fn(usize, &PointFields) -> f64,
+) -> f64 {
+    let sum: f64 = points.clone().map(|(number, point)| point.volume * value(number, point)).sum();
+    sum / points.map(|(_, point)| point.volume).sum::<f64>()
+}
