@@ -1,13 +1,18 @@
-//! Curves as SVG text, readable without any tool: charts of several curves (benchmarks, report page) and the one curve of a
-//! run's `history.svg`.
+//! Pictures as SVG text, readable without any tool: charts of several curves (benchmarks, report page), the one curve of a run's
+//! `history.svg`, and cells with their force chains and rose diagrams.
 
 mod chart;
+mod force_chains;
 mod number;
 mod path;
+mod rose;
+mod svg;
 
 pub use chart::{Chart, Scale};
+pub use force_chains::{ForceChains, ForceLine};
 pub use number::short;
 pub use path::{PathPoint, path_svg};
+pub use rose::Rose;
 
 use plotters::drawing::DrawingAreaErrorKind;
 

@@ -1,6 +1,7 @@
 //! The command line: all commands, and how each of them ends.
 
 mod bench;
+mod cell_files;
 mod check;
 mod clean;
 mod completions;

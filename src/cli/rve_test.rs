@@ -1,13 +1,16 @@
 //! `grainspan element TEST.toml`, alias `rve-test`: one cell along a strain/stress path, in this process, without finite elements.
 
+use super::cell_files::write_all;
 use super::failure_case;
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
 use crate::stdout::{deliver, print};
+use macro_solver::output::OutputError;
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
+use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, RowRequests, run_element};
 use scene_reader::{Document, InputError, Kind, read_packing};
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -17,13 +20,14 @@ use std::rc::Rc;
 #[command(after_help = "Examples:
   grainspan element scenes/rve-biaxial.toml > curve.csv
   grainspan element --replay out/biaxial/quarantine.replay
-  grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv")]
+  grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,40,200 --out curve.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
     #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
     test: Option<PathBuf>,
     /// Repeat the trial that a run has quarantined because it ended its workers
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out", "contacts"])]
     replay: Option<PathBuf>,
     /// File to write [default: standard output, row by row]
     #[arg(long, value_name = "FILE.csv")]
@@ -35,6 +39,12 @@ pub(crate) struct Arguments {
     /// keyword lists all)
     #[arg(long, value_name = "KIND", default_value = "none", value_parser = tangent_kind)]
     tangent: TangentKind,
+    /// Folder for grains, contacts, force chains and rose diagrams of chosen increments
+    #[arg(long, value_name = "DIR")]
+    contacts: Option<PathBuf>,
+    /// Increments of --contacts, 0 is the packing as given [default: 0 and the last one]
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', requires = "contacts")]
+    contacts_at: Vec<u64>,
     /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
@@ -66,10 +76,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let folder = document.path().parent().unwrap_or(Path::new(""));
     let heartbeat = Heartbeat::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
+    let requests = RowRequests { tangent: arguments.tangent, pictures: pictures(arguments, &test, expected as u64)? };
     let mut done = 0;
     heartbeat.set(format!("row 0 of {expected}"));
-    let ended = run_element(&test, folder, arguments.tangent, &mut |row| {
+    let ended = run_element(&test, folder, requests, &mut |row| {
         rows.add(row);
+        rows.draw(row, arguments.contacts.as_deref());
         done += 1;
         heartbeat.set(format!("row {done} of {expected}"));
     });
@@ -85,6 +97,30 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
         Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", path.display()))),
     }
+}
+
+/// The increments whose contacts are written, with their folder made.
+///
+/// # Errors
+/// There is no such increment, the test is one of a frame, or the folder cannot be made.
+fn pictures(arguments: &Arguments, test: &ElementTest, last: u64) -> Result<BTreeSet<u64>, Failure> {
+    let Some(folder) = &arguments.contacts else { return Ok(BTreeSet::new()) };
+    let refuse = |problem: String, hint: &str| Err(InputError::at("--contacts", problem).hint(hint).into());
+    if test.frame.is_some() {
+        return refuse(
+            "contacts of frames cannot be written".to_owned(),
+            "leave out --contacts, or the table [frame]",
+        );
+    }
+    if let Some(beyond) = arguments.contacts_at.iter().find(|increment| **increment > last) {
+        return refuse(
+            format!("there is no increment {beyond}"),
+            &format!("the test has the increments 0 to {last}"),
+        );
+    }
+    std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
+    let chosen = &arguments.contacts_at;
+    Ok(if chosen.is_empty() { BTreeSet::from([0, last]) } else { chosen.iter().copied().collect() })
 }
 
 /// The test with every key and its packing checked, so that a bad one is refused before anything is written.
@@ -116,6 +152,15 @@ impl Rows {
         let printed = written.and_then(|()| if self.streams { print(&self.buffer.take()) } else { Ok(()) });
         if let Err(failure) = printed {
             self.failure.get_or_insert(failure);
+        }
+    }
+
+    /// Writes the grains and contacts of a row that has them.
+    fn draw(&mut self, row: &ElementRow, folder: Option<&Path>) {
+        if let (Some(picture), Some(folder)) = (&row.picture, folder)
+            && let Err(error) = write_all(folder, &format!("increment-{:04}", row.increment), picture)
+        {
+            self.failure.get_or_insert(error.into());
         }
     }
 

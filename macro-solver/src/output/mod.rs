@@ -10,6 +10,7 @@ mod energy;
 mod fields;
 mod frames;
 mod history;
+mod lines;
 mod particles;
 mod points;
 mod probe;
@@ -22,6 +23,7 @@ pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};
 pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
+pub use lines::write_lines;
 pub use particles::write_particles;
 pub use probe::{
     Axes, BandProbe, BandProperty, FieldProbe, Measure, Part, Probe, Profile, Quantity, Rank, ReferenceState,

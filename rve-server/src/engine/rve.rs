@@ -6,6 +6,7 @@ use crate::cell::{ContactNetwork, GrainState, reduced};
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, GrainModel, RveOptions};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
+use crate::homogenization::picture::CellPicture;
 use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
@@ -171,6 +172,15 @@ impl<S: SolverFor> GrainRve<S> {
     pub fn committed_network(&mut self) -> Result<ContactNetwork<S>, RveError> {
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         Ok(self.solver.network(&self.model, &end))
+    }
+
+    /// Grains and contacts of the committed state.
+    ///
+    /// # Errors
+    /// As [`committed_network`](Self::committed_network).
+    pub fn picture(&mut self) -> Result<CellPicture, RveError> {
+        let network = self.committed_network()?;
+        Ok(CellPicture::new(&network, &self.committed))
     }
 
     /// Everything that can be said about the committed state without moving a grain. For a fresh cell this is the

@@ -3,6 +3,8 @@
 //! All measures are functions of a [`ContactNetwork`](crate::cell::ContactNetwork) and sums in contact order.
 
 pub mod fabric;
+pub mod force_anisotropy;
 pub(crate) mod observation;
+pub mod picture;
 pub(crate) mod rattlers;
 pub mod stress;

@@ -1,20 +1,21 @@
-//! `grains/*.vtp`: the grains of chosen Gauss points, drawn from their committed snapshots.
+//! `grains/*.vtp`: grains and contacts of chosen Gauss points, drawn from their committed snapshots.
 //!
 //! [`SnapshotRecorder`] stands between solver and pool and copies the snapshots of the chosen points at every commit;
 //! [`GrainWriter`] turns them into files when a step's fields are written. The macro solver never sees a grain.
 
+use crate::cli::cell_files::{write_contacts, write_grains};
 use macro_solver::checkpoint::{Archive, CheckpointError};
 use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
-use macro_solver::output::{Field, FieldSeries, OutputError, RecordPlan, write_particles};
+use macro_solver::output::{Field, FieldSeries, OutputError, RecordPlan};
 use macro_solver::pool::Pool;
 use protocol::transport::MacroPort;
-use protocol::{RveError, RveSolver, TrialResult};
-use rve_server::cell::ContactNetwork;
+use protocol::{RveError, RveSolver, Tensor2, TrialResult};
 use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::GrainRve;
+use rve_server::homogenization::picture::CellPicture;
 use rve_server::solver::SolverFor;
-use rve_server::space::Components;
+use rve_server::space::{Tensor, apply, inverse, product, transpose};
 use scene_reader::Materials;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -83,7 +84,8 @@ pub(super) struct GrainWriter {
     snapshots: Snapshots,
     /// One for each chosen point.
     renderers: BTreeMap<PointId, Box<dyn Renderer>>,
-    series: BTreeMap<PointId, FieldSeries>,
+    /// Series of grains and of contacts of each point.
+    series: BTreeMap<PointId, [FieldSeries; 2]>,
 }
 
 impl GrainWriter {
@@ -109,48 +111,61 @@ impl GrainWriter {
         Ok(Self { folder, plan: plan.clone(), snapshots, renderers, series: BTreeMap::new() })
     }
 
-    fn write(&mut self, report: &StepReport) -> Result<(), StopRequest> {
+    fn write(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         for (&point, snapshot) in self.snapshots.borrow().iter() {
-            let name = format!("point-{point:04}-step-{:04}.vtp", report.step);
-            if let Some(renderer) = self.renderers.get(&point) {
-                renderer.draw(snapshot, &self.folder.join(&name))?;
+            let names = WHAT.map(|what| format!("{what}-{point:04}-step-{:04}.vtp", report.step));
+            if let (Some(renderer), Some(state)) = (self.renderers.get(&point), fields.points.get(point)) {
+                let (picture, fluctuation) = renderer.draw(snapshot, &state.deformation)?;
+                let fluctuation = Field::vector("displacement_fluctuation", &fluctuation);
+                write_grains(&self.folder.join(&names[0]), &picture, vec![fluctuation]).map_err(stop)?;
+                write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop)?;
             }
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
-            series.add(report.time, name).map_err(stop)?;
+            for (series, name) in series.iter_mut().zip(names) {
+                series.add(report.time, name).map_err(stop)?;
+            }
         }
         Ok(())
     }
 }
 
-fn series_of(folder: &Path, point: PointId) -> FieldSeries {
-    FieldSeries::new(&folder.join(format!("point-{point:04}.pvd")))
+/// What files of a point are called: its grains and its contacts.
+const WHAT: [&str; 2] = ["point", "contacts"];
+
+fn series_of(folder: &Path, point: PointId) -> [FieldSeries; 2] {
+    WHAT.map(|what| FieldSeries::new(&folder.join(format!("{what}-{point:04}.pvd"))))
 }
 
 const SECTION: &str = "grains";
 
 /// Counts changes of what [`GrainWriter`] saves.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+
+/// Frames of a series: time and file.
+type Frames = Vec<(f64, String)>;
 
 impl Observer for GrainWriter {
     fn save(&self, archive: &mut Archive) {
-        let frames: BTreeMap<PointId, &[(f64, String)]> =
-            self.series.iter().map(|(&point, series)| (point, series.frames())).collect();
+        let frames: BTreeMap<PointId, [&[(f64, String)]; 2]> =
+            self.series.iter().map(|(&point, series)| (point, series.each_ref().map(FieldSeries::frames))).collect();
         archive.put(SECTION, VERSION, &frames);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        let frames: BTreeMap<PointId, Vec<(f64, String)>> = archive.get(SECTION, VERSION)?;
+        let frames: BTreeMap<PointId, [Frames; 2]> = archive.get(SECTION, VERSION)?;
         for (point, frames) in frames {
             let mut series = series_of(&self.folder, point);
-            series.restore(frames).map_err(|error| CheckpointError::unfit(SECTION, error))?;
+            for (series, frames) in series.iter_mut().zip(frames) {
+                series.restore(frames).map_err(|error| CheckpointError::unfit(SECTION, error))?;
+            }
             self.series.insert(point, series);
         }
         Ok(())
     }
 
-    fn accepted(&mut self, report: &StepReport, _fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        if self.plan.wants_fields(report) { self.write(report) } else { Ok(()) }
+    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
+        if self.plan.wants_fields(report) { self.write(report, fields) } else { Ok(()) }
     }
 }
 
@@ -160,8 +175,9 @@ fn stop(reason: impl ToString) -> StopRequest {
 
 /// Draws the grains of a snapshot, whatever their dimension.
 trait Renderer {
-    /// Writes the picture; an empty snapshot stands for the packing as given.
-    fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest>;
+    /// Grains and contacts of a snapshot, an empty one stands for the packing as given, and what each grain has been displaced in
+    /// addition to the deformation of its cell, m. `deformation` is about that of the cell.
+    fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest>;
 }
 
 fn renderer(definition: &AnyDefinition) -> Result<Box<dyn Renderer>, RveError> {
@@ -181,37 +197,74 @@ impl<S: SolverFor> CellRenderer<S> {
 }
 
 impl<S: SolverFor> Renderer for CellRenderer<S> {
-    fn draw(&self, snapshot: &[u8], path: &Path) -> Result<(), StopRequest> {
+    fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest> {
         let mut cell = self.0.clone();
         if !snapshot.is_empty() {
             cell.restore(snapshot).map_err(stop)?;
         }
-        let network = cell.committed_network().map_err(stop)?;
-        write_grains(path, &cell, &network).map_err(stop)
+        let picture = cell.picture().map_err(stop)?;
+        let deformation = S::Tensor::from_fn(|i, j| deformation.get(i, j));
+        let (start, now) = (self.0.committed(), cell.committed());
+        let deformation = cell_deformation::<S>(&start.cell.rows, &now.cell.rows, &deformation);
+        Ok((picture, fluctuations::<S>(&start.positions, &now.positions, &deformation)))
     }
 }
 
-/// One cloud: centres as they are (not wrapped into the cell), radius, rotation, number of contacts, rattler or not.
-fn write_grains<S: SolverFor>(
-    path: &Path,
-    cell: &GrainRve<S>,
-    network: &ContactNetwork<S>,
-) -> Result<(), OutputError> {
-    let mut contacts = vec![0.0; network.positions.len()];
-    for contact in &network.contacts {
-        contacts[contact.origin as usize] += 1.0;
-        contacts[contact.end as usize] += 1.0;
+/// Deformation gradient of a cell from its periodicity vectors, rows `Y = M Y0 F^T`. The whole numbers `M` by which a cell under large
+/// shear was described anew follow from a gradient that is about right.
+fn cell_deformation<S: SolverFor>(start: &S::Tensor, now: &S::Tensor, about: &S::Tensor) -> S::Tensor {
+    let whole = product(now, &inverse(&product(start, &transpose(about))));
+    let whole = S::Tensor::from_fn(|i, j| whole[i][j].round());
+    transpose(&product(&inverse(&product(&whole, start)), now))
+}
+
+/// `x - F x0` of every grain without its mean over the grains, m: a cell may float.
+fn fluctuations<S: SolverFor>(start: &[S::Vector], now: &[S::Vector], deformation: &S::Tensor) -> Vec<[f64; 3]> {
+    let offset = |(start, now): (&S::Vector, &S::Vector)| {
+        let moved = apply(deformation, *start);
+        std::array::from_fn(|axis| if axis < S::DIMENSION { now[axis] - moved[axis] } else { 0.0 })
+    };
+    let offsets: Vec<[f64; 3]> = start.iter().zip(now).map(offset).collect();
+    let mean = |axis: usize| offsets.iter().map(|offset| offset[axis]).sum::<f64>() / offsets.len() as f64;
+    let mean = [mean(0), mean(1), mean(2)];
+    offsets.iter().map(|offset| std::array::from_fn(|axis| offset[axis] - mean[axis])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rve_server::space::Discs;
+
+    /// A cell sheared by 1.7 is described by shorter vectors; its deformation is found all the same, from one that is 2 % off.
+    #[test]
+    fn the_deformation_of_a_cell_survives_its_new_description() {
+        let start = [[2.0, 0.0], [0.0, 1.0]];
+        let deformation = [[0.9, 1.7], [0.0, 1.1]];
+        let rows = product(&start, &transpose(&deformation));
+        let reduced = [rows[0], [rows[1][0] - rows[0][0], rows[1][1] - rows[0][1]]];
+        let about = [[0.91, 1.68], [0.01, 1.12]];
+        let found = cell_deformation::<Discs>(&start, &reduced, &about);
+        for (found, expected) in found.as_flattened().iter().zip(deformation.as_flattened()) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
     }
-    let rattlers = network.rattlers().into_iter().map(|rattler| f64::from(u8::from(rattler))).collect();
-    let rotations = cell.committed().rotations.iter().flat_map(|rotation| rotation.components().to_vec()).collect();
-    let fields = [
-        Field::scalar("radius", network.radii.clone()),
-        Field { name: "rotation".to_owned(), components: S::Spin::COUNT, values: rotations },
-        Field::scalar("contacts", contacts),
-        Field::scalar("rattler", rattlers),
-    ];
-    let in_space =
-        |position: &S::Vector| std::array::from_fn(|axis| if axis < S::DIMENSION { position[axis] } else { 0.0 });
-    let centres: Vec<[f64; 3]> = network.positions.iter().map(in_space).collect();
-    write_particles(path, &centres, &fields)
+
+    #[test]
+    fn fluctuations_are_what_the_deformation_leaves_without_the_mean() {
+        let start = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+        let deformation = [[1.1, 0.2], [0.0, 0.9]];
+        let own = [[0.03, 0.0], [-0.01, 0.0], [-0.01, 0.02], [-0.01, -0.02]];
+        // The whole cell has floated by 5 and 7.
+        let now: Vec<[f64; 2]> = start
+            .iter()
+            .zip(own)
+            .map(|(&place, own)| {
+                let moved = apply(&deformation, place);
+                [moved[0] + own[0] + 5.0, moved[1] + own[1] + 7.0]
+            })
+            .collect();
+        for (found, own) in fluctuations::<Discs>(&start, &now, &deformation).iter().zip(own) {
+            assert!((found[0] - own[0]).abs() < 1e-14 && (found[1] - own[1]).abs() < 1e-14 && found[2] == 0.0);
+        }
+    }
 }

@@ -8,7 +8,8 @@
 //!
 //! The fit needs no threshold, and unlike principal axes of the strained volume its angle has no bias where the border of the body
 //! cuts a band obliquely. Angles every 5 degrees with position and width from moments give the start; Levenberg-Marquardt steps
-//! in the five parameters follow. Widths below the spacing of the points cannot be resolved.
+//! in the five parameters follow. Widths below the spacing of the points cannot be resolved. A band of constant strain between sharp
+//! borders is reported with 0.84 of its width, because the nearest Gaussian is that much narrower.
 
 use super::field::Part;
 use super::measure::Measure;
@@ -230,11 +231,13 @@ mod tests {
         }
     }
 
+    /// The Gaussian nearest to a step function of width 1, in the sense of least squares on a line without end, has the full width at half
+    /// height 0.8407.
     #[test]
-    fn a_band_of_constant_strain_has_its_width() {
+    fn a_band_of_constant_strain_has_five_sixths_of_its_width() {
         let ridge = Ridge::fitted(&band(35.0, |across| if across.abs() < 0.005 { 0.2 } else { 0.01 })).unwrap();
         assert!((ridge.inclination - 35.0).abs() < 0.3, "{ridge:?}");
-        assert!((ridge.width - 0.010).abs() < 0.5e-3, "{ridge:?}");
+        assert!((ridge.width / 0.010 - 0.8407).abs() < 0.02, "{ridge:?}");
         assert!(ridge.quality > 0.8, "{ridge:?}");
     }
 

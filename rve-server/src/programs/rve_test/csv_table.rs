@@ -26,7 +26,7 @@ pub struct ElementCsv<W: Write> {
 
 impl<W: Write> ElementCsv<W> {
     /// Starts a table; operator columns appear unless `tangent` is [`TangentKind::None`]. The header is written with the
-    /// first row, whose dimension decides the components.
+    /// first row, which decides the components.
     ///
     /// # Errors
     /// Errors of the output.
@@ -34,7 +34,8 @@ impl<W: Write> ElementCsv<W> {
         Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false })
     }
 
-    fn write_header(&mut self, dimension: u32) -> csv::Result<()> {
+    fn write_header(&mut self, row: &ElementRow) -> csv::Result<()> {
+        let dimension = row.dimension;
         let mut names = vec!["increment".to_owned()];
         for quantity in ["F", "sigma"] {
             names.extend(places(dimension).map(|place| format!("{quantity}_{}", COMPONENT_KEYS[place])));
@@ -47,6 +48,11 @@ impl<W: Write> ElementCsv<W> {
                     .flat_map(|row| places(dimension).map(move |column| format!("C_{}{}", pair(row), pair(column)))),
             );
         }
+        names.extend(["elastic_energy", "frictional_dissipation"].map(str::to_owned));
+        names.extend(upper(row.dimension).map(|place| format!("fabric_{}", COMPONENT_KEYS[place])));
+        if row.force_anisotropy.is_some() {
+            names.extend(["a_c", "a_n", "a_t"].map(str::to_owned));
+        }
         self.has_header = true;
         self.writer.write_record(&names)
     }
@@ -57,7 +63,7 @@ impl<W: Write> ElementCsv<W> {
     /// Errors of the output.
     pub fn write(&mut self, row: &ElementRow) -> csv::Result<()> {
         if !self.has_header {
-            self.write_header(row.dimension)?;
+            self.write_header(row)?;
         }
         let mut numbers: Vec<f64> = Vec::new();
         for tensor in [&row.deformation, &row.stress] {
@@ -82,6 +88,10 @@ impl<W: Write> ElementCsv<W> {
                     .map(move |column| shortest(operator.get(line / 3, line % 3, column / 3, column % 3)))
             }));
         }
+        let mut last = vec![row.elastic_energy, row.frictional_dissipation];
+        last.extend(upper(row.dimension).map(|place| flat(&row.fabric)[place]));
+        last.extend(row.force_anisotropy.iter().flat_map(|one| [one.contacts, one.normal, one.tangential]));
+        fields.extend(last.into_iter().map(shortest));
         self.writer.write_record(&fields)?;
         self.writer.flush()?;
         Ok(())
@@ -91,6 +101,11 @@ impl<W: Write> ElementCsv<W> {
 /// Numbers of the components that a cell of this dimension has.
 fn places(dimension: u32) -> impl Iterator<Item = usize> {
     (0..9).filter(move |place| dimension == 3 || is_in_plane(*place))
+}
+
+/// Numbers of the components on and above the diagonal: those of a symmetric tensor.
+fn upper(dimension: u32) -> impl Iterator<Item = usize> {
+    places(dimension).filter(|place| place / 3 <= place % 3)
 }
 
 /// The shortest text that reads back to the same bits.

@@ -8,6 +8,7 @@ mod csv_table;
 mod error;
 mod on_frame;
 mod path;
+mod requests;
 mod row;
 mod run;
 mod servo;
@@ -19,6 +20,7 @@ mod tests;
 
 pub use csv_table::ElementCsv;
 pub use error::ElementError;
+pub use requests::RowRequests;
 pub use row::ElementRow;
 pub use run::{run_element, run_element_on};
 pub use summary::ElementSummary;

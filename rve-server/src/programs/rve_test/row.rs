@@ -1,6 +1,8 @@
 //! One row of an element test.
 
 use super::path::{Matrix, tensor_of};
+use crate::homogenization::force_anisotropy::ForceAnisotropy;
+use crate::homogenization::picture::CellPicture;
 use crate::tangent::TangentOutcome;
 use protocol::{TrialFlags, TrialResult};
 
@@ -35,6 +37,12 @@ pub struct ElementRow {
     pub frictional_dissipation: f64,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,
+    /// Contact fabric `1/C sum n x n`.
+    pub fabric: [[f64; 3]; 3],
+    /// Anisotropies of contacts and contact forces; of periodic cells, not of frames.
+    pub force_anisotropy: Option<ForceAnisotropy>,
+    /// Grains and contacts, if they were requested; of periodic cells, not of frames.
+    pub picture: Option<CellPicture>,
     /// Tangent operator in this row's own state, if one was requested.
     pub tangent: Option<TangentOutcome>,
     /// Trials that this row needed: 1 without stress control, 0 in row 0.
@@ -66,6 +74,9 @@ impl ElementRow {
             elastic_energy: answer.observed.elastic_energy,
             frictional_dissipation: answer.observed.frictional_dissipation,
             dem_steps: 0,
+            fabric: tensor_of(&answer.observed.fabric.0),
+            force_anisotropy: None,
+            picture: None,
             tangent,
             trials: 0,
             flags: answer.flags,

@@ -3,6 +3,7 @@
 use super::error::ElementError;
 use super::on_frame::run_frame_element;
 use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, flat, tensor_of};
+use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::servo::{Miss, Servo};
 use super::summary::ElementSummary;
@@ -10,10 +11,12 @@ use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use crate::cell::ContactNetwork;
 use crate::definition::{GrainDefinition, Packing, PackingFile};
 use crate::engine::GrainRve;
+use crate::homogenization::picture::CellPicture;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled};
 use crate::tangent;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -28,7 +31,7 @@ const LARGEST_JUMP: f64 = 0.05;
 const MOST_HALVINGS: u32 = 5;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
-/// the operator `tangent` unless that is [`TangentKind::None`].
+/// what `requests` names: a tangent operator alone stands for itself.
 ///
 /// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma|` over the
 /// dimension of the trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
@@ -38,11 +41,11 @@ const MOST_HALVINGS: u32 = 5;
 pub fn run_element(
     test: &ElementTest,
     base_dir: &Path,
-    tangent: TangentKind,
+    requests: impl Into<RowRequests>,
     on_row: &mut dyn FnMut(&ElementRow),
 ) -> Result<ElementSummary, ElementError> {
     let packing = Packing::read(&base_dir.join(&test.packing))?;
-    run_element_on(test, packing, tangent, &mut |row| {
+    run_element_on(test, packing, requests, &mut |row| {
         on_row(row);
         ControlFlow::Continue(())
     })
@@ -56,7 +59,7 @@ pub fn run_element(
 pub fn run_element_on(
     test: &ElementTest,
     packing: Packing,
-    tangent: TangentKind,
+    requests: impl Into<RowRequests>,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
     match packing {
@@ -64,19 +67,19 @@ pub fn run_element_on(
             Some(options) => run_frame_element(test, options, packing, &mut |row| {
                 let _ = on_row(row);
             }),
-            None => run_in_space(test, packing, tangent, on_row),
+            None => run_in_space(test, packing, requests.into(), on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {
             Err(ElementError::Test("frame: boundary-particle frames are for plane packings; remove the table".into()))
         }
-        Packing::Spheres(packing) => run_in_space(test, packing, tangent, on_row),
+        Packing::Spheres(packing) => run_in_space(test, packing, requests.into(), on_row),
     }
 }
 
 fn run_in_space<S: SolverFor>(
     test: &ElementTest,
     packing: PackingFile<S>,
-    tangent: TangentKind,
+    requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
     test.check_dimension(S::DIMENSION)?;
@@ -86,7 +89,8 @@ fn run_in_space<S: SolverFor>(
     let mut run = Run {
         cell,
         stress_tolerance: test.stress_tolerance,
-        tangent,
+        tangent: requests.tangent,
+        pictures: requests.pictures,
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
@@ -112,6 +116,7 @@ struct Run<S: SolverFor> {
     cell: GrainRve<S>,
     stress_tolerance: f64,
     tangent: TangentKind,
+    pictures: BTreeSet<u64>,
     summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
@@ -152,7 +157,7 @@ impl<S: SolverFor> Run<S> {
             operator.expect("one was requested")
         });
         let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
-        Ok(self.deliver(&row, on_row))
+        Ok(self.deliver(row, on_row))
     }
 
     fn follow(
@@ -239,15 +244,20 @@ impl<S: SolverFor> Run<S> {
             ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
         row.trials = accepted.trials;
         row.dem_steps = accepted.dem_steps;
-        self.deliver(&row, on_row)
+        self.deliver(row, on_row)
     }
 
+    /// Hands on the row of the committed state.
     fn deliver(
         &mut self,
-        row: &ElementRow,
+        mut row: ElementRow,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         self.stress = row.stress;
+        let network = self.cell.committed_network().expect("an accepted state is finite");
+        row.force_anisotropy = Some(network.force_anisotropy());
+        row.picture =
+            self.pictures.contains(&row.increment).then(|| CellPicture::new(&network, self.cell.committed()));
         let summary = &mut self.summary;
         summary.rows += 1;
         summary.trials += u64::from(row.trials);
@@ -260,7 +270,7 @@ impl<S: SolverFor> Run<S> {
             summary.tangent_fallbacks += u64::from(outcome.fallback);
             summary.tangent_regularised += u64::from(outcome.regularised);
         }
-        on_row(row)
+        on_row(&row)
     }
 
     /// The operator requested, of the present trial.

@@ -1,0 +1,235 @@
+//! Files of one state of a cell: grains, contacts, force chains and rose diagrams.
+
+use charts::{ForceChains, ForceLine, Rose};
+use macro_solver::output::{Field, OutputError, write_atomically, write_lines, write_particles};
+use rve_server::homogenization::picture::{CellPicture, ContactLine};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Sectors of a rose diagram; those of a direction and its opposite are alike.
+const SECTORS: usize = 36;
+
+/// Writes the grains as a cloud; `more` are fields in addition to radius, rotation, contacts and rattlers.
+///
+/// # Errors
+/// See [`write_particles`].
+pub(super) fn write_grains(path: &Path, picture: &CellPicture, more: Vec<Field>) -> Result<(), OutputError> {
+    let mut contacts = vec![0.0; picture.centres.len()];
+    for grain in picture.contacts.iter().flat_map(|contact| contact.grains) {
+        contacts[grain as usize] += 1.0;
+    }
+    let rotation = match picture.dimension {
+        2 => Field::scalar("rotation", picture.rotations.iter().map(|rotation| rotation[2]).collect()),
+        _ => Field::vector("rotation", &picture.rotations),
+    };
+    let mut fields = vec![
+        Field::scalar("radius", picture.radii.clone()),
+        rotation,
+        Field::scalar("contacts", contacts),
+        Field::scalar("rattler", picture.rattlers.iter().map(|&rattler| f64::from(u8::from(rattler))).collect()),
+    ];
+    fields.extend(more);
+    write_particles(path, &picture.centres, &fields)
+}
+
+/// Writes the contacts as lines from centre to centre.
+///
+/// # Errors
+/// See [`write_lines`].
+pub(super) fn write_contacts(path: &Path, picture: &CellPicture) -> Result<(), OutputError> {
+    let lines: Vec<[[f64; 3]; 2]> = picture.contacts.iter().map(|contact| [contact.from, contact.to]).collect();
+    let of = |name: &str, value: fn(&ContactLine) -> f64| {
+        Field::scalar(name, picture.contacts.iter().map(value).collect())
+    };
+    let fields = [
+        of("normal_force", |contact| contact.normal_force),
+        of("tangential_force", |contact| contact.tangential_force),
+        of("force", |contact| contact.normal_force.hypot(contact.tangential_force)),
+        of("sliding", |contact| f64::from(u8::from(contact.is_sliding))),
+        of("overlap", |contact| contact.overlap),
+    ];
+    write_lines(path, &lines, &fields)
+}
+
+/// The contacts as CSV text, a row for each.
+pub(super) fn contacts_csv(picture: &CellPicture) -> String {
+    let mut text =
+        "grain_1,grain_2,x_1,y_1,z_1,x_2,y_2,z_2,normal_force,tangential_force,overlap,sliding\n".to_owned();
+    for contact in &picture.contacts {
+        let [first, second] = contact.grains;
+        let numbers = contact.from.iter().chain(&contact.to);
+        let numbers = numbers.chain([&contact.normal_force, &contact.tangential_force, &contact.overlap]);
+        let numbers: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{first},{second},{},{}", numbers.join(","), u8::from(contact.is_sliding));
+    }
+    text
+}
+
+/// Writes everything about a state into a folder that exists, under names that begin with `stem`: `.vtp` of grains and contacts, the
+/// contacts as CSV, and of discs the force chains and rose diagrams.
+///
+/// # Errors
+/// A file cannot be written.
+pub(super) fn write_all(folder: &Path, stem: &str, picture: &CellPicture) -> Result<(), OutputError> {
+    let file = |ending: &str| folder.join(format!("{stem}-{ending}"));
+    write_grains(&file("grains.vtp"), picture, Vec::new())?;
+    write_contacts(&file("contacts.vtp"), picture)?;
+    write_atomically(&file("contacts.csv"), contacts_csv(picture).as_bytes())?;
+    if picture.dimension == 2 {
+        write_atomically(&file("force-chains.svg"), force_chains(stem, picture).to_svg().as_bytes())?;
+        for (ending, rose) in [("normals.svg", normals(stem, picture)), ("normal-forces.svg", forces(stem, picture))]
+        {
+            write_atomically(&file(ending), rose.to_svg().as_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+/// The force chains of a cell of discs. Grains are drawn within the cell; a contact across its border is drawn at both sides.
+fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
+    let [a, b] = [plane(picture.cell[0]), plane(picture.cell[1])];
+    let area = a[0] * b[1] - a[1] * b[0];
+    let wrapped = |[x, y]: [f64; 2]| {
+        let along = ((x * b[1] - y * b[0]) / area).floor();
+        let across = ((a[0] * y - a[1] * x) / area).floor();
+        [x - along * a[0] - across * b[0], y - along * a[1] - across * b[1]]
+    };
+    let centres: Vec<[f64; 2]> = picture.centres.iter().map(|centre| wrapped(plane(*centre))).collect();
+    let mut lines = Vec::new();
+    for contact in &picture.contacts {
+        let branch = [0, 1].map(|axis| contact.to[axis] - contact.from[axis]);
+        let [first, second] = contact.grains.map(|grain| centres[grain as usize]);
+        let line = |from: [f64; 2], to: [f64; 2]| ForceLine {
+            from,
+            to,
+            force: -contact.normal_force,
+            is_sliding: contact.is_sliding,
+        };
+        let end = [0, 1].map(|axis| first[axis] + branch[axis]);
+        lines.push(line(first, end));
+        if (end[0] - second[0]).hypot(end[1] - second[1]) > 1e-9 * branch[0].hypot(branch[1]) {
+            lines.push(line([0, 1].map(|axis| second[axis] - branch[axis]), second));
+        }
+    }
+    ForceChains {
+        title: title.to_owned(),
+        outline: vec![[0.0; 2], a, [a[0] + b[0], a[1] + b[1]], b],
+        grains: centres.into_iter().zip(picture.radii.iter().copied()).collect(),
+        lines,
+    }
+}
+
+fn plane([x, y, _]: [f64; 3]) -> [f64; 2] {
+    [x, y]
+}
+
+/// Number of contacts and sum of their compression by sector.
+fn by_sector(picture: &CellPicture) -> Vec<(f64, f64)> {
+    let mut sectors = vec![(0.0, 0.0); SECTORS];
+    for contact in &picture.contacts {
+        let angle = (contact.to[1] - contact.from[1]).atan2(contact.to[0] - contact.from[0]);
+        let share = angle.rem_euclid(std::f64::consts::PI) / std::f64::consts::PI;
+        // The remainder of a small negative angle rounds to the whole.
+        let sector = ((share * (SECTORS / 2) as f64) as usize).min(SECTORS / 2 - 1);
+        for side in [sector, sector + SECTORS / 2] {
+            sectors[side].0 += 1.0;
+            sectors[side].1 -= contact.normal_force;
+        }
+    }
+    sectors
+}
+
+/// How many contacts lie in each direction.
+fn normals(title: &str, picture: &CellPicture) -> Rose {
+    Rose {
+        title: format!("{title}: contact normals"),
+        quantity: "contacts in 10 degrees".to_owned(),
+        values: by_sector(picture).into_iter().map(|(count, _)| count).collect(),
+    }
+}
+
+/// Mean normal force of the contacts of each direction.
+fn forces(title: &str, picture: &CellPicture) -> Rose {
+    let mean = |(count, sum): (f64, f64)| if count > 0.0 { sum / count } else { 0.0 };
+    Rose {
+        title: format!("{title}: mean normal force"),
+        quantity: "compression, N".to_owned(),
+        values: by_sector(picture).into_iter().map(mean).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two discs with one contact at 35 degrees, across the right border of a cell of 4 m x 4 m.
+    fn two_discs() -> CellPicture {
+        let (sin, cos) = 35_f64.to_radians().sin_cos();
+        let from = [3.5, 1.0, 0.0];
+        CellPicture {
+            dimension: 2,
+            cell: vec![[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]],
+            centres: vec![from, [3.5 + 2.0 * cos - 4.0, 1.0 + 2.0 * sin, 0.0]],
+            radii: vec![1.0, 1.1],
+            rotations: vec![[0.0, 0.0, 0.25], [0.0; 3]],
+            rattlers: vec![true, true],
+            contacts: vec![ContactLine {
+                grains: [0, 1],
+                from,
+                to: [3.5 + 2.0 * cos, 1.0 + 2.0 * sin, 0.0],
+                normal_force: -12.0,
+                tangential_force: 5.0,
+                overlap: 0.1,
+                is_sliding: true,
+            }],
+        }
+    }
+
+    #[test]
+    fn one_contact_fills_the_two_sectors_of_its_direction() {
+        let picture = two_discs();
+        let filled = |rose: Rose| {
+            let values = rose.values.into_iter().enumerate();
+            values.filter(|(_, value)| *value > 0.0).collect::<Vec<_>>()
+        };
+        assert_eq!(filled(normals("one", &picture)), [(3, 1.0), (21, 1.0)], "30 to 40 and 210 to 220 degrees");
+        assert_eq!(filled(forces("one", &picture)), [(3, 12.0), (21, 12.0)]);
+    }
+
+    #[test]
+    fn a_contact_across_the_border_is_drawn_at_both_sides() {
+        let chains = force_chains("one", &two_discs());
+        let [one, other] = chains.lines[..] else { panic!("two lines: {chains:?}") };
+        assert_eq!((one.force, one.is_sliding), (12.0, true));
+        assert!((one.from[0] - 3.5).abs() < 1e-12 && one.to[0] > 4.0 && other.from[0] < 0.0);
+        assert!((other.to[0] - (one.to[0] - 4.0)).abs() < 1e-12 && (other.to[1] - one.to[1]).abs() < 1e-12);
+        // Moved by a whole cell, the contact is one of the inside.
+        let mut inside = two_discs();
+        inside.contacts[0].from[0] = 1.0;
+        inside.contacts[0].to[0] -= 2.5;
+        inside.centres = vec![inside.contacts[0].from, inside.contacts[0].to];
+        assert_eq!(force_chains("one", &inside).lines.len(), 1);
+    }
+
+    #[test]
+    fn the_files_of_a_state_hold_its_one_contact() {
+        let folder = tempfile::tempdir().unwrap();
+        write_all(folder.path(), "increment-0007", &two_discs()).unwrap();
+        let file =
+            |ending: &str| std::fs::read_to_string(folder.path().join(format!("increment-0007-{ending}"))).unwrap();
+        let csv = file("contacts.csv");
+        assert_eq!(csv.lines().count(), 2);
+        assert!(csv.lines().nth(1).unwrap().ends_with("-1.2e1,5e0,1e-1,1"), "{csv}");
+        let lines = vtkio::Vtk::import(folder.path().join("increment-0007-contacts.vtp")).unwrap();
+        let vtkio::model::DataSet::PolyData { pieces, .. } = lines.data else { panic!("not poly data") };
+        let piece = pieces[0].load_piece_data(None).unwrap();
+        assert_eq!(piece.lines.unwrap().num_cells(), 1);
+        let names: Vec<&str> = piece.data.cell.iter().map(|attribute| attribute.name()).collect();
+        assert_eq!(names, ["normal_force", "tangential_force", "force", "sliding", "overlap"]);
+        for svg in ["force-chains.svg", "normals.svg", "normal-forces.svg"] {
+            assert!(file(svg).contains("increment-0007"));
+        }
+        assert!(folder.path().join("increment-0007-grains.vtp").is_file());
+    }
+}
