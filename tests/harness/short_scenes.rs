@@ -51,7 +51,17 @@ pub const SHORT_SCENES: [ShortScene; 14] = [
     ),
     scene("relaxed", "biaxial-relaxation", &["loading.increments=8", "mesh.elements=[2, 2]"]),
     scene("spheres", "single-hexahedron-shear", &["rve.accuracy=draft", "loading.increments=8"]),
-    scene("two-stages", "compression-shear", &["stage.0.loading.increments=3", "stage.1.loading.increments=5"]),
+    scene(
+        "two-stages",
+        "compression-shear",
+        &[
+            "stage.0.loading.increments=3",
+            "stage.1.loading.increments=5",
+            "probe.3.reference='shear'",
+            "output.points=[2]",
+            "profile=[{ name = 'rows', kind = 'shear_strain', axis = 'y', bins = 2, reference = 'shear' }]",
+        ],
+    ),
     scene("arc-length", "biaxial-arc-length", &["mesh.elements=[2, 2]", "loading.increments=8"]),
     scene(
         "stabilised",

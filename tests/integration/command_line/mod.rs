@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod error_estimate;
+mod figures;
 mod run;
 mod specimens;
 mod tools;

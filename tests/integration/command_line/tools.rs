@@ -45,13 +45,18 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
         text.lines().next().unwrap(),
         "increment,F_xx,F_xy,F_yx,F_yy,sigma_xx,sigma_xy,sigma_yx,sigma_yy,void_ratio,coordination_number,\
          coordination_number_no_rattlers,fabric_anisotropy,sliding_fraction,unbalanced_force_ratio,\
-         max_overlap_ratio,dem_steps"
+         max_overlap_ratio,dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t"
     );
     assert_eq!(text.lines().count(), 1 + 4, "row 0 and one row per increment");
     let last: Vec<f64> = text.lines().last().unwrap().split(',').map(|field| field.parse().unwrap()).collect();
     assert!((last[4] - (1.0 - 3.0e-4)).abs() < 1e-12, "F_yy follows the path");
     assert!((last[5] + 1.0e5).abs() < 200.0, "sigma_xx is held");
     assert!(last[8] < -1.1e5, "sigma_yy grows in compression");
+    assert!((last[19] + last[21] - 1.0).abs() < 1e-14, "the trace of the fabric");
+    // The stress ratio is half the sum of the anisotropies, to first order.
+    let ratio = (last[5] - last[8]) / (last[5] + last[8]).abs();
+    let half_sum = 0.5 * (last[22] + last[23] + last[24]);
+    assert!((half_sum / ratio - 1.0).abs() < 0.1, "{half_sum} {ratio}");
 }
 
 #[test]
@@ -61,8 +66,43 @@ fn operator_columns_come_only_when_asked_for() {
     let output = succeeded(&["element", &test, "--tangent", "truss_like", "--set", "path.0.increments=1"]);
     let text = String::from_utf8(output.stdout).unwrap();
     let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
-    assert_eq!(header.len(), 17 + 16);
+    assert_eq!(header.len(), 17 + 16 + 8);
     assert_eq!((header[17], header[32]), ("C_1111", "C_2222"));
+}
+
+#[test]
+fn contacts_of_chosen_increments_come_with_their_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let out = folder.path().join("contacts");
+    let out_name = out.to_str().unwrap();
+    succeeded(&["element", &test, "--quiet", "--contacts", out_name, "--contacts-at", "2"]);
+    let mut names: Vec<String> =
+        fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let endings =
+        ["contacts.csv", "contacts.vtp", "force-chains.svg", "grains.vtp", "normal-forces.svg", "normals.svg"];
+    assert_eq!(names, endings.map(|ending| format!("increment-0002-{ending}")));
+    // The Love-Weber sum over the table is the stress of the row.
+    let table = fs::read_to_string(out.join("increment-0002-contacts.csv")).unwrap();
+    let mut pressure = 0.0;
+    for line in table.lines().skip(1) {
+        let row: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
+        pressure -= row[8] * (row[5] - row[2]).hypot(row[6] - row[3]);
+    }
+    let rows = String::from_utf8(succeeded(&["element", &test, "--quiet"]).stdout).unwrap();
+    let row: Vec<f64> = rows.lines().nth(3).unwrap().split(',').map(|field| field.parse().unwrap()).collect();
+    let packing = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json")).unwrap();
+    let packing: serde_json::Value = serde_json::from_str(&packing).unwrap();
+    let side = |row: usize, column: usize| packing["periodicity"][row][column].as_f64().unwrap();
+    let area = side(0, 0) * side(1, 1) - side(0, 1) * side(1, 0);
+    let volume = area * packing["thickness"].as_f64().unwrap() * (row[1] * row[4] - row[2] * row[3]);
+    assert!((pressure / volume / -(row[5] + row[8]) - 1.0).abs() < 1e-9, "{} {row:?}", pressure / volume);
+    for (arguments, part) in [(["--contacts-at", "9"], "increments 0 to 3"), (["--set", "frame={}"], "frames")] {
+        let output = grainspan(&[&["element", &test, "--contacts", out_name][..], &arguments].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains(part), "{message}");
+    }
 }
 
 #[test]

@@ -105,6 +105,11 @@ fn assert_goes_on(scene: ShortScene) {
     let ended = start("parts", &["--resume"]).end();
     assert!(ended.status.success(), "{}: {}", scene.name, ended.stderr);
     assert!(site.history("parts") == site.history("whole"), "{}: the histories differ", scene.name);
+    for table in ["profiles/rows.csv", "points/point-0002.csv"] {
+        let read = |name: &str| fs::read(site.path(name).join(table)).ok();
+        assert!(read("parts") == read("whole"), "{}: {table} differs", scene.name);
+        assert_eq!(read("whole").is_some(), scene.name == "two-stages", "{}: {table}", scene.name);
+    }
 }
 
 #[test]

@@ -1,0 +1,166 @@
+//! Probes of parts, profiles, tables of Gauss points and files of cells, as one short run writes them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use vtkio::Vtk;
+use vtkio::model::DataSet;
+
+/// The small scene in two stages, with everything that a figure may need.
+const MORE: &str = "
+[[stage]]
+name = \"settle\"
+loading = { increments = 1 }
+
+[[stage]]
+name = \"compress\"
+loading = { increments = 3 }
+
+[[stage.boundary]]
+set = \"top\"
+platen = \"smooth\"
+displacement = { y = -3.0e-4 }
+
+[[probe]]
+name = \"compression\"
+kind = \"compression\"
+from = \"bottom\"
+to = \"top\"
+component = \"y\"
+reference = \"compress\"
+
+[[probe]]
+name = \"volume\"
+kind = \"volume_change\"
+
+[[probe]]
+name = \"volume_of_stage\"
+kind = \"volume_change\"
+reference = \"compress\"
+
+[[probe]]
+name = \"porosity\"
+kind = \"porosity\"
+
+[[probe]]
+name = \"void_ratio_of_one\"
+kind = \"void_ratio\"
+part = { element = 2, point = 1 }
+
+[[probe]]
+name = \"sigma_bar\"
+kind = \"sigma_bar\"
+
+[[probe]]
+name = \"major\"
+kind = \"principal_stress\"
+component = \"major\"
+
+[[probe]]
+name = \"shear_mean\"
+kind = \"shear_strain\"
+
+[[probe]]
+name = \"shear_least\"
+kind = \"shear_strain\"
+statistic = \"minimum\"
+
+[[probe]]
+name = \"shear_most\"
+kind = \"shear_strain\"
+statistic = \"maximum\"
+
+[[probe]]
+name = \"shear_spread\"
+kind = \"shear_strain\"
+statistic = \"standard_deviation\"
+
+[[probe]]
+name = \"lower_half\"
+kind = \"fabric_anisotropy\"
+part = { from = [0.0, 0.0], to = [0.05, 0.05] }
+
+[[probe]]
+name = \"band\"
+kind = \"band_inclination\"
+
+[[profile]]
+name = \"rows\"
+kind = \"porosity\"
+axis = \"y\"
+bins = 8
+";
+
+/// Columns of a CSV file by name.
+fn columns(path: &Path) -> BTreeMap<String, Vec<f64>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let names: Vec<String> = lines.next().unwrap().split(',').map(str::to_owned).collect();
+    let mut columns: BTreeMap<String, Vec<f64>> = names.iter().map(|name| (name.clone(), Vec::new())).collect();
+    for line in lines {
+        for (name, field) in names.iter().zip(line.split(',')) {
+            columns.get_mut(name).unwrap().push(field.parse().unwrap_or(f64::NAN));
+        }
+    }
+    columns
+}
+
+fn grainspan(arguments: &[&str]) {
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn a_short_run_writes_what_figures_are_drawn_from() {
+    let place = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scene = fs::read_to_string(root.join("scenes/biaxial-small.toml")).unwrap();
+    let scene = scene.replace("../packings", root.join("packings").to_str().unwrap());
+    let scene = scene.replace("displacement = { y = -5.0e-4 }", "displacement = { y = 0.0 }");
+    let head = scene.split("[[probe]]").next().unwrap().replace("grains = [0]", "grains = [0]\npoints = [9, 3]");
+    let path = place.path().join("figures.toml");
+    fs::write(&path, format!("{head}{MORE}")).unwrap();
+    let out = place.path().join("out");
+    grainspan(&["run", path.to_str().unwrap(), "--workers", "1", "--out", out.to_str().unwrap(), "--quiet"]);
+
+    let history = columns(&out.join("history.csv"));
+    let last = |name: &str| *history[name].last().unwrap();
+    assert_eq!(history["step"], [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(history["compression"][..2], [0.0, 0.0], "the stage has not begun");
+    assert!((last("compression") - 3.0e-4 / 0.1).abs() < 1e-12);
+    let of_stage = (1.0 + last("volume")) / (1.0 + history["volume"][1]) - 1.0;
+    assert!((last("volume_of_stage") - of_stage).abs() < 1e-12);
+    assert!(last("shear_least") < last("shear_mean") && last("shear_mean") < last("shear_most"));
+    assert!(last("shear_spread") > 0.0 && last("shear_spread") < last("shear_most") - last("shear_least"));
+    assert!(last("major") < -1.1e5 && last("sigma_bar") > 0.1 && last("lower_half") > 0.0);
+    assert!(last("band").is_nan() || last("band").abs() <= 90.0);
+
+    let rows = columns(&out.join("profiles/rows.csv"));
+    assert_eq!(rows["coordinate"].len(), 5 * 8, "eight rows of points at five steps");
+    assert!((rows["coordinate"][0] - 0.1 / 16.0).abs() < 1e-15);
+    // At the start all bins have the same volume, so that the mean over them is that over the body.
+    let mean = rows["value"][..8].iter().sum::<f64>() / 8.0;
+    assert!((mean - history["porosity"][0]).abs() < 1e-12);
+
+    let point = columns(&out.join("points/point-0009.csv"));
+    assert_eq!(point["void_ratio"], history["void_ratio_of_one"], "element 2, point 1");
+    assert!(point["sigma_yy"][4] < -1.1e5 && point["fabric_xx"][4] > 0.0 && point["sigma_zz"][4] == 0.0);
+    assert!(out.join("points/point-0003.csv").is_file());
+
+    let lines = Vtk::import(out.join("grains/contacts-0000-step-0004.vtp")).unwrap();
+    let DataSet::PolyData { pieces, .. } = lines.data else { panic!("not poly data") };
+    let piece = pieces[0].load_piece_data(None).unwrap();
+    assert!(piece.lines.unwrap().num_cells() > 100, "some two contacts for each of 100 discs");
+    assert_eq!(piece.data.cell[0].name(), "normal_force");
+    let grains = Vtk::import(out.join("grains/point-0000-step-0004.vtp")).unwrap();
+    let DataSet::PolyData { pieces, .. } = grains.data else { panic!("not poly data") };
+    let grains = pieces[0].load_piece_data(None).unwrap();
+    let names: Vec<&str> = grains.data.point.iter().map(|attribute| attribute.name()).collect();
+    assert_eq!(names, ["radius", "rotation", "contacts", "rattler", "displacement_fluctuation"]);
+    assert!(out.join("grains/contacts-0000.pvd").is_file());
+}
