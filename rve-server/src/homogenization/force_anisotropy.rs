@@ -9,8 +9,8 @@
 //! X_t = 1/C sum sym(f_t x n) / (1 + n . A_c n)                     A_t = k_t dev X_t / f_0     k_t = 4, in space 5
 //! ```
 //!
-//! Where contacts lie so unevenly that this density is not positive in the direction of one of them, `a_n` and `a_t` are NaN. The size of a tensor `A` is `sqrt(A:A / 2)` in the plane and `sqrt(3/2 A:A)` in space. To first order the stress ratio of discs is
-//! `(s1 - s2) / (s1 + s2) = (a_c + a_n + a_t) / 2`.
+//! Where contacts lie so unevenly that this density is not positive in the direction of one of them, `a_n` and `a_t` are NaN. The size of a tensor `A` is `sqrt(A:A / 2)` in the plane and `sqrt(3/2 A:A)` in space. With three coaxial tensors the stress ratio of discs is
+//! `(s1 - s2) / (s1 + s2) = (a_c + a_n + a_t) / (2 + a_c a_n)`.
 
 use crate::cell::ContactNetwork;
 use crate::space::{Components, Space, Tensor, add_scaled, scaled};
