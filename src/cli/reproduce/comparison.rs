@@ -75,7 +75,8 @@ impl Comparison {
         let largest = match (self.tolerance, self.theirs) {
             (Tolerance::Absolute(largest), _) => largest,
             (Tolerance::Relative(share), Theirs::Value(value)) => share * value.abs(),
-            (Tolerance::Relative(share), Theirs::Between(low, high)) => share * low.abs().max(high.abs()),
+            // Of the end of the range that is passed.
+            (Tolerance::Relative(share), Theirs::Between(low, high)) => share * self.ours.clamp(low, high).abs(),
             (Tolerance::Nothing, _) | (_, Theirs::Nothing) => return None,
         };
         Some(self.ours.is_finite() && self.difference().abs() <= largest)
@@ -160,6 +161,7 @@ mod tests {
         let outside = row(Theirs::Between(13.0, 16.0), 18.0, Tolerance::Absolute(1.0));
         assert_eq!((outside.met(), outside.difference()), (Some(false), 2.0));
         assert_eq!(row(Theirs::Between(13.0, 16.0), 14.0, Tolerance::Absolute(0.0)).met(), Some(true));
+        assert_eq!(row(Theirs::Between(1.0, 16.0), 0.8, Tolerance::Relative(0.1)).met(), Some(false));
         assert_eq!(row(Theirs::Value(1.0), f64::NAN, Tolerance::Absolute(9.0)).met(), Some(false));
         assert_eq!(Comparison::reported("wall time", "s", 3.0).met(), None);
         let csv = String::from_utf8(comparison_csv(&[near]).unwrap()).unwrap();

@@ -12,8 +12,11 @@ use std::path::{Path, PathBuf};
 use std::process;
 use std::time::Instant;
 
-/// Says what has run in the folder of a run; written when it is finished.
+/// Says what has run in the folder of a run, next to it; written when it is finished.
 const MARK: &str = "finished.json";
+
+/// Says what has been begun in the folder of a run, next to it: only the same is continued.
+const BEGUN: &str = "begun.txt";
 
 /// Makes all runs of a figure below `out/runs`.
 ///
@@ -50,8 +53,11 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
         return Err(ReproduceError::Missing(folder.to_owned()).into());
     }
     std::fs::create_dir_all(folder).map_err(|source| macro_solver::output::OutputError::write(folder, source))?;
-    let begun = Instant::now();
-    let (code, said) = execute(run, folder, inputs, arguments)?;
+    let begun = folder.with_extension(BEGUN);
+    let resume = !arguments.fresh && std::fs::read_to_string(&begun).is_ok_and(|earlier| earlier == identity);
+    write_atomically(&begun, identity.as_bytes())?;
+    let clock = Instant::now();
+    let (code, said) = execute(run, folder, resume, inputs, arguments)?;
     let accepted: &[i32] = match run.command {
         Command::Stopping => &[0, 1],
         Command::Refused => &[0, 1, 2],
@@ -62,7 +68,7 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
         eprint!("{said}");
         return Err(ReproduceError::Run { name: run.name.clone(), code, folder: folder.to_owned() }.into());
     };
-    let finished = Finished::new(&run.name, folder, identity, code, said, begun.elapsed().as_secs_f64());
+    let finished = Finished::new(&run.name, folder, identity, code, said, clock.elapsed().as_secs_f64());
     write_atomically(&folder.with_extension(MARK), finished.to_json().as_bytes())?;
     Ok(finished)
 }
@@ -77,6 +83,7 @@ fn identity(run: &Run, inputs: &Inputs) -> Result<String, Failure> {
 fn execute(
     run: &Run,
     folder: &Path,
+    resume: bool,
     inputs: &Inputs,
     arguments: &Arguments,
 ) -> Result<(Option<i32>, String), ReproduceError> {
@@ -88,7 +95,7 @@ fn execute(
         Command::Scene | Command::Stopping | Command::Refused => {
             command.arg("run").arg(inputs.file(run.input)).arg("--out").arg(folder);
             command.args(workers.iter().flat_map(|count| ["--workers", count]));
-            command.args((!arguments.fresh).then_some("--resume"));
+            command.args(resume.then_some("--resume"));
         }
         Command::Element(tangent) => {
             command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));

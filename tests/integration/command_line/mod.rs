@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod error_estimate;
+mod reproduce;
 mod run;
 mod specimens;
 mod tools;

@@ -1,4 +1,4 @@
-//! [Argilaga2018] Fig. 7 and Table 1: iterations and time of the biaxial test, by operator. Part of J-2 and T-10; erratum A18-10.
+//! [Argilaga2018] Fig. 7 and Table 1: iterations and time of the biaxial test, by operator. Part of J-2 and T-10.
 
 use crate::cli::reproduce::journal::{attempt, iterates};
 use crate::cli::reproduce::prelude::*;

@@ -1,4 +1,4 @@
-//! Erratum L15-13: the kernel of [Liu2015] appendix A is unstable on fine meshes. Shown by a run that is allowed, and by its refusal.
+//! Erratum: the kernel of [Liu2015] appendix A is unstable on fine meshes. Shown by a run that is allowed, and by its refusal.
 //! K-4.
 
 use crate::cli::reproduce::prelude::*;

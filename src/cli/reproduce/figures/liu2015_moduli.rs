@@ -1,4 +1,4 @@
-//! [Liu2015] Table II: moduli of the cell of 4096 spheres, as secants over strain, and which number is which (L15-11).
+//! [Liu2015] Table II: moduli of the cell of 4096 spheres, as secants over strain, and which number is which.
 
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Table;
