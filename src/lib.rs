@@ -5,6 +5,7 @@ pub mod build_info;
 mod cli;
 mod engines;
 pub mod exit;
+pub mod machine;
 pub mod stdout;
 mod workers;
 

@@ -6,7 +6,6 @@
 
 mod channel;
 mod error_estimate;
-mod machine;
 mod micro;
 mod newton;
 mod repeat;
@@ -21,8 +20,8 @@ mod workers;
 
 use clap::Parser;
 use grainspan::exit::{Exit, Failure};
+use grainspan::machine::Machine;
 use grainspan::stdout::print;
-use machine::Machine;
 use report::Report;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -1,10 +1,10 @@
 //! Where a study's findings go: the screen, and a folder with CSV, SVG, the same text and the machine.
 
 use crate::Effort;
-use crate::machine::Machine;
 use crate::table::Table;
 use charts::Chart;
 use grainspan::exit::Failure;
+use grainspan::machine::Machine;
 use grainspan::stdout::print;
 use macro_solver::output::{OutputError, write_atomically};
 use std::fs;

@@ -33,12 +33,33 @@ pub enum Scale {
     Logarithmic,
 }
 
+/// How the points of a curve are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Style {
+    /// Joined, each with a dot as long as dots can be told apart.
+    Joined,
+    /// Black crosses.
+    Published,
+    /// A thin dashed black line.
+    Reference,
+}
+
+/// Most points of a curve that get dots.
+const MOST_DOTS: usize = 60;
+
+#[derive(Clone, Debug)]
+struct Curve {
+    name: String,
+    points: Vec<[f64; 2]>,
+    style: Style,
+}
+
 /// Named curves over two axes.
 #[derive(Clone, Debug)]
 pub struct Chart {
     title: String,
     axes: [(String, Scale); 2],
-    curves: Vec<(String, Vec<[f64; 2]>)>,
+    curves: Vec<Curve>,
 }
 
 impl Chart {
@@ -53,6 +74,20 @@ impl Chart {
 
     /// Adds a curve; points that cannot be drawn are left out.
     pub fn curve(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        self.add(name, points, Style::Joined);
+    }
+
+    /// Adds points of another source, as black crosses that no line joins.
+    pub fn published(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        self.add(name, points, Style::Published);
+    }
+
+    /// Adds a curve to compare with, such as a level or a closed form, as a thin dashed line.
+    pub fn reference(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        self.add(name, points, Style::Reference);
+    }
+
+    fn add(&mut self, name: &str, points: impl IntoIterator<Item = [f64; 2]>, style: Style) {
         let drawable = |point: &[f64; 2]| {
             point
                 .iter()
@@ -60,7 +95,7 @@ impl Chart {
                 .all(|(value, (_, scale))| value.is_finite() && (*scale == Scale::Linear || *value > 0.0))
         };
         let points = points.into_iter().filter(drawable).collect();
-        self.curves.push((name.to_owned(), points));
+        self.curves.push(Curve { name: name.to_owned(), points, style });
     }
 
     /// The picture.
@@ -86,7 +121,7 @@ impl Chart {
 
     /// The smallest range with a margin that holds all points of one axis.
     fn range(&self, axis: usize) -> Range<f64> {
-        let values = self.curves.iter().flat_map(|(_, points)| points.iter().map(|point| point[axis]));
+        let values = self.curves.iter().flat_map(|curve| curve.points.iter().map(|point| point[axis]));
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         match self.axes[axis].1 {
@@ -111,7 +146,7 @@ impl Chart {
         };
         let ends = |points: &[[f64; 2]]| points.iter().map(|p| [share(0, p[0]), share(1, p[1])]).collect::<Vec<_>>();
         let mut places = Vec::new();
-        for points in self.curves.iter().map(|(_, points)| ends(points)) {
+        for points in self.curves.iter().map(|curve| ends(&curve.points)) {
             places.extend(points.first().copied());
             for pair in points.windows(2) {
                 places.extend((1..=10).map(|part| {
@@ -120,7 +155,9 @@ impl Chart {
                 }));
             }
         }
-        let (width, height) = (0.28, 0.1 + 0.045 * self.curves.len() as f64);
+        let longest = self.curves.iter().map(|curve| curve.name.chars().count()).max().unwrap_or(0) as f64;
+        // As shares of the plot: seven pixels a letter, and the sample of the line.
+        let (width, height) = ((0.06 + 0.0105 * longest).min(0.95), 0.1 + 0.045 * self.curves.len() as f64);
         let hidden = |right: bool, upper: bool| {
             let inside = |place: &&[f64; 2]| {
                 (if right { place[0] > 1.0 - width } else { place[0] < width })
@@ -163,14 +200,33 @@ impl Chart {
             .axis_desc_style(("sans-serif", 15))
             .light_line_style(WHITE)
             .draw()?;
-        for (index, (name, points)) in self.curves.iter().enumerate() {
-            let colour = COLOURS[index % COLOURS.len()];
+        let mut colours = COLOURS.iter().cycle();
+        for Curve { name, points, style } in &self.curves {
             let line = points.iter().map(|point| (point[0], point[1]));
-            chart
-                .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
-            chart.draw_series(line.map(|point| Circle::new(point, 3, colour.filled())))?;
+            match style {
+                Style::Joined => {
+                    let colour = *colours.next().unwrap_or(&BLACK);
+                    chart
+                        .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
+                        .label(name)
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+                    if points.len() <= MOST_DOTS {
+                        chart.draw_series(line.map(|point| Circle::new(point, 3, colour.filled())))?;
+                    }
+                }
+                Style::Published => {
+                    chart
+                        .draw_series(line.map(|point| Cross::new(point, 6, BLACK.stroke_width(2))))?
+                        .label(name)
+                        .legend(move |(x, y)| Cross::new((x + 9, y), 6, BLACK.stroke_width(2)));
+                }
+                Style::Reference => {
+                    chart
+                        .draw_series(DashedLineSeries::new(line, 6, 4, BLACK.stroke_width(1)))?
+                        .label(name)
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 7, y)], BLACK.stroke_width(1)));
+                }
+            }
         }
         chart
             .configure_series_labels()
@@ -192,8 +248,10 @@ mod tests {
             let mut chart = Chart::new("cost", ("payload, B", scale), ("time, us", Scale::Logarithmic));
             chart.curve("spin", [[64.0, 2.0], [1e6, f64::NAN], [1e6, 200.0], [2.0, -1.0]]);
             chart.curve("empty", []);
+            chart.published("theirs", [[1e2, 3.0]]);
+            chart.reference("law", [[64.0, 2.0], [1e6, 200.0]]);
             let text = chart.to_svg().unwrap();
-            for part in ["<svg", "cost", "payload, B", "time, us", "spin", "<polyline", "</svg>"] {
+            for part in ["<svg", "cost", "payload, B", "time, us", "spin", "theirs", "law", "<polyline", "</svg>"] {
                 assert!(text.contains(part), "{part} is missing");
             }
             assert!(!text.contains("NaN"));

@@ -127,6 +127,7 @@ pub(super) fn kind(shape: &Shape) -> String {
             let names: Vec<&str> = table.keys.iter().map(|key| key.name.as_str()).collect();
             format!("table {{ {} }}", names.join(", "))
         }
+        Shape::Map(of) if **of == Shape::Anything => "table of free names".to_owned(),
         Shape::Map(of) => format!("table of free names, each: {}", kind(of)),
         Shape::Anything => String::new(),
     }

@@ -71,7 +71,15 @@ impl Scene {
     /// # Errors
     /// The first thing that is wrong, with its place and remedy.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
-        let document = Document::read(path, overrides)?;
+        Self::load_in_size(path, None, overrides)
+    }
+
+    /// As [`Scene::load`], in one of the sizes that the file names.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; the file has no such size.
+    pub fn load_in_size(path: &Path, size: Option<&str>, overrides: &[String]) -> Result<Self, InputError> {
+        let document = Document::read_in_size(path, size, overrides)?;
         document.expect(Kind::Scene)?;
         let file: SceneFile = document.deserialize()?;
         let name = name(&document, file.name.as_ref())?;

@@ -1,6 +1,6 @@
 //! The keys of all kinds of input files: explained, listed, as Markdown and as JSON schema.
 
-use crate::document::Kind;
+use crate::document::{Kind, SizesTable};
 use crate::tables::SceneFile;
 use keys::{Key, Table};
 use rve_server::preparation::PackingRecipe;
@@ -11,22 +11,31 @@ use schemars::schema_for;
 impl Kind {
     /// The keys of files of this kind.
     pub fn table(self) -> Table {
-        match self {
+        let mut table = match self {
             Self::Scene => Table::of::<SceneFile>(),
             Self::ElementTest => Table::of::<ElementTest>(),
-            Self::Recipe => Table::of::<PackingRecipe>(),
+            Self::Recipe => return Table::of::<PackingRecipe>(),
             Self::Specimen => Table::of::<SpecimenTest>(),
-        }
+        };
+        table.keys.extend(Table::of::<SizesTable>().keys);
+        table
     }
 
     /// The JSON schema of files of this kind, for editors.
     pub fn schema(self) -> schemars::Schema {
-        match self {
+        let mut schema = match self {
             Self::Scene => schema_for!(SceneFile),
             Self::ElementTest => schema_for!(ElementTest),
-            Self::Recipe => schema_for!(PackingRecipe),
+            Self::Recipe => return schema_for!(PackingRecipe),
             Self::Specimen => schema_for!(SpecimenTest),
+        };
+        let sizes = schema_for!(SizesTable);
+        let declared = sizes.get("properties").and_then(|properties| properties.get("sizes")).cloned();
+        let properties = schema.get_mut("properties").and_then(|properties| properties.as_object_mut());
+        if let (Some(declared), Some(properties)) = (declared, properties) {
+            properties.insert("sizes".to_owned(), declared);
         }
+        schema
     }
 
     /// The word for this kind on the command line.

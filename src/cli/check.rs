@@ -20,6 +20,9 @@ pub(crate) struct Arguments {
     /// Scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
+    /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
+    #[arg(long, value_name = "NAME")]
+    size: Option<String>,
     /// Override a key of the scene; entries of [[lists]] are numbered from 0
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
@@ -33,7 +36,7 @@ pub(crate) struct Arguments {
 /// # Errors
 /// The first thing that a run would refuse.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
+    let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
     let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
     let packing = PackingState::of(scene.definition())?;
     print(overview(&scene, &assignment, &packing).as_bytes())?;

@@ -11,6 +11,7 @@ mod failure_case;
 mod heartbeat;
 mod pack;
 mod report;
+mod reproduce;
 mod run;
 mod rve_server;
 mod rve_test;
@@ -60,6 +61,8 @@ enum Command {
     Status(status::Arguments),
     /// Remove the remains of dead runs
     Clean(clean::Arguments),
+    /// Make the published figures of the three papers, with their numbers over ours
+    Reproduce(reproduce::Arguments),
     /// Write one HTML page from the output of a run
     Report(report::Arguments),
     /// Measure the cost of this program on this machine (runs `grainspan-bench`)
@@ -85,6 +88,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::RveServer(arguments) => rve_server::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
         Command::Clean(arguments) => clean::run(&arguments),
+        Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),

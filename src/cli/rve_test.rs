@@ -32,6 +32,9 @@ pub(crate) struct Arguments {
     /// File to write [default: standard output, row by row]
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
+    /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
+    #[arg(long, value_name = "NAME")]
+    size: Option<String>,
     /// Override a key of the test
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
@@ -67,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return failure_case::run(file);
     }
     let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
-    let document = Document::read(path, &arguments.overrides)?;
+    let document = Document::read_in_size(path, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
     let test = checked(&document)?;

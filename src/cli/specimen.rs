@@ -30,6 +30,9 @@ pub(crate) struct Arguments {
     /// Threads [default: one per core]; the results do not depend on it
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
+    #[arg(long, value_name = "NAME")]
+    size: Option<String>,
     /// Override a key of the test
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
@@ -43,7 +46,7 @@ pub(crate) struct Arguments {
 /// # Errors
 /// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let document = Document::read(&arguments.test, &arguments.overrides)?;
+    let document = Document::read_in_size(&arguments.test, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
     document.expect(Kind::Specimen)?;
     let test: SpecimenTest = document.deserialize()?;

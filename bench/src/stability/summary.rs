@@ -4,11 +4,11 @@ use super::campaign::Campaign;
 use super::case::Range;
 use super::check::{Checked, SHARE};
 use super::outcome::{Class, Outcome};
-use crate::machine::Machine;
 use crate::repeat::quantile;
 use crate::report::Report;
 use crate::table::Table;
 use charts::short;
+use grainspan::machine::Machine;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -150,6 +150,8 @@ fn the_bell_is_unstable_on_fine_bars_and_refused() {
             panic!("R/h = {radius} must be refused");
         };
         assert!(symbol < 0.0);
+        let allowed = NonlocalSettings { allow_unstable: true, ..bell.clone() };
+        assert!(NonlocalOperator::new(&points, &[], &allowed).is_ok(), "R/h = {radius}");
         let blended = NonlocalSettings { local_share: remedy_share + 0.01, ..bell.clone() };
         assert!(NonlocalOperator::new(&points, &[], &blended).is_ok() && found(&blended) > 0.0, "R/h = {radius}");
         let adjoint = NonlocalSettings { adjoint: true, ..bell };

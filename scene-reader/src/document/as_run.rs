@@ -1,8 +1,8 @@
 //! The text of a document with its overrides applied: what a run keeps in its folder.
 
-use super::Document;
 use super::overrides::toml_value;
 use super::renamed::former;
+use super::{Document, sizes};
 use crate::input_error::InputError;
 use keys::Node;
 use std::ops::Range;
@@ -23,6 +23,10 @@ impl Document {
         let mut edits: Vec<(Range<usize>, &str)> = Vec::new();
         let root = DeTable::parse(&self.text).map_err(|error| self.toml_error(&error))?;
         let root = Node::from(&root);
+        // What ran has one size, and names no others.
+        if !sizes::names(&root).is_empty() {
+            return self.rewritten(&changes);
+        }
         for (path, value) in &changes {
             let written = [path.clone(), former(path)];
             match written.iter().find_map(|path| root.at(path.iter().map(String::as_str))) {
@@ -41,11 +45,12 @@ impl Document {
         Ok(text)
     }
 
-    /// The document written again, without comments: needed when a change adds a key.
+    /// The document written again, without comments: needed when a change adds a key or the file has sizes.
     fn rewritten(&self, changes: &[(Vec<String>, String)]) -> Result<String, InputError> {
         let unwritable = |error: String| self.error(format!("could not be written again: {error}"));
         let mut table: toml::Table =
             self.text.parse().map_err(|error: toml::de::Error| unwritable(error.to_string()))?;
+        table.remove(sizes::KEY);
         for (path, value) in changes {
             remove(&mut table, &former(path), path);
             insert(&mut table, path, toml_value(value));

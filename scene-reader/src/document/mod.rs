@@ -8,8 +8,10 @@ mod as_run;
 mod kind;
 mod overrides;
 pub(crate) mod renamed;
+mod sizes;
 
 pub use kind::Kind;
+pub(crate) use sizes::SizesTable;
 
 use crate::input_error::InputError;
 use keys::{Fault, Node, Table, Value, deserialize};
@@ -37,11 +39,19 @@ impl Document {
     /// # Errors
     /// The file cannot be read, is not TOML, holds a NaN or infinity, or an override does not fit it.
     pub fn read(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+        Self::read_in_size(path, None, overrides)
+    }
+
+    /// As [`Document::read`], in one of the sizes that the file names; `None`: as the file stands. The overrides come last.
+    ///
+    /// # Errors
+    /// As [`Document::read`]; the file has no such size.
+    pub fn read_in_size(path: &Path, size: Option<&str>, overrides: &[String]) -> Result<Self, InputError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             InputError::at(path.display(), format!("could not read it: {source}"))
                 .hint("check the path; it is relative to the current folder")
         })?;
-        Self::from_text(path, text, overrides)
+        Self::in_size(path, text, size, overrides)
     }
 
     /// A document whose text is at hand; `path` is what errors call it and what paths in it are relative to.
@@ -49,19 +59,25 @@ impl Document {
     /// # Errors
     /// As [`Document::read`], but for the reading.
     pub fn from_text(path: &Path, text: String, overrides: &[String]) -> Result<Self, InputError> {
+        Self::in_size(path, text, None, overrides)
+    }
+
+    fn in_size(path: &Path, text: String, size: Option<&str>, overrides: &[String]) -> Result<Self, InputError> {
         let mut document =
             Self { path: path.to_owned(), text, overrides: Vec::new(), root: Node::table(), warnings: Vec::new() };
         let mut root = document.parse(&document.text)?;
         document.warn(&mut root);
-        for given in overrides {
+        let sized = sizes::overrides(&document, &mut root, size)?;
+        let given = overrides.iter().map(|given| ("--set".to_owned(), given.clone()));
+        for (source, given) in sized.into_iter().chain(given) {
             let length = document.overrides.last().map_or(document.text.len(), |last| last.padded.len());
-            let (given, warning) = Override::parse(given, length)?;
-            document.warnings.extend(warning.map(|warning| format!("--set {}: {warning}", given.text)));
+            let (given, warning) = Override::parse(&source, &given, length)?;
+            document.warnings.extend(warning.map(|warning| format!("{}: {warning}", given.text)));
             document.overrides.push(given.clone());
             let parsed = document.parse(&given.padded)?;
             let value = parsed.get("v").cloned().unwrap_or_else(Node::table);
             insert(&mut root, "", &given.path, value).map_err(|problem| {
-                InputError::at(format!("--set {}", given.text), problem)
+                InputError::at(&given.text, problem)
                     .hint("name an existing table; entries of [[lists]] are numbered from 0, as in boundary.0.set")
             })?;
         }
@@ -81,6 +97,11 @@ impl Document {
             let (place, _) = self.place(&renaming.span);
             self.warnings.push(format!("{place}: {}", renaming.message));
         }
+    }
+
+    /// The sizes that the file names besides the one in which it stands, in alphabetical order.
+    pub fn sizes(&self) -> Vec<String> {
+        self.parse(&self.text).map(|root| sizes::names(&root)).unwrap_or_default()
     }
 
     /// Old names that were read as their present ones, each with its place: for people.
@@ -226,7 +247,7 @@ impl Document {
     fn place(&self, span: &Range<usize>) -> (String, Option<String>) {
         if span.start > self.text.len() {
             let given = self.overrides.iter().find(|given| span.start < given.padded.len());
-            return (given.map_or("--set".to_owned(), |given| format!("--set {}", given.text)), None);
+            return (given.map_or("--set".to_owned(), |given| given.text.clone()), None);
         }
         let before = &self.text[..self.text.floor_char_boundary(span.start)];
         let line = before.matches('\n').count();

@@ -7,7 +7,7 @@ use keys::{Member, Node, Value, type_name};
 /// One `--set key.path=VALUE`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Override {
-    /// As given on the command line.
+    /// Where it comes from and what it says, for people: `--set KEY=VALUE`.
     pub(super) text: String,
     /// Path to the key; a number selects an entry of an array, from 0.
     pub(super) path: Vec<String>,
@@ -18,24 +18,24 @@ pub(super) struct Override {
 }
 
 impl Override {
-    /// Parses an argument that follows sources of `length` bytes. A warning comes along if the key has another name today.
+    /// Parses an argument of `source` (`--set`, or a size of the file) that follows sources of `length` bytes. A warning comes along if the key has another name today.
     ///
     /// # Errors
     /// There is no `=`, or no usable path.
-    pub(super) fn parse(given: &str, length: usize) -> Result<(Self, Option<String>), InputError> {
-        let place = format!("--set {given}");
+    pub(super) fn parse(source: &str, given: &str, length: usize) -> Result<(Self, Option<String>), InputError> {
+        let place = format!("{source} {given}");
         let Some((written, value)) = given.split_once('=') else {
-            return Err(InputError::at(place, "there is no '='").hint("write --set key.path=VALUE"));
+            return Err(InputError::at(&place, "there is no '='").hint("write --set key.path=VALUE"));
         };
         let written: Vec<String> = written.trim().split('.').map(|part| part.trim().to_owned()).collect();
         if written.iter().any(String::is_empty) || value.contains('\n') {
-            return Err(InputError::at(place, "the key path is not usable").hint("write --set key.path=VALUE"));
+            return Err(InputError::at(&place, "the key path is not usable").hint("write --set key.path=VALUE"));
         }
         let path = renamed::current(&written);
         let warning = (path != written).then(|| renamed::message(&written.join("."), &path.join(".")));
         let value = toml_value(value.trim()).to_string();
         let padded = format!("{}v={value}", " ".repeat(length + 1));
-        Ok((Self { text: given.to_owned(), path, value, padded }, warning))
+        Ok((Self { text: place, path, value, padded }, warning))
     }
 }
 

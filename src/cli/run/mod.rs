@@ -58,6 +58,9 @@ pub(crate) struct Arguments {
     /// Continue the run in the output folder from its last checkpoint; from the start if there is none yet
     #[arg(long)]
     resume: bool,
+    /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
+    #[arg(long, value_name = "NAME")]
+    size: Option<String>,
     /// Override a key of the scene; entries of [[lists]] are numbered from 0
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
@@ -100,7 +103,7 @@ fn worker_count(text: &str) -> Result<NonZeroUsize, String> {
 /// # Errors
 /// Bad input, an output folder that cannot be written, workers that cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let scene = Scene::load(&arguments.scene, &arguments.overrides)?;
+    let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
     launch::refuse_too_many(&scene, &assignment, arguments)?;

@@ -3,6 +3,7 @@
 mod bad_input;
 mod error_estimate;
 mod figures;
+mod reproduce;
 mod run;
 mod specimens;
 mod tools;

@@ -1,5 +1,8 @@
 //! `grainspan run` on the small scene, as a user starts it: processes, files, messages, exit codes.
 
+use rve_server::programs::rve_test::ElementTest;
+use rve_server::programs::specimen::SpecimenTest;
+use scene_reader::{Document, Kind};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -309,21 +312,41 @@ fn follower_and_dead_pressure_give_one_stress_ratio_to_five_percent() {
     assert!((0.03..0.08).contains(&force), "the force grows with the pressure: {force}");
 }
 
-/// Every scene is sound; element tests and specimens have commands of their own.
+/// Every scene is sound in every size; element tests and specimens have commands of their own, their keys are read here.
 #[test]
-fn every_scene_passes_the_check() {
-    let mut scenes = names(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes"));
-    scenes.retain(|name| name.ends_with(".toml"));
-    let others = ["rve-biaxial.toml", "specimen-biaxial.toml"];
-    let mut checked = 0;
-    for name in scenes.iter().filter(|name| !others.contains(&name.as_str())) {
-        let mut program = Command::new(env!("CARGO_BIN_EXE_grainspan"));
-        program.arg("check").arg(Path::new("scenes").join(name)).current_dir(env!("CARGO_MANIFEST_DIR"));
-        let output = program.output().unwrap();
-        assert!(output.status.success(), "{name}: {}", text(&output.stderr));
-        checked += 1;
+fn every_scene_passes_the_check_in_every_size() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut scenes = Vec::new();
+    let mut folders = vec![root.join("scenes")];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            match path.extension().and_then(|ending| ending.to_str()) {
+                Some("toml") => scenes.push(path),
+                _ if path.is_dir() => folders.push(path),
+                _ => {}
+            }
+        }
     }
-    assert_eq!(checked + others.len(), scenes.len());
+    let mut checked = 0;
+    for path in scenes {
+        let name = path.strip_prefix(root).unwrap().display().to_string();
+        let sizes = Document::read(&path, &[]).unwrap().sizes();
+        for size in std::iter::once(None).chain(sizes.iter().map(|size| Some(size.as_str()))) {
+            let document = Document::read_in_size(&path, size, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
+            if document.expect(Kind::ElementTest).is_ok() {
+                document.deserialize::<ElementTest>().unwrap_or_else(|error| panic!("{name} {size:?}: {error}"));
+            } else if document.expect(Kind::Specimen).is_ok() {
+                document.deserialize::<SpecimenTest>().unwrap_or_else(|error| panic!("{name} {size:?}: {error}"));
+            } else {
+                let mut program = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+                program.arg("check").arg(&path).args(size.iter().flat_map(|size| ["--size", size]));
+                let output = program.output().unwrap();
+                assert!(output.status.success(), "{name} {size:?}: {}", text(&output.stderr));
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 40, "scenes and sizes were found: {checked}");
 }
 
 /// Stress ratio at a compression, between the rows of a run.

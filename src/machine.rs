@@ -1,38 +1,38 @@
 //! What was measured on: without it no figure can be compared.
 
-use grainspan::build_info;
+use crate::build_info;
 use serde::Serialize;
 use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The machine, the program and the moment of a measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Machine {
+pub struct Machine {
     /// Day of the measurement, UTC, as `2026-11-21`.
-    pub(crate) date: String,
+    pub date: String,
     /// Processor as it calls itself.
-    pub(crate) processor: String,
+    pub processor: String,
     /// Its instruction sets that matter to us, of those that the kernel lists.
-    pub(crate) instructions: Vec<String>,
+    pub instructions: Vec<String>,
     /// Cores that this process may use.
-    pub(crate) cores: usize,
+    pub cores: usize,
     /// Memory, GB.
-    pub(crate) memory_gb: f64,
+    pub memory_gb: f64,
     /// Kernel release.
-    pub(crate) kernel: String,
+    pub kernel: String,
     /// Runnable processes on average over the last minute, before the study began: what it shared the cores with.
-    pub(crate) load: f64,
+    pub load: f64,
     /// Version of this program.
-    pub(crate) grainspan: String,
+    pub grainspan: String,
     /// Compiler that built it.
-    pub(crate) compiler: String,
+    pub compiler: String,
     /// Optimisation level and flags that it was built with.
-    pub(crate) build: String,
+    pub build: String,
 }
 
 impl Machine {
     /// This machine, now. What the system does not tell is left empty.
-    pub(crate) fn here() -> Self {
+    pub fn here() -> Self {
         let processor = read("/proc/cpuinfo");
         let field = |name: &str| {
             let line = processor.lines().find(|line| line.split(':').next().is_some_and(|key| key.trim() == name));
@@ -58,7 +58,7 @@ impl Machine {
     }
 
     /// One line for people.
-    pub(crate) fn line(&self) -> String {
+    pub fn line(&self) -> String {
         format!(
             "{}, {} cores ({:.1} GB), Linux {}, load {:.1} at the start; grainspan {} by {}, {}; {}",
             self.processor,

@@ -1,0 +1,134 @@
+//! [Liu2015] Figs. 10 to 14: simple shear of a layer with a weak row, local and nonlocal. J-5.
+
+use crate::cli::reproduce::field::Fields;
+use crate::cli::reproduce::prelude::*;
+use crate::cli::reproduce::results::Finished;
+
+pub(super) const FIGURE: Figure = Figure {
+    name: "liu2015-shear-layer",
+    source: "[Liu2015] Figs. 10 to 14",
+    shows: "simple shear of a layer with a weak row: stress, porosity, contacts, width of the band, local and nonlocal",
+    run_time: ("6 min", "days"),
+    runs,
+    evaluate,
+};
+
+/// Height of the layer and of a row of elements, m.
+const HEIGHT: f64 = 0.118;
+const ROW: f64 = HEIGHT / 12.0;
+
+/// Area of the top, m2.
+const AREA: f64 = 0.0506 * 0.0127;
+
+fn runs(size: Size) -> Vec<Run> {
+    let scene = "scenes/liu2015/shear-layer.toml";
+    // Below the distance of the rows nothing is averaged.
+    let local = Run::new("local", scene, Command::Stopping, size).set("nonlocal.radius=1e-3");
+    let nonlocal = Run::new("nonlocal", scene, Command::Stopping, size).set("nonlocal.radius=13.5e-3");
+    vec![local, nonlocal]
+}
+
+/// Width of the zone that shears more than half as fast as the fastest row, m, with straight lines between the rows.
+fn width(profile: &[[f64; 2]]) -> f64 {
+    let most = profile.iter().map(|point| point[1]).fold(f64::NEG_INFINITY, f64::max);
+    let above = |from: &[f64; 2], to: &[f64; 2]| {
+        let (low, high) = (from[1].min(to[1]), from[1].max(to[1]));
+        let share = if high <= 0.5 * most {
+            0.0
+        } else if low >= 0.5 * most {
+            1.0
+        } else {
+            (high - 0.5 * most) / (high - low)
+        };
+        share * (to[0] - from[0])
+    };
+    profile.windows(2).map(|pair| above(&pair[0], &pair[1])).sum()
+}
+
+/// Growth of the shear angle of each row over the last two fields.
+fn growth(run: &Finished) -> Result<Vec<[f64; 2]>, ReproduceError> {
+    let steps = Fields::steps(run);
+    let [.., before, last] = steps[..] else {
+        return Err(ReproduceError::NotFound(format!("{} has fewer than two fields", run.folder().display())));
+    };
+    let rows = |step: usize| Fields::read(run, step)?.profile("shear_strain", 1);
+    let (before, last) = (rows(before)?, rows(last)?);
+    Ok(last.iter().zip(&before).map(|(last, before)| [last[0], last[1] - before[1]]).collect())
+}
+
+fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
+    let x = ("shear angle of the layer", Scale::Linear);
+    let mut stress = Chart::new("[Liu2015] Fig. 10: layer in simple shear", x, ("shear stress, kPa", Scale::Linear));
+    let mut mean = Chart::new("[Liu2015] Fig. 11: layer in simple shear", x, ("mean pressure, kPa", Scale::Linear));
+    let mut voids = Chart::new("[Liu2015] Fig. 12: layer in simple shear", x, ("mean void ratio", Scale::Linear));
+    let mut contacts =
+        Chart::new("[Liu2015] Fig. 13: layer in simple shear", x, ("contacts per grain", Scale::Linear));
+    let mut rows = Chart::new(
+        "[Liu2015] Fig. 14: rows of the layer at the end",
+        ("void ratio", Scale::Linear),
+        ("height, mm", Scale::Linear),
+    );
+    let mut comparisons = Vec::new();
+    for name in ["local", "nonlocal"] {
+        let run = results.run(name)?;
+        let table = run.table()?;
+        let angle: Vec<f64> = table.column("shear_displacement")?.iter().map(|way| way / HEIGHT).collect();
+        let over = |values: Vec<f64>, factor: f64| -> Curve {
+            angle.iter().zip(values).map(|(x, y)| [*x, factor * y]).collect()
+        };
+        let shear = over(table.column("shear_stress")?, 1e-3);
+        let top = peak(&shear)?;
+        let end = shear[shear.len() - 1];
+        let late = mean_between(&shear, 0.8 * end[0], end[0]);
+        let band = width(&growth(run)?);
+        comparisons.push(Comparison::reported(format!("{name}: largest shear stress"), "kPa", top[1]));
+        comparisons.push(Comparison::new(
+            format!("{name}: drop from the largest shear stress to the last fifth of the run, over the largest"),
+            "-",
+            Theirs::Between(0.06, 0.08),
+            "[Liu2015] section 3.4",
+            1.0 - late / top[1],
+            Tolerance::Absolute(0.05),
+        ));
+        comparisons.push(Comparison::new(
+            format!("{name}: width of the band at the end"),
+            "mm",
+            Theirs::Between(13.0, 16.0),
+            "[Liu2015] section 3.4, at 12 %",
+            1e3 * band,
+            Tolerance::Relative(0.2),
+        ));
+        comparisons.push(Comparison::reported(format!("{name}: width of the band over a row"), "-", band / ROW));
+        let void = over(table.column("void_ratio")?, 1.0);
+        comparisons.push(Comparison::holds(
+            format!("{name}: void ratio grows over the run"),
+            "[Liu2015] section 3.4",
+            void[void.len() - 1][1] > void[0][1],
+        ));
+        let residual = table.column("energy_residual")?.iter().map(|value| value.abs()).fold(0.0, f64::max);
+        comparisons.push(Comparison::reported(format!("{name}: residual of the energy balance"), "-", residual));
+        let forces: Vec<f64> = table.column("top_force")?.iter().map(|force| force / AREA / 1e3).collect();
+        stress.curve(&format!("{name}, mean of the cells"), shear);
+        stress.curve(&format!("{name}, force on the head"), over(forces, 1.0));
+        mean.curve(name, over(table.column("mean_pressure")?, 1e-3));
+        voids.curve(name, void);
+        contacts.curve(name, over(table.column("coordination_number")?, 1.0));
+        let last = Fields::steps(run).last().copied().unwrap_or(0);
+        let profile = Fields::read(run, last)?.profile("void_ratio", 1)?;
+        rows.curve(name, profile.into_iter().map(|[height, value]| [value, 1e3 * height]));
+    }
+    let charts =
+        vec![("", stress), ("mean-pressure", mean), ("voids", voids), ("contacts", contacts), ("profile", rows)];
+    Ok(Outcome { charts, comparisons, notes: results.notes() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::width;
+
+    #[test]
+    fn the_width_is_taken_at_half_of_the_largest_value() {
+        assert!((width(&[[0.0, 0.0], [1.0, 0.0], [2.0, 2.0], [3.0, 2.0], [4.0, 0.0]]) - 2.0).abs() < 1e-12);
+        assert_eq!(width(&[[0.0, 1.0], [1.0, 1.0]]), 1.0);
+    }
+}

@@ -1,0 +1,97 @@
+//! [Liu2018] Fig. 4: meshes against a simulation of all grains. Part of J-1.
+
+use super::liu2018::biaxial;
+use crate::cli::reproduce::prelude::*;
+use crate::cli::reproduce::results::Finished;
+
+pub(super) const FIGURE: Figure = Figure {
+    name: "liu2018-meshes",
+    source: "[Liu2018] Fig. 4",
+    shows: "stress ratio over strain for meshes from 1 x 1 on, against all grains of the specimen",
+    run_time: ("2 min", "20 min"),
+    runs,
+    evaluate,
+};
+
+fn meshes(size: Size) -> &'static [(usize, usize)] {
+    match size {
+        Size::Small => &[(1, 1), (1, 2), (2, 4)],
+        Size::Paper => &[(1, 1), (1, 2), (2, 4), (4, 8)],
+    }
+}
+
+fn name((across, up): (usize, usize)) -> String {
+    format!("mesh-{across}x{up}")
+}
+
+fn runs(size: Size) -> Vec<Run> {
+    let scene = "scenes/liu2018/biaxial.toml";
+    let mesh = |&(across, up): &(usize, usize)| {
+        // Past the peak finer meshes have snaps that no step passes; the curve ends where the run does.
+        Run::new(name((across, up)), scene, Command::Stopping, size).set(format!("mesh.elements=[{across}, {up}]"))
+    };
+    let grains = Run::new("grains", "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size);
+    meshes(size).iter().map(mesh).chain([grains]).collect()
+}
+
+fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
+    let (x, y) = ("axial compression", "|(s11 - s22) / (s11 + s22)|");
+    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", (x, Scale::Linear), (y, Scale::Linear));
+    let mut comparisons = Vec::new();
+    let mut curves = Vec::new();
+    for &mesh in meshes(size) {
+        let curve = biaxial(results.run(&name(mesh))?)?.ratio;
+        let top = peak(&curve)?;
+        let label = format!("{} x {} elements", mesh.0, mesh.1);
+        comparisons.push(Comparison::new(
+            format!("peak stress ratio, {label}"),
+            "-",
+            Theirs::Value(0.39),
+            "[Liu2018] section 4.4 (2 x 4)",
+            top[1],
+            Tolerance::Absolute(0.03),
+        ));
+        comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
+        chart.curve(&label, curve.clone());
+        curves.push(curve);
+    }
+    comparisons.push(Comparison::new(
+        "largest difference of two meshes up to 5 % strain, over the peak",
+        "-",
+        Theirs::Value(0.0),
+        "[Liu2018] section 4.2, band of J-1",
+        spread(&curves) / 0.39,
+        Tolerance::Absolute(0.03),
+    ));
+    let grains = grains(results.run("grains")?)?;
+    let top = peak(&grains)?;
+    comparisons.push(Comparison::new(
+        "peak stress ratio of all grains, between smooth walls",
+        "-",
+        Theirs::Value(0.39),
+        "[Liu2018] Fig. 4 (boundary grains under servo control)",
+        top[1],
+        Tolerance::Absolute(0.03),
+    ));
+    chart.curve("all grains, smooth walls", grains);
+    chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+}
+
+/// Largest difference between two curves at the same strain up to 5 %.
+fn spread(curves: &[Curve]) -> f64 {
+    let at = |strain: f64| {
+        let values = curves.iter().map(move |curve| value_at(curve, strain)).filter(|value| value.is_finite());
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+    };
+    (1..=25).map(|step| at(0.002 * f64::from(step))).map(|(low, high)| high - low).fold(0.0, f64::max)
+}
+
+/// The biaxial stage of the specimen: stress ratio over compression.
+fn grains(run: &Finished) -> Result<Curve, ReproduceError> {
+    let table = run.table()?;
+    let stress = table.column("wall_sigma_xx")?.into_iter().zip(table.column("wall_sigma_yy")?);
+    let along = table.column("strain_yy")?;
+    let values: Vec<f64> = stress.map(|(xx, yy)| liu_ratio(yy / xx)).collect();
+    Ok(along.iter().zip(values).map(|(strain, value)| [-strain, value]).filter(|point| point[0] >= 0.0).collect())
+}

@@ -1,0 +1,202 @@
+//! `grainspan reproduce [NAME]`: the published figures of the three papers. One command runs what a figure needs, draws it with the
+//! paper's numbers over ours, and writes the differences.
+
+mod comparison;
+mod curve;
+mod error;
+mod field;
+mod figure;
+mod figures;
+mod inputs;
+mod journal;
+mod results;
+mod runner;
+
+/// What every figure uses.
+mod prelude {
+    pub(super) use super::comparison::{Comparison, Theirs, Tolerance};
+    pub(super) use super::curve::{Curve, crossing, liu_ratio, mean_between, peak, trough, value_at};
+    pub(super) use super::error::ReproduceError;
+    pub(super) use super::figure::{Command, Figure, Outcome, Run, Size};
+    pub(super) use super::results::Results;
+    pub(super) use charts::{Chart, Scale};
+}
+
+use crate::exit::{Exit, Failure};
+use crate::machine::Machine;
+use crate::stdout::print;
+use comparison::{comparison_csv, comparison_text};
+use error::ReproduceError;
+use figure::{Figure, Outcome, Size};
+use inputs::Inputs;
+use macro_solver::output::write_atomically;
+use serde::Serialize;
+use std::fmt::Write;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `grainspan reproduce`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan reproduce                                        all figures: paper, what they show, run time
+  grainspan reproduce liu2018-friction --size small          minutes
+  grainspan reproduce liu2018-friction --size paper --workers 8
+  grainspan reproduce all --size small
+
+Runs that an earlier call has finished are used again, and one that was interrupted is continued.")]
+pub(crate) struct Arguments {
+    /// Figure; `all` for every one of them; without it the list
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
+    /// List the figures
+    #[arg(long, conflicts_with = "name")]
+    list: bool,
+    /// Size of the calculation: the same physics on two cores within minutes, or the parameters of the paper
+    #[arg(long, value_enum, default_value_t = Size::Small)]
+    size: Size,
+    /// Folder for runs, pictures and tables [default: out/reproduce/NAME-SIZE]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Worker processes of each run [default: one per core]
+    #[arg(long, value_name = "N")]
+    workers: Option<NonZeroUsize>,
+    /// Folder that holds `scenes` and `packings` [default: found from here and from the program]
+    #[arg(long, value_name = "DIR")]
+    inputs: Option<PathBuf>,
+    /// Program that makes the runs, for example another build [default: this one]
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Run everything again, whatever earlier calls have left
+    #[arg(long)]
+    fresh: bool,
+    /// Draw from what earlier calls have left; run nothing
+    #[arg(long, conflicts_with = "fresh")]
+    draw_only: bool,
+}
+
+/// Lists the figures, or makes one or all of them.
+///
+/// # Errors
+/// No such figure, inputs that are not found, a run that failed, a place that cannot be written.
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let Some(name) = arguments.name.as_deref().filter(|_| !arguments.list) else {
+        print(list().as_bytes())?;
+        return Ok(Exit::Done);
+    };
+    let chosen = chosen(name)?;
+    if chosen.len() > 1 && arguments.out.is_some() {
+        let problem =
+            "--out holds one figure; leave it out with `all`: every figure then has its folder in out/reproduce";
+        return Err(Failure::new(Exit::BadInput, problem));
+    }
+    let inputs = Inputs::find(arguments.inputs.as_deref())?;
+    for figure in chosen {
+        make(figure, arguments, &inputs)?;
+    }
+    Ok(Exit::Done)
+}
+
+fn chosen(name: &str) -> Result<Vec<&'static Figure>, ReproduceError> {
+    if name == "all" {
+        return Ok(figures::ALL.to_vec());
+    }
+    figures::ALL
+        .iter()
+        .find(|figure| figure.name == name)
+        .map(|figure| vec![*figure])
+        .ok_or_else(|| ReproduceError::NoFigure(name.to_owned()))
+}
+
+/// All figures, a row each.
+fn list() -> String {
+    let mut text = format!("{:<26} {:<34} {:>8} {:>8}  {}\n", "name", "source", "small", "paper", "what it shows");
+    for figure in figures::ALL {
+        writeln!(
+            text,
+            "{:<26} {:<34} {:>8} {:>8}  {}",
+            figure.name, figure.source, figure.run_time.0, figure.run_time.1, figure.shows
+        )
+        .expect("writing to a String cannot fail");
+    }
+    text.push_str(
+        "\nRun times are estimates for two cores; `grainspan reproduce NAME --size small|paper` makes a figure.\n",
+    );
+    text
+}
+
+/// Runs what is missing, draws the figure and writes its tables.
+fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs) -> Result<(), Failure> {
+    let default = || Path::new("out/reproduce").join(format!("{}-{}", figure.name, arguments.size.keyword()));
+    let out = arguments.out.clone().unwrap_or_else(default);
+    eprintln!("{}: {} ({})", figure.name, figure.shows, figure.source);
+    let results = runner::run_all(figure, arguments.size, inputs, &out, arguments)?;
+    let outcome = (figure.evaluate)(&results, arguments.size)?;
+    deliver(figure, arguments.size, inputs, &out, &outcome)?;
+    print(comparison_text(&outcome.comparisons).as_bytes())?;
+    for note in &outcome.notes {
+        print(format!("note: {note}\n").as_bytes())?;
+    }
+    eprintln!("written to {}", out.display());
+    Ok(())
+}
+
+/// What a figure was made with.
+#[derive(Serialize)]
+struct Provenance<'a> {
+    figure: &'a str,
+    source: &'a str,
+    size: &'a str,
+    commit_of_inputs: Option<String>,
+    notes: &'a [String],
+    machine: Machine,
+}
+
+fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    for (part, chart) in &outcome.charts {
+        let file =
+            if part.is_empty() { format!("{}.svg", figure.name) } else { format!("{}-{part}.svg", figure.name) };
+        let text = chart.to_svg().map_err(ReproduceError::Chart)?;
+        write_atomically(&out.join(file), text.as_bytes())?;
+    }
+    write_atomically(&out.join(format!("{}.csv", figure.name)), &comparison_csv(&outcome.comparisons)?)?;
+    let provenance = Provenance {
+        figure: figure.name,
+        source: figure.source,
+        size: size.keyword(),
+        commit_of_inputs: inputs.commit(),
+        notes: &outcome.notes,
+        machine: Machine::here(),
+    };
+    let text = serde_json::to_string_pretty(&provenance).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    Ok(write_atomically(&out.join(format!("{}.json", figure.name)), (text + "\n").as_bytes())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_names_of_their_own_and_runs_whose_inputs_ship() {
+        let inputs = Inputs::find(Some(Path::new(env!("CARGO_MANIFEST_DIR")))).unwrap();
+        let mut names = std::collections::BTreeSet::new();
+        for figure in figures::ALL {
+            assert!(names.insert(figure.name), "two figures are called {}", figure.name);
+            for size in [Size::Small, Size::Paper] {
+                let runs = (figure.runs)(size);
+                assert!(!runs.is_empty(), "{} runs nothing", figure.name);
+                let mut of_runs = std::collections::BTreeSet::new();
+                for run in runs {
+                    assert!(inputs.file(run.input).is_file(), "{}: there is no {}", figure.name, run.input);
+                    assert!(of_runs.insert(run.name.clone()), "{}: two runs are called {}", figure.name, run.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_name_that_no_figure_has_is_refused_with_the_remedy() {
+        let problem = chosen("nothing").unwrap_err().to_string();
+        assert!(problem.contains("nothing") && problem.contains("grainspan reproduce"), "{problem}");
+        assert!(list().lines().count() > figures::ALL.len());
+    }
+}

@@ -1,0 +1,115 @@
+//! Makes the runs of a figure, each in a process of its own. A scene that was interrupted is continued; what is finished stays.
+
+use super::Arguments;
+use super::error::ReproduceError;
+use super::figure::{Command, Figure, Run, Size};
+use super::inputs::Inputs;
+use super::results::{Finished, Results};
+use crate::exit::Failure;
+use macro_solver::output::write_atomically;
+use scene_reader::Document;
+use std::path::{Path, PathBuf};
+use std::process;
+use std::time::Instant;
+
+/// Says what has run in the folder of a run, next to it; written when it is finished.
+const MARK: &str = "finished.json";
+
+/// Says what has been begun in the folder of a run, next to it: only the same is continued.
+const BEGUN: &str = "begun.txt";
+
+/// Makes all runs of a figure below `out/runs`.
+///
+/// # Errors
+/// The first run that does not end as it should.
+pub(super) fn run_all(
+    figure: &Figure,
+    size: Size,
+    inputs: &Inputs,
+    out: &Path,
+    arguments: &Arguments,
+) -> Result<Results, Failure> {
+    let runs = (figure.runs)(size);
+    let count = runs.len();
+    let mut finished = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        let folder = out.join("runs").join(&run.name);
+        eprintln!("run {} of {count}: {}", index + 1, run.name);
+        finished.push(made(run, &folder, inputs, arguments)?);
+    }
+    Ok(Results::new(finished))
+}
+
+/// The run, made now or earlier.
+fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Result<Finished, Failure> {
+    let identity = identity(run, inputs)?;
+    if let Some(earlier) = Finished::read(&run.name, folder, &folder.with_extension(MARK))
+        && earlier.identity() == identity
+        && !arguments.fresh
+    {
+        return Ok(earlier);
+    }
+    if arguments.draw_only {
+        return Err(ReproduceError::Missing(folder.to_owned()).into());
+    }
+    std::fs::create_dir_all(folder).map_err(|source| macro_solver::output::OutputError::write(folder, source))?;
+    let begun = folder.with_extension(BEGUN);
+    let resume = !arguments.fresh && std::fs::read_to_string(&begun).is_ok_and(|earlier| earlier == identity);
+    write_atomically(&begun, identity.as_bytes())?;
+    let clock = Instant::now();
+    let (code, said) = execute(run, folder, resume, inputs, arguments)?;
+    let accepted: &[i32] = match run.command {
+        Command::Stopping => &[0, 1],
+        Command::Refused => &[0, 1, 2],
+        _ => &[0],
+    };
+    let Some(code) = code.filter(|code| accepted.contains(code)) else {
+        let code = code.map_or("-".to_owned(), |code| code.to_string());
+        eprint!("{said}");
+        return Err(ReproduceError::Run { name: run.name.clone(), code, folder: folder.to_owned() }.into());
+    };
+    let finished = Finished::new(&run.name, folder, identity, code, said, clock.elapsed().as_secs_f64());
+    write_atomically(&folder.with_extension(MARK), finished.to_json().as_bytes())?;
+    Ok(finished)
+}
+
+/// What runs, in full: the input with its size and settings, and the command.
+fn identity(run: &Run, inputs: &Inputs) -> Result<String, Failure> {
+    let document = Document::read_in_size(&inputs.file(run.input), run.size, &run.settings)?;
+    Ok(format!("{:?}\n{}", run.command, document.as_run(&[])?))
+}
+
+/// Starts the program for one run and waits. Returns its exit code and what it said on standard error.
+fn execute(
+    run: &Run,
+    folder: &Path,
+    resume: bool,
+    inputs: &Inputs,
+    arguments: &Arguments,
+) -> Result<(Option<i32>, String), ReproduceError> {
+    let own = || std::env::current_exe().unwrap_or_else(|_| PathBuf::from("grainspan"));
+    let program = arguments.program.clone().unwrap_or_else(own);
+    let mut command = process::Command::new(&program);
+    let workers = arguments.workers.map(|count| count.to_string());
+    match run.command {
+        Command::Scene | Command::Stopping | Command::Refused => {
+            command.arg("run").arg(inputs.file(run.input)).arg("--out").arg(folder);
+            command.args(workers.iter().flat_map(|count| ["--workers", count]));
+            command.args(resume.then_some("--resume"));
+        }
+        Command::Element(tangent) => {
+            command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
+            command.args(tangent.iter().flat_map(|kind| ["--tangent", kind]));
+        }
+        Command::Specimen => {
+            command.arg("specimen").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
+            command.args(workers.iter().flat_map(|count| ["--threads", count]));
+        }
+    }
+    command.args(run.size.iter().flat_map(|size| ["--size", size]));
+    command.args(run.settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
+    let started =
+        command.stdin(process::Stdio::null()).stdout(process::Stdio::null()).stderr(process::Stdio::piped());
+    let output = started.output().map_err(|source| ReproduceError::Start { program, source })?;
+    Ok((output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned()))
+}

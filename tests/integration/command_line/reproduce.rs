@@ -1,0 +1,67 @@
+//! `grainspan reproduce`: the list, and one figure from its runs to its tables.
+
+use std::fs;
+use std::process::{Command, Output};
+
+fn grainspan(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts")
+}
+
+fn succeeded(arguments: &[&str]) -> Output {
+    let output = grainspan(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+#[test]
+fn the_list_names_figures_with_their_papers_and_run_times() {
+    for words in [vec!["reproduce"], vec!["reproduce", "--list"]] {
+        let listed = String::from_utf8(succeeded(&words).stdout).unwrap();
+        for part in ["liu2018-friction", "[Liu2015] Table II", "[Argilaga2018]", "geotechnics-wall", "small", "paper"]
+        {
+            assert!(listed.contains(part), "{part} is missing in\n{listed}");
+        }
+    }
+}
+
+/// A figure of element tests. The second call uses the runs of the first and writes the same bytes.
+#[test]
+fn a_figure_is_made_end_to_end_and_again_from_its_runs() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().to_str().unwrap();
+    let words = ["reproduce", "geotechnics-cells", "--size", "small", "--out", out];
+    let made = succeeded(&words);
+    assert!(String::from_utf8_lossy(&made.stdout).contains("earth pressure at rest"));
+    let read = |name: &str| fs::read_to_string(place.path().join(name)).unwrap();
+    let csv = read("geotechnics-cells.csv");
+    assert!(csv.starts_with("quantity,unit,theirs,source,ours,difference,tolerance,met\n"), "{csv}");
+    assert!(
+        csv.lines().any(|line| line.starts_with("earth pressure at rest,-,") && line.contains(",Jaky,")),
+        "{csv}"
+    );
+    assert!(read("geotechnics-cells.svg").contains("<polyline"));
+    assert!(read("geotechnics-cells.json").contains("\"size\": \"small\""));
+    succeeded(&[&words[..], &["--draw-only"]].concat());
+    assert_eq!(read("geotechnics-cells.csv"), csv);
+}
+
+#[test]
+fn an_unknown_figure_and_missing_runs_are_refused_with_the_remedy() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().to_str().unwrap();
+    for (words, remedy) in [
+        (vec!["reproduce", "nothing"], "`grainspan reproduce` lists them"),
+        (vec!["reproduce", "geotechnics-cells", "--draw-only", "--out", out], "leave --draw-only out"),
+        (vec!["reproduce", "all", "--out", out], "leave it out with `all`"),
+        (vec!["reproduce", "geotechnics-cells", "--inputs", out], "name it with --inputs DIR"),
+    ] {
+        let output = grainspan(&words);
+        assert_eq!(output.status.code(), Some(2), "{words:?}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(remedy), "{words:?}: {said}");
+    }
+}
