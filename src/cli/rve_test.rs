@@ -5,10 +5,11 @@ use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
 use crate::stdout::{deliver, print};
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, run_element};
-use scene_reader::{Document, InputError, Kind, read_packing};
+use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, run_element_on};
+use scene_reader::{Document, Kind, read_element_test};
 use std::cell::RefCell;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -60,18 +61,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read(path, &arguments.overrides)?;
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
-    let test = checked(&document)?;
+    let (test, packing) = read_element_test(&document)?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
-    let folder = document.path().parent().unwrap_or(Path::new(""));
     let heartbeat = Heartbeat::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
     let mut done = 0;
     heartbeat.set(format!("row 0 of {expected}"));
-    let ended = run_element(&test, folder, arguments.tangent, &mut |row| {
+    let ended = run_element_on(&test, packing, arguments.tangent, &mut |row| {
         rows.add(row);
         done += 1;
         heartbeat.set(format!("row {done} of {expected}"));
+        ControlFlow::Continue(())
     });
     drop(heartbeat);
     rows.finish(arguments.out.as_deref())?;
@@ -85,15 +86,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
         Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", path.display()))),
     }
-}
-
-/// The test with every key and its packing checked, so that a bad one is refused before anything is written.
-fn checked(document: &Document) -> Result<ElementTest, InputError> {
-    // The first reading gives the places of wrong keys and types, the second checks what the values mean together.
-    let test: ElementTest = document.deserialize()?;
-    document.deserialize::<ElementTest>()?.validated().map_err(|error| document.table_error(error))?;
-    read_packing(document, &test.packing)?;
-    Ok(test)
 }
 
 /// Encodes rows; without an output file each goes to standard output at once.
