@@ -16,6 +16,10 @@ use std::time::Duration;
 /// Time between two calls of `keep_going`.
 const WATCH_INTERVAL: Duration = Duration::from_millis(50);
 
+/// Consecutive replacements that may end before they have completed a job: with growing pauses some 6 s, so that a caller does not
+/// wait long for a pool that cannot work.
+const RESTARTS: u32 = 6;
+
 /// Something to be done with the pool.
 struct Request {
     work: Box<dyn FnOnce(&mut WorkerPool) + Send>,
@@ -174,7 +178,7 @@ fn open(
         _ => {}
     }
     let engine = Engine::built_in(BUILT_IN_ENGINE, options.program.clone());
-    let plan = LaunchPlan::for_run(&name, &engine, options.workers);
+    let plan = LaunchPlan { restarts: RESTARTS, ..LaunchPlan::for_run(&name, &engine, options.workers) };
     let supply = WorkerProcesses::start(plan, &interrupt).map_err(start("start the workers"))?;
     let mut settings = PoolSettings::new(name);
     settings.jobs_per_message = JOBS_A_MESSAGE;

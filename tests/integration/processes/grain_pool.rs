@@ -3,6 +3,7 @@
 use grain_pool::{PoolError, PoolOptions, Rve, RvePool, Snapshot, State, Trial, element_test};
 use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
 use rve_server::definition::AnyDefinition;
+use rve_server::space::{inverse, product};
 use scene_reader::{Document, read_cell};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -88,14 +89,16 @@ fn a_path_has_the_rows_of_an_element_test() {
     assert_eq!(outcome.summary.unwrap().rows, 5);
     let pool = pool(1);
     let states = pool.new_states(0, 1).unwrap();
-    let (mut along, mut across) = (1.0f64, 1.0f64);
+    let change = [[1e-4, 0.0, 0.0], [0.0, -2e-4, 0.0], [0.0; 3]];
+    let mut deformation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for row in rows.lines().skip(2) {
         let values: Vec<f64> = row.split(',').map(|text| text.parse().unwrap()).collect();
-        // The driver divides by the committed deformation, which may differ from the strain of a row by a rounding.
-        let target = [[1e-4 * across * (1.0 / across), 0.0], [0.0, -2e-4 * along * (1.0 / along)]];
-        (across, along) = (values[1], values[4]);
+        // As the driver forms it: relative to the committed deformation, which costs a rounding.
+        let target = product(&product(&change, &deformation), &inverse(&deformation));
+        (deformation[0][0], deformation[1][1]) = (values[1], values[4]);
         let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
-        let request = Trial { state: states[0], target: Tensor2::from_plane(target), options };
+        let target = Tensor2(std::array::from_fn(|place| target[place / 3][place % 3]));
+        let request = Trial { state: states[0], target, options };
         let result = pool.trial(&[request]).unwrap().remove(0);
         pool.commit(&states).unwrap();
         let stress = result.stress.plane();
