@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime, timezone
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,10 @@ def _bar(wanted: bool | None):
     if wanted is False or (wanted is None and not in_notebook):
         return None
     try:
-        from tqdm.auto import tqdm
+        from tqdm import tqdm
+
+        if in_notebook and find_spec("ipywidgets"):
+            from tqdm.notebook import tqdm
     except ImportError:
         if wanted:
             raise
