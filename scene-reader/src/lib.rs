@@ -2,6 +2,7 @@
 //! record. Every error names its file and line, or the `--set` argument that caused it, and the remedy.
 
 mod build;
+mod cell;
 mod changes;
 mod conditions;
 mod document;
@@ -22,6 +23,7 @@ mod supervision;
 mod tables;
 
 pub use build::{Scene, read_packing};
+pub use cell::{read_cell, read_element_test};
 pub use changes::changes;
 pub use document::{Document, Kind};
 pub use engines::EnginePlan;

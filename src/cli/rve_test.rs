@@ -7,11 +7,14 @@ use crate::exit::{Exit, Failure};
 use crate::stdout::{deliver, print};
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, ElementTest, RowRequests, run_element};
-use scene_reader::{Document, InputError, Kind, read_packing};
+use rve_server::programs::rve_test::{
+    ElementCsv, ElementRow, ElementSummary, ElementTest, RowRequests, run_element_on,
+};
+use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -73,20 +76,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read_in_size(path, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
-    let test = checked(&document)?;
+    let (test, packing) = read_element_test(&document)?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
-    let folder = document.path().parent().unwrap_or(Path::new(""));
     let heartbeat = Heartbeat::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
     let requests = RowRequests { tangent: arguments.tangent, pictures: pictures(arguments, &test, expected as u64)? };
     let mut done = 0;
     heartbeat.set(format!("row 0 of {expected}"));
-    let ended = run_element(&test, folder, requests, &mut |row| {
+    let ended = run_element_on(&test, packing, requests, &mut |row| {
         rows.add(row);
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;
         heartbeat.set(format!("row {done} of {expected}"));
+        ControlFlow::Continue(())
     });
     drop(heartbeat);
     rows.finish(arguments.out.as_deref())?;
@@ -124,15 +127,6 @@ fn pictures(arguments: &Arguments, test: &ElementTest, last: u64) -> Result<BTre
     std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
     let chosen = &arguments.contacts_at;
     Ok(if chosen.is_empty() { BTreeSet::from([0, last]) } else { chosen.iter().copied().collect() })
-}
-
-/// The test with every key and its packing checked, so that a bad one is refused before anything is written.
-fn checked(document: &Document) -> Result<ElementTest, InputError> {
-    // The first reading gives the places of wrong keys and types, the second checks what the values mean together.
-    let test: ElementTest = document.deserialize()?;
-    document.deserialize::<ElementTest>()?.validated().map_err(|error| document.table_error(error))?;
-    read_packing(document, &test.packing)?;
-    Ok(test)
 }
 
 /// Encodes rows; without an output file each goes to standard output at once.

@@ -1,7 +1,7 @@
 //! `engines.toml`: the commands behind engine names.
 
-use super::BUILT_IN;
 use anyhow::{Context, bail};
+use grain_pool::processes::Engine;
 use rve_server::server::{BUILT_IN_ENGINES, built_in_engine};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -10,39 +10,6 @@ use std::path::{Path, PathBuf};
 
 /// Names the catalogue file, whatever the working directory.
 const VARIABLE: &str = "GRAINSPAN_ENGINES";
-
-/// How the workers of one engine are started.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Engine {
-    /// Keyword.
-    pub(crate) name: String,
-    /// Program.
-    pub(crate) program: PathBuf,
-    /// First arguments; the role's own arguments follow.
-    pub(crate) arguments: Vec<OsString>,
-    /// Added to the environment of the worker.
-    pub(crate) environment: BTreeMap<String, String>,
-}
-
-impl Engine {
-    /// An engine inside this program.
-    ///
-    /// # Errors
-    /// The path of this executable is unknown.
-    pub(crate) fn built_in(name: &str) -> std::io::Result<Self> {
-        Ok(Self {
-            name: name.to_owned(),
-            program: std::env::current_exe()?,
-            arguments: vec!["rve-server".into(), "--engine".into(), name.into()],
-            environment: BTreeMap::new(),
-        })
-    }
-
-    /// Whether it is the engine of periodic cells inside this program.
-    pub(crate) fn is_built_in(&self) -> bool {
-        self.name == BUILT_IN || self.name == BUILT_IN_ENGINES[0].keyword
-    }
-}
 
 /// Entry of one engine in a catalogue file.
 #[derive(Debug, Deserialize)]
@@ -96,7 +63,8 @@ impl Catalogue {
     /// There is none; the text lists the known names and the file they come from.
     pub(crate) fn find(&self, name: &str) -> anyhow::Result<Engine> {
         if built_in_engine(name).is_some() {
-            return Engine::built_in(name).context("could not find this program");
+            let program = std::env::current_exe().context("could not find this program")?;
+            return Ok(Engine::built_in(name, program));
         }
         if let Some(engine) = self.engines.get(name) {
             return Ok(engine.clone());

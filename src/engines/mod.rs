@@ -8,8 +8,9 @@ mod compatibility;
 
 pub(crate) use assignment::EngineAssignment;
 pub(crate) use capabilities::capabilities_of;
-pub(crate) use catalogue::{Catalogue, Engine};
+pub(crate) use catalogue::Catalogue;
 pub(crate) use compatibility::{Compatibility, compatibility};
+pub(crate) use grain_pool::processes::Engine;
 
 /// Keyword of the engine inside this program, as scenes write it.
 pub(crate) use scene_reader::BUILT_IN_ENGINE as BUILT_IN;

@@ -136,6 +136,12 @@ impl<P: MacroPort> Pool<P> {
         self.coordinator.workers.active()
     }
 
+    /// Process ids of the workers that serve now.
+    pub fn worker_processes(&self) -> Vec<u32> {
+        let workers = &self.coordinator.workers;
+        workers.iter().filter(|(worker, _)| workers.is_active(*worker)).map(|(_, known)| known.pid).collect()
+    }
+
     /// What the pool did so far.
     pub fn statistics(&self) -> PoolStatistics {
         let mut statistics = self.coordinator.statistics.clone();
@@ -146,6 +152,21 @@ impl<P: MacroPort> Pool<P> {
     /// Number of points.
     pub fn points(&self) -> usize {
         self.coordinator.points.records.len()
+    }
+
+    /// Adds `count` points that start in the initial state of the definition with this index, and returns the number of the first;
+    /// for callers whose points are not known when the pool opens.
+    ///
+    /// # Panics
+    /// When there is no such definition.
+    pub fn add_points(&mut self, definition: usize, count: usize) -> PointId {
+        self.coordinator.points.add(definition, count)
+    }
+
+    /// From now on this interrupt ends evaluations early. An evaluation that it has ended leaves all committed states as they
+    /// were; the pool serves on.
+    pub fn follow_interrupt(&mut self, interrupt: Interrupt) {
+        self.interrupt = interrupt;
     }
 
     /// Definition and committed state of a point, for grain output and checkpoints. No bytes mean the initial state of
@@ -161,6 +182,21 @@ impl<P: MacroPort> Pool<P> {
         let record = &mut self.coordinator.points.records[point];
         record.committed = state;
         record.trial = None;
+    }
+
+    /// Whether a point has a trial since its last commit or rollback.
+    pub fn has_trial(&self, point: PointId) -> bool {
+        self.coordinator.points.records[point].trial.is_some()
+    }
+
+    /// As [`PointMaterial::commit`], for one point.
+    pub fn commit_point(&mut self, point: PointId) {
+        self.coordinator.points.records[point].commit();
+    }
+
+    /// As [`PointMaterial::rollback`], for one point.
+    pub fn rollback_point(&mut self, point: PointId) {
+        self.coordinator.points.records[point].trial = None;
     }
 
     /// Dismisses every worker and returns when they are gone; those that do not leave are ended. Called by `Drop`

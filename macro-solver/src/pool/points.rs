@@ -46,6 +46,15 @@ pub(super) struct PointRecord {
     pub(super) cost_model: CostModel,
 }
 
+impl PointRecord {
+    /// Makes the trial, if there is one, the committed state.
+    pub(super) fn commit(&mut self) {
+        if let Some(trial) = self.trial.take() {
+            self.committed = trial;
+        }
+    }
+}
+
 /// All Gauss points and the definitions they are made of.
 #[derive(Debug)]
 pub(super) struct PointTable {
@@ -69,13 +78,19 @@ impl PointTable {
         Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), groups, records }
     }
 
+    /// Adds points in the initial state of a definition and returns the number of the first.
+    pub(super) fn add(&mut self, definition: usize, count: usize) -> PointId {
+        assert!(definition < self.definitions.len(), "every point names one of the definitions given");
+        let first = self.records.len();
+        let committed = PointState::initial();
+        let record = PointRecord { definition, committed, trial: None, cost_model: CostModel::default() };
+        self.records.resize(first + count, record);
+        first
+    }
+
     /// Makes every trial the committed state.
     pub(super) fn commit(&mut self) {
-        for record in &mut self.records {
-            if let Some(trial) = record.trial.take() {
-                record.committed = trial;
-            }
-        }
+        self.records.iter_mut().for_each(PointRecord::commit);
     }
 
     /// Forgets all trials.

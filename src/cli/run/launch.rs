@@ -6,7 +6,8 @@ use super::folder::OutputFolder;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
-use crate::workers::{LaunchPlan, RunProgress, SignalWatch, StatusFile, WorkerGroups, WorkerProcesses, run_name};
+use crate::workers::{RunProgress, SignalWatch, StatusFile};
+use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::material::error_estimate::{ReplicaPlan, replicas};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
@@ -18,12 +19,6 @@ use std::time::{Duration, Instant};
 
 /// How long an attached run waits for workers, at the start and when all are gone: they are started by hand or by a supervisor.
 const ATTACHED_TIMEOUT: Duration = Duration::from_secs(3600);
-
-/// Workers per core beyond which a run has to be confirmed by the key `pool.most_workers`.
-const MOST_PER_CORE: usize = 8;
-
-/// Workers that any machine takes, whatever its cores; measured on one core.
-const MOST_ANYWHERE: usize = 64;
 
 /// Runs the scene on a pool of worker processes of the assigned engines.
 ///
@@ -144,7 +139,7 @@ pub(super) fn refuse_too_many(
 ) -> Result<(), Failure> {
     let (workers, engines) = (workers(arguments), assignment.engines.len());
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    let limit = scene.pool.most_workers.unwrap_or_else(|| usual_most(cores));
+    let limit = scene.pool.most_workers.unwrap_or_else(most_workers);
     let wanted = workers.saturating_mul(engines);
     if wanted <= limit {
         return Ok(());
@@ -159,28 +154,6 @@ pub(super) fn refuse_too_many(
     ))
 }
 
-/// Default limit of workers on a number of cores.
-fn usual_most(cores: usize) -> usize {
-    cores.saturating_mul(MOST_PER_CORE).max(MOST_ANYWHERE)
-}
-
-/// Channels for all workers, for as many that have ended and are not removed yet, and for 16 that join by hand.
-fn channel_limits(workers: usize) -> ChannelLimits {
-    let usual = ChannelLimits::default();
-    let wanted = u32::try_from(2 * workers + 16).unwrap_or(u32::MAX);
-    ChannelLimits { workers: usual.workers.max(wanted), ..usual }
-}
-
 fn failed(what: &str, error: &std::io::Error) -> Failure {
     Failure::new(Exit::WorkersLost, format!("could not {what}: {error}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn small_machines_take_64_workers_and_large_ones_8_per_core() {
-        assert_eq!([1, 2, 8, 9, 128].map(usual_most), [64, 64, 64, 72, 1024]);
-    }
 }

@@ -2,6 +2,7 @@
 
 mod faults;
 mod faults_in_cycles;
+mod grain_pool;
 mod pool_in_process;
 mod pool_processes;
 mod pool_shared_memory;

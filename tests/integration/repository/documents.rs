@@ -175,17 +175,19 @@ fn as_path(text: &str) -> Option<&str> {
 
 /// Whether the first folder of a path is one of the repository that a document can only mean as a path.
 fn top_level(path: &str) -> bool {
-    const FOLDERS: [&str; 16] = [
+    const FOLDERS: [&str; 18] = [
         ".ci",
         "adapters",
         "bench",
         "charts",
         "deploy",
         "docs",
+        "grain-pool",
         "keys",
         "macro-solver",
         "packings",
         "protocol",
+        "python",
         "rve-server",
         "scene-reader",
         "scenes",
@@ -367,9 +369,19 @@ fn section<'a>(text: &'a str, heading: &str) -> &'a str {
 /// Folders of source files that are not tests.
 fn source_folders() -> Vec<String> {
     let mut found = Vec::new();
-    for krate in
-        ["protocol", "rve-server", "macro-solver", "keys", "scene-reader", "bench", "charts", "worker-c", "."]
-    {
+    for krate in [
+        "protocol",
+        "rve-server",
+        "macro-solver",
+        "keys",
+        "scene-reader",
+        "grain-pool",
+        "bench",
+        "charts",
+        "worker-c",
+        "python",
+        ".",
+    ] {
         let source = root().join(krate).join("src");
         let Ok(entries) = fs::read_dir(&source) else { continue };
         let folders = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());

@@ -59,6 +59,8 @@ fn random_iteration_order_is_absent() {
         "scene-reader/src",
         "keys/src",
         "charts/src",
+        "grain-pool/src",
+        "python/src",
         "bench/src",
         "src",
     ];

@@ -1,11 +1,14 @@
 //! The worker processes of all engines of one run.
 
-use super::WorkerProcesses;
+use super::worker_processes::WorkerProcesses;
 use macro_solver::pool::{Outlook, WorkerSupply};
 
 /// One group of processes per engine.
 #[derive(Debug)]
-pub(crate) struct WorkerGroups(pub(crate) Vec<WorkerProcesses>);
+pub struct WorkerGroups(
+    /// The groups.
+    pub Vec<WorkerProcesses>,
+);
 
 impl WorkerSupply for WorkerGroups {
     fn joined(&mut self, pid: u32) {

@@ -1,9 +1,9 @@
 //! The worker processes of one engine in one run.
 
+use super::engine::Engine;
 use super::launch::launched;
 use super::restart_backoff::RestartBackoff;
 use super::stderr_tail::StderrTail;
-use crate::engines::Engine;
 use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -33,24 +33,24 @@ const RESTARTS: u32 = 20;
 
 /// How workers are started.
 #[derive(Clone, Debug)]
-pub(crate) struct LaunchPlan {
+pub struct LaunchPlan {
     /// Program to start.
-    pub(crate) program: PathBuf,
+    pub program: PathBuf,
     /// Its arguments.
-    pub(crate) arguments: Vec<OsString>,
+    pub arguments: Vec<OsString>,
     /// Added to its environment.
-    pub(crate) environment: BTreeMap<String, String>,
+    pub environment: BTreeMap<String, String>,
     /// Number of workers, at least 1.
-    pub(crate) workers: usize,
+    pub workers: usize,
     /// Most consecutive replacements that end without a completed job.
-    pub(crate) restarts: u32,
+    pub restarts: u32,
     /// How long a worker may take to join.
-    pub(crate) join_timeout: Duration,
+    pub join_timeout: Duration,
 }
 
 impl LaunchPlan {
     /// `workers` workers of `engine` that serve `run`.
-    pub(crate) fn for_run(run: &str, engine: &Engine, workers: usize) -> Self {
+    pub fn for_run(run: &str, engine: &Engine, workers: usize) -> Self {
         let parent = std::process::id().to_string();
         let role = ["--run", run, "--parent", &parent].map(OsString::from);
         let arguments = engine.arguments.iter().cloned().chain(role);
@@ -77,7 +77,7 @@ struct WorkerChild {
 
 /// Starts, watches and replaces worker processes.
 #[derive(Debug)]
-pub(crate) struct WorkerProcesses {
+pub struct WorkerProcesses {
     plan: LaunchPlan,
     children: Vec<WorkerChild>,
     /// Replacements to be started, at these times.
@@ -94,7 +94,7 @@ impl WorkerProcesses {
     ///
     /// # Errors
     /// The system cannot start a process; those already started are ended.
-    pub(crate) fn start(plan: LaunchPlan, interrupt: &Interrupt) -> io::Result<Self> {
+    pub fn start(plan: LaunchPlan, interrupt: &Interrupt) -> io::Result<Self> {
         let restart_backoff = RestartBackoff::new(plan.restarts);
         let mut processes = Self {
             plan,
@@ -189,7 +189,7 @@ impl WorkerProcesses {
     }
 
     /// Whether none of its processes serves or is about to.
-    pub(crate) fn is_deserted(&self) -> bool {
+    pub fn is_deserted(&self) -> bool {
         self.due.is_empty() && self.children.iter().all(|one| one.leaving.is_some())
     }
 

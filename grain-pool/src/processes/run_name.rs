@@ -8,7 +8,7 @@ const STEM_LENGTH: usize = 9;
 
 /// A new name for a run of the scene called `scene`: letters, digits and `-` only, so that it can be a file name and an
 /// argument everywhere.
-pub(crate) fn run_name(scene: &str) -> String {
+pub fn run_name(scene: &str) -> String {
     // Process ids are used again, and are not unique across containers that share memory.
     let random = RandomState::new().build_hasher().finish();
     format!("{}-{}-{:04x}", stem(scene), std::process::id(), random as u16)

@@ -1,0 +1,55 @@
+//! One cell along a path of strains and stresses, from text to rows.
+
+use crate::error::PoolError;
+use protocol::TangentKind;
+use rve_server::programs::rve_test::{ElementCsv, ElementError, ElementSummary, run_element_on};
+use scene_reader::{Document, read_element_test};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// What a test has left.
+#[derive(Debug)]
+pub struct ElementOutcome {
+    /// The rows as CSV, equal to the output of `grainspan element` to the byte.
+    pub csv: Vec<u8>,
+    /// Cost and counts; `None` if the test stopped before its end.
+    pub summary: Option<ElementSummary>,
+    /// Why the test stopped before its end; the rows before are sound.
+    pub stopped: Option<ElementError>,
+}
+
+/// Runs the element test `text` (TOML, see `grainspan element`), whose paths are relative to `folder`. `keep_going` is called after
+/// every row; `false` ends the test.
+///
+/// # Errors
+/// [`PoolError::Input`] or [`PoolError::Element`] for a test that is not sound, [`PoolError::Interrupted`].
+pub fn element_test(
+    text: String,
+    folder: &Path,
+    tangent: TangentKind,
+    keep_going: &mut dyn FnMut() -> bool,
+) -> Result<ElementOutcome, PoolError> {
+    let document = Document::from_text(&folder.join("test.toml"), text, &[])?;
+    let (test, packing) = read_element_test(&document)?;
+    let mut csv = Vec::new();
+    let mut encoder = ElementCsv::new(&mut csv, tangent).map_err(unwritable)?;
+    let mut written = Ok(());
+    let mut is_stopped = false;
+    let ended = run_element_on(&test, packing, tangent, &mut |row| {
+        written = encoder.write(row);
+        is_stopped = !keep_going();
+        if written.is_err() || is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    drop(encoder);
+    written.map_err(unwritable)?;
+    match ended {
+        _ if is_stopped => Err(PoolError::Interrupted),
+        Ok(summary) => Ok(ElementOutcome { csv, summary: Some(summary), stopped: None }),
+        Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
+        Err(error) => Ok(ElementOutcome { csv, summary: None, stopped: Some(error) }),
+    }
+}
+
+fn unwritable(error: csv::Error) -> PoolError {
+    PoolError::Start { action: "encode a row", reason: error.to_string() }
+}

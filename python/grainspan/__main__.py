@@ -1,0 +1,5 @@
+"""`python -m grainspan`: the program itself."""
+
+from ._program import main
+
+main()

@@ -1,0 +1,57 @@
+"""Reading and writing TOML."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The tables of a TOML file."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"cannot read {path}: {error}") from error
+
+
+def write(table: Mapping[str, Any]) -> str:
+    """A mapping as TOML; keys whose value is ``None`` are left out."""
+    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items() if value is not None)
+
+
+def _key(key: Any) -> str:
+    return json.dumps(str(key))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        if not math.isfinite(value):
+            raise InputError(f"{value} is not a finite number")
+        # The shortest text that reads back to the same bits.
+        return repr(float(value))
+    if isinstance(value, (str, os.PathLike)):
+        return json.dumps(os.fspath(value))
+    if isinstance(value, Mapping):
+        members = (f"{_key(key)} = {_value(member)}" for key, member in value.items() if member is not None)
+        return "{ " + ", ".join(members) + " }"
+    if isinstance(value, (Sequence, np.ndarray)):
+        return "[" + ", ".join(_value(member) for member in value) + "]"
+    raise InputError(f"{value!r} cannot be written to an input file")

@@ -1,0 +1,36 @@
+"""Parameters of a synthetic curve are found again."""
+
+import pytest
+from conftest import CONTACT, DISCS
+
+import grainspan
+
+
+def biaxial(rve):
+    """The laboratory test of this file."""
+    rows = rve.triaxial(0.02, pressure=1e5, increments=10)
+    return rows[rows["segment"] == 1]
+
+
+def test_parameters_of_a_synthetic_curve_are_recovered():
+    truth = {"friction": 0.35, "modulus": 0.8e8}
+    target = biaxial(grainspan.Rve(DISCS, {**CONTACT, **truth}, accuracy="draft"))
+    found = grainspan.calibrate(
+        DISCS,
+        {"stiffness_ratio": 0.5},
+        target,
+        {"friction": (0.6, 0.1, 0.9), "modulus": (1.3e8, 0.4e8, 2e8)},
+        biaxial,
+    )
+    assert found.error < 0.02, found
+    assert found.parameters["friction"] == pytest.approx(0.35, rel=0.05)
+    assert found.parameters["modulus"] == pytest.approx(0.8e8, rel=0.05)
+    assert found.evaluations == len(found.trace) and set(found.uncertainty) == set(truth)
+
+
+def test_bad_requests_are_refused():
+    target = biaxial(grainspan.Rve(DISCS, CONTACT, accuracy="draft"))
+    with pytest.raises(grainspan.InputError, match="order of size"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.9, 0.1)}, biaxial)
+    with pytest.raises(grainspan.InputError, match="no column colour"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, columns=["colour"])

@@ -1,0 +1,108 @@
+"""Packings, runs and their files."""
+
+import copy
+import time
+
+import numpy as np
+import pytest
+from conftest import CONTACT, DISCS, ROOT
+
+import grainspan
+from grainspan import _toml
+
+SCENE = ROOT / "scenes" / "biaxial-small.toml"
+
+RECIPE = {
+    "number": 40,
+    "seed": 3,
+    "pressure": 1e5,
+    "thickness": 5e-4,
+    "tolerance": 1e-6,
+    "grading": {"distribution": "uniform", "smallest_radius": 1.6e-4, "largest_radius": 3.4e-4},
+    "contact": {"law": "linear", "modulus": 1e8, "stiffness_ratio": 0.5, "friction": 0.05},
+}
+
+
+def test_a_recipe_makes_a_packing(tmp_path):
+    packing = grainspan.pack(RECIPE, tmp_path / "p.json", seed=4)
+    assert len(packing) == 40 and packing.dimension == 2 and "coordination number" in packing.report
+    assert packing.positions.shape == (40, 2) and packing.radii.min() >= 1.6e-4
+    again = grainspan.pack(RECIPE, seed=4)
+    assert again.path is None
+    rows = [grainspan.Rve(one, CONTACT, accuracy="draft").isotropic(1.1e5, increments=2) for one in (packing, again)]
+    assert rows[0].equals(rows[1])
+    assert packing.plot() is not None
+    with pytest.raises(grainspan.InputError, match="grading"):
+        grainspan.pack({**RECIPE, "grading": {}})
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run of the small scene, with the steps that were reported."""
+    steps = []
+    out = tmp_path_factory.mktemp("run") / "out"
+    changes = {"loading.increments": 3, "boundary.2.displacement.y": -1e-4}
+    run = grainspan.run(SCENE, out=out, workers=1, set=changes, on_step=steps.append, progress=True)
+    return run, steps
+
+
+def test_a_run_reports_its_steps(finished):
+    run, steps = finished
+    assert [step["step"] for step in steps] == [0, 1, 2, 3]
+    assert run.summary["status"] == "done" and len(run.history) == 4
+    assert run.history["axial_compression"].iloc[-1] == pytest.approx(1e-3, rel=1e-6)
+    assert run.events[-1]["event"] == "finished" or any(event.get("event") == "finished" for event in run.events)
+
+
+def test_fields_and_grains_are_read(finished):
+    run, _ = finished
+    fields = run.fields()
+    assert len(fields.points) == 15 and len(fields.elements) == 8
+    # Means of the elements: four Gauss points each, all elements of one size.
+    stress = fields.elements["stress_4"].mean()
+    force = run.history["top_force"].iloc[-1]
+    assert stress * 0.05 == pytest.approx(force, rel=1e-3)
+    grains = run.grains()
+    assert len(grains.points) == 100 and (grains.points["radius"] > 0).all()
+    assert run.fields(0).time == 0.0
+    with pytest.raises(grainspan.InputError, match="there is no 99"):
+        run.fields(99)
+
+
+def test_a_scene_may_be_a_mapping(finished, tmp_path):
+    scene = _toml.read(SCENE)
+    scene["packing"] = DISCS
+    scene["loading"] = {"increments": 3}
+    scene["boundary"] = copy.deepcopy(scene["boundary"])
+    scene["boundary"][2]["displacement"]["y"] = -1e-4
+    run = grainspan.run(scene, out=tmp_path / "out", workers=1)
+    np.testing.assert_array_equal(run.history.to_numpy(), finished[0].history.to_numpy())
+
+
+def test_a_run_that_fails_says_why(tmp_path):
+    with pytest.raises(grainspan.RunFailed, match="incremnts") as failed:
+        grainspan.run(SCENE, out=tmp_path / "out", set={"loading.incremnts": 3})
+    assert failed.value.code == 2
+
+
+def test_an_exception_of_the_caller_stops_the_run(tmp_path):
+    class Enough(Exception):
+        pass
+
+    def stop(step):
+        if step["step"] == 1:
+            raise Enough
+
+    begun = time.monotonic()
+    with pytest.raises(Enough):
+        grainspan.run(SCENE, out=tmp_path / "out", workers=1, set={"loading.increments": 2000}, on_step=stop)
+    assert time.monotonic() - begun < 30
+    run = grainspan.Run(tmp_path / "out")
+    assert run.summary["status"] == "interrupted" and (run.folder / "checkpoint.bin").exists()
+
+
+def test_toml_survives(tmp_path):
+    table = {"a b": 'quote " and \\', "list": [1, 2.5, True], "none": None, "t": {"x": np.float64(0.1), "y": [{"z": 1}]}}
+    (tmp_path / "t.toml").write_text(_toml.write(table))
+    del table["none"]
+    assert _toml.read(tmp_path / "t.toml") == table
