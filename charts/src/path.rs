@@ -13,6 +13,8 @@ const SIZE: (u32, u32) = (720, 480);
 pub struct PathPoint {
     /// Values on the two axes.
     pub place: (f64, f64),
+    /// Half the height of the band around the value, its estimated error; 0 draws none.
+    pub error: f64,
     /// Whether the step was reached after cut-backs.
     pub cut_back: bool,
     /// Whether the step was reached by viscous stabilisation.
@@ -24,8 +26,10 @@ pub struct PathPoint {
 /// # Errors
 /// The drawing library refuses.
 pub fn path_svg([x, y]: [&str; 2], points: &[PathPoint]) -> Result<Option<String>, ChartError> {
-    let axis = |value: fn(&PathPoint) -> f64| range(&points.iter().map(value).collect::<Vec<_>>());
-    let (Some(across), Some(up)) = (axis(|point| point.place.0), axis(|point| point.place.1)) else {
+    let across = range(&points.iter().map(|point| point.place.0).collect::<Vec<_>>());
+    let edge = |side: f64| points.iter().map(move |point| point.place.1 + side * point.error);
+    let up = range(&edge(-1.0).chain(edge(1.0)).collect::<Vec<_>>());
+    let (Some(across), Some(up)) = (across, up) else {
         return Ok(None);
     };
     let mut text = String::new();
@@ -57,12 +61,21 @@ fn draw(
         .light_line_style(WHITE)
         .draw()?;
     let colour = RGBColor(20, 80, 160);
+    let has_band = points.iter().any(|point| point.error > 0.0);
+    if has_band {
+        let edge = |side: f64| points.iter().map(move |point| (point.place.0, point.place.1 + side * point.error));
+        let around: Vec<(f64, f64)> = edge(1.0).chain(edge(-1.0).rev()).collect();
+        chart
+            .draw_series([Polygon::new(around, colour.mix(0.25))])?
+            .label("estimated error")
+            .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 16, y + 5)], colour.mix(0.25).filled()));
+    }
     chart.draw_series(LineSeries::new(points.iter().map(|point| point.place), colour.stroke_width(2)))?;
     chart.draw_series(points.iter().map(|point| Circle::new(point.place, 3, colour.filled())))?;
     // Steps that were not reached at once, or not through states of equilibrium.
     let (repeated, stabilised) = (RGBColor(225, 140, 0), RGBColor(200, 20, 40));
     let marks = |wanted: fn(&PathPoint) -> bool| points.iter().filter(move |point| wanted(point));
-    let mut has_legend = false;
+    let mut has_legend = has_band;
     if marks(|point| point.cut_back && !point.stabilised).next().is_some() {
         let found = marks(|point| point.cut_back && !point.stabilised);
         chart
@@ -122,7 +135,7 @@ mod tests {
     fn points() -> Vec<PathPoint> {
         (0..5)
             .map(|step| f64::from(step) / 10.0)
-            .map(|load| PathPoint { place: (load, 20.0 * load), cut_back: false, stabilised: false })
+            .map(|load| PathPoint { place: (load, 20.0 * load), error: 0.0, cut_back: false, stabilised: false })
             .collect()
     }
 
@@ -152,6 +165,17 @@ mod tests {
             stabilised.contains("stabilised") && circles(&stabilised) == circles(&plain) + 2,
             "the step and the legend"
         );
+    }
+
+    #[test]
+    fn an_estimated_error_is_a_band_around_the_curve_and_within_the_picture() {
+        let mut points = points();
+        let drawn = |points: &[PathPoint]| path_svg(["load", "ratio"], points).unwrap().unwrap();
+        assert!(!drawn(&points).contains("estimated error"));
+        points.iter_mut().for_each(|point| point.error = 30.0);
+        let text = drawn(&points);
+        assert!(text.contains("estimated error") && text.contains("<polygon"));
+        assert!(text.contains(">40<") || text.contains(">50<"), "the axis reaches the upper edge: {text}");
     }
 
     #[test]

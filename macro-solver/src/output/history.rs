@@ -43,6 +43,8 @@ pub struct HistoryRow {
     pub stabilised: u64,
     /// Strain per ramp step, and the estimated errors of the stresses: of a point, and of their mean over the body.
     pub accuracy: StepAccuracy,
+    /// Estimated errors of the probes that are means of stresses, in their units; for pictures.
+    pub probe_errors: Vec<Option<f64>>,
 }
 
 /// Columns of a history in addition to those that every history has.
@@ -162,6 +164,7 @@ mod tests {
                 cut_backs: 2,
                 stabilised: 17,
                 accuracy: StepAccuracy { strain_per_step: 1e-6, estimate: None },
+                probe_errors: Vec::new(),
             })
             .unwrap();
         let mut reader = csv::Reader::from_path(&path).unwrap();
@@ -194,6 +197,7 @@ mod tests {
             cut_backs: 0,
             stabilised: 0,
             accuracy: StepAccuracy::default(),
+            probe_errors: Vec::new(),
         };
         assert!(history.append(&row).is_err());
         assert_eq!(std::fs::read(&path).unwrap(), before);
@@ -213,6 +217,7 @@ mod tests {
             cut_backs: step % 2,
             stabilised: 0,
             accuracy: StepAccuracy::default(),
+            probe_errors: Vec::new(),
         };
         let layout = HistoryLayout { probes: vec!["one".to_owned()], ..HistoryLayout::default() };
         let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));

@@ -127,6 +127,7 @@ impl Recorder {
             cut_backs: report.cut_backs as u64,
             stabilised: report.stabilisation_increments as u64,
             accuracy: report.accuracy,
+            probe_errors: self.probe_errors(report, view),
         };
         if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);
@@ -143,6 +144,11 @@ impl Recorder {
         self.history.append(&row)?;
         self.curve.push(row);
         Ok(())
+    }
+
+    fn probe_errors(&self, report: &StepReport, view: &FieldsView<'_>) -> Vec<Option<f64>> {
+        let Some(estimate) = &report.accuracy.estimate else { return Vec::new() };
+        self.plan.probes.iter().map(|probe| probe.quantity.error(view, estimate)).collect()
     }
 
     fn record_tables(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
@@ -185,7 +191,7 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;

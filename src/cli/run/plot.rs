@@ -13,10 +13,14 @@ pub(super) fn curve(rows: &[HistoryRow], probes: &[String], x: &str, y: &str) ->
         "load" => row.load,
         name => probes.iter().position(|probe| probe == name).map_or(f64::NAN, |index| row.probes[index]),
     };
+    let column = probes.iter().position(|probe| probe == y);
+    let error =
+        |row: &HistoryRow| column.and_then(|column| row.probe_errors.get(column).copied().flatten()).unwrap_or(0.0);
     let points: Vec<PathPoint> = rows
         .iter()
         .map(|row| PathPoint {
             place: (value(row, x), value(row, y)),
+            error: error(row),
             cut_back: row.cut_backs > 0,
             stabilised: row.stabilised > 0,
         })
@@ -42,6 +46,7 @@ mod tests {
             cut_backs: u64::from(step == 1),
             stabilised: 0,
             accuracy: StepAccuracy::default(),
+            probe_errors: Vec::new(),
         };
         let (rows, probes) = ([row(0), row(1), row(2)], ["ratio".to_owned()]);
         let text = curve(&rows, &probes, "load", "ratio").unwrap().unwrap();

@@ -1,6 +1,7 @@
 //! Probes: one number per accepted step, a column of `history.csv` each.
 
 mod band;
+mod error_band;
 mod field;
 mod measure;
 mod profile;
@@ -17,6 +18,7 @@ pub use profile::Profile;
 pub use reference::{ReferenceState, References};
 pub use stress_measure::{Axes, Rank, StressMeasure};
 
+use crate::material::error_estimate::ErrorEstimate;
 use crate::mesh::Mesh;
 use crate::observer::FieldsView;
 use crate::problem::Axis;
@@ -134,6 +136,14 @@ impl Quantity {
             }
             Self::KineticEnergy => view.dynamics.map_or(0.0, |motion| motion.energy.kinetic),
             Self::EnergyResidual => view.dynamics.map_or(0.0, |motion| motion.energy.relative_residual()),
+        }
+    }
+
+    /// Error of the value by the estimated error of the stresses, in its unit; `None` for what is not a mean of stresses.
+    pub fn error(&self, view: &FieldsView<'_>, estimate: &ErrorEstimate) -> Option<f64> {
+        match self {
+            Self::Field(probe) => probe.error(view, estimate),
+            _ => None,
         }
     }
 
