@@ -47,6 +47,9 @@ enum Style {
 /// Most points of a curve that get dots.
 const MOST_DOTS: usize = 60;
 
+/// Lengths of dash and gap of the references, one after the other, px.
+const DASHES: [(u32, u32); 3] = [(6, 4), (2, 3), (14, 4)];
+
 #[derive(Clone, Debug)]
 struct Curve {
     name: String,
@@ -201,6 +204,7 @@ impl Chart {
             .light_line_style(WHITE)
             .draw()?;
         let mut colours = COLOURS.iter().cycle();
+        let mut dashes = DASHES.into_iter().cycle();
         for Curve { name, points, style } in &self.curves {
             let line = points.iter().map(|point| (point[0], point[1]));
             match style {
@@ -221,10 +225,12 @@ impl Chart {
                         .legend(move |(x, y)| Cross::new((x + 9, y), 6, BLACK.stroke_width(2)));
                 }
                 Style::Reference => {
+                    let (dash, gap) = dashes.next().unwrap_or((6, 4));
+                    let sample = i32::try_from(dash).unwrap_or(6);
                     chart
-                        .draw_series(DashedLineSeries::new(line, 6, 4, BLACK.stroke_width(1)))?
+                        .draw_series(DashedLineSeries::new(line, dash, gap, BLACK.stroke_width(1)))?
                         .label(name)
-                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 7, y)], BLACK.stroke_width(1)));
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + sample, y)], BLACK.stroke_width(1)));
                 }
             }
         }

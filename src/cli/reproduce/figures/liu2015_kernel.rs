@@ -36,11 +36,11 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let mut chart = Chart::new(
         "[Liu2015] appendix A: kernels at a radius of 2.7 elements",
         ("time, ms", Scale::Linear),
-        ("force on the head, N", Scale::Linear),
+        ("force on the head, N", Scale::Logarithmic),
     );
-    for name in ["wendland", "bell"] {
+    for (name, label) in [("wendland", "Wendland"), ("bell", "bell, as printed")] {
         let curve = results.run(name)?.table()?.curve("time", "top_force")?;
-        chart.curve(name, curve.into_iter().map(|[time, force]| [1e3 * time, -force]));
+        chart.curve(label, curve.into_iter().map(|[time, force]| [1e3 * time, -force]));
     }
     let refused = results.run("bell-refused")?.stopped().is_some_and(|said| said.contains("unstable"));
     let ended = |name: &str| -> Result<f64, ReproduceError> {
