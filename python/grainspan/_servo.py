@@ -10,8 +10,8 @@ from .errors import ElementTestStopped
 from .history import History, with_invariants
 
 if TYPE_CHECKING:
-    from .rve import Rve
     from .result import TrialResult
+    from .rve import Rve
 
 #: Most trials of one increment.
 _MOST_TRIALS = 30
