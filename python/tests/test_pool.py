@@ -165,9 +165,9 @@ INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
 import grainspan
-pool = grainspan.Pool({discs!r}, {contact!r}, accuracy="tight", workers=1)
+pool = grainspan.Pool({discs!r}, {contact!r}, accuracy="default", workers=1)
 states = pool.states(40)
-threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
 begun = time.monotonic()
 try:
     pool.trial(states, np.linspace(0.01, 0.05, 40)[:, None, None] * [[0.0, 1.0], [0.0, -1.0]])
