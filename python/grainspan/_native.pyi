@@ -1,7 +1,7 @@
 """The extension module: numbers as bytes in native order. See the package for what users call."""
 
+from collections.abc import Sequence
 from os import PathLike
-from typing import Sequence
 
 def build() -> list[tuple[str, str]]: ...
 def tangent_names() -> list[str]: ...

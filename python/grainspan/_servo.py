@@ -10,14 +10,14 @@ from .errors import ElementTestStopped
 from .history import History, with_invariants
 
 if TYPE_CHECKING:
-    from .rve import Rve
     from .result import TrialResult
+    from .rve import Rve
 
 #: Most trials of one increment.
 _MOST_TRIALS = 30
 
 #: Observables that rows of an element test have.
-_OBSERVABLES = ("coordination_number_no_rattlers", "fabric", "sliding_fraction")
+_OBSERVABLES = ("coordination_number_no_rattlers", "fabric", "sliding_fraction", "energy")
 
 _SCALARS = (
     "void_ratio",
@@ -121,6 +121,9 @@ def _row(number: int, deformation: np.ndarray, result: TrialResult, cost: int) -
         row |= {f"{name}_{a}{b}": tensor[i, j] for i, a in enumerate(axes) for j, b in enumerate(axes)}
     row |= {name: result.observables[name][0] for name in _SCALARS}
     row["dem_steps"] = cost
+    row |= {name: result.observables[name][0] for name in ("elastic_energy", "frictional_dissipation")}
+    fabric = result.observables["fabric"][0]
+    row |= {f"fabric_{a}{b}": fabric[i, j] for i, a in enumerate(axes) for j, b in enumerate(axes) if i <= j}
     return row
 
 

@@ -143,7 +143,7 @@ def calibrate(
             # What a test has not reached counts as a difference of the size of the curve.
             return np.nan_to_num(difference, nan=_MISSED).ravel() / np.sqrt(difference.size)
 
-        def error(scaled: np.ndarray) -> np.ndarray:
+        def difference_of(scaled: np.ndarray) -> np.ndarray:
             found = residuals(curves(scaled[None])[0])
             values = lowest + scaled * (highest - lowest)
             trace.append({**dict(zip(names, values)), "error": float(np.linalg.norm(found))})
@@ -158,7 +158,7 @@ def calibrate(
 
         begin = (first - lowest) / (highest - lowest)
         fit = least_squares(
-            error, begin, derivatives, bounds=(0.0, 1.0), xtol=tolerance, ftol=1e-6, max_nfev=most_evaluations
+            difference_of, begin, derivatives, bounds=(0.0, 1.0), xtol=tolerance, ftol=1e-6, max_nfev=most_evaluations
         )
         best = curves(fit.x[None])[0]
     values = lowest + fit.x * (highest - lowest)

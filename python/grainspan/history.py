@@ -16,7 +16,7 @@ from .errors import InputError
 _AXES = "xyz"
 
 
-class _Plot(pd.DataFrame.plot):  # type: ignore[misc, name-defined]
+class _Plot(pd.DataFrame.plot):  # type: ignore[misc, name-defined, valid-type]
     """As the ``plot`` of pandas; without arguments, the curves of the test."""
 
     def __call__(self, *arguments: Any, **keywords: Any):

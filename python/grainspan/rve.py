@@ -329,6 +329,8 @@ class Rve:
     ) -> History:
         """Triaxial compression at constant mean stress; both lateral strains of spheres are equal.
 
+        The columns are those of the other tests but for the anisotropies of the forces (``a_c``, ``a_n``, ``a_t``).
+
         Parameters
         ----------
         axial_strain : float, optional

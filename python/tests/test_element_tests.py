@@ -143,12 +143,12 @@ def test_the_tangent_by_the_gradient_is_the_derivative(rve):
     H = np.array([[1e-5, 0.0], [0.0, -2e-5]])
     moduli = cell.trial(H, tangent="truss_like", ramp_steps=200)
     step = 1e-8
-    for k, l in np.ndindex(2, 2):
+    for k, m in np.ndindex(2, 2):
         change = np.zeros((2, 2))
-        change[k, l] = step
+        change[k, m] = step
         ends = [cell.trial(H + sign * change, tangent="none", ramp_steps=200).stress[0] for sign in (1, -1)]
         difference = (ends[0] - ends[1]) / (2 * step)
-        found = moduli.tangent_by_gradient(H)[0, :, :, k, l]
+        found = moduli.tangent_by_gradient(H)[0, :, :, k, m]
         assert np.abs(found - difference).max() < 0.02 * np.abs(moduli.tangent).max()
 
 

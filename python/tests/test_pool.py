@@ -113,14 +113,15 @@ def test_arguments_are_checked(pool):
         pool.states(1, packing=1)
     with pytest.raises(grainspan.InputError, match="cannot be mixed"):
         grainspan.Pool([DISCS, SPHERES], CONTACT, workers=1)
-    with pytest.raises(grainspan.InputError, match="damaged"):
-        sound = pool.trial(states, gradients(2, 1e-4)) and pool.commit(states) or pool.snapshot(states)
+    pool.trial(states, gradients(2, 1e-4))
+    pool.commit(states)
+    sound = pool.snapshot(states)
+    with pytest.raises(grainspan.InputError, match="snapshot 1 of the call.*damaged"):
         pool.restore(states, [sound[0], sound[1][:-1] + bytes([sound[1][-1] ^ 1])])
     with pytest.raises(grainspan.StartError, match="no program"):
         grainspan.Pool(DISCS, CONTACT, program="/nonexistent/grainspan")
     with grainspan.Pool(DISCS, CONTACT, workers=1) as other, pytest.raises(grainspan.InputError, match="another pool"):
         other.trial(states, np.zeros((2, 2)))
-    assert len(other._native.__class__.__name__) > 0
     with pytest.raises(grainspan.PoolClosed):
         other.states(1)
 
@@ -164,9 +165,9 @@ INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
 import grainspan
-pool = grainspan.Pool({discs!r}, {contact!r}, accuracy="tight", workers=1)
+pool = grainspan.Pool({discs!r}, {contact!r}, accuracy="default", workers=1)
 states = pool.states(40)
-threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
 begun = time.monotonic()
 try:
     pool.trial(states, np.linspace(0.01, 0.05, 40)[:, None, None] * [[0.0, 1.0], [0.0, -1.0]])

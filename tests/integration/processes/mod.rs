@@ -3,6 +3,7 @@
 mod faults;
 mod faults_in_cycles;
 mod grain_pool;
+mod pool_in_c;
 mod pool_in_process;
 mod pool_processes;
 mod pool_shared_memory;

@@ -175,7 +175,7 @@ fn as_path(text: &str) -> Option<&str> {
 
 /// Whether the first folder of a path is one of the repository that a document can only mean as a path.
 fn top_level(path: &str) -> bool {
-    const FOLDERS: [&str; 18] = [
+    const FOLDERS: [&str; 19] = [
         ".ci",
         "adapters",
         "bench",
@@ -186,6 +186,7 @@ fn top_level(path: &str) -> bool {
         "keys",
         "macro-solver",
         "packings",
+        "pool-c",
         "protocol",
         "python",
         "rve-server",
@@ -376,6 +377,7 @@ fn source_folders() -> Vec<String> {
         "keys",
         "scene-reader",
         "grain-pool",
+        "pool-c",
         "bench",
         "charts",
         "worker-c",

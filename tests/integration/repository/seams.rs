@@ -61,6 +61,7 @@ fn random_iteration_order_is_absent() {
         "charts/src",
         "grain-pool/src",
         "python/src",
+        "pool-c/src",
         "bench/src",
         "src",
     ];

@@ -1,0 +1,103 @@
+//! Stress and tangent in the order of the host: 11, 22, 33, 12, 13, 23, shear strains doubled, matrices by columns.
+
+use crate::border::Failure;
+use protocol::{Tensor2, Tensor4};
+use std::ffi::c_int;
+
+const DIRECT: [(usize, usize); 3] = [(0, 0), (1, 1), (2, 2)];
+const SHEAR: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+/// A deformation gradient from an array by columns.
+pub(super) fn gradient(columns: &[f64]) -> [[f64; 3]; 3] {
+    std::array::from_fn(|i| std::array::from_fn(|j| columns[3 * j + i]))
+}
+
+/// Components of a stress state.
+#[derive(Clone, Debug)]
+pub(super) struct Voigt {
+    pairs: Vec<(usize, usize)>,
+}
+
+impl Voigt {
+    /// For three direct and one (plane strain, axial symmetry) or three shear components.
+    ///
+    /// # Errors
+    /// Any other stress state: plane stress cannot be kept by a cell.
+    pub(super) fn new(direct: c_int, shear: c_int) -> Result<Self, Failure> {
+        let shears = match (direct, shear) {
+            (3, 1) => 1,
+            (3, 3) => 3,
+            _ => {
+                let text = format!(
+                    "NDI = {direct} and NSHR = {shear}: only plane strain, axial symmetry and solids are served"
+                );
+                return Err(Failure::input(text));
+            }
+        };
+        Ok(Self { pairs: DIRECT.into_iter().chain(SHEAR.into_iter().take(shears)).collect() })
+    }
+
+    /// NTENS.
+    pub(super) fn components(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// STRESS: the symmetric part; what grains that are nearly at rest leave of the rest is no stress of a continuum.
+    pub(super) fn put_stress(&self, stress: &Tensor2, room: &mut [f64]) {
+        for (place, &(i, j)) in room.iter_mut().zip(&self.pairs) {
+            *place = 0.5 * (stress.get(i, j) + stress.get(j, i));
+        }
+    }
+
+    /// DDSDDE: change of the Jaumann rate of the Kirchhoff stress over the volume ratio with the strain increment,
+    /// `1/2 (C_ijkl + C_ijlk) + sigma_ij delta_kl`, by columns. `C` is objective, so its spin part is that of the Jaumann rate.
+    pub(super) fn put_jacobian(&self, tangent: &Tensor4, stress: &Tensor2, room: &mut [f64]) {
+        let rows = self.pairs.len();
+        for (column, &(k, l)) in self.pairs.iter().enumerate() {
+            for (row, &(i, j)) in self.pairs.iter().enumerate() {
+                let both = |i, j| 0.5 * (tangent.get(i, j, k, l) + tangent.get(i, j, l, k));
+                let convected = if k == l { 0.5 * (stress.get(i, j) + stress.get(j, i)) } else { 0.0 };
+                room[rows * column + row] = 0.5 * (both(i, j) + both(j, i)) + convected;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An objective isotropic law: the Jaumann rate of the Cauchy stress is Lame's.
+    #[test]
+    fn the_jacobian_of_an_objective_law_has_no_spin() {
+        let (lame, shear) = (3.0, 2.0);
+        let stress = Tensor2([5.0, 1.0, 0.0, 1.0, -2.0, 0.0, 0.0, 0.0, 0.5]);
+        let delta = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+        let mut tangent = Tensor4::ZERO;
+        for place in 0..81 {
+            let [i, j, k, l] = [place / 27, place / 9 % 3, place / 3 % 3, place % 3];
+            // d sigma = lame tr(L) I + 2 shear D + W sigma - sigma W, with W = (L - L^T) / 2.
+            let spin = 0.5
+                * (delta(i, k) * stress.get(l, j) - delta(i, l) * stress.get(k, j) - stress.get(i, k) * delta(l, j)
+                    + stress.get(i, l) * delta(k, j));
+            let elastic =
+                lame * delta(i, j) * delta(k, l) + shear * (delta(i, k) * delta(j, l) + delta(i, l) * delta(j, k));
+            tangent.set(i, j, k, l, elastic + spin);
+        }
+        let voigt = Voigt::new(3, 3).unwrap();
+        let mut jacobian = vec![0.0; 36];
+        voigt.put_jacobian(&tangent, &stress, &mut jacobian);
+        let direct = |row: usize, column: usize| jacobian[6 * column + row];
+        assert!((direct(0, 0) - (lame + 2.0 * shear + 5.0)).abs() < 1e-14);
+        assert!((direct(0, 1) - (lame + 5.0)).abs() < 1e-14 && (direct(1, 0) - (lame - 2.0)).abs() < 1e-14);
+        assert!((direct(3, 3) - shear).abs() < 1e-14 && direct(0, 3).abs() < 1e-14);
+        assert!((direct(3, 0) - 1.0).abs() < 1e-14, "the shear stress is convected");
+    }
+
+    #[test]
+    fn stress_states_that_a_cell_cannot_keep_are_refused() {
+        assert!(Voigt::new(2, 1).unwrap_err().text.contains("NDI = 2"));
+        assert_eq!(Voigt::new(3, 1).unwrap().components(), 4);
+        assert_eq!(gradient(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])[0], [1.0, 4.0, 7.0]);
+    }
+}
