@@ -33,7 +33,7 @@ pub(crate) struct ProbeTable {
     #[schemars(extend("x-default" = "the start of the run"))]
     pub(crate) reference: Option<Located<String>>,
     /// Kind that shows the band; of band kinds. It is one that is measured at Gauss points and needs no `component`.
-    #[schemars(extend("x-default" = "shear_strain"))]
+    #[schemars(with = "Option<String>", extend("x-default" = "shear_strain"))]
     pub(crate) field: Option<Located<ProbeKind>>,
 }
 
@@ -44,6 +44,7 @@ pub(crate) struct ProfileTable {
     /// Name of the file: letters, digits, `-` and `_`.
     pub(crate) name: Located<String>,
     /// Quantity: a kind of `[[probe]]` that is measured at Gauss points.
+    #[schemars(with = "String")]
     pub(crate) kind: Located<ProbeKind>,
     /// As in `[[probe]]`.
     pub(crate) component: Option<Located<String>>,
@@ -81,7 +82,6 @@ fn always() -> u64 {
 /// A part of the body. Exactly one way to choose it is given.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("x-folded" = true))]
 pub(crate) struct PartTable {
     /// Element set.
     pub(crate) elements: Option<Located<String>>,
