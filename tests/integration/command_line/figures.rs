@@ -148,7 +148,9 @@ fn a_short_run_writes_what_figures_are_drawn_from() {
     assert!((mean - history["porosity"][0]).abs() < 1e-12);
 
     let point = columns(&out.join("points/point-0009.csv"));
-    assert_eq!(point["void_ratio"], history["void_ratio_of_one"], "element 2, point 1");
+    for (one, other) in point["void_ratio"].iter().zip(&history["void_ratio_of_one"]) {
+        assert!((one - other).abs() < 1e-14, "element 2, point 1: {one} {other}");
+    }
     assert!(point["sigma_yy"][4] < -1.1e5 && point["fabric_xx"][4] > 0.0 && point["sigma_zz"][4] == 0.0);
     assert!(out.join("points/point-0003.csv").is_file());
 
