@@ -87,11 +87,11 @@ fn spread(curves: &[Curve]) -> f64 {
     (1..=25).map(|step| at(0.002 * f64::from(step))).map(|(low, high)| high - low).fold(0.0, f64::max)
 }
 
-/// The biaxial stage of the specimen: stress ratio over compression.
+/// The biaxial stage of the specimen: stress ratio over the compression since its begin.
 fn grains(run: &Finished) -> Result<Curve, ReproduceError> {
-    let table = run.table()?;
+    let table = run.table()?.stage("biaxial")?;
     let stress = table.column("wall_sigma_xx")?.into_iter().zip(table.column("wall_sigma_yy")?);
-    let along = table.column("strain_yy")?;
-    let values: Vec<f64> = stress.map(|(xx, yy)| liu_ratio(yy / xx)).collect();
-    Ok(along.iter().zip(values).map(|(strain, value)| [-strain, value]).filter(|point| point[0] >= 0.0).collect())
+    let strain = table.column("strain_yy")?;
+    let compression = strain.iter().map(|strain_yy| 1.0 - (1.0 + strain_yy) / (1.0 + strain[0]));
+    Ok(compression.zip(stress).map(|(x, (xx, yy))| [x, liu_ratio(yy / xx)]).collect())
 }
