@@ -1,13 +1,13 @@
 //! Accuracy by error: the strain per ramp step follows the estimated error of the stresses.
 
-/// Part of the error that is aimed at: the estimate scatters by some ten per cent, and what a coarse step has done stays.
-const AIMED_AT: f64 = 0.7;
+/// Part of the error that is aimed at: the error grows along the path, and what a coarse step has done stays.
+const AIMED_AT: f64 = 0.5;
 
 /// Changes of the strain per step that are too small to be made.
 const DEAD_BAND: f64 = 1.25;
 
 /// Largest changes from one load step to the next, down and up.
-const LARGEST_CHANGES: [f64; 2] = [0.5, 1.5];
+const LARGEST_CHANGES: [f64; 2] = [0.5, 1.25];
 
 /// The key `rve.error`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,17 +42,17 @@ mod tests {
     #[test]
     fn an_error_in_proportion_to_the_step_is_brought_to_what_is_aimed_at() {
         let mut strain = 1e-6;
-        for _ in 0..20 {
+        for _ in 0..30 {
             strain = CONTROL.next_strain_per_step(strain, 900.0 * strain);
         }
         let error = 900.0 * strain;
-        assert!(error > 0.5 * CONTROL.error && error < CONTROL.error, "{error}");
+        assert!(error > 0.35 * CONTROL.error && error < CONTROL.error, "{error}");
     }
 
     #[test]
     fn the_strain_per_step_stays_within_its_bounds_and_still_where_it_is_right() {
         assert_eq!(CONTROL.next_strain_per_step(2e-5, 0.0), 2e-5);
         assert_eq!(CONTROL.next_strain_per_step(1e-6, 1.0), 1e-6);
-        assert_eq!(CONTROL.next_strain_per_step(4e-6, 3.4e-3), 4e-6);
+        assert_eq!(CONTROL.next_strain_per_step(4e-6, 2.4e-3), 4e-6);
     }
 }

@@ -143,7 +143,7 @@ fn check_fields(out: &Path) {
     let grains = pieces[0].load_piece_data(None).unwrap();
     assert_eq!(grains.num_points(), 100);
     let fields: Vec<&str> = grains.data.point.iter().map(|field| field.name()).collect();
-    assert_eq!(fields, ["radius", "rotation", "contacts", "rattler"]);
+    assert_eq!(fields, ["radius", "rotation", "contacts", "rattler", "displacement_fluctuation"]);
 }
 
 #[test]
