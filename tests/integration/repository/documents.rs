@@ -164,7 +164,8 @@ fn as_path(text: &str) -> Option<&str> {
     let path = text.split(['#', ':']).next().unwrap_or(text);
     let inside = !path.starts_with(['/', '~', '-', '<', '.']) || path.starts_with(".ci/");
     let plain = !path.contains([' ', '<', '>', '=', '(', '$', '"', '@', '|', '\\']);
-    let product = ["out/", "target/", "dist/", "site/", "mine/"].iter().any(|prefix| path.starts_with(prefix));
+    let products = ["out/", "target/", "dist/", "site/", "mine/", "points/", "profiles/"];
+    let product = products.iter().any(|prefix| path.starts_with(prefix));
     let capitals = path.split('/').any(|part| {
         let stem = part.split('.').next().unwrap_or(part);
         stem.len() > 1 && stem.chars().all(|letter| letter.is_ascii_uppercase()) && part.ends_with(".rs")
