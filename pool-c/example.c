@@ -89,13 +89,14 @@ int main(int count, char **words) {
 
     /* The user material: an increment that the host shortens, and the next one. The same steps by the pool. */
     uint64_t state;
-    double step[9] = {[4] = -2e-4}, wanted[9], stress[4];
+    const double start[2] = {1, 1}, far[2] = {1, -1}, first[2] = {1, 1 - 2e-4}, second[2] = {1, 1 - 3e-4};
+    /* As the material forms it, so that the bits are equal. */
+    double step[9] = {[4] = first[1] - start[1]}, wanted[9], stress[4];
     done(grainspan_new_states(pool, 0, 1, &state));
     done(grainspan_trial(pool, 1, &state, step, USUAL_TANGENT, 0, wanted, NULL, NULL, NULL));
     setenv("GRAINSPAN_PROGRAM", words[1], 1);
     setenv("GRAINSPAN_CELL", words[2], 1);
     setenv("GRAINSPAN_WORKERS", "1", 1);
-    const double start[2] = {1, 1}, far[2] = {1, -1}, first[2] = {1, 1 - 2e-4}, second[2] = {1, 1 - 3e-4};
     expect(material(0.0, 1.0, start, far, stress) == 0.5, "a refusal asks for half the increment");
     expect(material(0.0, 0.5, start, first, stress) == 1.0 && stress[1] == wanted[4], "the shortened increment");
     expect(material(0.0, 0.5, start, first, stress) == 1.0 && stress[1] == wanted[4], "another iteration");
