@@ -6,8 +6,10 @@
 
 mod channel;
 mod error_estimate;
+mod femxdem;
 mod micro;
 mod newton;
+mod program;
 mod repeat;
 mod report;
 mod rve;
@@ -74,6 +76,12 @@ const STUDIES: &[Study] = &[
         name: "error-estimate",
         about: "estimated against true error of the stresses over ten cells, and what it costs to keep to an error",
         run: error_estimate::run,
+        redraw: None,
+    },
+    Study {
+        name: "femxdem",
+        about: "a biaxial test with the open FEM x DEM code (Yade over escript) and with ours: time and error of both",
+        run: femxdem::run,
         redraw: None,
     },
     Study {

@@ -308,6 +308,8 @@ pub struct Statistics {
     pub skipped: u64,
     /// Failed attempts.
     pub cut_backs: u64,
+    /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].
+    pub stagnated_steps: u64,
     /// Steps that reached equilibrium by viscous stabilisation, see [`Stabilised`].
     pub stabilised_steps: u64,
     /// Committed increments of viscous stabilisation, none of them in balance but the last of each stabilised step. Like the

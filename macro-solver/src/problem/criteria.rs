@@ -134,6 +134,16 @@ pub struct Tolerances {
     #[serde(rename = "displacement_tolerance")]
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     pub displacement: f64,
+    /// Out-of-balance force up to which a step is accepted whose iterations no longer make progress, as where cells snap and no state
+    /// within `force_tolerance` lies next to the last one; the next step restores the whole balance. Counted as
+    /// `fallbacks.stagnated_steps`. 0 accepts none.
+    #[serde(rename = "stagnated_force_tolerance")]
+    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
+    pub stagnated_force: f64,
+    /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. 0 accepts none.
+    #[serde(rename = "stagnated_displacement_tolerance")]
+    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
+    pub stagnated_displacement: f64,
     /// Largest work of the out-of-balance force along the next correction, over the work of the internal forces along the step.
     #[serde(rename = "energy_tolerance")]
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
@@ -145,19 +155,35 @@ pub struct Tolerances {
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self { force: 1e-3, displacement: 1e-2, energy: 1e-6, criteria: Criteria::default() }
+        Self {
+            force: 1e-3,
+            displacement: 1e-2,
+            stagnated_force: 1e-2,
+            stagnated_displacement: 5e-2,
+            energy: 1e-6,
+            criteria: Criteria::default(),
+        }
     }
 }
 
 impl Tolerances {
-    /// Force and displacement, both to hold.
+    /// Force and displacement, both to hold; nothing less is accepted.
     pub const fn both(force: f64, displacement: f64) -> Self {
         let criteria = Criteria {
             force: Some(ForceMeasure::Largest),
             displacement: Some(DisplacementMeasure::FullStep),
             energy: false,
         };
-        Self { force, displacement, energy: 1e-6, criteria }
+        Self { force, displacement, stagnated_force: 0.0, stagnated_displacement: 0.0, energy: 1e-6, criteria }
+    }
+
+    /// What a step is held to whose iterations make no more progress; never less than what any step is held to.
+    pub fn stagnated(&self) -> Self {
+        Self {
+            force: self.force.max(self.stagnated_force),
+            displacement: self.displacement.max(self.stagnated_displacement),
+            ..*self
+        }
     }
 
     /// The measures that count over their tolerances: force, then the larger of displacement and energy; 0 where none
@@ -179,7 +205,7 @@ mod tests {
     #[test]
     fn only_criteria_that_count_are_held_against_an_iterate() {
         let measured = ConvergenceMeasures { force: 4e-3, displacement: 2e-3, energy: 3e-6 };
-        let with = |criteria| Tolerances { force: 1e-3, displacement: 1e-2, energy: 1e-6, criteria };
+        let with = |criteria| Tolerances { criteria, ..Tolerances::both(1e-3, 1e-2) };
         let excess = |criteria| with(criteria).excess(&measured).map(|value| (value * 1e6).round() / 1e6);
         assert_eq!(excess(Criteria::default()), [4.0, 0.2]);
         assert_eq!(excess(Criteria { energy: true, ..Criteria::default() }), [4.0, 3.0]);
@@ -188,5 +214,18 @@ mod tests {
         let lost = ConvergenceMeasures { energy: f64::NAN, ..measured };
         assert!(with(Criteria { energy: true, ..Criteria::default() }).excess(&lost)[1].is_nan());
         assert!(Criteria { force: None, displacement: None, energy: false }.is_empty());
+    }
+
+    #[test]
+    fn a_stagnated_step_is_held_to_the_weaker_of_both_tolerances() {
+        let usual = Tolerances::default();
+        assert_eq!((usual.stagnated().force, usual.stagnated().displacement), (1e-2, 5e-2));
+        let weak = Tolerances { force: 3e-2, ..usual };
+        assert_eq!(weak.stagnated().force, 3e-2);
+        let strict = Tolerances { stagnated_force: 0.0, stagnated_displacement: 0.0, ..usual };
+        assert_eq!(
+            strict.stagnated().excess(&ConvergenceMeasures { force: 2e-3, displacement: 1e-2, energy: 0.0 }),
+            [2.0, 1.0]
+        );
     }
 }

@@ -23,6 +23,11 @@ pub enum TangentUpdate {
     },
     /// At the first iterate of every attempt.
     EachStep,
+    /// The same, and once more after an iteration that leaves more than `contraction` of the out-of-balance force.
+    EachStepOrSlow {
+        /// Share of the out-of-balance force, between 0 and 1.
+        contraction: f64,
+    },
     /// At the start, and after a failed attempt.
     Once,
 }
@@ -30,6 +35,9 @@ pub enum TangentUpdate {
 impl TangentUpdate {
     /// Modified Newton with the values that were measured to need the fewest evaluations.
     pub const WHEN_SLOW: Self = Self::WhenSlow { contraction: 0.5, most_uses: 12 };
+
+    /// What full Newton needs and no more: the last iterate of a step, which is only checked, gets no tangents of its own.
+    pub const EACH_STEP_OR_SLOW: Self = Self::EachStepOrSlow { contraction: 0.5 };
 
     /// Whether a factorization outlives the iterate that it was made at.
     pub fn keeps(self) -> bool {
@@ -44,7 +52,7 @@ pub(super) struct TangentUpdateKeys {
     /// When points are asked for tangents.
     #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
     tangent_update: TangentUpdateWord,
-    /// Of "when_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
+    /// Of "when_slow" and "each_step_or_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"), range(max = 1.0))]
     tangent_update_contraction: f64,
     /// Of "when_slow": iterations for which tangents serve at most.
@@ -63,6 +71,9 @@ enum TangentUpdateWord {
     WhenSlow,
     /// At the first iterate of every attempt.
     EachStep,
+    /// At the first iterate of every attempt, and at the next one after an iteration that leaves more than
+    /// `tangent_update_contraction` of the out-of-balance force.
+    EachStepOrSlow,
     /// At the start, and after a failed attempt.
     Once,
 }
@@ -82,6 +93,9 @@ impl From<TangentUpdateKeys> for TangentUpdate {
                 Self::WhenSlow { contraction: keys.tangent_update_contraction, most_uses: keys.tangent_max_uses }
             }
             TangentUpdateWord::EachStep => Self::EachStep,
+            TangentUpdateWord::EachStepOrSlow => {
+                Self::EachStepOrSlow { contraction: keys.tangent_update_contraction }
+            }
             TangentUpdateWord::Once => Self::Once,
         }
     }
@@ -98,6 +112,9 @@ impl From<TangentUpdate> for TangentUpdateKeys {
                 tangent_max_uses: most_uses,
             },
             TangentUpdate::EachStep => with(TangentUpdateWord::EachStep),
+            TangentUpdate::EachStepOrSlow { contraction } => {
+                Self { tangent_update_contraction: contraction, ..with(TangentUpdateWord::EachStepOrSlow) }
+            }
             TangentUpdate::Once => with(TangentUpdateWord::Once),
         }
     }
@@ -169,7 +186,8 @@ pub enum NamedStrategy {
     Newton,
     /// Modified Newton: the same tangent, kept until it converges slowly.
     ModifiedNewton,
-    /// Full Newton with the tangent whose sliding contacts are those of the evaluation's own ramp.
+    /// Newton with the tangent whose sliding contacts are those of the evaluation's own ramp, once per step and again where it
+    /// converges slowly.
     SlipNewton,
     /// The same with a rank-one secant correction of each point's tangent.
     SlipSecant,
@@ -231,7 +249,7 @@ impl NamedStrategy {
         match self {
             Self::Newton => plain,
             Self::ModifiedNewton => Strategy { tangent_update: TangentUpdate::WHEN_SLOW, ..plain },
-            Self::SlipNewton => slip,
+            Self::SlipNewton => Strategy { tangent_update: TangentUpdate::EACH_STEP_OR_SLOW, ..slip },
             Self::SlipSecant => Strategy { secant: Some(SecantGates::default()), ..slip },
             Self::PointSecant => Strategy {
                 tangent_update: TangentUpdate::Once,

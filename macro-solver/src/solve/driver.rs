@@ -228,7 +228,14 @@ impl<'a> Solver<'a> {
         self.points.forget_trials();
         let ratio = start.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
         let converged = if ratio <= self.stage().tolerances.force {
-            Converged { increment: still, load: 0.0, iterations: 0, force_ratio: ratio, displacement_ratio: 0.0 }
+            Converged {
+                increment: still,
+                load: 0.0,
+                iterations: 0,
+                force_ratio: ratio,
+                displacement_ratio: 0.0,
+                stagnated: false,
+            }
         } else {
             let converged = method.attempt(self, 0.0, false, session).map_err(ended)?;
             session.material.commit().map_err(|error| ended(failure(error)))?;
@@ -328,6 +335,7 @@ impl<'a> Solver<'a> {
             self.statistics.steps += 1;
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
+        self.statistics.stagnated_steps += u64::from(converged.stagnated);
         self.note_accuracy(session);
         let mut reactions = self.committed_balance.residual();
         for (dof, reaction) in reactions.iter_mut().enumerate() {

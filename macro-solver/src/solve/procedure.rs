@@ -60,4 +60,6 @@ pub(super) struct Converged {
     pub(super) force_ratio: f64,
     /// Displacement ratio reached.
     pub(super) displacement_ratio: f64,
+    /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
+    pub(super) stagnated: bool,
 }

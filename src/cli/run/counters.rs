@@ -42,11 +42,12 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 33] = [
+pub(crate) const COUNTERS: [Counter; 34] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
     counter("asymmetric_stresses", LookAtThis, "asymmetric stress tensor*"),
+    counter("stagnated_steps", LookAtThis, "stagnated step*"),
     counter("steps_stabilised", LookAtThis, "stabilised step*"),
     counter("stabilisation_increments", LookAtThis, "stabilisation increment*"),
     counter("continued_by_another_build", LookAtThis, "continuation* by another build"),

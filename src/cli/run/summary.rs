@@ -139,6 +139,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("secant_refused", statistics.secant_refusals),
         ("asymmetric_stresses", statistics.asymmetric_stresses),
         ("sub_steps_of_points", statistics.sub_steps),
+        ("stagnated_steps", statistics.stagnated_steps),
         ("steps_stabilised", statistics.stabilised_steps),
         ("stabilisation_increments", statistics.stabilisation_increments),
         ("stabilisation_evaluations", statistics.stabilisation_evaluations),

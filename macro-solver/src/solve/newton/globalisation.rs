@@ -20,6 +20,10 @@ const LONGEST_STAGNATION: usize = 5;
 /// See [`LONGEST_STAGNATION`].
 const PROGRESS: f64 = 0.9;
 
+/// Evaluations without halving the distance from convergence after which iterations make no progress worth their cost, if the
+/// iterate may be accepted as it is. A smooth material halves it in each.
+const LONGEST_CRAWL: usize = 2;
+
 /// Globalisation of one attempt.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct Globalisation {
@@ -29,6 +33,9 @@ pub(in crate::solve) struct Globalisation {
     lowered_cap: f64,
     least: [f64; 2],
     idle: usize,
+    /// Distance from convergence, as multiple of the tolerances, when it was last halved.
+    halved: f64,
+    crawling: usize,
 }
 
 /// The last accepted iterate.
@@ -42,7 +49,16 @@ impl Globalisation {
     /// Lets corrections change displacement gradients by up to `cap`, and by up to `lowered_cap` once the residual
     /// has grown.
     pub(in crate::solve) fn new(cap: f64, lowered_cap: f64) -> Self {
-        Self { base: None, backtracks: 0, cap, lowered_cap, least: [f64::INFINITY; 2], idle: 0 }
+        Self {
+            base: None,
+            backtracks: 0,
+            cap,
+            lowered_cap,
+            least: [f64::INFINITY; 2],
+            idle: 0,
+            halved: f64::INFINITY,
+            crawling: 0,
+        }
     }
 
     /// Whether an evaluated iterate is accepted, by its out-of-balance force; growth below `settled` does not matter. After
@@ -82,6 +98,19 @@ impl Globalisation {
             self.idle += 1;
         }
         self.idle >= LONGEST_STAGNATION
+    }
+
+    /// Takes an accepted iterate's criteria, each over its tolerance, and returns whether the iterations crawl: at this rate the
+    /// tolerances are not worth reaching, or cannot be reached.
+    pub(in crate::solve) fn crawls(&mut self, criteria: [f64; 2]) -> bool {
+        let distance = criteria[0].max(criteria[1]);
+        if distance <= 0.5 * self.halved {
+            self.halved = distance;
+            self.crawling = 0;
+        } else {
+            self.crawling += 1;
+        }
+        self.crawling >= LONGEST_CRAWL
     }
 
     /// Share of a correction of size `largest` that may be applied.
@@ -127,6 +156,16 @@ mod tests {
         assert_eq!(guard.backtrack(&[1.5]), Some(vec![1.25]));
         assert_eq!(guard.backtrack(&[1.25]), Some(vec![1.125]));
         assert_eq!(guard.backtrack(&[1.125]), None);
+    }
+
+    #[test]
+    fn iterations_crawl_that_do_not_halve_the_distance_in_two_evaluations() {
+        let crawls = |distances: &[f64]| {
+            let mut guard = Globalisation::new(1e-3, 1e-3);
+            distances.iter().map(|distance| guard.crawls([*distance, 0.0])).collect::<Vec<_>>()
+        };
+        assert_eq!(crawls(&[8.0, 5.0, 3.0, 2.0, 1.2]), [false; 5]);
+        assert_eq!(crawls(&[8.0, 7.0, 6.0, 2.0]), [false, false, true, false]);
     }
 
     #[test]

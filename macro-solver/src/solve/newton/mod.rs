@@ -99,6 +99,36 @@ struct Attempt {
     /// Load factor of the iterate.
     load: f64,
     globalisation: Globalisation,
+    /// The iterate, joined with its load factor, that came nearest to convergence of those that a stagnated step may end at, and
+    /// its distance.
+    nearest: Option<(f64, Vec<f64>)>,
+}
+
+impl Attempt {
+    /// Whether the attempt may end at an evaluated iterate if it stagnates, by its measures over the weaker tolerances; remembers the
+    /// nearest of them. One that is twice as far from convergence as the nearest is not the place to end.
+    fn may_end_at(&mut self, joined: &[f64], excess: [f64; 2], stagnated: [f64; 2]) -> bool {
+        let distance = excess[0].max(excess[1]);
+        if !stagnated.iter().all(|excess| *excess <= 1.0) {
+            return false;
+        }
+        let nearest = self.nearest.as_ref().map_or(f64::INFINITY, |(nearest, _)| *nearest);
+        if distance < nearest {
+            self.nearest = Some((distance, joined.to_vec()));
+        }
+        distance <= 2.0 * nearest
+    }
+
+    fn converged(&self, iterations: usize, measures: &ConvergenceMeasures, stagnated: bool) -> Converged {
+        Converged {
+            increment: self.iterate.clone(),
+            load: self.load,
+            iterations,
+            force_ratio: measures.force,
+            displacement_ratio: measures.displacement,
+            stagnated,
+        }
+    }
 }
 
 impl Solver<'_> {
@@ -107,6 +137,22 @@ impl Solver<'_> {
     fn attempt_newton(&mut self, target: f64, again: bool, session: &mut Session<'_>) -> Result<Converged, Failure> {
         let mut attempt = self.begin_attempt(target, again)?;
         let full_step = self.full_step(target);
+        match self.iterate(&mut attempt, full_step, session) {
+            Err(Failure::Attempt(reason)) => match attempt.nearest.take() {
+                Some((_, nearest)) => self.settle_for(attempt, nearest, full_step, session),
+                None => Err(Failure::Attempt(reason)),
+            },
+            ended => ended,
+        }
+    }
+
+    /// Iterates until the step has converged, or until it stagnates close enough to convergence.
+    fn iterate(
+        &mut self,
+        attempt: &mut Attempt,
+        full_step: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
         let mut last = String::new();
         let max_iterations = self.stage().control.max_iterations;
         for iteration in 1..=max_iterations {
@@ -114,27 +160,25 @@ impl Solver<'_> {
             let mut report = self.blank_report(attempt.load, iteration);
             // The load factor is a part of the iterate: backtracking takes it back as well.
             let joined: Vec<f64> = attempt.iterate.iter().copied().chain([attempt.load]).collect();
-            if let Err(rejection) = self.try_iterate(&mut attempt, &joined, &mut report, session)? {
+            if let Err(rejection) = self.try_iterate(attempt, &joined, &mut report, session)? {
                 self.reject(report, session);
                 let next = attempt.globalisation.backtrack(&joined);
                 attempt.iterate = next.ok_or_else(|| Failure::Attempt(rejection.to_string()))?;
                 attempt.load = attempt.iterate.pop().expect("the load factor was joined");
                 continue;
             }
-            let (correction, load_change) = self.correction_of(&attempt)?;
+            let (correction, load_change) = self.correction_of(attempt)?;
             let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
             report.displacement_ratio = Some(measures.displacement);
             session.observer.iterated(&report);
             let tolerances = &self.stage().tolerances;
             let excess = tolerances.excess(&measures);
-            if excess.iter().all(|excess| *excess <= 1.0) {
-                return Ok(Converged {
-                    increment: attempt.iterate,
-                    load: attempt.load,
-                    iterations: iteration,
-                    force_ratio: measures.force,
-                    displacement_ratio: measures.displacement,
-                });
+            let is_converged = excess.iter().all(|excess| *excess <= 1.0);
+            let crawls = attempt.globalisation.crawls(excess);
+            if is_converged
+                || (attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures)) && crawls)
+            {
+                return Ok(attempt.converged(iteration, &measures, !is_converged));
             }
             last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
             if tolerances.criteria.energy {
@@ -152,6 +196,28 @@ impl Solver<'_> {
         Err(Failure::Attempt(format!("not converged after {max_iterations} iterations: {last}")))
     }
 
+    /// Ends a step at an iterate that was evaluated before and is the nearest to convergence.
+    fn settle_for(
+        &mut self,
+        mut attempt: Attempt,
+        mut nearest: Vec<f64>,
+        full_step: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        attempt.load = nearest.pop().expect("the load factor was joined");
+        attempt.iterate = nearest;
+        self.statistics.iterations += 1;
+        let mut report = self.blank_report(attempt.load, self.stage().control.max_iterations);
+        let norms = self.evaluate(&attempt.iterate, attempt.load, session)?;
+        report.evaluations = norms.evaluations;
+        report.force_ratio = norms.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
+        let (correction, _) = self.correction_of(&attempt)?;
+        let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
+        report.displacement_ratio = Some(measures.displacement);
+        session.observer.iterated(&report);
+        Ok(attempt.converged(report.iteration, &measures, true))
+    }
+
     /// First iterate of an attempt, and the points prepared for it.
     fn begin_attempt(&mut self, target: f64, again: bool) -> Result<Attempt, Failure> {
         self.tangents.begin_attempt(again);
@@ -167,7 +233,7 @@ impl Solver<'_> {
         self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
         let globalisation = Globalisation::new(largest_component(&gradients).max(capped_change), capped_change);
-        Ok(Attempt { target, constraint, first: iterate.clone(), iterate, load, globalisation })
+        Ok(Attempt { target, constraint, first: iterate.clone(), iterate, load, globalisation, nearest: None })
     }
 
     /// Correction of the evaluated iterate and of its load factor.

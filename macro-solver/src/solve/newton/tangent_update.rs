@@ -49,7 +49,11 @@ impl TangentUpdater {
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
-        self.due |= again || matches!(self.tangent_update, TangentUpdate::Always | TangentUpdate::EachStep);
+        let at_every_step = match self.tangent_update {
+            TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
+            TangentUpdate::WhenSlow { .. } | TangentUpdate::Once => false,
+        };
+        self.due |= again || at_every_step;
     }
 
     /// All points have answered.
@@ -67,11 +71,14 @@ impl TangentUpdater {
     /// Judges the tangents in use by the out-of-balance force of an accepted iterate.
     pub(in crate::solve) fn judge(&mut self, residual: f64) {
         self.uses += 1;
-        if let TangentUpdate::WhenSlow { contraction, most_uses } = self.tangent_update {
-            let slow = self.last_residual.is_some_and(|last| residual > contraction * last);
-            // Tangents that this very iterate has brought are as good as they get.
-            self.due |= !self.fresh && (slow || self.uses >= most_uses);
-        }
+        let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
+        let is_worn = match self.tangent_update {
+            TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
+            TangentUpdate::EachStepOrSlow { contraction } => slow(contraction),
+            TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => false,
+        };
+        // Tangents that this very iterate has brought are as good as they get.
+        self.due |= !self.fresh && is_worn;
         self.last_residual = Some(residual);
     }
 
@@ -131,6 +138,8 @@ mod tests {
         assert_eq!(asked(TangentUpdate::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
+        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
+        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFs TFsTFs.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
     }

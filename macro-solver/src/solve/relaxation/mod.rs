@@ -86,6 +86,7 @@ impl Solver<'_> {
                     iterations: iteration,
                     force_ratio,
                     displacement_ratio,
+                    stagnated: false,
                 });
             }
             let ratio = relaxation.step_ratio();

@@ -132,7 +132,9 @@ impl Solver<'_> {
             if path.stage_fraction < target {
                 continue;
             }
-            let tolerances = &self.stage().tolerances;
+            // It begins where iterations have stagnated, and ends where such steps end.
+            let strict = self.stage().tolerances;
+            let tolerances = strict.stagnated();
             if path.backtracks > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
                 continue;
             }
@@ -146,13 +148,14 @@ impl Solver<'_> {
             };
             let full_step = self.full_step(target);
             let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
-            if self.stage().tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
+            if tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
                 return Ok(Converged {
                     increment: std::mem::take(&mut path.increment),
                     load: target,
                     iterations: iteration,
                     force_ratio: measures.force,
                     displacement_ratio: measures.displacement,
+                    stagnated: strict.excess(&measures).iter().any(|excess| *excess > 1.0),
                 });
             }
             last = format!("{last}, correction {:.2e}", measures.displacement);

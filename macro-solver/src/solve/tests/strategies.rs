@@ -96,7 +96,7 @@ fn kept_tangents_converge_linearly_and_fresh_ones_quadratically() {
 fn criteria_hold_alone_and_together() {
     let accepted = |criteria: Criteria, [force, displacement, energy]: [f64; 3]| {
         let mut problem = pressed();
-        problem.stages[0].tolerances = Tolerances { force, displacement, energy, criteria };
+        problem.stages[0].tolerances = Tolerances { energy, criteria, ..Tolerances::both(force, displacement) };
         let (finished, record) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
         assert!(matches!(finished.outcome, Outcome::Completed), "{criteria:?} {:?}", finished.outcome);
         let last = *record.steps.last().unwrap();

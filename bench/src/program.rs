@@ -1,0 +1,123 @@
+//! The program of this repository as its users start it: whole runs of scenes, with their times and curves.
+
+use anyhow::{Context, bail};
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Clock ticks per second in the process files of Linux.
+const TICKS: f64 = 100.0;
+
+/// Time that a command took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Cost {
+    /// From start to end, s.
+    pub(crate) wall: f64,
+    /// Processor time of the command and of all processes that it waited for, s.
+    pub(crate) processor: f64,
+}
+
+/// Runs a command to its end, with its output in `log`.
+///
+/// # Errors
+/// It cannot be started, or does not end with 0; the error has the last lines of its output.
+pub(crate) fn timed(command: &mut Command, log: &Path) -> anyhow::Result<Cost> {
+    let file = fs::File::create(log).with_context(|| format!("making {}", log.display()))?;
+    let errors = file.try_clone()?;
+    let before = children_seconds()?;
+    let begin = Instant::now();
+    let status = command.stdin(Stdio::null()).stdout(file).stderr(errors).status();
+    let status = status.with_context(|| format!("starting {}", command.get_program().display()))?;
+    let cost = Cost { wall: begin.elapsed().as_secs_f64(), processor: children_seconds()? - before };
+    if !status.success() {
+        let said = fs::read_to_string(log).unwrap_or_default();
+        let last: Vec<&str> = said.lines().rev().take(5).collect();
+        let last: Vec<&str> = last.into_iter().rev().collect();
+        bail!("{} ended with {status}: {}", command.get_program().display(), last.join(" / "));
+    }
+    Ok(cost)
+}
+
+/// Processor time of the children that have ended, s.
+fn children_seconds() -> anyhow::Result<f64> {
+    let stat = fs::read_to_string("/proc/self/stat").context("processor times of this process")?;
+    // Fields 16 and 17; the name in field 2 may hold blanks, so they are counted from its bracket.
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |at: usize| fields.get(at).and_then(|text| text.parse::<f64>().ok());
+    let (user, system) = ticks(13).zip(ticks(14)).context("an unknown form of /proc/self/stat")?;
+    Ok((user + system) / TICKS)
+}
+
+/// A run that has ended.
+#[derive(Clone, Debug)]
+pub(crate) struct ProgramRun {
+    /// Start of the program to its end, workers included.
+    pub(crate) cost: Cost,
+    /// `summary.json`.
+    pub(crate) summary: serde_json::Value,
+    /// Columns of `history.csv` that hold numbers.
+    columns: HashMap<String, Vec<f64>>,
+}
+
+impl ProgramRun {
+    /// A column of `history.csv`; entries that are not numbers are NaN.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    pub(crate) fn column(&self, name: &str) -> anyhow::Result<&[f64]> {
+        self.columns.get(name).map(Vec::as_slice).with_context(|| format!("history.csv has no column {name}"))
+    }
+}
+
+/// The program next to this one.
+///
+/// # Errors
+/// It has not been built.
+pub(crate) fn program() -> anyhow::Result<PathBuf> {
+    let path = std::env::current_exe().context("the path of this program is unknown")?.with_file_name("grainspan");
+    if !path.is_file() {
+        bail!("{} is missing: build it with `cargo build --release --workspace`", path.display());
+    }
+    Ok(path)
+}
+
+/// Runs a scene with some `--set KEY=VALUE` and two workers, into `folder`, whose content it replaces.
+///
+/// # Errors
+/// The run fails or leaves no results.
+pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> anyhow::Result<ProgramRun> {
+    let mut command = Command::new(program()?);
+    command.arg("run").arg(scene).arg("--out").arg(folder);
+    for setting in settings {
+        command.args(["--set", setting]);
+    }
+    let cost = timed(&mut command, &folder.with_extension("log"))?;
+    let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
+    let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
+    let heads = reader.headers()?.clone();
+    let mut columns: HashMap<String, Vec<f64>> = HashMap::new();
+    for record in reader.records() {
+        for (head, entry) in heads.iter().zip(&record?) {
+            columns.entry(head.to_owned()).or_default().push(entry.parse().unwrap_or(f64::NAN));
+        }
+    }
+    Ok(ProgramRun { cost, summary: serde_json::from_slice(&summary)?, columns })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processor_time_of_a_command_is_counted_and_a_failure_is_quoted() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("log");
+        let busy = "i=0; while [ $i -lt 100000 ]; do i=$((i+1)); done";
+        let cost = timed(Command::new("sh").args(["-c", busy]), &log).unwrap();
+        assert!(cost.processor > 0.0 && cost.processor < cost.wall + 0.1, "{cost:?}");
+        let failed = timed(Command::new("sh").args(["-c", "echo it broke; exit 3"]), &log).unwrap_err();
+        assert!(failed.to_string().contains("it broke"), "{failed}");
+    }
+}
