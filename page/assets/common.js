@@ -2,6 +2,10 @@
 // What all parts of the page share: where data come from, how numbers read, and colours.
 const Grainspan = {};
 
+// An error of a script is shown, not hidden.
+window.addEventListener("error", (event) => { document.body.dataset.error = event.message; });
+window.addEventListener("unhandledrejection", (event) => { document.body.dataset.error = String(event.reason); });
+
 // Embedded data of a report; null for a page that a server gives.
 Grainspan.embedded = JSON.parse(document.getElementById("data").textContent);
 Grainspan.isLive = Grainspan.embedded === null;

@@ -27,6 +27,7 @@
       }
       element("control-note").classList.remove("bad");
     } catch (error) {
+      if (!Grainspan.isLive) document.body.dataset.error = String(error);
       element("progress-text").textContent = Grainspan.isLive ? `No answer from the server (${error.message}); trying again.` : String(error);
     } finally {
       isBusy = false;

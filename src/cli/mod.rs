@@ -19,6 +19,7 @@ mod rve_test;
 mod specimen;
 mod start_state;
 mod status;
+mod sweep;
 mod watch;
 
 use clap::{Parser, Subcommand};
