@@ -16,10 +16,28 @@
   };
   const moved = (place, by) => place.map((value, axis) => value - by[0] * cell.vectors[0][axis] - by[1] * cell.vectors[1][axis]);
 
+  // Whether a disc reaches into the cell.
+  const touches = (place, r) => {
+    const [a, b] = cell.vectors;
+    const area = a[0] * b[1] - a[1] * b[0];
+    const along = (place[0] * b[1] - place[1] * b[0]) / area, across = (a[0] * place[1] - a[1] * place[0]) / area;
+    const [s, t] = [(r * Math.hypot(...b)) / Math.abs(area), (r * Math.hypot(...a)) / Math.abs(area)];
+    return along > -s && along < 1 + s && across > -t && across < 1 + t;
+  };
+
   // Grains and contacts of a plane cell, inside its outline; a contact across the border is drawn at both sides.
   const plane = () => {
     const wraps = cell.vectors.length === 2;
-    const grains = cell.grains.map(([x, y, r, rattler]) => ({ place: wraps ? moved([x, y], outside([x, y])) : [x, y], r, rattler }));
+    const grains = [];
+    for (const [x, y, r, rattler] of cell.grains) {
+      if (!wraps) { grains.push({ place: [x, y], r, rattler }); continue; }
+      const home = outside([x, y]);
+      // A grain across the border is drawn at each side that it reaches.
+      for (const shift of [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]]) {
+        const place = moved([x, y], [home[0] + shift[0], home[1] + shift[1]]);
+        if (!shift[0] && !shift[1] || touches(place, r)) grains.push({ place, r, rattler });
+      }
+    }
     const lines = [];
     for (const [x, y, dx, dy, compression, tangential, sliding] of cell.contacts) {
       const add = (shift, from, to) => lines.push({ from: shift ? moved(from, shift) : from, to: shift ? moved(to, shift) : to, compression, sliding });
@@ -49,14 +67,22 @@
     }
     const { grains, lines } = isSolid() ? solid() : plane();
     const outline = !isSolid() && cell.vectors.length === 2 ? [[0, 0], cell.vectors[0], cell.vectors[0].map((value, axis) => value + cell.vectors[1][axis]), cell.vectors[1]] : [];
-    const xs = grains.flatMap(({ place, r }) => [place[0] - r, place[0] + r]).concat(outline.map((place) => place[0]));
-    const ys = grains.flatMap(({ place, r }) => [place[1] - r, place[1] + r]).concat(outline.map((place) => place[1]));
+    // The picture ends at the cell.
+    const xs = outline.length ? outline.map((place) => place[0]) : grains.flatMap(({ place, r }) => [place[0] - r, place[0] + r]);
+    const ys = outline.length ? outline.map((place) => place[1]) : grains.flatMap(({ place, r }) => [place[1] - r, place[1] + r]);
     const [left, right] = Grainspan.extent(xs) ?? [0, 1], [bottom, top] = Grainspan.extent(ys) ?? [0, 1];
     const width = canvas.clientWidth || 300;
     const height = Math.round(Math.min(Math.max(width * ((top - bottom) / (right - left)), 140), 430));
     const { context } = Grainspan.prepare(canvas, height);
     const zoom = Math.min((width - 8) / (right - left), (height - 8) / (top - bottom));
     const onScreen = ([x, y]) => [width / 2 + zoom * (x - (left + right) / 2), height / 2 - zoom * (y - (bottom + top) / 2)];
+    const around = () => {
+      context.beginPath();
+      outline.forEach((place, i) => context[i ? "lineTo" : "moveTo"](...onScreen(place)));
+      context.closePath();
+    };
+    context.save();
+    if (outline.length) { around(); context.clip(); }
     for (const { place, r, rattler } of grains) {
       context.beginPath();
       context.arc(...onScreen(place), zoom * r, 0, 2 * Math.PI);
@@ -77,10 +103,9 @@
       context.strokeStyle = compression < 0 ? "#1a7f37" : sliding ? "#c2410c" : "#20407a";
       context.stroke();
     }
+    context.restore();
     if (outline.length) {
-      context.beginPath();
-      outline.forEach((place, i) => context[i ? "lineTo" : "moveTo"](...onScreen(place)));
-      context.closePath();
+      around();
       context.lineWidth = 1;
       context.setLineDash([5, 4]);
       context.strokeStyle = "#1f2328";

@@ -41,17 +41,30 @@
     return [isFixed && low >= 0 && low < 0.3 * high ? 0 : low - room, high + room];
   };
 
+  // Labels of an axis, all with the digits that tell neighbours apart.
+  const ticks = (splits) => {
+    const known = splits.filter((value) => value !== null);
+    const step = known.length > 1 ? Math.abs(known[1] - known[0]) : 1;
+    const largest = Math.max(...known.map(Math.abs), 0);
+    if (largest >= 1e6 || (largest > 0 && largest < 1e-3)) return splits.map((value) => number(value, 3));
+    const exponent = Math.floor(Math.log10(step) + 1e-9);
+    const rest = step / 10 ** exponent;
+    const digits = Math.max(0, -exponent + (Math.abs(rest - Math.round(rest)) > 1e-6 ? 1 : 0));
+    return splits.map((value) => (value === null ? "" : value.toFixed(Math.min(digits, 10))));
+  };
+
   // A chart of lines. `lines`: `{x, y, error, colour, width, dots}`; `axes`: `[{label, log}]` for x and y. `readout` gets the nearest
-  // point. Replaces what the place held.
-  const chart = (place, lines, axes, height, readout) => {
+  // point. `whole`: the values across are whole numbers. Replaces what the place held.
+  const chart = (place, lines, axes, height, readout, whole) => {
     const width = Math.max(place.clientWidth, 200);
     const range = (key) => extent(lines.flatMap((one) => one[key]));
     const [across, up] = [range("x"), range("y")];
     const withErrors = extent(lines.flatMap((one) => one.error ? one.y.flatMap((y, i) => y === null || one.error[i] === null ? [y] : [y - one.error[i], y + one.error[i]]) : one.y));
     const axis = (side, title, isLog) => ({
-      label: title, side, labelSize: 22, labelFont: "12px system-ui, sans-serif", font: "11px system-ui, sans-serif", stroke: "#444", grid: { stroke: "#eceef0", width: 1 }, ticks: { stroke: "#d1d9e0", size: 4 },
+      ...(title ? { label: title } : {}), side, labelSize: 22, labelFont: "12px system-ui, sans-serif", font: "11px system-ui, sans-serif", stroke: "#444", grid: { stroke: "#eceef0", width: 1 }, ticks: { stroke: "#d1d9e0", size: 4 },
       size: side === 3 ? 58 : 34,
-      values: (own, splits) => splits.map((value) => value === null ? "" : isLog ? (Math.abs(Math.log10(value) % 1) < 1e-9 ? `1e${Math.round(Math.log10(value))}` : "") : number(value, 5)),
+      incrs: whole && side === 2 ? [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 100000] : undefined,
+      values: (own, splits) => isLog ? splits.map((value) => value !== null && Math.abs(Math.log10(value) % 1) < 1e-9 ? `1e${Math.round(Math.log10(value))}` : "") : ticks(splits),
     });
     const scaleY = axes[1].log
       ? { distr: 3, log: 10, range: () => (up ? [10 ** Math.floor(Math.log10(up[0])), 10 ** Math.ceil(Math.log10(up[1]))] : [1e-6, 1]) }
@@ -164,7 +177,8 @@
       const of = prepared(one);
       place.title = `Show ${words(one.name)} above`;
       place.onclick = () => { element("curve-y").value = one.name; draw(); };
-      chart(place, [{ x: time.values, y: of.values, error: of.error }], [{ label: time.label }, { label: of.label }], 170);
+      chart(place, [{ x: time.values, y: of.values, error: of.error }], [{ label: time.label }, {}], 150);
+      place.prepend(make("div", of.label, { class: "small-title" }));
     });
   };
 
@@ -179,7 +193,8 @@
     chart(element("work"), [
       { ...bars, colour: "#9db8dd", width },
       { x: steps, y: iterations.map((value) => (value * most) / mostIterations), colour: "#b35900", width: 1.4, dots: steps.length < 80 },
-    ], [{ label: "step" }, { label: `evaluations (iterations: top = ${mostIterations})` }], 210);
+    ], [{ label: "step" }, { label: "evaluations" }], 210, null, true);
+    element("work-note").textContent = `Evaluations of cells (bars), and iterations (line, at most ${mostIterations}).`;
   };
 
   let log = null;
@@ -203,7 +218,7 @@
       const [force, displacement, rejected] = steps[which].iterations[i] ?? [];
       element("convergence-readout").textContent = `step ${steps[which].step}, iteration ${i + 1}: force ${number(force, 2)}, displacement ${number(displacement, 2)}${rejected ? ", rejected" : ""}`;
     };
-    chart(place, lines, [{ label: "iteration" }, { label: "force ratio, \u2013", log: true }], 210, readout);
+    chart(place, lines, [{ label: "iteration" }, { label: "force ratio, \u2013", log: true }], 210, readout, true);
   };
 
   Grainspan.curves = {

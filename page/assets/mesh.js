@@ -113,6 +113,8 @@
     const parts = [`${mesh.points.length} Gauss points; click one to see its grains.`];
     if (isSolid()) parts.push("Drag to turn.");
     if (!current) parts.unshift("No fields were written: the mesh as given.");
+    const cellsLeft = Grainspan.state?.cells_left_out;
+    if (cellsLeft) parts.push(`Grains of ${cellsLeft} more points are left out of this file.`);
     const left = Grainspan.state?.frames_left_out;
     if (left) parts.push(`${left} steps with fields are left out of this file.`);
     element("mesh-note").textContent = parts.join(" ");

@@ -96,6 +96,7 @@ fn everything(folder: &RunFolder, program: &Program) -> Value {
             json!({"point": point.parse::<usize>().ok(), "steps": steps.as_object().into_iter().flatten()
                 .filter_map(|(step, _)| step.parse::<u64>().ok()).collect::<Vec<_>>()})
         };
+        state.insert("cells_left_out".into(), (cell::available(folder).len() - cells.len()).into());
         state.insert("cells".into(), cells.iter().map(known).collect());
         state.insert("live".into(), Value::Null);
     }
@@ -131,10 +132,20 @@ fn chosen_frames(folder: &RunFolder) -> Map<String, Value> {
     found
 }
 
-/// The last cell of each Gauss point that has one, then earlier ones, up to the bound.
+/// The last cell of each Gauss point that has one, of evenly chosen points if they have too many grains; then earlier ones, up to the
+/// bound.
 fn chosen_cells(folder: &RunFolder) -> Map<String, Value> {
     let mut found: Map<String, Value> = Map::new();
     let mut steps = cell::available(folder);
+    let first = steps.keys().next().and_then(|&point| cell::read(folder, point, u64::MAX));
+    let fitting = MOST_GRAINS / first.as_ref().map_or(1, grain_count).max(1);
+    let stride = steps.len().div_ceil(fitting.max(1));
+    let mut place = 0;
+    steps.retain(|_, steps| {
+        place += 1;
+        // Points with several steps were chosen by the scene.
+        (place - 1) % stride == 0 || steps.len() > 1
+    });
     let mut grains = 0;
     while grains < MOST_GRAINS && !steps.is_empty() {
         steps.retain(|point, steps| {
@@ -142,7 +153,7 @@ fn chosen_cells(folder: &RunFolder) -> Map<String, Value> {
             if grains < MOST_GRAINS
                 && let Some(cell) = cell::read(folder, *point, step)
             {
-                grains += cell.get("grains").and_then(Value::as_array).map_or(0, Vec::len);
+                grains += grain_count(&cell);
                 let of_point = found.entry(point.to_string()).or_insert_with(|| Value::Object(Map::new()));
                 of_point[step.to_string()] = cell;
             }
@@ -150,6 +161,10 @@ fn chosen_cells(folder: &RunFolder) -> Map<String, Value> {
         });
     }
     found
+}
+
+fn grain_count(cell: &Value) -> usize {
+    cell.get("grains").and_then(Value::as_array).map_or(0, Vec::len)
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub(crate) struct OutputTable {
     #[serde(skip_serializing)]
     pub(crate) grains: Vec<Located<usize>>,
     /// Whether the last states of all Gauss points are written to `cells/`, for the page of `grainspan watch` and `grainspan report`; not
-    /// above 50000 grains in all.
+    /// above 100000 grains in all.
     pub(crate) cells: bool,
     /// Gauss points, numbered through the mesh, of which stress, strain, void ratio, fabric and all other results are written to
     /// `points/point-NUMBER.csv` at every step.

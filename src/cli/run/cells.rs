@@ -12,8 +12,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most grains whose last states are written unasked: some 6 MB.
-const MOST_GRAINS: usize = 50_000;
+/// Most grains whose last states are written unasked: some 15 MB.
+const MOST_GRAINS: usize = 100_000;
 
 /// Writes cells of accepted steps.
 pub(super) struct CellWriter<'a> {
