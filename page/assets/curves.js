@@ -142,7 +142,7 @@
     const history = shown;
     const usable = history.columns.filter((one) => one.name !== "stage" && one.values.some((value) => value !== null));
     const steps = history.columns[0]?.values.length ?? 0;
-    element("curves-section").classList.toggle("empty", steps < 2);
+    element("probes-section").hidden = steps < 2;
     if (steps < 2 || usable.length < 2) {
       element("main-curve").replaceChildren(make("p", "No step was accepted yet: there is no curve to draw.", { class: "note" }));
       element("small-curves").replaceChildren();
@@ -158,7 +158,7 @@
       element("curve-readout").textContent = `step ${history.columns[0].values[i]}: ${words(x.name)} ${number(across.values[i])} ${across.scale.unit}, ${words(y.name)} ${number(up.values[i])}${spread} ${up.scale.unit}`;
     };
     element("band-note").hidden = !up.error;
-    const height = Math.min(360, Math.max(240, element("main-curve").clientWidth * 0.42));
+    const height = Math.min(430, Math.max(240, element("main-curve").clientWidth * 0.85));
     chart(element("main-curve"), [{ x: across.values, y: up.values, error: up.error, dots: steps < 80 }], [{ label: across.label }, { label: up.label }], height, readout);
     small(history);
     work(history);

@@ -46,10 +46,13 @@
   }
 
   let waiting = null;
-  window.addEventListener("resize", () => {
+  let width = document.body.clientWidth;
+  new ResizeObserver(() => {
+    if (document.body.clientWidth === width) return;
+    width = document.body.clientWidth;
     clearTimeout(waiting);
-    waiting = setTimeout(() => { Grainspan.curves.redraw(); Grainspan.mesh.redraw(); Grainspan.cell.redraw(); }, 150);
-  });
+    waiting = setTimeout(() => { Grainspan.curves.redraw(); Grainspan.mesh.redraw(); Grainspan.cell.redraw(); }, 100);
+  }).observe(document.body);
 
   update();
   if (Grainspan.isLive) setInterval(update, 1500);
