@@ -46,7 +46,7 @@ Grainspan.post = async (name, query) => {
 };
 
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
-const WITH_PREFIX = new Set(["Pa", "N", "N/m", "J", "J/m", "J/m3", "m", "m/s", "s"]);
+const WITH_PREFIX = new Set(["Pa", "N", "N/m", "J", "J/m", "J/m3", "m", "m/s"]);
 
 // A unit in which values up to `largest` read well: `factor` turns a value into it.
 Grainspan.scaled = (unit, largest) => {
@@ -54,7 +54,6 @@ Grainspan.scaled = (unit, largest) => {
   const shown = unit.replace("m3", "m\u00b3").replace("s2", "s\u00b2");
   if (!WITH_PREFIX.has(unit) || !(largest > 0)) return { factor: 1, unit: shown };
   const [size, letter] = PREFIXES.find(([size]) => largest >= size) ?? PREFIXES[PREFIXES.length - 1];
-  if (unit === "s" && size > 1) return { factor: 1, unit: shown };
   return { factor: 1 / size, unit: letter + shown };
 };
 
