@@ -92,7 +92,7 @@
       scales: { x: { time: false, range: () => padded(across, true) }, y: scaleY },
       axes: [axis(2, axes[0].label, false), axis(3, axes[1].label, axes[1].log)],
       series: [{}, ...lines.map((one) => ({
-        stroke: one.colour ?? BLUE, width: one.width ?? 1.8, points: { show: false },
+        stroke: one.colour ?? BLUE, width: one.width ?? 2, points: { show: false },
         paths: line, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }],
       }))],
       hooks: {
@@ -192,7 +192,7 @@
     const most = Math.max(...evaluations, 1), mostIterations = Math.max(...iterations, 1);
     chart(element("work"), [
       { ...bars, colour: "#9db8dd", width },
-      { x: steps, y: iterations.map((value) => (value * most) / mostIterations), colour: "#b35900", width: 1.4, dots: steps.length < 80 },
+      { x: steps, y: iterations.map((value) => (value * most) / mostIterations), colour: "#b35900", width: 2, dots: steps.length < 80 },
     ], [{ label: "step" }, { label: "evaluations" }], 210, null, true);
     element("work-note").textContent = `Evaluations of cells (bars), and iterations (line, at most ${mostIterations}).`;
   };
