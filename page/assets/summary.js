@@ -89,7 +89,7 @@
     const holder = element("counters");
     holder.replaceChildren();
     if (!state.counters) {
-      holder.append(make("p", "Counted when the run has ended; warnings of the log are below.", { class: "note" }));
+      holder.append(make("p", "Not known: the run has left no summary. Warnings of the log are below.", { class: "note" }));
       return;
     }
     const list = (of, kind) => {

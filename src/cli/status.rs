@@ -165,6 +165,7 @@ mod tests {
             load: 0.125,
             evaluations: 42,
             time: BTreeMap::new(),
+            fallbacks: BTreeMap::new(),
             workers: vec![WorkerReport { pid: 8, jobs: 5, busy_s: 1.5, point: Some(3), ..WorkerReport::default() }],
         };
         let worker = |pid| WorkerProcess { pid, state: 'T', ticks: 6200 };

@@ -3,7 +3,7 @@
 //! Whether a run is alive is never read from this file but from the process that owns the channels, so that a killed run is not
 //! mistaken for a live one; the file is removed with the channels.
 
-use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
+use macro_solver::observer::{FieldsView, Observer, Statistics, StepReport, StopRequest};
 use macro_solver::output::{OutputError, write_atomically};
 use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::{RunDirectory, RunRecord};
@@ -36,6 +36,9 @@ pub(crate) struct RunProgress {
     /// Where time has gone up to the last step, s: the names of `time` in `summary.json`.
     #[serde(default)]
     pub(crate) time: BTreeMap<String, f64>,
+    /// Counters up to the last step, of the macro process: the names of `fallbacks` in `summary.json`.
+    #[serde(default)]
+    pub(crate) fallbacks: BTreeMap<String, u64>,
     /// Workers, as the pool saw them at its last report.
     #[serde(default)]
     pub(crate) workers: Vec<WorkerReport>,
@@ -48,7 +51,17 @@ impl RunProgress {
         // Absolute, as the reader is elsewhere; a folder that cannot be resolved is shown as given.
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let (scene, output) = (absolute(scene), absolute(output));
-        Self { begun, scene, output, step: 0, load: 0.0, evaluations: 0, time: BTreeMap::new(), workers: Vec::new() }
+        Self {
+            begun,
+            scene,
+            output,
+            step: 0,
+            load: 0.0,
+            evaluations: 0,
+            time: BTreeMap::new(),
+            fallbacks: BTreeMap::new(),
+            workers: Vec::new(),
+        }
     }
 
     /// The last status of the run with this record; `None` if it has not written any yet.
@@ -124,7 +137,28 @@ impl Observer for StatusFile {
             ("linear_solver_s", known.linear_solver_nanoseconds),
         ];
         inner.progress.time = times.map(|(name, nanoseconds)| (name.to_owned(), nanoseconds as f64 * 1e-9)).into();
+        inner.progress.fallbacks = counters(known);
         inner.write();
         Ok(())
     }
+}
+
+fn counters(known: &Statistics) -> BTreeMap<String, u64> {
+    let flags = &known.flags;
+    [
+        ("not_equilibrated", flags.not_equilibrated),
+        ("large_overlap", flags.large_overlap),
+        ("no_load_bearing_contacts", flags.fluid),
+        ("damping_changed", flags.damping_changed),
+        ("unfinished_trials", known.unfinished_trials),
+        ("steps_stabilised", known.stabilised_steps),
+        ("error_above_wanted", known.accuracy.missed_steps),
+        ("tangent_fallback", flags.tangent_fallback),
+        ("tangent_regularised", flags.tangent_regularised),
+        ("tangent_floored", known.floored_tangents),
+        ("rejected_iterates", known.rejected),
+        ("cutbacks", known.cut_backs),
+    ]
+    .map(|(name, count)| (name.to_owned(), count))
+    .into()
 }

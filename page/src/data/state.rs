@@ -23,8 +23,9 @@ const SHOWN: [&str; 9] = [
 /// Status, reason, progress and workers of a live run, figures of one that has ended, counters, frames, cells, and `version`: a text
 /// that changes whenever another part of the data may have changed.
 pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
-    let summary = folder.json("summary.json");
     let live = (program.live)(folder.path());
+    // A run that continues finds the summary of the process before.
+    let summary = if live.is_some() { None } else { folder.json("summary.json") };
     let controls = Controls::of(folder.path());
     let text = |key: &str| summary.as_ref().and_then(|summary| summary.get(key)).and_then(Value::as_str);
     let is_paused = live.is_some() && controls.has(PAUSED);
@@ -50,7 +51,7 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
         "requests": requests,
         "requested_cells": controls.cells(),
         "figures": figures,
-        "counters": summary.as_ref().map(|summary| counters(summary, program)),
+        "counters": summary.as_ref().or(live.as_ref()).map(|counts| counters(counts, program)),
         "versions": summary.as_ref().and_then(|summary| summary.get("versions")),
         "frames": of_frames.iter().map(|frame| json!({"step": frame.step, "time": frame.time})).collect::<Value>(),
         "cells": cells.iter().map(|(point, steps)| json!({"point": point, "steps": steps})).collect::<Value>(),
@@ -59,7 +60,7 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
     })
 }
 
-/// The counters above 0: those that may concern the accuracy first.
+/// The counters above 0 of a summary or of a live run: those that may concern the accuracy first.
 fn counters(summary: &Value, program: &Program) -> Value {
     let former = summary.get("deprecated_names").and_then(Value::as_object);
     let is_former =
@@ -90,7 +91,7 @@ mod tests {
     use std::fs;
 
     const PROGRAM: Program = Program {
-        live: |path| path.join("alive").exists().then(|| json!({"step": 3})),
+        live: |path| path.join("alive").exists().then(|| json!({"step": 3, "fallbacks": {"overlap": 7}})),
         counter: |name, count| (format!("{count} {name}"), name == "overlap"),
     };
 
@@ -103,6 +104,7 @@ mod tests {
         assert_eq!(status(), "ended without a summary");
         fs::write(place.path().join("alive"), "").unwrap();
         assert_eq!(status(), "running");
+        assert_eq!(state(&folder, &PROGRAM)["counters"][0]["text"], "7 overlap");
         let before = state(&folder, &PROGRAM)["version"].clone();
         let controls = Controls::of(place.path());
         controls.request(Action::Pause).unwrap();
