@@ -15,7 +15,15 @@ const STYLES: [(&str, &str); 2] = [
 
 /// Scripts in the order of use: name and text.
 const SCRIPTS: [(&str, &str); 7] = [
-    ("uPlot.min.js", include_str!("../assets/vendor/uPlot.min.js")),
+    (
+        "uPlot.min.js",
+        concat!(
+            "/*\n",
+            include_str!("../assets/vendor/uPlot.LICENSE"),
+            "*/\n",
+            include_str!("../assets/vendor/uPlot.min.js")
+        ),
+    ),
     ("common.js", include_str!("../assets/common.js")),
     ("curves.js", include_str!("../assets/curves.js")),
     ("mesh.js", include_str!("../assets/mesh.js")),
@@ -192,6 +200,7 @@ mod tests {
         }
         let page = report(&RunFolder::open(&run).unwrap(), &PROGRAM);
         assert!(page.starts_with("<!DOCTYPE html>") && page.contains("biaxial &lt;1&gt;"));
+        assert!(page.contains("Leon Sorokin"), "the licence of the plotting library");
         assert!(!page.contains("src=\"") && !page.contains("href=\"assets"), "the page needs no other file");
         let data = data_of(&page);
         assert_eq!(data["state"]["status"], "not_converged");

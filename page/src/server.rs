@@ -1,7 +1,7 @@
 //! The web server of `grainspan watch`.
 //!
 //! It listens on the loopback interface only. Other users of the machine can reach that too, so every path begins with a key that
-//! nobody can guess, as part of the address that is printed; no other path is answered. Files are served from the output folder alone.
+//! cannot be guessed, as part of the address that is printed; no other path is answered. Files are served from the output folder alone.
 
 use crate::controls::{Action, Controls};
 use crate::data;

@@ -394,6 +394,7 @@ fn source_folders() -> Vec<String> {
         "pool-c",
         "bench",
         "charts",
+        "page",
         "worker-c",
         "python",
         ".",
