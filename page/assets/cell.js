@@ -62,7 +62,7 @@
     element("cell-title").textContent = chosen === null ? "" : `of Gauss point ${chosen}`;
     if (!cell) {
       canvas.style.height = "0";
-      element("cell-note").textContent = note || "Click a Gauss point of the body.";
+      element("cell-note").textContent = note || (Grainspan.state?.live || Grainspan.state?.cells.length ? "Click a Gauss point of the body." : "No grains were kept: no step was accepted, or the scene switches them off.");
       return;
     }
     const { grains, lines } = isSolid() ? solid() : plane();

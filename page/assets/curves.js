@@ -144,7 +144,7 @@
     const steps = history.columns[0]?.values.length ?? 0;
     element("probes-section").hidden = steps < 2;
     if (steps < 2 || usable.length < 2) {
-      element("main-curve").replaceChildren(make("p", "No step was accepted yet: there is no curve to draw.", { class: "note" }));
+      element("main-curve").replaceChildren(make("p", `No step was accepted${Grainspan.state?.live ? " yet" : ""}: there is no curve to draw.`, { class: "note" }));
       element("small-curves").replaceChildren();
       return;
     }

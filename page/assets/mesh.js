@@ -72,12 +72,12 @@
       context.fill();
       context.stroke();
     }
-    drawPoints(context, all, seen, onScreen);
+    drawPoints(context, all, onScreen, values);
     bar(name);
     note();
   };
 
-  const drawPoints = (context, all, seen, onScreen) => {
+  const drawPoints = (context, all, onScreen, values) => {
     const few = mesh.points.length <= (isSolid() ? 400 : 4000);
     places = mesh.points.map(([, weights]) => {
       const place = [0, 1, 2].map((axis) => weights.reduce((sum, [index, weight]) => sum + weight * all[index][axis], 0));
@@ -88,7 +88,7 @@
       if (!isChosen && !few) return;
       context.beginPath();
       context.arc(x, y, isChosen ? 5.5 : has ? 2.6 : 1.6, 0, 2 * Math.PI);
-      context.fillStyle = isChosen ? "#d1242f" : has ? "#ffffff" : "rgba(255,255,255,.55)";
+      context.fillStyle = isChosen ? "#d1242f" : has ? "#ffffff" : values ? "rgba(255,255,255,.55)" : "#8c959f";
       context.fill();
       context.lineWidth = isChosen ? 2 : 0.8;
       context.strokeStyle = isChosen ? "#ffffff" : "#1f2328";
@@ -110,7 +110,7 @@
   };
 
   const note = () => {
-    const parts = [`${mesh.points.length} Gauss points; click one to see its grains.`];
+    const parts = [`${mesh.points.length} Gauss points${Grainspan.state?.live || cells.size ? "; click one to see its grains" : ""}.`];
     if (isSolid()) parts.push("Drag to turn.");
     if (!current) parts.unshift("No fields were written: the mesh as given.");
     const cellsLeft = Grainspan.state?.cells_left_out;

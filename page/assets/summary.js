@@ -74,9 +74,9 @@
   const workers = (state) => {
     const list = state.live?.workers ?? [];
     const holder = element("workers");
+    element("workers-section").hidden = !state.live;
     if (!list.length) {
-      const count = state.figures.workers;
-      holder.replaceChildren(make("p", count === undefined ? "None." : `${count} workers took part; the run has ended.`, { class: "note" }));
+      holder.replaceChildren(make("p", "None has joined yet.", { class: "note" }));
       return;
     }
     const most = 32;
