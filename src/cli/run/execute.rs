@@ -194,8 +194,10 @@ fn write_results(
 ) -> Result<(), OutputError> {
     summary.write(&folder.path().join("summary.json"))?;
     let Some((x, y)) = &scene.plot else { return Ok(()) };
-    let names: Vec<String> = scene.record.probes.iter().map(|probe| probe.name.clone()).collect();
-    match plot::curve(solved.recorder.rows(), &names, x, y) {
+    let dimension = scene.problem.mesh.dimension;
+    let probes: Vec<(String, &str)> =
+        scene.record.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))).collect();
+    match plot::curve(solved.recorder.rows(), &probes, x, y) {
         Ok(Some(picture)) => write_atomically(&folder.path().join("history.svg"), picture.as_bytes()),
         Ok(None) => Ok(()),
         Err(error) => {
