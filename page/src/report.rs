@@ -69,7 +69,7 @@ pub fn report(folder: &RunFolder, program: &Program) -> String {
 }
 
 fn filled(name: &str, styles: &str, data: &str, scripts: &str) -> String {
-    let title = name.replace('&', "&amp;").replace('<', "&lt;");
+    let title = name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     let mut text = String::new();
     // In one pass: what is put in may hold the marks.
     for line in PAGE.lines() {
