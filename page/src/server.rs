@@ -10,11 +10,11 @@ use crate::report::{asset, live_page};
 use crate::{PageError, Program, cell};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use tiny_http::{Header, Method, Request, Response};
+use tiny_http::{Method, Request};
 
 /// Requests that are answered at the same time: a browser opens some six connections.
 const THREADS: usize = 4;
@@ -90,19 +90,26 @@ impl Server {
 
 fn respond(site: &Site, request: Request) {
     let answer = site.answer(request.method() == &Method::Post, request.url());
-    let headers = [
-        ("Content-Type", answer.kind),
-        ("Cache-Control", "no-store"),
-        ("Referrer-Policy", "no-referrer"),
-        ("X-Content-Type-Options", "nosniff"),
-        ("Content-Security-Policy", "default-src 'self' 'unsafe-inline' data:"),
-    ];
-    let mut response = Response::from_data(answer.body).with_status_code(answer.status);
-    for header in headers.into_iter().filter_map(|(name, value)| Header::from_bytes(name, value).ok()) {
-        response.add_header(header);
-    }
+    let text = match answer.status {
+        200 => "OK",
+        404 => "Not Found",
+        409 => "Conflict",
+        _ => "Internal Server Error",
+    };
+    // The server library gives each connection a thread of a pool for as long as it lasts, and lets further ones wait. Browsers keep
+    // several open, so every connection ends with its answer; the library's own responses cannot say that.
+    let head = format!(
+        "HTTP/1.1 {} {text}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+         Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\n\
+         Content-Security-Policy: default-src 'self' 'unsafe-inline' data:\r\n\r\n",
+        answer.status,
+        answer.kind,
+        answer.body.len()
+    );
+    let mut writer = request.into_writer();
     // A browser that has gone away needs no answer.
-    let _ = request.respond(response);
+    let _ =
+        writer.write_all(head.as_bytes()).and_then(|()| writer.write_all(&answer.body)).and_then(|()| writer.flush());
 }
 
 /// 128 random bits in hexadecimal digits.
@@ -274,7 +281,6 @@ fn decoded(text: &str) -> String {
 mod tests {
     use super::*;
     use std::fs;
-    use std::io::Write;
     use std::net::{IpAddr, TcpStream};
     use std::path::Path;
 
