@@ -48,6 +48,8 @@ pub struct Scene {
     pub record: RecordPlan,
     /// Gauss points whose grains are written.
     pub grains: Vec<usize>,
+    /// Whether the last states of all Gauss points are written for the page.
+    pub cells: bool,
     /// Gauss points whose error is estimated.
     pub error_estimate: ErrorEstimateSettings,
     /// Columns of the plot, x and y; `None` = no plot.
@@ -131,6 +133,7 @@ impl Scene {
             engines,
             record,
             grains,
+            cells: file.output.cells,
             error_estimate,
             plot,
             checkpoint,

@@ -5,6 +5,7 @@ mod cell_files;
 mod check;
 mod clean;
 mod completions;
+mod ctl;
 mod estimate;
 mod explain;
 mod failure_case;
@@ -18,6 +19,8 @@ mod rve_test;
 mod specimen;
 mod start_state;
 mod status;
+mod sweep;
+mod watch;
 
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
@@ -28,6 +31,7 @@ Examples:
   grainspan check scenes/biaxial.toml                validate a scene without running it
   grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
   grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=40
+  grainspan watch out/biaxial                        look at it in a browser while it runs
   grainspan pack packings/discs-400.toml --out packing.json
   grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a strain/stress path
 
@@ -63,7 +67,11 @@ enum Command {
     Clean(clean::Arguments),
     /// Make the published figures of the three papers, with their numbers over ours
     Reproduce(reproduce::Arguments),
-    /// Write one HTML page from the output of a run
+    /// Show the page of a run in a browser, live or afterwards
+    Watch(watch::Arguments),
+    /// Pause, resume, save or stop a live run between two steps
+    Ctl(ctl::Arguments),
+    /// Write the page of a run into one HTML file
     Report(report::Arguments),
     /// Measure the cost of this program on this machine (runs `grainspan-bench`)
     Bench(bench::Arguments),
@@ -89,6 +97,8 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Status(arguments) => status::run(&arguments),
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
+        Command::Watch(arguments) => watch::run(&arguments),
+        Command::Ctl(arguments) => ctl::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),

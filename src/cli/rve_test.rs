@@ -3,6 +3,7 @@
 use super::cell_files::write_all;
 use super::failure_case;
 use super::heartbeat::Heartbeat;
+use super::sweep::{self, Common, Sweep};
 use crate::exit::{Exit, Failure};
 use crate::stdout::{deliver, print};
 use macro_solver::output::OutputError;
@@ -14,6 +15,7 @@ use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -24,7 +26,8 @@ use std::rc::Rc;
   grainspan element scenes/rve-biaxial.toml > curve.csv
   grainspan element --replay out/biaxial/quarantine.replay
   grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv
-  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,40,200 --out curve.csv")]
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,40,200 --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --sweep contact.friction=0.1:0.7:7 --out friction.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
     #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
@@ -51,6 +54,13 @@ pub(crate) struct Arguments {
     /// Increments of --contacts, 0 is the packing as given [default: 0 and the last one]
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', requires = "contacts")]
     contacts_at: Vec<u64>,
+    /// Repeat the test with many values of a key, FIRST:LAST:COUNT or VALUE,VALUE,..., into one table; given for several keys, with
+    /// all combinations
+    #[arg(long = "sweep", value_name = "KEY.PATH=VALUES", conflicts_with_all = ["replay", "contacts"])]
+    sweeps: Vec<Sweep>,
+    /// Tests of a sweep that run at the same time [default: one per core]
+    #[arg(long, value_name = "N", requires = "sweeps")]
+    jobs: Option<NonZeroUsize>,
     /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
@@ -73,6 +83,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return failure_case::run(file);
     }
     let path = arguments.test.as_ref().expect("the command line asks for a test or a replay");
+    if !arguments.sweeps.is_empty() {
+        let common = Common {
+            path,
+            size: arguments.size.as_deref(),
+            overrides: &arguments.overrides,
+            tangent: arguments.tangent,
+            out: arguments.out.as_deref(),
+            jobs: arguments.jobs,
+            quiet: arguments.quiet,
+        };
+        return sweep::run(&common, &arguments.sweeps);
+    }
     let document = Document::read_in_size(path, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;

@@ -4,6 +4,7 @@ use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use crate::workers::{RunProgress, WorkerProcess, workers_of};
 use macro_solver::pool::WorkerReport;
+use page::{Controls, PAUSED};
 use protocol::transport::shared_memory::{RunDirectory, RunListing};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -76,6 +77,9 @@ fn paragraph(
         Some(known) => {
             line("scene", known.scene.display().to_string());
             line("output", known.output.display().to_string());
+            if Controls::of(&known.output).has(PAUSED) {
+                line("paused", format!("`grainspan ctl {} resume` lets it go on", known.output.display()));
+            }
             line("process", format!("{process}, for {}", duration(now.saturating_sub(known.begun))));
             let percent = 100.0 * known.load;
             let (step, evaluations) = (known.step, known.evaluations);
@@ -160,6 +164,8 @@ mod tests {
             step: 3,
             load: 0.125,
             evaluations: 42,
+            time: BTreeMap::new(),
+            fallbacks: BTreeMap::new(),
             workers: vec![WorkerReport { pid: 8, jobs: 5, busy_s: 1.5, point: Some(3), ..WorkerReport::default() }],
         };
         let worker = |pid| WorkerProcess { pid, state: 'T', ticks: 6200 };

@@ -9,4 +9,4 @@ mod status_file;
 pub(crate) use parent_watch::{RUN_END_TIMEOUT, follow_parent};
 pub(crate) use process_list::{WorkerProcess, workers_of};
 pub(crate) use signals::SignalWatch;
-pub(crate) use status_file::{RunProgress, StatusFile};
+pub(crate) use status_file::{RunProgress, StatusFile, run_that_writes_to};

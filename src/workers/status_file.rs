@@ -3,12 +3,13 @@
 //! Whether a run is alive is never read from this file but from the process that owns the channels, so that a killed run is not
 //! mistaken for a live one; the file is removed with the channels.
 
-use macro_solver::observer::{FieldsView, Observer, StepReport, StopRequest};
+use macro_solver::observer::{FieldsView, Observer, Statistics, StepReport, StopRequest};
 use macro_solver::output::{OutputError, write_atomically};
 use macro_solver::pool::WorkerReport;
-use protocol::transport::shared_memory::RunRecord;
+use protocol::transport::shared_memory::{RunDirectory, RunRecord};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -32,6 +33,12 @@ pub(crate) struct RunProgress {
     pub(crate) load: f64,
     /// Point evaluations.
     pub(crate) evaluations: u64,
+    /// Where time has gone up to the last step, s: the names of `time` in `summary.json`.
+    #[serde(default)]
+    pub(crate) time: BTreeMap<String, f64>,
+    /// Counters up to the last step, of the macro process: the names of `fallbacks` in `summary.json`.
+    #[serde(default)]
+    pub(crate) fallbacks: BTreeMap<String, u64>,
     /// Workers, as the pool saw them at its last report.
     #[serde(default)]
     pub(crate) workers: Vec<WorkerReport>,
@@ -44,13 +51,31 @@ impl RunProgress {
         // Absolute, as the reader is elsewhere; a folder that cannot be resolved is shown as given.
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let (scene, output) = (absolute(scene), absolute(output));
-        Self { begun, scene, output, step: 0, load: 0.0, evaluations: 0, workers: Vec::new() }
+        Self {
+            begun,
+            scene,
+            output,
+            step: 0,
+            load: 0.0,
+            evaluations: 0,
+            time: BTreeMap::new(),
+            fallbacks: BTreeMap::new(),
+            workers: Vec::new(),
+        }
     }
 
     /// The last status of the run with this record; `None` if it has not written any yet.
     pub(crate) fn of(record: &RunRecord) -> Option<Self> {
         serde_json::from_slice(&fs::read(path(record)?).ok()?).ok()
     }
+}
+
+/// Progress of the live run of this user on this machine that writes to a folder; `None` if there is none.
+pub(crate) fn run_that_writes_to(folder: &Path) -> Option<RunProgress> {
+    let whole = folder.canonicalize().ok()?;
+    let alive = RunDirectory::list().ok()?.into_iter().filter(|listing| listing.alive);
+    let mut known = alive.filter_map(|listing| RunProgress::of(listing.record.as_ref()?));
+    known.find(|progress| progress.output.canonicalize().is_ok_and(|output| output == whole))
 }
 
 fn path(record: &RunRecord) -> Option<PathBuf> {
@@ -104,7 +129,36 @@ impl Observer for StatusFile {
         inner.progress.step = report.step;
         inner.progress.load = report.share;
         inner.progress.evaluations = fields.statistics.evaluations;
+        let known = fields.statistics;
+        let times = [
+            ("rve_s", known.cost.solve_nanoseconds),
+            ("tangent_s", known.cost.tangent_nanoseconds),
+            ("assembly_s", known.assembly_nanoseconds),
+            ("linear_solver_s", known.linear_solver_nanoseconds),
+        ];
+        inner.progress.time = times.map(|(name, nanoseconds)| (name.to_owned(), nanoseconds as f64 * 1e-9)).into();
+        inner.progress.fallbacks = counters(known);
         inner.write();
         Ok(())
     }
+}
+
+fn counters(known: &Statistics) -> BTreeMap<String, u64> {
+    let flags = &known.flags;
+    [
+        ("not_equilibrated", flags.not_equilibrated),
+        ("large_overlap", flags.large_overlap),
+        ("no_load_bearing_contacts", flags.fluid),
+        ("damping_changed", flags.damping_changed),
+        ("unfinished_trials", known.unfinished_trials),
+        ("steps_stabilised", known.stabilised_steps),
+        ("error_above_wanted", known.accuracy.missed_steps),
+        ("tangent_fallback", flags.tangent_fallback),
+        ("tangent_regularised", flags.tangent_regularised),
+        ("tangent_floored", known.floored_tangents),
+        ("rejected_iterates", known.rejected),
+        ("cutbacks", known.cut_backs),
+    ]
+    .map(|(name, count)| (name.to_owned(), count))
+    .into()
 }

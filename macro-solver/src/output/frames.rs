@@ -4,6 +4,7 @@
 //! Elements carry means over their Gauss points, weighted with the current volume; costs are sums.
 
 use super::fields::{Field, FieldGrid, write_grid};
+use super::probe::{Axes, Rank, StressMeasure};
 use super::{OutputError, write_particles};
 use crate::formulation::tensor::{matrix, tensor};
 use crate::mesh::Dimension;
@@ -37,6 +38,7 @@ pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables)
         .iter()
         .map(|quantity| quantity.of_points(view.points))
         .collect::<Vec<_>>();
+    add_invariants(view.mesh.dimension, &mut fields);
     fields.push(Field::scalar("element", view.points.iter().map(|point| point.element as f64).collect()));
     fields.push(Field::scalar("volume", view.points.iter().map(|point| point.volume).collect()));
     write_particles(path, &positions, &fields)
@@ -45,6 +47,7 @@ pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables)
 fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observables) -> Vec<Field> {
     let mut fields: Vec<Field> =
         quantities(dimension, asked).iter().map(|quantity| quantity.of_elements(points)).collect();
+    add_invariants(dimension, &mut fields);
     let sums = |value: fn(&PointFields) -> u64| {
         by_element(points).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
     };
@@ -54,6 +57,33 @@ fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observabl
     fields.push(Field::scalar("force_evaluations", sums(|point| point.cost.force_evaluations)));
     fields.push(Field::scalar("flagged_points", sums(|point| u64::from(point.flags.0 != 0))));
     fields
+}
+
+/// Adds principal stresses, `p` and `q` of the stress that is among the fields: of elements those of the mean stress. `q` is the
+/// difference of the principal stresses in the plane, and `sqrt(3/2 s:s)` of the deviator `s` in space; the two agree in a
+/// triaxial test. `p` and `q` are compression positive, principal stresses tension positive.
+fn add_invariants(dimension: Dimension, fields: &mut Vec<Field>) {
+    let Some(stress) = fields.iter().find(|field| field.name == "stress") else { return };
+    let of = |name: &str, measures: &[(f64, StressMeasure)]| {
+        let value = |stress: &[f64]| {
+            let stress = Tensor2(std::array::from_fn(|place| stress[place]));
+            measures.iter().map(|(factor, measure)| factor * measure.of(&stress)).sum()
+        };
+        Field::scalar(name, stress.values.chunks_exact(9).map(value).collect())
+    };
+    let axes = if dimension == Dimension::Plane { Axes::Plane } else { Axes::Space };
+    let principal = |rank| StressMeasure::Principal(rank, axes);
+    let mut more = vec![of("principal_stress_major", &[(1.0, principal(Rank::Major))])];
+    if dimension == Dimension::Space {
+        more.push(of("principal_stress_intermediate", &[(1.0, principal(Rank::Intermediate))]));
+    }
+    more.push(of("principal_stress_minor", &[(1.0, principal(Rank::Minor))]));
+    more.push(of("p", &[(1.0, StressMeasure::Pressure(dimension.count()))]));
+    more.push(match dimension {
+        Dimension::Plane => of("q", &[(1.0, principal(Rank::Minor)), (-1.0, principal(Rank::Major))]),
+        Dimension::Space => of("q", &[(1.0, StressMeasure::VonMises)]),
+    });
+    fields.extend(more);
 }
 
 /// The points of each element.
@@ -147,6 +177,26 @@ pub(super) fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::probe::tests::point;
+    use crate::output::units::is_known;
+
+    /// 300 and 700 kPa of compression, turned by the shear stress: the invariants of a plane stress are known, and so are those of
+    /// the triaxial stress in space.
+    #[test]
+    fn invariants_of_the_stress_are_among_the_fields_and_have_units() {
+        let points = [point(2.0, [[-5.0, 2.0], [2.0, -5.0]], 1.1)];
+        let fields = element_fields(Dimension::Plane, &points, Observables::ALL);
+        assert!(fields.iter().all(is_known));
+        let value = |name: &str| fields.iter().find(|field| field.name == name).map(|field| field.values[0]);
+        let near = |name: &str, expected: f64| (value(name).unwrap() - expected).abs() < 1e-12;
+        assert!(near("principal_stress_major", -7.0) && near("principal_stress_minor", -3.0));
+        assert!(near("p", 5.0) && near("q", 4.0) && value("principal_stress_intermediate").is_none());
+        let mut solid = vec![Field::tensor("stress", &[Tensor2([-1.0, 0.0, 0.0, 0.0, -4.0, 0.0, 0.0, 0.0, -1.0])])];
+        add_invariants(Dimension::Space, &mut solid);
+        let value = |name: &str| solid.iter().find(|field| field.name == name).unwrap().values[0];
+        assert!((value("q") - 3.0).abs() < 1e-12 && (value("p") - 2.0).abs() < 1e-12);
+        assert_eq!([value("principal_stress_major"), value("principal_stress_intermediate")], [-4.0, -1.0]);
+    }
 
     #[test]
     fn strain_of_a_rotation_is_zero_and_of_simple_shear_its_shear() {

@@ -17,6 +17,7 @@ mod probe;
 mod recorder;
 mod summary;
 mod table;
+mod units;
 
 pub use atomic::write_atomically;
 pub use energy::EnergyLedger;

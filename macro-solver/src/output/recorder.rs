@@ -3,9 +3,11 @@
 use super::frames::{write_frame, write_point_frame};
 use super::points::point_columns;
 use super::table::{TableFile, TableRow};
+use super::units::write_units;
 use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe, Profile, References};
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
+use crate::problem::Problem;
 use protocol::Observables;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -83,6 +85,8 @@ pub struct Recorder {
     references: References,
     /// One for each profile, then one for each chosen Gauss point.
     tables: Vec<TableFile>,
+    /// Estimated errors of the probes that are means of stresses; absent without an estimate or such probes.
+    errors: Option<TableFile>,
 }
 
 impl Recorder {
@@ -97,7 +101,9 @@ impl Recorder {
             fs::create_dir_all(&fields).map_err(|source| OutputError::write(&fields, source))?;
         }
         let tables = tables(folder, &plan)?;
+        let errors = error_table(folder, &plan)?;
         Ok(Self {
+            errors,
             folder: folder.to_owned(),
             references: plan.references(),
             tables,
@@ -142,6 +148,9 @@ impl Recorder {
         self.record_tables(report, view)?;
         self.references.keep(report, view);
         self.history.append(&row)?;
+        if let Some(table) = &mut self.errors {
+            table.append([error_row(&self.plan, &row)])?;
+        }
         self.curve.push(row);
         Ok(())
     }
@@ -188,6 +197,21 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
     Ok(tables)
 }
 
+/// Creates the table of the estimated errors of the probes, if there are any.
+fn error_table(folder: &Path, plan: &RecordPlan) -> Result<Option<TableFile>, OutputError> {
+    let of_stresses = plan.probes.iter().filter(|probe| probe.quantity.has_error());
+    let columns: Vec<String> = of_stresses.map(|probe| probe.name.clone()).collect();
+    let wanted = plan.accuracy && !columns.is_empty();
+    wanted.then(|| TableFile::create(&folder.join("probe_errors.csv"), &columns)).transpose()
+}
+
+/// Estimated errors of the probes after a step, NaN where there is no estimate.
+fn error_row(plan: &RecordPlan, row: &HistoryRow) -> TableRow {
+    let places = plan.probes.iter().enumerate().filter(|(_, probe)| probe.quantity.has_error());
+    let error = |(place, _)| row.probe_errors.get(place).copied().flatten().unwrap_or(f64::NAN);
+    TableRow { step: row.step, values: places.map(error).collect() }
+}
+
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
@@ -200,6 +224,11 @@ type Frames = Vec<(f64, String)>;
 type Saved = (Vec<HistoryRow>, (Frames, Frames), References, Vec<Vec<TableRow>>);
 
 impl Observer for Recorder {
+    fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
+        write_units(&self.folder.join("units.json"), &self.plan, problem.mesh.dimension)
+            .map_err(|error| StopRequest { reason: error.to_string() })
+    }
+
     fn save(&self, archive: &mut Archive) {
         let tables: Vec<&[TableRow]> = self.tables.iter().map(TableFile::rows).collect();
         let frames = (self.elements.frames(), self.points.frames());
@@ -211,6 +240,9 @@ impl Observer for Recorder {
         let unfit = |error| CheckpointError::unfit(SECTION, error);
         let path = self.folder.join("history.csv");
         self.history = HistoryWriter::reopen(&path, self.plan.layout(), &curve).map_err(unfit)?;
+        if let Some(table) = &mut self.errors {
+            table.restore(curve.iter().map(|row| error_row(&self.plan, row)).collect()).map_err(unfit)?;
+        }
         self.curve = curve;
         self.references = references;
         for (table, rows) in self.tables.iter_mut().zip(tables) {

@@ -15,6 +15,9 @@ pub(crate) struct OutputTable {
     /// Gauss points whose grains are written.
     #[serde(skip_serializing)]
     pub(crate) grains: Vec<Located<usize>>,
+    /// Whether the last states of all Gauss points are written to `cells/`, for the page of `grainspan watch` and `grainspan report`; not
+    /// above 100000 grains in all.
+    pub(crate) cells: bool,
     /// Gauss points, numbered through the mesh, of which stress, strain, void ratio, fabric and all other results are written to
     /// `points/point-NUMBER.csv` at every step.
     #[serde(skip_serializing)]
@@ -40,6 +43,7 @@ impl Default for OutputTable {
             fields_every: 1,
             gauss_points: false,
             grains: Vec::new(),
+            cells: true,
             points: Vec::new(),
             observables: Observable::ALL.to_vec(),
             plot: true,

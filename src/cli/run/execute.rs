@@ -1,6 +1,8 @@
 //! Solves a scene with a pool that is ready, and completes the output folder.
 
+use super::cells::CellWriter;
 use super::closing_lines::closing_lines;
+use super::control::ControlledRun;
 use super::event_log::EventLog;
 use super::failure::{failure, write_failure_case};
 use super::folder::OutputFolder;
@@ -17,8 +19,9 @@ use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, ReplicaPlan};
 use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically};
-use macro_solver::pool::Pool;
+use macro_solver::pool::{Interrupt, Pool};
 use macro_solver::solve::solve_with_checkpoints;
+use page::Controls;
 use protocol::engine::Observables;
 use protocol::transport::MacroPort;
 use scene_reader::Scene;
@@ -40,6 +43,8 @@ pub(super) struct RunContext<'a> {
     pub(super) description: &'a RunDescription,
     /// Where to continue; `None`: from the start.
     pub(super) continued: Option<Continued>,
+    /// Ends the run when it is raised.
+    pub(super) interrupt: Interrupt,
     /// Observes the solver after the recorders.
     pub(super) observer: &'a mut dyn Observer,
 }
@@ -119,8 +124,12 @@ fn solve<P: MacroPort>(
 ) -> Result<Solved, Failure> {
     let record = RecordPlan { accuracy: !context.replicas.is_empty(), ..scene.record.clone() };
     let mut recorder = Recorder::create(folder.path(), record)?;
-    let (mut material, snapshots) = SnapshotRecorder::new(pool, &drawn_points(scene, context.assignment));
-    let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, snapshots)
+    let solved_here: Vec<usize> =
+        (0..scene.problem.point_count()).filter(|&point| context.assignment.is_built_in(point)).collect();
+    let (mut material, snapshots) = SnapshotRecorder::new(pool, &solved_here);
+    let cells = CellWriter::new(folder.path(), &scene.materials, snapshots.clone());
+    let chosen = drawn_points(scene, context.assignment);
+    let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, &chosen, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;
     let (mut energy, mut event_log, mut progress) =
         (EnergyLedger::default(), EventLog, ProgressDisplay::new(context.quiet));
@@ -138,17 +147,21 @@ fn solve<P: MacroPort>(
         description.put(archive, progress, wall_s(), figures);
     };
     let file = CheckpointFile::in_folder(folder.path());
-    let mut checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);
+    let checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);
+    let mut controlled = ControlledRun::new(checkpoints, cells, Controls::of(folder.path()), context.interrupt);
     let differences = context.assignment.differences();
     let mut material = DifferenceTangents::new(&mut material, scene.engines.difference, differences);
     let mut estimator = ErrorEstimator::new(&mut material, scene.materials.cell_dimension(), &context.replicas);
-    let run = solve_with_checkpoints(&scene.problem, &mut estimator, &mut observers, &mut checkpoints);
+    let run = solve_with_checkpoints(&scene.problem, &mut estimator, &mut observers, &mut controlled);
     let replicas = estimator.figures();
     let differences = material.counts();
     if !matches!(run.outcome, Outcome::Completed) {
-        checkpoints.flush();
+        controlled.checkpoints.flush();
     }
-    let (checkpoints, wall_s) = (checkpoints.figures().clone(), wall_s());
+    if scene.cells {
+        controlled.cells.write_all();
+    }
+    let (checkpoints, wall_s) = (controlled.checkpoints.figures().clone(), wall_s());
     Ok(Solved { run, recorder, energy, differences, replicas, checkpoints, wall_s })
 }
 
@@ -181,8 +194,10 @@ fn write_results(
 ) -> Result<(), OutputError> {
     summary.write(&folder.path().join("summary.json"))?;
     let Some((x, y)) = &scene.plot else { return Ok(()) };
-    let names: Vec<String> = scene.record.probes.iter().map(|probe| probe.name.clone()).collect();
-    match plot::curve(solved.recorder.rows(), &names, x, y) {
+    let dimension = scene.problem.mesh.dimension;
+    let probes: Vec<(String, &str)> =
+        scene.record.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))).collect();
+    match plot::curve(solved.recorder.rows(), &probes, x, y) {
         Ok(Some(picture)) => write_atomically(&folder.path().join("history.svg"), picture.as_bytes()),
         Ok(None) => Ok(()),
         Err(error) => {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 13] = [
+const FILES: [&str; 15] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -22,12 +22,14 @@ const FILES: [&str; 13] = [
     "gauss_points.pvd",
     "run.jsonl",
     "packing.json",
+    "probe_errors.csv",
+    "units.json",
     // Written by `grainspan report`; of no use next to another run.
     "report.html",
 ];
 
 /// Folders that a run fills.
-const FOLDERS: [&str; 5] = ["fields", "grains", "packings", "points", "profiles"];
+const FOLDERS: [&str; 7] = ["cells", "control", "fields", "grains", "packings", "points", "profiles"];
 
 /// A folder that is ready to be written to.
 #[derive(Debug)]

@@ -35,7 +35,7 @@ pub(super) struct SnapshotRecorder<'a, P: MacroPort> {
 }
 
 impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
-    /// A recorder for these points, and the snapshots that it records.
+    /// A recorder for these points, in ascending order, and the snapshots that it records.
     pub(super) fn new(pool: &'a mut Pool<P>, points: &[PointId]) -> (Self, Snapshots) {
         let snapshots = Snapshots::default();
         let recorder = Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots) };
@@ -82,6 +82,8 @@ pub(super) struct GrainWriter {
     folder: PathBuf,
     plan: RecordPlan,
     snapshots: Snapshots,
+    /// Points whose grains are written.
+    chosen: Vec<PointId>,
     /// One for each chosen point.
     renderers: BTreeMap<PointId, Box<dyn Renderer>>,
     /// Series of grains and of contacts of each point.
@@ -97,22 +99,26 @@ impl GrainWriter {
         folder: &Path,
         materials: &Materials,
         plan: &RecordPlan,
+        chosen: &[PointId],
         snapshots: Snapshots,
     ) -> Result<Self, StopRequest> {
         let folder = folder.join("grains");
-        if plan.has_fields() && !snapshots.borrow().is_empty() {
+        if plan.has_fields() && !chosen.is_empty() {
             fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
         }
         let mut renderers = BTreeMap::new();
-        for &point in snapshots.borrow().keys() {
+        for &point in chosen {
             let definition = &materials.definitions[materials.made_of[point]];
             renderers.insert(point, renderer(definition).map_err(stop)?);
         }
-        Ok(Self { folder, plan: plan.clone(), snapshots, renderers, series: BTreeMap::new() })
+        let chosen = renderers.keys().copied().collect();
+        Ok(Self { folder, plan: plan.clone(), snapshots, chosen, renderers, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        for (&point, snapshot) in self.snapshots.borrow().iter() {
+        let snapshots = self.snapshots.borrow();
+        for &point in &self.chosen {
+            let Some(snapshot) = snapshots.get(&point) else { continue };
             let names = WHAT.map(|what| format!("{what}-{point:04}-step-{:04}.vtp", report.step));
             if let (Some(renderer), Some(state)) = (self.renderers.get(&point), fields.points.get(point)) {
                 let (picture, fluctuation) = renderer.draw(snapshot, &state.deformation)?;
@@ -174,13 +180,20 @@ fn stop(reason: impl ToString) -> StopRequest {
 }
 
 /// Draws the grains of a snapshot, whatever their dimension.
-trait Renderer {
+pub(super) trait Renderer {
+    /// Grains and contacts of a snapshot; an empty one stands for the packing as given.
+    fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest>;
+
     /// Grains and contacts of a snapshot, an empty one stands for the packing as given, and what each grain has been displaced in
     /// addition to the deformation of its cell, m. `deformation` is about that of the cell.
     fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest>;
 }
 
-fn renderer(definition: &AnyDefinition) -> Result<Box<dyn Renderer>, RveError> {
+/// A renderer of the cells of a definition.
+///
+/// # Errors
+/// The definition is not sound.
+pub(super) fn renderer(definition: &AnyDefinition) -> Result<Box<dyn Renderer>, RveError> {
     Ok(match definition {
         AnyDefinition::Discs(definition) => Box::new(CellRenderer::new(definition)?),
         AnyDefinition::Spheres(definition) => Box::new(CellRenderer::new(definition)?),
@@ -197,6 +210,14 @@ impl<S: SolverFor> CellRenderer<S> {
 }
 
 impl<S: SolverFor> Renderer for CellRenderer<S> {
+    fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest> {
+        let mut cell = self.0.clone();
+        if !snapshot.is_empty() {
+            cell.restore(snapshot).map_err(stop)?;
+        }
+        cell.picture().map_err(stop)
+    }
+
     fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest> {
         let mut cell = self.0.clone();
         if !snapshot.is_empty() {

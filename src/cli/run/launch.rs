@@ -79,7 +79,7 @@ pub(super) fn run(
     };
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     let settings = scene.pool.apply(&scene.document, &settings)?;
-    let mut pool = Pool::new(port, supply, interrupt, settings, served.definitions, &served.made_of);
+    let mut pool = Pool::new(port, supply, interrupt.clone(), settings, served.definitions, &served.made_of);
     let watcher = status_file.clone();
     pool.report_to(move |workers| watcher.report(workers));
     pool.gather(workers * assignment.engines.len()).map_err(|error| match error {
@@ -95,6 +95,7 @@ pub(super) fn run(
         quiet: arguments.quiet,
         description,
         continued,
+        interrupt,
         observer: &mut status_file,
     };
     execute(scene, pool, folder, context)

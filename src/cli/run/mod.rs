@@ -1,6 +1,8 @@
 //! `grainspan run SCENE.toml`: the whole simulation. Everything is checked before a folder is made or a process started.
 
+mod cells;
 mod closing_lines;
+mod control;
 pub(crate) mod counters;
 mod event_log;
 mod execute;

@@ -3,17 +3,22 @@
 use charts::{ChartError, PathPoint, path_svg};
 use macro_solver::output::HistoryRow;
 
-/// Draws one column of the history over another; `None` without rows or if a number is not finite.
+/// Draws one column of the history over another, with units; `probes` are names and units, `-` for none. `None` without rows or if a number is not finite.
 ///
 /// # Errors
 /// The drawing library refuses.
-pub(super) fn curve(rows: &[HistoryRow], probes: &[String], x: &str, y: &str) -> Result<Option<String>, ChartError> {
+pub(super) fn curve(
+    rows: &[HistoryRow],
+    probes: &[(String, &str)],
+    x: &str,
+    y: &str,
+) -> Result<Option<String>, ChartError> {
     let value = |row: &HistoryRow, column: &str| match column {
         "time" => row.time,
         "load" => row.load,
-        name => probes.iter().position(|probe| probe == name).map_or(f64::NAN, |index| row.probes[index]),
+        name => probes.iter().position(|(probe, _)| probe == name).map_or(f64::NAN, |index| row.probes[index]),
     };
-    let column = probes.iter().position(|probe| probe == y);
+    let column = probes.iter().position(|(probe, _)| probe == y);
     let error =
         |row: &HistoryRow| column.and_then(|column| row.probe_errors.get(column).copied().flatten()).unwrap_or(0.0);
     let points: Vec<PathPoint> = rows
@@ -25,7 +30,12 @@ pub(super) fn curve(rows: &[HistoryRow], probes: &[String], x: &str, y: &str) ->
             stabilised: row.stabilised > 0,
         })
         .collect();
-    path_svg([x, y], &points)
+    let label = |column: &str| match probes.iter().find(|(probe, _)| probe == column) {
+        Some((_, unit)) if *unit != "-" => format!("{column}, {unit}"),
+        None if column == "time" => "time, s".to_owned(),
+        _ => column.to_owned(),
+    };
+    path_svg([&label(x), &label(y)], &points)
 }
 
 #[cfg(test)]
@@ -48,9 +58,11 @@ mod tests {
             accuracy: StepAccuracy::default(),
             probe_errors: Vec::new(),
         };
-        let (rows, probes) = ([row(0), row(1), row(2)], ["ratio".to_owned()]);
+        let (rows, probes) = ([row(0), row(1), row(2)], [("ratio".to_owned(), "-")]);
         let text = curve(&rows, &probes, "load", "ratio").unwrap().unwrap();
         assert!(text.contains("load") && text.contains("ratio") && text.contains("after cut-backs"));
         assert_eq!(curve(&rows, &probes, "load", "missing").unwrap(), None);
+        let text = curve(&rows, &[("force".to_owned(), "N/m")], "time", "force").unwrap().unwrap();
+        assert!(text.contains("force, N/m") && text.contains("time, s"));
     }
 }

@@ -42,6 +42,7 @@ fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer)
         quiet: true,
         description: &description,
         continued: None,
+        interrupt: Interrupt::new(),
         observer,
     };
     let exit = execute(scene, pool, &folder, context);

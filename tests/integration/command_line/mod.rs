@@ -3,6 +3,7 @@
 mod bad_input;
 mod error_estimate;
 mod figures;
+mod page;
 mod reproduce;
 mod run;
 mod specimens;

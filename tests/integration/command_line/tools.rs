@@ -55,6 +55,29 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
     assert!((last[19] + last[21] - 1.0).abs() < 1e-14, "the trace of the fabric");
 }
 
+/// A table of all combinations, in their order, with the rows of single tests; equal bytes for any number of jobs.
+#[test]
+fn a_sweep_is_one_table_of_single_tests() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let sweep =
+        ["element", &test, "--sweep", "contact.friction=0.2,0.5", "--sweep", "path.0.increments=1:2:2", "--quiet"];
+    let table = succeeded(&[&sweep[..], &["--jobs", "3"]].concat()).stdout;
+    assert_eq!(table, succeeded(&[&sweep[..], &["--jobs", "1"]].concat()).stdout);
+    let text = String::from_utf8(table).unwrap();
+    assert!(text.starts_with("contact.friction,path.0.increments,increment,F_xx"), "{text}");
+    assert_eq!(text.lines().count(), 1 + 2 * (2 + 3));
+    let single =
+        succeeded(&["element", &test, "--quiet", "--set", "contact.friction=0.2", "--set", "path.0.increments=2"]);
+    let single = String::from_utf8(single.stdout).unwrap();
+    let rows: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("0.2,2,")).collect();
+    assert_eq!(rows, single.lines().skip(1).collect::<Vec<_>>());
+    let refused = grainspan(&["element", &test, "--sweep", "contact.frictoin=0.2,0.5"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("did you mean"), "{refused:?}");
+    assert_eq!(grainspan(&["element", &test, "--sweep", "contact.friction=1:2:0"]).status.code(), Some(2));
+}
+
 /// `(s1 - s2) / (s1 + s2) = (a_c + a_n + a_t) / (2 + a_c a_n)`; 0.7 % off at worst from increment 2 on, when this was written.
 #[test]
 fn the_stress_ratio_follows_from_the_anisotropies_of_the_contacts() {

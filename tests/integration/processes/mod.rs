@@ -1,5 +1,6 @@
 //! Workers that come, die and come back, and checkpoints: the bytes of a run are the same whatever happens.
 
+mod control;
 mod faults;
 mod faults_in_cycles;
 mod grain_pool;

@@ -164,7 +164,19 @@ fn as_path(text: &str) -> Option<&str> {
     let path = text.split(['#', ':']).next().unwrap_or(text);
     let inside = !path.starts_with(['/', '~', '-', '<', '.']) || path.starts_with(".ci/");
     let plain = !path.contains([' ', '<', '>', '=', '(', '$', '"', '@', '|', '\\']);
-    let products = ["out/", "target/", "dist/", "site/", "mine/", "points/", "profiles/"];
+    let products = [
+        "api/",
+        "cells/",
+        "control/",
+        "dist/",
+        "files/",
+        "mine/",
+        "out/",
+        "points/",
+        "profiles/",
+        "site/",
+        "target/",
+    ];
     let product = products.iter().any(|prefix| path.starts_with(prefix));
     let capitals = path.split('/').any(|part| {
         let stem = part.split('.').next().unwrap_or(part);
@@ -176,7 +188,7 @@ fn as_path(text: &str) -> Option<&str> {
 
 /// Whether the first folder of a path is one of the repository that a document can only mean as a path.
 fn top_level(path: &str) -> bool {
-    const FOLDERS: [&str; 19] = [
+    const FOLDERS: [&str; 20] = [
         ".ci",
         "adapters",
         "bench",
@@ -187,6 +199,7 @@ fn top_level(path: &str) -> bool {
         "keys",
         "macro-solver",
         "packings",
+        "page",
         "pool-c",
         "protocol",
         "python",
@@ -381,6 +394,7 @@ fn source_folders() -> Vec<String> {
         "pool-c",
         "bench",
         "charts",
+        "page",
         "worker-c",
         "python",
         ".",

@@ -59,6 +59,7 @@ fn random_iteration_order_is_absent() {
         "scene-reader/src",
         "keys/src",
         "charts/src",
+        "page/src",
         "grain-pool/src",
         "python/src",
         "pool-c/src",

@@ -43,6 +43,17 @@ pub enum BandProperty {
     Quality,
 }
 
+impl BandProperty {
+    /// Unit of the value; `-` if it has none.
+    pub(super) fn unit(self) -> &'static str {
+        match self {
+            Self::Width => "m",
+            Self::Inclination => "degrees",
+            Self::Quality => "-",
+        }
+    }
+}
+
 impl BandProbe {
     /// Value after an accepted step; NaN where no ridge fits, for instance to a uniform field.
     pub fn value(&self, view: &FieldsView<'_>, references: &References) -> f64 {

@@ -11,6 +11,11 @@ use protocol::Tensor2;
 const DIFFERENCE: f64 = 1e-6;
 
 impl FieldProbe {
+    /// Whether the value is a mean of stresses or a function of one.
+    pub(super) fn has_error(&self) -> bool {
+        matches!(self.measure, Measure::Stress(_)) && self.statistic == Statistic::Mean
+    }
+
     /// Estimated error of the value, in its unit; `None` for what is no mean of stresses. A function of the stress changes by at most
     /// the norm of its gradient times the error of the stress.
     pub(super) fn error(&self, view: &FieldsView<'_>, estimate: &ErrorEstimate) -> Option<f64> {

@@ -3,7 +3,9 @@
 use super::measure::Measure;
 use super::reference::{Origin, References, reference_volume};
 use super::stress_measure::StressMeasure;
+use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
+use crate::output::units::energy;
 use protocol::Tensor2;
 
 /// A measure over Gauss points, reduced to one number.
@@ -60,6 +62,14 @@ pub enum Statistic {
 }
 
 impl FieldProbe {
+    /// Unit of the value; `-` if it has none. Energies are sums over the part, in the plane per metre of thickness.
+    pub fn unit(&self, dimension: Dimension) -> &'static str {
+        match (self.measure, self.statistic) {
+            (Measure::ElasticEnergy | Measure::FrictionalDissipation, Statistic::Mean) => energy(dimension),
+            _ => self.measure.unit(),
+        }
+    }
+
     /// A mean over the whole body, counted from the start of the run.
     pub fn mean(measure: Measure) -> Self {
         Self { measure, part: Part::Body, statistic: Statistic::Mean, reference: None }

@@ -52,6 +52,16 @@ pub enum Measure {
 }
 
 impl Measure {
+    /// Unit at one Gauss point; `-` if it has none.
+    pub(super) fn unit(&self) -> &'static str {
+        match self {
+            Self::Stress(stress) => stress.unit(),
+            Self::GrainRotation(_) => "rad",
+            Self::ElasticEnergy | Self::FrictionalDissipation => "J/m3",
+            _ => "-",
+        }
+    }
+
     /// Value at a Gauss point, the number `number` of the run.
     pub(super) fn at(&self, number: usize, point: &PointFields, origin: Origin<'_>) -> f64 {
         let since = || deformation_since(origin, number, point);

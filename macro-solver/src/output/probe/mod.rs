@@ -19,8 +19,9 @@ pub use reference::{ReferenceState, References};
 pub use stress_measure::{Axes, Rank, StressMeasure};
 
 use crate::material::error_estimate::ErrorEstimate;
-use crate::mesh::Mesh;
+use crate::mesh::{Dimension, Mesh};
 use crate::observer::FieldsView;
+use crate::output::units::{energy, force};
 use crate::problem::Axis;
 use protocol::Observables;
 use reference::Origin;
@@ -145,6 +146,25 @@ impl Quantity {
             Self::Field(probe) => probe.error(view, estimate),
             _ => None,
         }
+    }
+
+    /// Unit of the value; `-` if it has none. Forces and energies of plane bodies are per metre of thickness.
+    pub fn unit(&self, dimension: Dimension) -> &'static str {
+        match self {
+            Self::Reaction { .. } => force(dimension),
+            Self::Displacement { .. } => "m",
+            Self::Strain { .. } | Self::Compression { .. } | Self::EnergyResidual => "-",
+            Self::Field(probe) => probe.unit(dimension),
+            Self::Band(probe) => probe.property.unit(),
+            Self::HourglassEnergy | Self::KineticEnergy => energy(dimension),
+            Self::Velocity { .. } => "m/s",
+            Self::Acceleration { .. } => "m/s2",
+        }
+    }
+
+    /// Whether [`Quantity::error`] may give an error.
+    pub(crate) fn has_error(&self) -> bool {
+        matches!(self, Self::Field(probe) if probe.has_error())
     }
 
     /// Optional results that the points have to be asked for.

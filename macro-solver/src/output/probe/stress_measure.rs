@@ -48,8 +48,17 @@ pub enum Rank {
 }
 
 impl StressMeasure {
+    /// Unit of the value; `-` if it has none.
+    pub(super) fn unit(&self) -> &'static str {
+        match self {
+            Self::Ratio | Self::PrincipalRatio(..) | Self::SigmaBar => "-",
+            Self::FrictionAngle(_) => "degrees",
+            _ => "Pa",
+        }
+    }
+
     /// Value for a stress, Pa.
-    pub(super) fn of(&self, stress: &Tensor2) -> f64 {
+    pub(in crate::output) fn of(&self, stress: &Tensor2) -> f64 {
         let (xx, yy) = (stress.get(0, 0), stress.get(1, 1));
         match *self {
             Self::Component(row, column) => stress.get(row, column),

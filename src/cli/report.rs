@@ -1,20 +1,17 @@
 //! `grainspan report`: the output folder of a run as one page that needs no other file.
 
-mod columns;
-mod contents;
-mod page;
-mod picture;
-
+use super::watch::program;
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
-use contents::Contents;
 use macro_solver::output::write_atomically;
+use page::RunFolder;
 use std::path::PathBuf;
 
 /// Arguments of `grainspan report`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Examples:\n  grainspan report out/biaxial\n  grainspan report out/biaxial --out biaxial.html"
+    after_help = "Examples:\n  grainspan report out/biaxial\n  grainspan report out/biaxial --out biaxial.html\n\n`grainspan watch` shows \
+                  the same page while a run goes on."
 )]
 pub(crate) struct Arguments {
     /// Output folder of a run, finished or not
@@ -27,12 +24,11 @@ pub(crate) struct Arguments {
 /// Reads the folder and writes the page.
 ///
 /// # Errors
-/// The folder is no run's output, a file in it cannot be understood, or the page cannot be written.
+/// The folder is no run's output, or the page cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let contents = Contents::read(&arguments.folder)?;
+    let folder = RunFolder::open(&arguments.folder).map_err(|error| Failure::new(Exit::BadInput, error))?;
     let place = arguments.out.clone().unwrap_or_else(|| arguments.folder.join("report.html"));
-    let page = page::page(&contents).map_err(|error| Failure::new(Exit::BadInput, error))?;
-    write_atomically(&place, page.as_bytes())?;
+    write_atomically(&place, page::report(&folder, &program()).as_bytes())?;
     print(format!("written to {}\n", place.display()).as_bytes())?;
     Ok(Exit::Done)
 }

@@ -1,0 +1,147 @@
+//! `units.json`: the units of everything that a run writes, for people and pictures. Column names stay free of units.
+
+use super::points::point_columns;
+use super::{OutputError, RecordPlan, write_atomically};
+use crate::mesh::Dimension;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Units of the columns of one kind of file by their names; `-` marks numbers without a unit.
+type Units = BTreeMap<String, &'static str>;
+
+/// What `units.json` holds, by kind of file.
+#[derive(Debug, Serialize)]
+struct UnitsFile {
+    /// Columns of `history.csv` and `probe_errors.csv`.
+    history: Units,
+    /// Fields on nodes and elements, and at Gauss points.
+    fields: Units,
+    /// Columns of `points/*.csv`.
+    points: Units,
+    /// Column `value` of each file of `profiles/`, by its name.
+    profiles: Units,
+    /// Fields of `grains/*.vtp`.
+    grains: Units,
+}
+
+/// Writes the units of the outputs of a plan.
+///
+/// # Errors
+/// [`OutputError`].
+pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) -> Result<(), OutputError> {
+    let own = |(name, unit): (&str, &'static str)| (name.to_owned(), unit);
+    let mut history: Units = HISTORY.into_iter().map(own).collect();
+    history.extend(plan.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))));
+    let names = point_columns(plan.observables).into_iter().map(|column| column.name);
+    let points = names
+        .map(|name| {
+            let unit = point_unit(&name);
+            (name, unit)
+        })
+        .collect();
+    let profiles = plan.profiles.iter().map(|profile| (profile.name.clone(), profile.probe.unit(dimension)));
+    let force = force(dimension);
+    let mut fields: Units = FIELDS.into_iter().map(own).collect();
+    fields.extend([("reaction", force), ("load", force)].map(own));
+    let file = UnitsFile {
+        history,
+        fields,
+        points,
+        profiles: profiles.collect(),
+        grains: GRAINS.into_iter().map(own).collect(),
+    };
+    let text = serde_json::to_vec_pretty(&file).map_err(|reason| OutputError::encode(path, reason))?;
+    write_atomically(path, &text)
+}
+
+/// Unit of a force: in the plane per metre of thickness.
+pub(super) fn force(dimension: Dimension) -> &'static str {
+    match dimension {
+        Dimension::Plane => "N/m",
+        Dimension::Space => "N",
+    }
+}
+
+/// Unit of an energy: in the plane per metre of thickness.
+pub(super) fn energy(dimension: Dimension) -> &'static str {
+    match dimension {
+        Dimension::Plane => "J/m",
+        Dimension::Space => "J",
+    }
+}
+
+const HISTORY: [(&str, &str); 11] = [
+    ("step", "-"),
+    ("time", "s"),
+    ("load", "-"),
+    ("iterations", "-"),
+    ("evaluations", "-"),
+    ("stage", "-"),
+    ("cut_backs", "-"),
+    ("stabilised", "-"),
+    ("strain_per_step", "-"),
+    ("estimated_error", "-"),
+    ("estimated_error_of_mean", "-"),
+];
+
+/// Fields whose unit is not that of a force.
+const FIELDS: [(&str, &str); 26] = [
+    ("displacement", "m"),
+    ("stress", "Pa"),
+    ("principal_stress_major", "Pa"),
+    ("principal_stress_intermediate", "Pa"),
+    ("principal_stress_minor", "Pa"),
+    ("p", "Pa"),
+    ("q", "Pa"),
+    ("strain", "-"),
+    ("shear_strain", "-"),
+    ("void_ratio", "-"),
+    ("coordination_number", "-"),
+    ("coordination_number_no_rattlers", "-"),
+    ("unbalanced_force_ratio", "-"),
+    ("max_overlap_ratio", "-"),
+    ("grain_rotation", "rad"),
+    ("fabric_anisotropy", "-"),
+    ("sliding_fraction", "-"),
+    ("elastic_energy", "J/m3"),
+    ("frictional_dissipation", "J/m3"),
+    ("step_evaluations", "-"),
+    ("evaluations", "-"),
+    ("step_force_evaluations", "-"),
+    ("force_evaluations", "-"),
+    ("flagged_points", "-"),
+    ("element", "-"),
+    ("volume", "m3"),
+];
+
+const GRAINS: [(&str, &str); 10] = [
+    ("radius", "m"),
+    ("rotation", "rad"),
+    ("contacts", "-"),
+    ("rattler", "-"),
+    ("displacement_fluctuation", "m"),
+    ("normal_force", "N"),
+    ("tangential_force", "N"),
+    ("force", "N"),
+    ("sliding", "-"),
+    ("overlap", "m"),
+];
+
+/// Unit of a column of `points/*.csv`.
+fn point_unit(name: &str) -> &'static str {
+    match name.split('_').next() {
+        _ if name == "time" => "s",
+        Some("sigma") => "Pa",
+        Some("grain") => "rad",
+        Some("volume") => "m3",
+        Some("elastic" | "frictional") => "J/m3",
+        _ => "-",
+    }
+}
+
+/// Whether the unit of a field is known; for the test of the frames.
+#[cfg(test)]
+pub(super) fn is_known(field: &super::Field) -> bool {
+    FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load"]).any(|name| name == field.name)
+}

@@ -1,0 +1,34 @@
+//! The page of a run: everything that an output folder tells, in a browser.
+//!
+//! The same page is served while a run goes on ([`serve`], `grainspan watch`) and written as one file afterwards ([`report`],
+//! `grainspan report`); only the way in which it gets its data differs. The data are JSON, made here from the files of the
+//! folder and nothing else ([`data`]); drawing is done in the browser (`assets/`). Files may be half written at any moment: whatever
+//! cannot be understood yet is left out, and shown as missing.
+
+pub mod cell;
+mod controls;
+pub mod data;
+mod error;
+mod folder;
+mod numbers;
+mod report;
+mod server;
+
+pub use controls::{Action, Controls, PAUSED};
+pub use error::PageError;
+pub use folder::RunFolder;
+pub use report::report;
+pub use server::{Server, ServerSettings};
+
+use serde_json::Value;
+use std::path::Path;
+
+/// What only the program knows.
+#[derive(Clone, Copy)]
+pub struct Program {
+    /// Progress of the live run that writes to this folder: `begun`, `step`, `load`, `evaluations`, `time`, `fallbacks`, `workers`; `None` if no
+    /// run does.
+    pub live: fn(&Path) -> Option<Value>,
+    /// A counter of the fallbacks as people read it, and whether it may concern the accuracy.
+    pub counter: fn(&str, u64) -> (String, bool),
+}

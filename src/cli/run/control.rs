@@ -1,0 +1,84 @@
+//! What people ask of a run while it goes on (`grainspan ctl`, the page): carried out between two steps, when the step is complete and
+//! its state is known to the checkpoints. No result depends on it.
+
+use super::cells::CellWriter;
+use macro_solver::checkpoint::{Archive, CheckpointStore, PeriodicCheckpoints, Progress};
+use macro_solver::pool::Interrupt;
+use page::{Action, Controls, PAUSED, PageError};
+use std::thread::sleep;
+use std::time::Duration;
+
+/// Between two looks at the requests while the run is paused.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Checkpoints of a run that looks at its requests after every step.
+pub(super) struct ControlledRun<'a> {
+    pub(super) checkpoints: PeriodicCheckpoints<'a>,
+    pub(super) cells: CellWriter<'a>,
+    controls: Controls,
+    interrupt: Interrupt,
+}
+
+impl<'a> ControlledRun<'a> {
+    /// A run without requests; those of an earlier one are removed.
+    pub(super) fn new(
+        checkpoints: PeriodicCheckpoints<'a>,
+        cells: CellWriter<'a>,
+        controls: Controls,
+        interrupt: Interrupt,
+    ) -> Self {
+        controls.clear();
+        Self { checkpoints, cells, controls, interrupt }
+    }
+
+    /// Carries out everything that has been requested; returns when the run may go on.
+    fn carry_out(&mut self, step: u64) -> Result<(), PageError> {
+        let mut is_paused = false;
+        loop {
+            for point in self.controls.cells() {
+                self.cells.write(point);
+                self.controls.cell_done(point)?;
+            }
+            if self.controls.asks(Action::Checkpoint) {
+                self.checkpoints.flush();
+                self.controls.done(Action::Checkpoint.keyword())?;
+                tracing::info!(event = "checkpoint_requested", step);
+            }
+            if self.controls.asks(Action::Stop) {
+                self.controls.done(Action::Pause.keyword())?;
+                self.controls.done(Action::Stop.keyword())?;
+                tracing::info!(event = "stop_requested", step);
+                self.interrupt.raise();
+            }
+            if !self.controls.asks(Action::Pause) || self.interrupt.is_raised() {
+                break;
+            }
+            if !is_paused {
+                is_paused = true;
+                self.checkpoints.flush();
+                tracing::info!(event = "paused", step);
+                self.controls.put(PAUSED)?;
+            }
+            sleep(PAUSE);
+        }
+        if is_paused {
+            tracing::info!(event = "resumed", step);
+            self.controls.done(PAUSED)?;
+        }
+        Ok(())
+    }
+}
+
+impl CheckpointStore for ControlledRun<'_> {
+    fn earlier(&mut self) -> Option<Archive> {
+        self.checkpoints.earlier()
+    }
+
+    fn save_step(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) {
+        self.checkpoints.save_step(progress, fill);
+        self.cells.accept(progress.step);
+        if let Err(error) = self.carry_out(progress.step) {
+            tracing::warn!(%error, "a request to the run could not be carried out");
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! `grainspan element --sweep KEY=VALUES`: one test with many values of its keys, side by side on the cores, into one table.
+//!
+//! The rows come in the order of the values whatever ends first, so the table has the same bytes for any number of jobs.
+
+use crate::exit::{Exit, Failure};
+use crate::stdout::deliver;
+use protocol::TangentKind;
+use rve_server::programs::rve_test::{ElementCsv, run_element_on};
+use scene_reader::{Document, Kind, read_element_test};
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Most tests of one sweep.
+const MOST_TESTS: usize = 100_000;
+
+/// One key and its values, as text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Sweep {
+    key: String,
+    values: Vec<String>,
+}
+
+impl FromStr for Sweep {
+    type Err = String;
+
+    /// `KEY=FIRST:LAST:COUNT` with evenly spaced numbers, or `KEY=VALUE,VALUE,...`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (key, values) = text
+            .split_once('=')
+            .filter(|(key, values)| !key.is_empty() && !values.is_empty())
+            .ok_or("give KEY=FIRST:LAST:COUNT or KEY=VALUE,VALUE,..., such as contact.friction=0.1:0.7:7")?;
+        let values = match values.split(':').collect::<Vec<_>>()[..] {
+            [first, last, count] => spaced(first, last, count)?,
+            _ => values.split(',').map(|value| value.trim().to_owned()).collect(),
+        };
+        match values.iter().any(String::is_empty) {
+            true => Err("a value is missing between two commas".to_owned()),
+            false => Ok(Self { key: key.trim().to_owned(), values }),
+        }
+    }
+}
+
+fn spaced(first: &str, last: &str, count: &str) -> Result<Vec<String>, String> {
+    let number = |text: &str| {
+        text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("'{text}' is not a number"))
+    };
+    let (first, last) = (number(first)?, number(last)?);
+    let count: usize = count.trim().parse().map_err(|_| format!("'{count}' is not a number of values"))?;
+    match count {
+        0 => Err("a sweep needs at least one value".to_owned()),
+        1 => Ok(vec![first.to_string()]),
+        2..=MOST_TESTS => {
+            // Rounded, so that 0.1 to 0.7 in steps of 0.1 reads like that.
+            let value = |place: usize| first + (last - first) * place as f64 / (count - 1) as f64;
+            let tidy = |value: f64| format!("{value:.12e}").parse::<f64>().unwrap_or(value).to_string();
+            Ok((0..count).map(|place| tidy(value(place))).collect())
+        }
+        _ => Err(format!("at most {MOST_TESTS} values are taken")),
+    }
+}
+
+/// What is the same for all tests of a sweep.
+pub(super) struct Common<'a> {
+    pub(super) path: &'a Path,
+    pub(super) size: Option<&'a str>,
+    pub(super) overrides: &'a [String],
+    pub(super) tangent: TangentKind,
+    pub(super) out: Option<&'a Path>,
+    pub(super) jobs: Option<NonZeroUsize>,
+    pub(super) quiet: bool,
+}
+
+/// How one test ended: its rows as CSV, and why it did not reach its end.
+struct Ended {
+    csv: Vec<u8>,
+    stopped: Option<String>,
+}
+
+/// Runs every combination of the values and writes one table: a column for each key, then those of the test.
+///
+/// # Errors
+/// A test that is not sound (exit code 2, nothing is written); tests that stopped before their end (exit code 1, all rows are written).
+pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure> {
+    let combinations = combinations(sweeps);
+    if combinations.len() > MOST_TESTS {
+        return Err(Failure::new(
+            Exit::BadInput,
+            format!("{} tests are too many: at most {MOST_TESTS}", combinations.len()),
+        ));
+    }
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let results: Mutex<Vec<Option<Result<Ended, Failure>>>> = Mutex::new(combinations.iter().map(|_| None).collect());
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            scope.spawn(|| {
+                loop {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(values) = combinations.get(place) else { return };
+                    let ended = one(common, sweeps, values);
+                    let failed = ended.is_err();
+                    results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    if !common.quiet {
+                        eprintln!("{done} of {}: {}", combinations.len(), described(sweeps, values));
+                    }
+                    if failed {
+                        // Input that is not sound: no use in starting the others.
+                        next.store(combinations.len(), Ordering::Relaxed);
+                    }
+                }
+            });
+        }
+    });
+    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let mut table = csv::Writer::from_writer(Vec::new());
+    let mut stopped = Vec::new();
+    let unwritable =
+        |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"));
+    let mut has_header = false;
+    for (values, ended) in combinations.iter().zip(results) {
+        let Some(ended) = ended else { continue };
+        let ended = ended?;
+        if let Some(reason) = ended.stopped {
+            stopped.push(format!("{}: {reason}", described(sweeps, values)));
+        }
+        let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(&ended.csv[..]);
+        for (number, row) in rows.records().enumerate() {
+            let row = row.map_err(|error| unwritable(&error))?;
+            let keys: Vec<&str> = match number {
+                0 if has_header => continue,
+                0 => sweeps.iter().map(|sweep| sweep.key.as_str()).collect(),
+                _ => values.clone(),
+            };
+            has_header = true;
+            table.write_record(keys.into_iter().chain(row.iter())).map_err(|error| unwritable(&error))?;
+        }
+    }
+    deliver(common.out, &table.into_inner().map_err(|error| unwritable(&error))?)?;
+    match stopped.is_empty() {
+        true => Ok(Exit::Done),
+        false => Err(Failure::new(
+            Exit::NotConverged,
+            format!(
+                "{} of {} tests stopped before their end:\n{}",
+                stopped.len(),
+                combinations.len(),
+                stopped.join("\n")
+            ),
+        )),
+    }
+}
+
+/// All combinations of the values, the last key changing first.
+fn combinations(sweeps: &[Sweep]) -> Vec<Vec<&str>> {
+    let mut found: Vec<Vec<&str>> = vec![Vec::new()];
+    for sweep in sweeps {
+        found = found
+            .iter()
+            .flat_map(|start| sweep.values.iter().map(|value| [&start[..], &[value.as_str()]].concat()))
+            .take(MOST_TESTS + 1)
+            .collect();
+    }
+    found
+}
+
+fn described(sweeps: &[Sweep], values: &[&str]) -> String {
+    sweeps.iter().zip(values).map(|(sweep, value)| format!("{}={value}", sweep.key)).collect::<Vec<_>>().join(" ")
+}
+
+/// One test.
+///
+/// # Errors
+/// It is not sound.
+fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, Failure> {
+    let own = sweeps.iter().zip(values).map(|(sweep, value)| format!("{}={value}", sweep.key));
+    let overrides: Vec<String> = common.overrides.iter().cloned().chain(own).collect();
+    let document = Document::read_in_size(common.path, common.size, &overrides)?;
+    document.expect(Kind::ElementTest)?;
+    let (test, packing) = read_element_test(&document)?;
+    let mut csv = Vec::new();
+    let bad = |error: csv::Error| Failure::new(Exit::BadInput, error);
+    let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?;
+    let mut written = Ok(());
+    let ended = run_element_on(&test, packing, common.tangent, &mut |row| {
+        written = encoder.write(row);
+        if written.is_err() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    drop(encoder);
+    written.map_err(bad)?;
+    match ended {
+        Ok(_) => Ok(Ended { csv, stopped: None }),
+        Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
+        Err(error) => Ok(Ended { csv, stopped: Some(error.to_string()) }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_listed_or_evenly_spaced() {
+        let values = |text: &str| text.parse::<Sweep>().map(|sweep| sweep.values);
+        assert_eq!(values("contact.friction=0.1:0.7:7").unwrap(), ["0.1", "0.2", "0.3", "0.4", "0.5", "0.6", "0.7"]);
+        assert_eq!(values("a=1e8:5e8:2").unwrap(), ["100000000", "500000000"]);
+        assert_eq!(values("rve.accuracy=draft, tight").unwrap(), ["draft", "tight"]);
+        assert_eq!(values("a=3").unwrap(), ["3"]);
+        for bad in ["a", "=1", "a=", "a=1:2:0", "a=1:x:3", "a=1:2:-1", "a=1,,2", "a=1:2:1000000"] {
+            assert!(values(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_last_key_changes_first() {
+        let sweeps = ["a=1,2", "b=x,y"].map(|text| text.parse::<Sweep>().unwrap());
+        let found: Vec<String> = combinations(&sweeps).iter().map(|values| values.concat()).collect();
+        assert_eq!(found, ["1x", "1y", "2x", "2y"]);
+    }
+}
