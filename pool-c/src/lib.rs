@@ -9,6 +9,7 @@
 
 mod border;
 mod functions;
+mod gather;
 mod material;
 mod mgis;
 mod umat;

@@ -2,6 +2,7 @@
 
 use crate::border::Failure;
 use crate::functions::GrainspanPool;
+use crate::gather::Gather;
 use grain_pool::{PoolError, RvePool, State, Trial};
 use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
 use std::str::FromStr;
@@ -32,6 +33,7 @@ pub(crate) enum Strains {
 /// What answers the user materials.
 pub(crate) struct Material {
     pub(crate) pool: RvePool,
+    calls: Gather<Trial, Result<TrialResult, Failure>>,
     ramp_steps: u32,
     pub(crate) strains: Strains,
     tangent: TangentKind,
@@ -56,13 +58,27 @@ impl Material {
         Ok(self.pool.new_states(0, 1)?[0])
     }
 
-    /// The response of one point.
+    /// The response of one point. Calls that come from several threads are answered together.
     ///
     /// # Errors
     /// A refusal, lost workers.
     pub(crate) fn trial(&self, state: State, target: Tensor2, options: TrialOptions) -> Result<TrialResult, Failure> {
-        let mut results = self.pool.trial(&[Trial { state, target, options }])?;
-        results.pop().ok_or_else(|| PoolError::Closed.into())
+        let answer = self.calls.call(Trial { state, target, options }, |trials| self.batch(trials));
+        answer.unwrap_or_else(|| Err(PoolError::Closed.into()))
+    }
+
+    /// The responses of several points. A refusal of one point is none of the others.
+    fn batch(&self, trials: &[Trial]) -> Vec<Result<TrialResult, Failure>> {
+        match self.pool.trial(trials) {
+            Ok(results) => results.into_iter().map(Ok).collect(),
+            Err(PoolError::Refused { .. }) if trials.len() > 1 => {
+                trials.iter().flat_map(|trial| self.batch(std::slice::from_ref(trial))).collect()
+            }
+            Err(error) => {
+                let failure = Failure::from(error);
+                trials.iter().map(|_| Err(failure.clone())).collect()
+            }
+        }
     }
 }
 
@@ -101,7 +117,7 @@ fn open() -> Result<Material, Failure> {
         })?,
     };
     let pool = GrainspanPool::open(&named(PROGRAM)?, &[named(CELL)?], number(WORKERS)?)?;
-    Ok(Material { pool: pool.pool, ramp_steps, strains, tangent })
+    Ok(Material { pool: pool.pool, calls: Gather::new(), ramp_steps, strains, tangent })
 }
 
 /// The material of this process, opened at the first call.
@@ -111,5 +127,5 @@ fn open() -> Result<Material, Failure> {
 pub(crate) fn material() -> Result<&'static Material, Failure> {
     static OPENED: OnceLock<Result<Material, Failure>> = OnceLock::new();
     let opened = OPENED.get_or_init(open).as_ref();
-    opened.map_err(|failure| Failure { code: failure.code, text: failure.text.clone() })
+    opened.map_err(Failure::clone)
 }

@@ -13,6 +13,9 @@ pub(super) type Matrix = [[f64; 3]; 3];
 /// The unit tensor.
 pub(super) const UNIT: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+/// No deformation.
+pub(super) const ZERO: Matrix = [[0.0; 3]; 3];
+
 /// Places of the components of symmetric tensors.
 const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 /// Places of the components of other tensors.
@@ -201,9 +204,14 @@ impl End<'_> {
 
 /// Displacement gradient of a step, `F1 F0^-1 - 1`, from the small difference `(F1 - F0) F0^-1`.
 pub(super) fn step(before: &Matrix, after: &Matrix) -> Matrix {
-    let mut change = *after;
-    add(&mut change, -1.0, before);
-    product(&change, &inverse(before))
+    product(&sum(after, -1.0, before), &inverse(before))
+}
+
+/// A tensor and a multiple of another.
+pub(super) fn sum(first: &Matrix, factor: f64, other: &Matrix) -> Matrix {
+    let mut sum = *first;
+    add(&mut sum, factor, other);
+    sum
 }
 
 fn pulled_back(tensor: &Matrix, back: &Matrix) -> Matrix {

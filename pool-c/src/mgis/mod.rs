@@ -132,10 +132,16 @@ unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
     let (tangent, is_integrated) = wanted(operator[0], material.tangent());
     let (measure, kind) = behaviour.measures(operator)?;
     let [before, after] = gradients.map(|one| behaviour.places.tensor(behaviour.gradient(), one));
-    // Small strains: the step alone, from the unit tensor.
-    let (before, after) = if behaviour.is_finite { (before, after) } else { (UNIT, strained(&before, &after)) };
-    let after = if is_integrated { after } else { before };
-    let step = measures::step(&before, &after);
+    let (before, after, step) = match (behaviour.is_finite, is_integrated) {
+        (true, true) => (before, after, measures::step(&before, &after)),
+        (true, false) => (before, before, measures::ZERO),
+        // Small strains: the step alone, from the unit tensor.
+        (false, true) => {
+            let step = measures::sum(&after, -1.0, &before);
+            (UNIT, measures::sum(&UNIT, 1.0, &step), step)
+        }
+        (false, false) => (UNIT, UNIT, measures::ZERO),
+    };
     let target = Tensor2(std::array::from_fn(|place| step[place / 3][place % 3]));
 
     let target = match (material.pool.dimension(), behaviour.is_plane_strain) {
@@ -173,11 +179,6 @@ unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
 /// Number of scalars after the number of the state.
 const fn scalars_count() -> usize {
     5
-}
-
-/// The deformation gradient of a step of small strain.
-fn strained(before: &measures::Matrix, after: &measures::Matrix) -> measures::Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| UNIT[i][j] + (after[i][j] - before[i][j])))
 }
 
 fn fill(room: Option<&mut [f64]>, values: Vec<f64>, name: &str) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 python akantu_host.py OUT.json [WORKERS]
 """
 
+import os
 import sys
 import tempfile
 import time
@@ -108,7 +109,10 @@ def main(out: str, workers: int = 1) -> None:
     curve.trials, curve.material_seconds = grains.trials, grains.seconds
     curve.seconds = time.perf_counter() - begin
     curve.write(out)
+    grains.pool.close()
 
 
 if __name__ == "__main__":
     main(sys.argv[1], *map(int, sys.argv[2:3]))
+    # Akantu keeps the allocator beyond the end of the interpreter and would end with a segmentation fault.
+    os._exit(0)

@@ -19,7 +19,6 @@ def main(out: str, workers: int = 1) -> None:
         "solver.tangent": "truss_like_slip",
         "solver.force_tolerance": biaxial.TOLERANCE,
         "solver.displacement_tolerance": 1e-6,
-        "rve": {"accuracy": "default", **biaxial.RVE},
         "boundary.0.platen": "rough",
         "boundary.2.platen": "rough",
         "boundary.2.displacement.y": -biaxial.STEP * biaxial.STEPS,
@@ -27,9 +26,7 @@ def main(out: str, workers: int = 1) -> None:
         "pressure.1.kind": "dead",
         "loading.increments": biaxial.STEPS,
         "loading.max_iterations": 60,
-        "statistics.enabled": False,
     }
-    changes.pop("rve"), changes.pop("statistics.enabled")
     changes |= {f"rve.{key}": value for key, value in biaxial.RVE.items()}
     curve = biaxial.Curve("Grainspan", grainspan.__version__)
     begin = time.perf_counter()
@@ -37,9 +34,7 @@ def main(out: str, workers: int = 1) -> None:
         run = grainspan.run(biaxial.SCENE, out=Path(folder) / "out", workers=workers, set=changes, progress=False)
         for row in run.history.itertuples():
             curve.add(row.step, row.top_force, row.iterations)
-        points = biaxial.ELEMENTS[0] * biaxial.ELEMENTS[1] * 4
         curve.trials = int(run.history.evaluations.sum())
-    del points
     curve.seconds = time.perf_counter() - begin
     curve.write(out)
 
