@@ -1,4 +1,4 @@
-/* A batch of trials from C, and the user material of Abaqus for one point.
+/* A batch of trials from C, and for one point the user material of Abaqus and the behaviour of MGIS.
  *
  *     cc example.c -I. -L../target/release -lgrainspan_pool -o example
  *     example PROGRAM CELL.toml
@@ -20,6 +20,27 @@ void umat_(double *stress, double *statev, double *ddsdde, double *sse, double *
            const int *nshr, const int *ntens, const int *nstatv, const double *props, const int *nprops, const double *coords,
            const double *drot, double *pnewdt, const double *celent, const double *dfgrd0, const double *dfgrd1, const int *noel,
            const int *npt, const int *layer, const int *kspt, const int *kstep, const int *kinc);
+
+/* A state, a point, an entry and a symbol as hosts of MGIS have them. */
+typedef struct {
+    const double *gradients;
+    double *forces;
+    const double *mass_density, *material_properties;
+    double *internal_variables, *stored_energy, *dissipated_energy;
+    const double *external_variables;
+} StateView;
+
+typedef struct {
+    char *message;
+    double duration, *operator, *time_factor, *speed_of_sound;
+    StateView before, after;
+} PointView;
+
+int GrainCell_PlaneStrain(PointView *view);
+int GrainCell_Tridimensional(PointView *view);
+int GrainCellFiniteStrain_PlaneStrain(PointView *view);
+extern const unsigned short GrainCell_nInternalStateVariables, GrainCellFiniteStrain_BehaviourType;
+extern const char *const GrainCell_InternalStateVariables[6], *const GrainCellFiniteStrain_Gradients[1];
 
 static void done(int code) {
     if (code != 0) {
@@ -44,6 +65,63 @@ static double material(double begin, double duration, const double before[2], co
           unused, unused, unused, "GRAINS", &ndi, &nshr, &ntens, &nstatv, unused, &none, unused, unused, &pnewdt, unused, f0, f1,
           &one, &one, &one, &one, &one, &one);
     return pnewdt;
+}
+
+/* Integrates a vertical strain, or for finite strains a vertical stretch; `variables` are those at the begin and at the end. */
+static int behaviour(int is_finite, double from, double to, double variables[2][6], double stress[4], double operator[20]) {
+    double one = is_finite ? 1.0 : 0.0, factor = 1.0, forces[4] = {0};
+    double gradients[2][5] = {{one, from, one}, {one, to, one}};
+    char message[512];
+    PointView view = {message, 1.0, operator, &factor, NULL, {gradients[0], forces, NULL, NULL, variables[0], NULL, NULL, NULL},
+                      {gradients[1], stress, NULL, NULL, variables[1], NULL, NULL, NULL}};
+    int code = is_finite ? GrainCellFiniteStrain_PlaneStrain(&view) : GrainCell_PlaneStrain(&view);
+    if (code != 1) {
+        expect(code == -1 && factor == 0.5 && strlen(message) > 10, "a failure has a message and asks for a smaller step");
+        printf("behaviour: %s\n", message);
+        PointView space = view;
+        expect(GrainCell_Tridimensional(&space) == -1, "discs are refused in space");
+    }
+    return code;
+}
+
+/* The behaviour against the same steps by the pool: iterations, a repeated step, and an earlier iteration that is accepted. */
+static void behaviours(const GrainspanPool *pool) {
+    expect(GrainCell_nInternalStateVariables == 6 && GrainCellFiniteStrain_BehaviourType == 2, "numbers of a behaviour");
+    expect(strcmp(GrainCell_InternalStateVariables[0], "GrainState") == 0, "names of a behaviour");
+    expect(strcmp(GrainCellFiniteStrain_Gradients[0], "DeformationGradient") == 0, "names of the other behaviour");
+    uint64_t state;
+    double step[9] = {[4] = -2e-4}, wanted[9], stress[4], operator[20] = {4.0}, variables[2][6] = {{0}}, first, second[6];
+    done(grainspan_new_states(pool, 0, 1, &state));
+    done(grainspan_trial(pool, 1, &state, step, USUAL_TANGENT, 0, wanted, NULL, NULL, NULL));
+    expect(behaviour(0, 0.0, -2e-4, variables, stress, operator) == 1 && stress[1] == wanted[4], "the first step");
+    expect(operator[5] > 1e7 && variables[1][0] > 0 && variables[1][1] > 0, "stiffness, a new state, its void ratio");
+    first = variables[1][0];
+    operator[0] = 0.0;
+    expect(behaviour(0, 0.0, -3.0, variables, stress, operator) == -1, "a refusal");
+    expect(behaviour(0, 0.0, -1e-4, variables, stress, operator) == 1 && stress[1] != wanted[4], "another iteration");
+    expect(variables[1][0] != first, "another state");
+    /* The host goes on from the iteration before the last. */
+    done(grainspan_commit(pool, 1, &state));
+    step[4] = -5e-4 - -2e-4;
+    done(grainspan_trial(pool, 1, &state, step, 0, 0, wanted, NULL, NULL, NULL));
+    memcpy(variables[0], variables[1], sizeof variables[0]);
+    variables[0][0] = first;
+    expect(behaviour(0, -2e-4, -5e-4, variables, stress, operator) == 1 && stress[1] == wanted[4], "the next step");
+    expect(behaviour(0, -2e-4, -5e-4, variables, stress, operator) == 1 && stress[1] == wanted[4], "the next step again");
+    memcpy(second, variables[1], sizeof second);
+    operator[0] = -4.0;
+    expect(behaviour(0, -2e-4, -9e-4, variables, stress, operator) == 1 && operator[5] > 1e7, "an operator without a step");
+    expect(memcmp(second, variables[1], sizeof second) == 0, "which changes nothing else");
+    variables[0][0] = second[0];
+    operator[0] = 0.0;
+    expect(behaviour(0, -5e-4, -6e-4, variables, stress, operator) == 1, "the third step");
+    variables[0][0] = variables[1][0];
+    expect(behaviour(0, -6e-4, -7e-4, variables, stress, operator) == 1, "the fourth step");
+    variables[0][0] = second[0];
+    expect(behaviour(0, -5e-4, -6e-4, variables, stress, operator) == -1, "older states are gone");
+    variables[0][0] = 0.0;
+    operator[0] = 4.0, operator[1] = 0.0, operator[2] = 0.0;
+    expect(behaviour(1, 1.0, 1.0 - 2e-4, variables, stress, operator) == 1 && operator[6] > 1e7, "finite strain");
 }
 
 int main(int count, char **words) {
@@ -107,6 +185,7 @@ int main(int count, char **words) {
     expect(stress[1] - wanted[4] < -1e-4 * wanted[4] && wanted[4] - stress[1] < -1e-4 * wanted[4], "its stress");
     expect(material(0.2, 0.5, first, second, stress) == 0.5, "another time is refused");
 
+    behaviours(pool);
     grainspan_pool_close(pool);
     printf("sound\n");
     return 0;

@@ -9,11 +9,18 @@
 
 mod border;
 mod functions;
+mod gather;
+mod material;
+mod mgis;
 mod umat;
 
 pub use functions::{
     GrainspanPool, grainspan_commit, grainspan_dimension, grainspan_last_error, grainspan_new_states,
     grainspan_pool_close, grainspan_pool_open, grainspan_restore, grainspan_rollback, grainspan_snapshot,
     grainspan_trial,
+};
+pub use mgis::{
+    View, finite_axisymmetrical, finite_plane_strain, finite_tridimensional, small_axisymmetrical,
+    small_plane_strain, small_tridimensional,
 };
 pub use umat::umat_;

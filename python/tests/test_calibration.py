@@ -1,7 +1,9 @@
 """Parameters of a synthetic curve are found again."""
 
+import sys
+
 import pytest
-from conftest import CONTACT, DISCS
+from conftest import CONTACT, DISCS, ROOT
 
 import grainspan
 
@@ -26,6 +28,16 @@ def test_parameters_of_a_synthetic_curve_are_recovered():
     assert found.parameters["friction"] == pytest.approx(0.35, rel=0.05)
     assert found.parameters["modulus"] == pytest.approx(0.8e8, rel=0.05)
     assert found.evaluations == len(found.trace) and set(found.uncertainty) == set(truth)
+
+
+def test_parameters_behind_the_curve_of_another_program_are_found():
+    """Case A by Yade, which was computed with friction 0.5 and a normal stiffness of 1000."""
+    sys.path.insert(0, str(ROOT / "python" / "examples"))
+    import calibration
+
+    found = calibration.fitted("yade")
+    for name, truth in calibration.TRUTH.items():
+        assert found.parameters[name] == pytest.approx(truth, rel=0.1), found
 
 
 def test_bad_requests_are_refused():

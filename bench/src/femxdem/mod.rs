@@ -66,7 +66,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     ]);
     let Some(incumbent) = Incumbent::find() else {
         report.note(&format!("Not measured: the open FEM x DEM code is not installed here. {REMEDY}"))?;
-        table.row(std::array::from_fn(|_| "".into()));
+        table.row(std::array::from_fn::<_, 11, _>(|_| "".into()));
         report.table("femxdem", "not measured", &table)?;
         return Ok(());
     };

@@ -26,13 +26,12 @@ pub(super) struct Call {
 
 impl Call {
     /// Displacement gradient from the begin of the increment, `F1 F0^-1 - I`, from the small difference `(F1 - F0) F0^-1`.
-    pub(super) fn target(&self, dimension: u32) -> Tensor2 {
+    pub(super) fn target(&self) -> Tensor2 {
         let inverse = rve_server::space::inverse(&self.before);
         let change: [[f64; 3]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| self.after[i][j] - self.before[i][j]));
         let product = rve_server::space::product(&change, &inverse);
-        let whole = Tensor2(std::array::from_fn(|place| product[place / 3][place % 3]));
-        if dimension == 2 { Tensor2::from_plane(whole.plane()) } else { whole }
+        Tensor2(std::array::from_fn(|place| product[place / 3][place % 3]))
     }
 }
 
@@ -54,10 +53,15 @@ enum Meaning {
 }
 
 /// The points of the host.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Points(BTreeMap<(c_int, c_int), Point>);
 
 impl Points {
+    /// No point yet.
+    pub(super) const fn new() -> Self {
+        Self(BTreeMap::new())
+    }
+
     /// The state of the point of a call, with the last trial committed if the host has gone on.
     ///
     /// # Errors
@@ -124,7 +128,7 @@ mod tests {
         let step = [[1.01, 0.0, 0.0], [0.03, 0.98, 0.0], [0.0, 0.0, 1.0]];
         let after = rve_server::space::product(&step, &before);
         let call = Call { point: POINT, begin: 0.0, duration: 1.0, before, after };
-        for (found, wanted) in call.target(3).0.into_iter().zip([0.01, 0.0, 0.0, 0.03, -0.02, 0.0, 0.0, 0.0, 0.0]) {
+        for (found, wanted) in call.target().0.into_iter().zip([0.01, 0.0, 0.0, 0.03, -0.02, 0.0, 0.0, 0.0, 0.0]) {
             assert!((found - wanted).abs() < 1e-15, "{found} {wanted}");
         }
     }

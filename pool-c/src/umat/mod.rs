@@ -4,47 +4,34 @@
 //! increment; [`history`] tells iterations, restarts of an increment and the next increment apart by TIME(2) and DTIME. Stress and
 //! tangent are converted in [`voigt`].
 //!
-//! The pool opens at the first call. Environment: `GRAINSPAN_PROGRAM` (the executable), `GRAINSPAN_CELL` (a TOML file with `packing`,
-//! `[contact]`, `[rve]`), `GRAINSPAN_WORKERS`.
+//! The pool opens at the first call, with what the environment says ([`crate::material`]).
 
 mod history;
 mod voigt;
 
 use crate::border::{Failure, slice, slice_mut};
-use crate::functions::{GrainspanPool, scalars_of};
-use grain_pool::{PoolError, State, Trial};
+use crate::functions::scalars_of;
+use crate::material::{Material, Strains};
+use grain_pool::State;
 use history::{Call, Points};
-use protocol::{TangentKind, TrialOptions, TrialResult};
+use protocol::{Tensor2, Tensor4, TrialResult};
 use std::ffi::{c_char, c_int};
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use voigt::Voigt;
 
 /// Share of the time increment that the host is asked to try after a refusal.
 const SMALLER: f64 = 0.5;
 
-struct Material {
-    pool: GrainspanPool,
-    points: Mutex<Points>,
-}
-
-/// The pool of this process, or why there is none.
-fn material() -> Result<&'static Material, &'static Failure> {
-    static OPENED: OnceLock<Result<Material, Failure>> = OnceLock::new();
-    let open = || {
-        let named = |name: &str| {
-            std::env::var(name).map_err(|_| Failure::input(format!("the environment variable {name} is not set")))
-        };
-        let workers = std::env::var("GRAINSPAN_WORKERS").ok().and_then(|text| text.parse().ok()).unwrap_or(0);
-        let pool = GrainspanPool::open(&named("GRAINSPAN_PROGRAM")?, &[named("GRAINSPAN_CELL")?], workers)?;
-        Ok(Material { pool, points: Mutex::default() })
-    };
-    OPENED.get_or_init(open).as_ref()
+/// The points of the host.
+fn known() -> &'static Mutex<Points> {
+    static KNOWN: Mutex<Points> = Mutex::new(Points::new());
+    &KNOWN
 }
 
 /// The entry that Abaqus/Standard calls for every integration point and iteration. Arguments as in its manual. Used are STRESS, STATEV,
-/// DDSDDE, TIME, DTIME, NDI, NSHR, NTENS, NSTATV, PNEWDT, DFGRD0, DFGRD1, NOEL and NPT.
+/// DDSDDE, DSTRAN (small strains), TIME, DTIME, NDI, NSHR, NTENS, NSTATV, PNEWDT, DFGRD0, DFGRD1, NOEL and NPT.
 ///
 /// STATEV receives void ratio, coordination number, unbalanced force ratio, largest overlap and volume ratio, as many as there are. A
 /// refusal sets PNEWDT to 0.5 and leaves the rest; other failures are printed and do the same, so that the host ends in good order.
@@ -65,7 +52,7 @@ pub unsafe extern "C" fn umat_(
     _drplde: *mut f64,
     _drpldt: *mut f64,
     _stran: *const f64,
-    _dstran: *const f64,
+    dstran: *const f64,
     time: *const f64,
     dtime: *const f64,
     _temp: *const f64,
@@ -94,7 +81,7 @@ pub unsafe extern "C" fn umat_(
 ) {
     let answered = catch_unwind(AssertUnwindSafe(|| -> Result<(), Failure> {
         // SAFETY: as promised by the caller.
-        let (call, shape, states) = unsafe {
+        let (call, shape, strain, states) = unsafe {
             let number = |pointer, name| Ok::<_, Failure>(slice::<c_int>(pointer, 1, name)?[0]);
             let value = |pointer, name| Ok::<_, Failure>(slice::<f64>(pointer, 1, name)?[0]);
             let call = Call {
@@ -105,9 +92,15 @@ pub unsafe extern "C" fn umat_(
                 after: voigt::gradient(slice(dfgrd1, 9, "DFGRD1")?),
             };
             let shape = Voigt::new(number(ndi, "NDI")?, number(nshr, "NSHR")?)?;
-            (call, shape, usize::try_from(number(nstatv, "NSTATV")?).unwrap_or(0))
+            let strain = slice(dstran, shape.components(), "DSTRAN")?;
+            (call, shape, strain, usize::try_from(number(nstatv, "NSTATV")?).unwrap_or(0))
         };
-        let result = evaluate(&call)?;
+        let material = crate::material::material()?;
+        let target = match material.strains {
+            Strains::Finite => call.target(),
+            Strains::Small => shape.strain(strain),
+        };
+        let result = evaluate(&call, target, material)?;
         let components = shape.components();
         // SAFETY: as promised by the caller.
         let (stress, statev, ddsdde) = unsafe {
@@ -116,7 +109,11 @@ pub unsafe extern "C" fn umat_(
         let given = || Failure::input("STRESS and DDSDDE are needed");
         shape.put_stress(&result.stress, stress.ok_or_else(given)?);
         let tangent = result.tangent.as_deref().ok_or_else(given)?;
-        shape.put_jacobian(tangent, &result.stress, ddsdde.ok_or_else(given)?);
+        let ddsdde = ddsdde.ok_or_else(given)?;
+        match material.strains {
+            Strains::Finite => shape.put_jacobian(tangent, &result.stress, ddsdde),
+            Strains::Small => shape.put_jacobian(&from_begin(tangent, &target), &Tensor2::ZERO, ddsdde),
+        }
         if let Some(statev) = statev {
             statev.iter_mut().zip(scalars_of(&result)).for_each(|(place, value)| *place = value);
         }
@@ -136,15 +133,22 @@ pub unsafe extern "C" fn umat_(
 }
 
 /// The response of one point.
-fn evaluate(call: &Call) -> Result<TrialResult, Failure> {
-    let material = material().map_err(|failure| Failure { code: failure.code, text: failure.text.clone() })?;
-    let pool = &material.pool.pool;
-    let state: State = {
-        let mut points = material.points.lock().unwrap_or_else(PoisonError::into_inner);
-        points.enter(call, pool)?
-    };
-    let options = TrialOptions { tangent: TangentKind::TrussLikeSlip, ..TrialOptions::default() };
-    let trial = Trial { state, target: call.target(pool.dimension()), options };
-    let mut results = pool.trial(&[trial])?;
-    results.pop().ok_or_else(|| PoolError::Closed.into())
+fn evaluate(call: &Call, target: Tensor2, material: &Material) -> Result<TrialResult, Failure> {
+    let state: State = known().lock().unwrap_or_else(PoisonError::into_inner).enter(call, &material.pool)?;
+    let target = if material.pool.dimension() == 2 { Tensor2::from_plane(target.plane()) } else { target };
+    material.trial(state, target, material.options(material.tangent()))
+}
+
+/// Change of the stress with the displacement gradient `H` of the step, in place of one at its end: times `(1 + H)^-1`.
+fn from_begin(tangent: &Tensor4, target: &Tensor2) -> Tensor4 {
+    let one = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    let back = rve_server::space::inverse(&std::array::from_fn(|i| {
+        std::array::from_fn::<f64, 3, _>(|j| one(i, j) + target.get(i, j))
+    }));
+    let mut found = Tensor4::ZERO;
+    for place in 0..81 {
+        let [i, j, k, l] = [place / 27, place / 9 % 3, place / 3 % 3, place % 3];
+        found.set(i, j, k, l, (0..3).map(|n| tangent.get(i, j, k, n) * back[l][n]).sum());
+    }
+    found
 }

@@ -42,6 +42,17 @@ impl Voigt {
         self.pairs.len()
     }
 
+    /// The tensor of a strain with doubled shears.
+    pub(super) fn strain(&self, components: &[f64]) -> Tensor2 {
+        let mut tensor = Tensor2::ZERO;
+        for (value, &(i, j)) in components.iter().zip(&self.pairs) {
+            let value = if i == j { *value } else { 0.5 * value };
+            tensor.0[3 * i + j] = value;
+            tensor.0[3 * j + i] = value;
+        }
+        tensor
+    }
+
     /// STRESS: the symmetric part; what grains that are nearly at rest leave of the rest is no stress of a continuum.
     pub(super) fn put_stress(&self, stress: &Tensor2, room: &mut [f64]) {
         for (place, &(i, j)) in room.iter_mut().zip(&self.pairs) {

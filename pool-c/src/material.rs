@@ -1,0 +1,131 @@
+//! The pool behind the user materials, which a host cannot open by a call: it is described by environment variables.
+
+use crate::border::Failure;
+use crate::functions::GrainspanPool;
+use crate::gather::Gather;
+use grain_pool::{PoolError, RvePool, State, Trial};
+use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
+use std::str::FromStr;
+use std::sync::OnceLock;
+
+/// Name of the variable with the path of the executable.
+const PROGRAM: &str = "GRAINSPAN_PROGRAM";
+/// Name of the variable with the path of a TOML file with `packing`, `[contact]`, `[rve]`.
+const CELL: &str = "GRAINSPAN_CELL";
+/// Name of the variable with the number of worker processes; without it one per core.
+const WORKERS: &str = "GRAINSPAN_WORKERS";
+/// Name of the variable with the increments in which a cell applies each deformation; without it the cell chooses.
+const RAMP_STEPS: &str = "GRAINSPAN_RAMP_STEPS";
+/// Name of the variable that tells what the strains of a host are: `finite` (usual) or `small`.
+const STRAINS: &str = "GRAINSPAN_STRAINS";
+/// Name of the variable with the tangent operator of user materials, by its number.
+const TANGENT: &str = "GRAINSPAN_TANGENT";
+
+/// What the strains of a host are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Strains {
+    /// Deformation gradients; equilibrium in the deformed body.
+    Finite,
+    /// Symmetric gradients of displacements; equilibrium in the undeformed body.
+    Small,
+}
+
+/// What answers the user materials.
+pub(crate) struct Material {
+    pub(crate) pool: RvePool,
+    calls: Gather<Trial, Result<TrialResult, Failure>>,
+    ramp_steps: u32,
+    pub(crate) strains: Strains,
+    tangent: TangentKind,
+}
+
+impl Material {
+    /// The tangent operator that hosts get where they do not say more.
+    pub(crate) fn tangent(&self) -> TangentKind {
+        self.tangent
+    }
+
+    /// What is requested of a trial with this tangent.
+    pub(crate) fn options(&self, tangent: TangentKind) -> TrialOptions {
+        TrialOptions { tangent, ramp_steps: self.ramp_steps, ..TrialOptions::default() }
+    }
+
+    /// A point in the initial state of the cell.
+    ///
+    /// # Errors
+    /// See [`PoolError`].
+    pub(crate) fn new_state(&self) -> Result<State, Failure> {
+        Ok(self.pool.new_states(0, 1)?[0])
+    }
+
+    /// The response of one point. Calls that come from several threads are answered together.
+    ///
+    /// # Errors
+    /// A refusal, lost workers.
+    pub(crate) fn trial(&self, state: State, target: Tensor2, options: TrialOptions) -> Result<TrialResult, Failure> {
+        let answer = self.calls.call(Trial { state, target, options }, |trials| self.batch(trials));
+        answer.unwrap_or_else(|| Err(PoolError::Closed.into()))
+    }
+
+    /// The responses of several points. A refusal of one point is none of the others.
+    fn batch(&self, trials: &[Trial]) -> Vec<Result<TrialResult, Failure>> {
+        match self.pool.trial(trials) {
+            Ok(results) => results.into_iter().map(Ok).collect(),
+            Err(PoolError::Refused { .. }) if trials.len() > 1 => {
+                trials.iter().flat_map(|trial| self.batch(std::slice::from_ref(trial))).collect()
+            }
+            Err(error) => {
+                let failure = Failure::from(error);
+                trials.iter().map(|_| Err(failure.clone())).collect()
+            }
+        }
+    }
+}
+
+/// The value of an environment variable.
+///
+/// # Errors
+/// It is not set, or is not text.
+fn named(name: &str) -> Result<String, Failure> {
+    std::env::var(name).map_err(|_| Failure::input(format!("the environment variable {name} is not set")))
+}
+
+/// A whole number from an environment variable, 0 without it.
+///
+/// # Errors
+/// It is no whole number.
+fn number<T: FromStr + Default>(name: &str) -> Result<T, Failure> {
+    let Ok(text) = std::env::var(name) else { return Ok(T::default()) };
+    let wrong =
+        |_| Failure::input(format!("{name} = \"{text}\" is not a whole number; unset it for the usual choice"));
+    text.trim().parse().map_err(wrong)
+}
+
+fn open() -> Result<Material, Failure> {
+    let ramp_steps = number(RAMP_STEPS)?;
+    let strains = match std::env::var(STRAINS).as_deref() {
+        Err(_) | Ok("finite") => Strains::Finite,
+        Ok("small") => Strains::Small,
+        Ok(other) => {
+            return Err(Failure::input(format!("{STRAINS} = \"{other}\": \"finite\" and \"small\" are known")));
+        }
+    };
+    let tangent = match number(TANGENT)? {
+        0 => TangentKind::TrussLikeSlip,
+        other => TangentKind::from_wire(other).ok_or_else(|| {
+            Failure::input(format!("{TANGENT} = {other} is no tangent operator; unset it for the usual one, 2"))
+        })?,
+    };
+    let pool = GrainspanPool::open(&named(PROGRAM)?, &[named(CELL)?], number(WORKERS)?)?;
+    Ok(Material { pool: pool.pool, calls: Gather::new(), ramp_steps, strains, tangent })
+}
+
+/// The material of this process, opened at the first call.
+///
+/// # Errors
+/// Why there is none; later calls get the same error.
+pub(crate) fn material() -> Result<&'static Material, Failure> {
+    static OPENED: OnceLock<Result<Material, Failure>> = OnceLock::new();
+    let opened = OPENED.get_or_init(open).as_ref();
+    opened.map_err(Failure::clone)
+}
