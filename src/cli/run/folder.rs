@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 13] = [
+const FILES: [&str; 15] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -22,6 +22,9 @@ const FILES: [&str; 13] = [
     "gauss_points.pvd",
     "run.jsonl",
     "packing.json",
+    // Written by `--listen`, and removed when such a run ends.
+    "join",
+    "join.part",
     // Written by `grainspan report`; of no use next to another run.
     "report.html",
 ];
