@@ -76,6 +76,10 @@ impl Tally {
         }
     }
 
+    pub fn faults(&self) -> u64 {
+        self.faults.values().sum()
+    }
+
     pub fn text(&self) -> String {
         let faults: Vec<String> = self.faults.iter().map(|(kind, count)| format!("{kind:?} {count}")).collect();
         let counted: Vec<String> = self.counted.iter().map(|(name, count)| format!("{name} {count}")).collect();
@@ -202,14 +206,17 @@ pub fn run(
     for spoke in 1..=2 {
         case.start_agent(spoke)?;
     }
-    // Steps begin when the first worker has joined, some tenths of a second from now.
     let begun = Instant::now();
-    let kinds = std::iter::once(KINDS[(number % KINDS.len() as u64) as usize]);
-    let more = (0..draw.below(3)).map(|_| draw.pick(&KINDS)).collect::<Vec<_>>();
-    for kind in kinds.chain(more) {
-        case.later.push((begun + Duration::from_millis(150 + draw.below(1400)), Later::Fault(kind)));
-    }
+    let first = KINDS[(number % KINDS.len() as u64) as usize];
+    let more = draw.below(3);
+    let mut kinds: Vec<Kind> = std::iter::once(first).chain((0..more).map(|_| draw.pick(&KINDS))).collect();
     loop {
+        // Steps begin when the first worker has joined, and take some tenths of a second together.
+        if !kinds.is_empty() && case.folder.path().join("out/history.csv").exists() {
+            for kind in kinds.drain(..) {
+                case.after(draw.below(400), Later::Fault(kind));
+            }
+        }
         if let Some(status) = case.run.child.try_wait().map_err(|error| error.to_string())? {
             let resuming = case.later.iter().any(|(_, what)| matches!(what, Later::Resume));
             if !resuming {

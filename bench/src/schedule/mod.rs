@@ -37,7 +37,7 @@ const DRIFT: f64 = 0.5;
 const TIMES: MessageTimes = MessageTimes { handling: 4e-6, latency: 10e-6 };
 
 /// The same for workers on other hosts: encryption, two more hops between threads, and a network. See `docs/lab-book/hosts.md`.
-const BETWEEN_HOSTS: MessageTimes = MessageTimes { handling: 20e-6, latency: 300e-6 };
+const BETWEEN_HOSTS: MessageTimes = MessageTimes { handling: 40e-6, latency: 300e-6 };
 
 /// Points per worker of a run over many hosts.
 const MANY_POINTS: usize = 100;
