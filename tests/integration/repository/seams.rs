@@ -60,6 +60,7 @@ fn random_iteration_order_is_absent() {
         "keys/src",
         "charts/src",
         "grain-pool/src",
+        "hosts/src",
         "python/src",
         "pool-c/src",
         "bench/src",
