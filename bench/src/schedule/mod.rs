@@ -24,6 +24,9 @@ use std::sync::{Arc, Barrier};
 use std::time::Duration;
 use virtual_port::{MessageTimes, Play, VirtualPort};
 
+/// What can be named on the command line.
+const PARTS: [&str; 3] = ["simulated", "between_hosts", "asleep"];
+
 /// Mean cost of a job, s: an increment of 400 discs.
 const MEAN: f64 = 0.01;
 
@@ -47,9 +50,17 @@ const MANY_POINTS: usize = 100;
 /// # Errors
 /// The pool refuses, workers cannot be started, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
-    simulated(effort, report)?;
-    between_hosts(effort, report)?;
-    asleep(effort, report)
+    let wanted = |part| effort.includes(part, &PARTS);
+    if wanted("simulated") {
+        simulated(effort, report)?;
+    }
+    if wanted("between_hosts") {
+        between_hosts(effort, report)?;
+    }
+    if wanted("asleep") {
+        asleep(effort, report)?;
+    }
+    Ok(())
 }
 
 /// Makespans over the ideal.
@@ -137,26 +148,23 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
 
 /// Thousands of workers on other hosts, a hundred trials each: what the one macro process can supply.
 fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
-    let heads = ["mean_ms", "workers", "longest_first", "after_drift", "decision_us", "resident_mib"];
+    let heads = ["mean_ms", "workers", "longest_first", "decision_us", "resident_mib"];
     let mut table = Table::new(heads);
-    for &workers in effort.choose(&[100, 1_000, 10_000][..], &[20][..]) {
-        for mean in effort.choose(&[0.01, 0.1, 1.0][..], &[0.1][..]) {
-            let mut dice = Dice::new(workers as u64);
-            let costs = Tail::LogNormal.draw(workers * MANY_POINTS, *mean, &mut dice);
-            let later = drifted(&costs, DRIFT, &mut dice);
-            let (longest_first, decision) = play(workers, &costs, &costs, true, BETWEEN_HOSTS)?;
-            let (after_drift, _) = play(workers, &costs, &later, true, BETWEEN_HOSTS)?;
-            // Of this process: points, jobs and queues of the largest batch so far.
-            let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
-            table.row([
-                (mean * 1e3).into(),
-                workers.into(),
-                (longest_first / ideal(&costs, workers)).into(),
-                (after_drift / ideal(&later, workers)).into(),
-                decision.into(),
-                (resident as usize).into(),
-            ]);
-        }
+    // Mean cost, s, and workers.
+    let studies: &[(f64, usize)] =
+        effort.choose(&[(0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (1.0, 10_000)], &[(0.1, 20)]);
+    for &(mean, workers) in studies {
+        let costs = Tail::LogNormal.draw(workers * MANY_POINTS, mean, &mut Dice::new(workers as u64));
+        let (longest_first, decision) = play(workers, &costs, &costs, true, BETWEEN_HOSTS)?;
+        // Of this process: points, jobs and queues of the largest batch so far.
+        let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
+        table.row([
+            (mean * 1e3).into(),
+            workers.into(),
+            (longest_first / ideal(&costs, workers)).into(),
+            decision.into(),
+            resident.into(),
+        ]);
     }
     let heading =
         format!("Simulated workers on other hosts, {MANY_POINTS} points each, log-normal costs: time over ideal");
