@@ -201,6 +201,7 @@ mod tests {
             accuracy: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),
+            hosts: BTreeMap::new(),
             versions: BTreeMap::new(),
         };
         let folder = tempfile::tempdir().unwrap();
