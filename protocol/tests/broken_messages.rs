@@ -53,7 +53,7 @@ impl Heard {
         match event {
             MacroEvent::Refused(_) => self.refused += 1,
             MacroEvent::Control(..) | MacroEvent::Replies(..) => self.messages += 1,
-            MacroEvent::Lost(..) => self.lost += 1,
+            MacroEvent::Lost(..) | MacroEvent::CutOff(..) => self.lost += 1,
             MacroEvent::Woken => {}
         }
     }

@@ -1,5 +1,6 @@
 //! The command line: all commands, and how each of them ends.
 
+mod agent;
 mod bench;
 mod cell_files;
 mod check;
@@ -61,6 +62,8 @@ enum Command {
     Check(check::Arguments),
     /// Serve a run as one of its workers
     RveServer(rve_server::Arguments),
+    /// Serve a run on another host with the workers of this one
+    Agent(agent::Arguments),
     /// Show live runs, their progress and their workers
     Status(status::Arguments),
     /// Remove the remains of dead runs
@@ -84,6 +87,14 @@ enum Command {
     CompleteKey(explain::CompleteArguments),
 }
 
+/// A time on the command line, s.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(time) if (0.0..=2_678_400.0).contains(&time) => Ok(time),
+        _ => Err("not a time in seconds".to_owned()),
+    }
+}
+
 /// Carries out a command line, whose first entry is the name of the program, and returns the exit code. Errors are printed; a
 /// command line that cannot be read, or asks for help, ends the process.
 pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -94,6 +105,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Specimen(arguments) => specimen::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::RveServer(arguments) => rve_server::run(&arguments),
+        Command::Agent(arguments) => agent::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),

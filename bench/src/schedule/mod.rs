@@ -17,11 +17,15 @@ use charts::{Chart, Scale};
 use costs::{Dice, Tail, drifted, ideal, static_split};
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
+use protocol::process::resident_mebibytes;
 use protocol::transport::shared_memory::Waiting;
 use protocol::{Definition, Tensor2, TrialOptions};
 use std::sync::{Arc, Barrier};
 use std::time::Duration;
 use virtual_port::{MessageTimes, Play, VirtualPort};
+
+/// What can be named on the command line.
+const PARTS: [&str; 3] = ["simulated", "between_hosts", "asleep"];
 
 /// Mean cost of a job, s: an increment of 400 discs.
 const MEAN: f64 = 0.01;
@@ -35,13 +39,28 @@ const DRIFT: f64 = 0.5;
 /// The macro's time per message and the latency of a message with blocking waits, as measured by `bench channel`.
 const TIMES: MessageTimes = MessageTimes { handling: 4e-6, latency: 10e-6 };
 
+/// The same for workers on other hosts: encryption, two more hops between threads, and a network. See `docs/lab-book/hosts.md`.
+const BETWEEN_HOSTS: MessageTimes = MessageTimes { handling: 40e-6, latency: 300e-6 };
+
+/// Points per worker of a run over many hosts.
+const MANY_POINTS: usize = 100;
+
 /// Simulates, then lets processes sleep.
 ///
 /// # Errors
 /// The pool refuses, workers cannot be started, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
-    simulated(effort, report)?;
-    asleep(effort, report)
+    let wanted = |part| effort.includes(part, &PARTS);
+    if wanted("simulated") {
+        simulated(effort, report)?;
+    }
+    if wanted("between_hosts") {
+        between_hosts(effort, report)?;
+    }
+    if wanted("asleep") {
+        asleep(effort, report)?;
+    }
+    Ok(())
 }
 
 /// Makespans over the ideal.
@@ -115,9 +134,9 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
     let costs = tail.draw(workers * POINTS, MEAN, &mut dice);
     let later = drifted(&costs, DRIFT, &mut dice);
     let best = ideal(&costs, workers);
-    let (in_order, _) = play(workers, &costs, &costs, false)?;
-    let (longest_first, decision) = play(workers, &costs, &costs, true)?;
-    let (after_drift, _) = play(workers, &costs, &later, true)?;
+    let (in_order, _) = play(workers, &costs, &costs, false, TIMES)?;
+    let (longest_first, decision) = play(workers, &costs, &costs, true, TIMES)?;
+    let (after_drift, _) = play(workers, &costs, &later, true, TIMES)?;
     Ok(Excess {
         fixed: static_split(&costs, workers) / best,
         in_order: in_order / best,
@@ -127,10 +146,49 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
     })
 }
 
+/// Thousands of workers on other hosts, a hundred trials each: what the one macro process can supply.
+fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+    let heads = ["mean_ms", "workers", "longest_first", "decision_us", "resident_mib"];
+    let mut table = Table::new(heads);
+    // Mean cost, s, and workers.
+    let studies: &[(f64, usize)] =
+        effort.choose(&[(0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (1.0, 10_000)], &[(0.1, 20)]);
+    for &(mean, workers) in studies {
+        let costs = Tail::LogNormal.draw(workers * MANY_POINTS, mean, &mut Dice::new(workers as u64));
+        let (longest_first, decision) = play(workers, &costs, &costs, true, BETWEEN_HOSTS)?;
+        // Of this process: points, jobs and queues of the largest batch so far.
+        let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
+        table.row([
+            (mean * 1e3).into(),
+            workers.into(),
+            (longest_first / ideal(&costs, workers)).into(),
+            decision.into(),
+            resident.into(),
+        ]);
+    }
+    let heading =
+        format!("Simulated workers on other hosts, {MANY_POINTS} points each, log-normal costs: time over ideal");
+    report.table("between_hosts", &heading, &table)?;
+    report.note(&format!(
+        "The macro takes {:.0} us to send a job and as much to take its reply; the latency is {:.0} us. It is the bottleneck from \
+         mean cost / {:.0} us workers on.",
+        BETWEEN_HOSTS.handling * 1e6,
+        BETWEEN_HOSTS.latency * 1e6,
+        2.0 * BETWEEN_HOSTS.handling * 1e6
+    ))?;
+    Ok(())
+}
+
 /// Has the pool do two batches, the second with what it has learnt in the first. Returns the virtual time of the second,
 /// s, and the processor time of this machine that it took per job, us.
-fn play(workers: usize, first: &[f64], second: &[f64], tells_cost: bool) -> anyhow::Result<(f64, f64)> {
-    let scene = Play::new(workers, TIMES);
+fn play(
+    workers: usize,
+    first: &[f64],
+    second: &[f64],
+    tells_cost: bool,
+    times: MessageTimes,
+) -> anyhow::Result<(f64, f64)> {
+    let scene = Play::new(workers, times);
     let port = VirtualPort::new(std::rc::Rc::clone(&scene), "play");
     let definition = Definition { bytes: b"virtual".to_vec() };
     let made_of = vec![0; first.len()];

@@ -150,6 +150,10 @@ pub struct Summary {
     /// quasi-static runs.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub dynamics: BTreeMap<String, f64>,
+    /// What happened between hosts, by name: agents that joined, left, were lost or refused, strangers refused, messages and bytes both
+    /// ways, and snapshots that did not have to travel. Left out of runs that do not listen for other hosts.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub hosts: BTreeMap<String, u64>,
     /// Versions of everything that can change a bit.
     pub versions: BTreeMap<String, String>,
 }
@@ -197,6 +201,7 @@ mod tests {
             accuracy: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),
+            hosts: BTreeMap::new(),
             versions: BTreeMap::new(),
         };
         let folder = tempfile::tempdir().unwrap();

@@ -228,7 +228,8 @@ impl<P: MacroPort> Pool<P> {
             let left = end.saturating_duration_since(Instant::now());
             let workers = &mut self.coordinator.workers;
             let heard = self.port.poll(left.min(Duration::from_millis(50)), &mut |event| {
-                if let protocol::transport::MacroEvent::Lost(worker, _) = event {
+                use protocol::transport::MacroEvent::{CutOff, Lost};
+                if let Lost(worker, _) | CutOff(worker, _) = event {
                     workers.remove(worker);
                 }
             });

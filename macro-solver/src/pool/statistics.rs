@@ -35,6 +35,9 @@ pub struct PoolStatistics {
     pub workers_joined: u64,
     /// Welcomed workers whose process ended before the run did.
     pub workers_lost: u64,
+    /// Those of them whose host was lost, not the worker alone.
+    #[serde(default)]
+    pub workers_cut_off: u64,
     /// Workers that left on their own will.
     pub workers_left: u64,
     /// Workers that were requested to leave because they had done enough; those that did are among `workers_left`.

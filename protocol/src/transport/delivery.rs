@@ -8,7 +8,7 @@ use crate::control::{FromWorker, ToWorker};
 ///
 /// # Errors
 /// The frame is not a sound message in this direction; nothing was delivered.
-pub(super) fn deliver_to_macro(
+pub fn deliver_to_macro(
     worker: WorkerId,
     bytes: &[u8],
     sink: &mut dyn FnMut(MacroEvent<'_>),
@@ -26,7 +26,7 @@ pub(super) fn deliver_to_macro(
 ///
 /// # Errors
 /// As [`deliver_to_macro`].
-pub(super) fn deliver_to_worker(bytes: &[u8], sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<(), FrameError> {
+pub fn deliver_to_worker(bytes: &[u8], sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<(), FrameError> {
     let frame = Frame::parse(bytes)?;
     match frame.kind {
         FrameKind::Control => sink(WorkerEvent::Control(frame.control::<ToWorker>()?)),

@@ -1,9 +1,10 @@
 //! Channels between one macro and its workers, behind two small traits.
 //!
-//! [`MacroPort`] and [`WorkerPort`] have two implementations each: `shared_memory` (iceoryx2, between processes) and
-//! `in_process` (threads and channels, for tests and single-process runs). A port belongs to one thread.
+//! [`MacroPort`] and [`WorkerPort`] have two implementations here: `shared_memory` (iceoryx2, between processes) and
+//! `in_process` (threads and channels, for tests and single-process runs). The crate `grainspan-hosts` adds a third, between hosts. A
+//! port belongs to one thread.
 
-mod delivery;
+pub mod delivery;
 pub mod frame;
 pub mod in_process;
 pub mod shared_memory;
@@ -46,6 +47,9 @@ pub enum MacroEvent<'a> {
     Replies(WorkerId, &'a [LoadedReply<'a>]),
     /// The worker's process has ended or its channel is broken. Everything it had sent was delivered before this.
     Lost(WorkerId, String),
+    /// The connection to the worker's host was lost or ended. As [`Lost`](Self::Lost), but nothing is known of the worker itself, so its
+    /// jobs are not suspected to have ended it.
+    CutOff(WorkerId, String),
     /// Somebody sent something that is not a message of this protocol; it was dropped and is to be counted.
     Refused(String),
     /// [`Waker::wake`] was called.

@@ -42,7 +42,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 34] = [
+pub(crate) const COUNTERS: [Counter; 39] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -71,9 +71,14 @@ pub(crate) const COUNTERS: [Counter; 34] = [
     counter("workers_left", Harmless, "worker* left"),
     counter("workers_recycled", Harmless, "worker* recycled"),
     counter("workers_lost", Harmless, "worker* lost"),
+    counter("workers_cut_off", Harmless, "worker* cut off with a host"),
     counter("workers_hung", Harmless, "worker* hung"),
     counter("workers_faulty", Harmless, "worker* faulty"),
     counter("messages_refused", Harmless, "refused message*"),
+    counter("agents_lost", Harmless, "agent* lost"),
+    counter("agents_faulty", Harmless, "agent* faulty"),
+    counter("agents_refused", Harmless, "agent* refused"),
+    counter("strangers_refused", Harmless, "stranger* refused"),
     counter("cutbacks", Harmless, "cut-back*"),
     counter("worker_restarts", Harmless, "worker restart*"),
     counter("reissued_jobs", Harmless, "reissued job*"),

@@ -25,6 +25,7 @@ use page::Controls;
 use protocol::engine::Observables;
 use protocol::transport::MacroPort;
 use scene_reader::Scene;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// The circumstances of a run.
@@ -47,6 +48,8 @@ pub(super) struct RunContext<'a> {
     pub(super) interrupt: Interrupt,
     /// Observes the solver after the recorders.
     pub(super) observer: &'a mut dyn Observer,
+    /// What happened between hosts, by name; empty for a run that does not listen.
+    pub(super) hosts: &'a dyn Fn() -> BTreeMap<String, u64>,
 }
 
 /// Result of the solver, with what was recorded on the way.
@@ -74,6 +77,7 @@ pub(super) fn execute<P: MacroPort>(
     let (assignment, workers, quiet, description) =
         (context.assignment, context.workers, context.quiet, context.description);
     let other_build = context.continued.as_ref().is_some_and(|continued| continued.other_build);
+    let hosts = context.hosts;
     let solved = solve(scene, &mut pool, folder, context)?;
     let statistics = pool.statistics();
     let hint = pool.quarantined().map(|case| write_failure_case(case, folder));
@@ -94,6 +98,7 @@ pub(super) fn execute<P: MacroPort>(
         definition: description.definition.clone(),
         checkpoints: solved.checkpoints.clone(),
         other_build,
+        hosts: hosts(),
     };
     let summary = summary(&solved.run, &statistics, inputs);
     let written = write_results(scene, &solved, &summary, folder);

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 15] = [
+const FILES: [&str; 17] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -24,6 +24,9 @@ const FILES: [&str; 15] = [
     "packing.json",
     "probe_errors.csv",
     "units.json",
+    // Written by `--listen`, and removed when such a run ends.
+    "join",
+    "join.part",
     // Written by `grainspan report`; of no use next to another run.
     "report.html",
 ];

@@ -3,6 +3,7 @@
 use super::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
+use super::hosts;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
@@ -10,7 +11,7 @@ use crate::workers::{RunProgress, SignalWatch, StatusFile};
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::material::error_estimate::{ReplicaPlan, replicas};
-use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, WorkerSupply};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
 use scene_reader::Scene;
@@ -47,6 +48,7 @@ pub(super) fn run(
     }
     signals.wakes(port.waker());
     let mut status_file = StatusFile::create(port.record(), RunProgress::new(scene.document.path(), folder.path()));
+    let (port, hosts) = hosts::open(port, arguments, &name, folder.path())?;
 
     let workers = requested;
     let mut settings = PoolSettings::new(name.clone());
@@ -69,20 +71,25 @@ pub(super) fn run(
         Box::new(JoiningWorkers)
     } else {
         let mut groups = WorkerGroups(Vec::new());
-        for assigned in &assignment.engines {
+        for assigned in assignment.engines.iter().filter(|_| workers > 0) {
             let plan = LaunchPlan::for_run(&name, &assigned.engine, workers);
             let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
             let started = WorkerProcesses::start(plan, &interrupt);
             groups.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);
         }
-        Box::new(groups)
+        if hosts.is_listening() {
+            settings.worker_timeout = ATTACHED_TIMEOUT;
+            Box::new(Welcoming(groups))
+        } else {
+            Box::new(groups)
+        }
     };
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     let settings = scene.pool.apply(&scene.document, &settings)?;
     let mut pool = Pool::new(port, supply, interrupt.clone(), settings, served.definitions, &served.made_of);
     let watcher = status_file.clone();
     pool.report_to(move |workers| watcher.report(workers));
-    pool.gather(workers * assignment.engines.len()).map_err(|error| match error {
+    pool.gather((workers * assignment.engines.len()).max(1)).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         error => Failure::new(Exit::WorkersLost, error),
     })?;
@@ -97,6 +104,7 @@ pub(super) fn run(
         continued,
         interrupt,
         observer: &mut status_file,
+        hosts: &|| hosts.figures(),
     };
     execute(scene, pool, folder, context)
 }
@@ -122,10 +130,46 @@ fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<Vec<Repli
 /// Workers to start or to wait for.
 fn workers(arguments: &Arguments) -> usize {
     let default = || match arguments.attach {
-        Some(_) => NonZeroUsize::MIN,
-        None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+        Some(_) => 1,
+        None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
     };
-    arguments.workers.unwrap_or_else(default).get()
+    arguments.workers.unwrap_or_else(default)
+}
+
+/// Workers of this host in a run that others may join: when none of them is left, more may still come.
+struct Welcoming(WorkerGroups);
+
+impl WorkerSupply for Welcoming {
+    fn joined(&mut self, pid: u32) {
+        self.0.joined(pid);
+    }
+
+    fn refused(&mut self, pid: u32, reason: &str) {
+        self.0.refused(pid, reason);
+    }
+
+    fn lost(&mut self, pid: u32, had_answered: bool) {
+        self.0.lost(pid, had_answered);
+    }
+
+    fn left(&mut self, pid: u32) {
+        self.0.left(pid);
+    }
+
+    fn tend(&mut self) -> Outlook {
+        match self.0.tend() {
+            Outlook::Exhausted(_) => Outlook::Expected { check_again: Duration::from_secs(1) },
+            expected => expected,
+        }
+    }
+
+    fn restarts(&self) -> u64 {
+        self.0.restarts()
+    }
+
+    fn finish(&mut self) {
+        self.0.finish();
+    }
 }
 
 /// Refuses more workers than a machine can use: thousands of processes leave no room even for the command that ends them. The key

@@ -9,6 +9,7 @@ mod execute;
 mod failure;
 mod folder;
 mod grains;
+mod hosts;
 mod launch;
 mod observers;
 mod plot;
@@ -24,7 +25,6 @@ use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
 use resume::{RunDescription, Start};
 use scene_reader::Scene;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Arguments of `grainspan run`.
@@ -41,12 +41,25 @@ pub(crate) struct Arguments {
     /// Scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Worker processes of each engine [default: one per core; with --attach: 1]
+    /// Worker processes of each engine on this host [default: one per core; with --attach: 1]; 0 with --listen
     #[arg(long, value_name = "N", value_parser = worker_count)]
-    workers: Option<NonZeroUsize>,
+    workers: Option<usize>,
     /// Start no workers: wait for N that join the run of this name with `grainspan rve-server --run RUN`
     #[arg(long, value_name = "RUN")]
     attach: Option<String>,
+    /// Let agents of other hosts join at this endpoint (`grainspan agent`); port 0 takes a free one. The file `join` in the
+    /// output folder tells agents how
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "attach")]
+    listen: Option<String>,
+    /// Address of this host in the file `join`; several for several networks [default: that of --listen, or this host's name]
+    #[arg(long, value_name = "ADDRESS[:PORT]", requires = "listen")]
+    advertise: Vec<String>,
+    /// Secret that agents must know too, in a file that only you may read [default: drawn for this run]
+    #[arg(long, value_name = "FILE", requires = "listen")]
+    secret: Option<PathBuf>,
+    /// Time without any sign of life of another host after which its work goes to others
+    #[arg(long, value_name = "SECONDS", requires = "listen", default_value_t = 10.0, value_parser = crate::cli::seconds)]
+    silence: f64,
     /// Engine that solves the points in place of the scene's own choice; see docs/guide/external-engines.md
     #[arg(long, value_name = "NAME")]
     engine: Option<String>,
@@ -92,12 +105,8 @@ impl From<Wait> for Waiting {
     }
 }
 
-fn worker_count(text: &str) -> Result<NonZeroUsize, String> {
-    match text.parse::<usize>().map(NonZeroUsize::new) {
-        Ok(Some(count)) => Ok(count),
-        Ok(None) => Err("a run needs at least one worker; leave --workers out for one per core".to_owned()),
-        Err(_) => Err("not a number of workers".to_owned()),
-    }
+fn worker_count(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "not a number of workers".to_owned())
 }
 
 /// Runs the scene.
@@ -108,6 +117,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
+    if arguments.workers == Some(0) && arguments.listen.is_none() {
+        let problem = "--workers 0: a run needs at least one worker; leave --workers out for one per core, or let agents of other \
+                       hosts join with --listen";
+        return Err(Failure::new(Exit::BadInput, problem));
+    }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
     let as_run = scene.document.as_run(&scene.materials.renamed())?;
     let description = RunDescription::new(&as_run, &scene.materials.identity());

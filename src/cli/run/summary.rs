@@ -40,6 +40,8 @@ pub(super) struct SummaryInputs {
     pub(super) checkpoints: CheckpointFigures,
     /// Whether a part of the run was made by another build of this program.
     pub(super) other_build: bool,
+    /// What happened between hosts.
+    pub(super) hosts: BTreeMap<String, u64>,
 }
 
 /// Puts the figures of solver and pool together.
@@ -102,6 +104,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         accuracy,
         energy: inputs.energy,
         dynamics: inputs.dynamics,
+        hosts: inputs.hosts,
         versions: BTreeMap::from([
             ("grainspan".to_owned(), build_info::VERSION.to_owned()),
             ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
@@ -127,6 +130,7 @@ fn status(outcome: &Outcome) -> RunStatus {
 /// Every counter of the fallbacks, by name.
 fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInputs) -> BTreeMap<String, u64> {
     let flags = &statistics.flags;
+    let of_hosts = |name: &str| inputs.hosts.get(name).copied().unwrap_or(0);
     named([
         ("not_equilibrated", flags.not_equilibrated),
         ("unfinished_trials", statistics.unfinished_trials),
@@ -152,9 +156,14 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("workers_left", pool.workers_left),
         ("workers_recycled", pool.workers_recycled),
         ("workers_lost", pool.workers_lost),
+        ("workers_cut_off", pool.workers_cut_off),
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),
         ("messages_refused", pool.refused_messages),
+        ("agents_lost", of_hosts("agents_lost")),
+        ("agents_faulty", of_hosts("agents_faulty")),
+        ("agents_refused", of_hosts("agents_refused")),
+        ("strangers_refused", of_hosts("strangers_refused")),
         ("error_above_wanted", statistics.accuracy.missed_steps),
         ("replicas_lost", inputs.replicas.lost),
         ("checkpoints_failed", inputs.checkpoints.failed),
@@ -206,6 +215,7 @@ mod tests {
             definition: String::new(),
             checkpoints: CheckpointFigures::default(),
             other_build: false,
+            hosts: BTreeMap::new(),
         };
         let run = Run { outcome, stage: 0, load: 1.0, statistics };
         let summary = summary(&run, pool, inputs);

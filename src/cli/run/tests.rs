@@ -44,6 +44,7 @@ fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer)
         continued: None,
         interrupt: Interrupt::new(),
         observer,
+        hosts: &std::collections::BTreeMap::new,
     };
     let exit = execute(scene, pool, &folder, context);
     threads.into_iter().for_each(|thread| drop(thread.join().unwrap()));

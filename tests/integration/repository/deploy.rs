@@ -27,7 +27,11 @@ fn commands_in_the_files_are_commands_of_the_program() {
     assert!(read("container/compose.yaml").contains("\"rve-server\", \"--run\", \"pool\", \"--standing\""));
     takes("rve-server", &["--run", "--standing"]);
     assert!(read("slurm/grainspan.sbatch").contains("run \"$@\" --workers \"$workers\" --quiet"));
-    takes("run", &["--workers", "--quiet", "--attach", "--out"]);
+    takes("run", &["--workers", "--quiet", "--attach", "--out", "--listen", "--secret"]);
+    assert!(read("systemd/grainspan-agent.service").contains("agent --join ${GRAINSPAN_JOIN} --secret"));
+    assert!(read("container/compose-hosts.yaml").contains("\"agent\", \"--join\", \"macro:7400\", \"--secret\""));
+    assert!(read("slurm/grainspan-hosts.sbatch").contains("agent --join \"$out/join\" --workers \"$cores\""));
+    takes("agent", &["--join", "--secret", "--workers", "--timeout", "--standing"]);
 }
 
 #[test]
@@ -49,13 +53,21 @@ fn the_systems_checkers_have_no_complaints() {
         let output = Command::new(program).args(arguments).current_dir(root().join("deploy")).output().ok()?;
         Some((output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned()))
     };
-    let (sound, said) = run("bash", &["-n", "slurm/grainspan.sbatch"]).expect("there is a shell");
-    assert!(sound, "{said}");
-    match run("shellcheck", &["slurm/grainspan.sbatch"]) {
-        Some((sound, said)) => assert!(sound, "{said}"),
-        None => eprintln!("SKIPPED: shellcheck is not installed"),
+    for script in ["slurm/grainspan.sbatch", "slurm/grainspan-hosts.sbatch"] {
+        let (sound, said) = run("bash", &["-n", script]).expect("there is a shell");
+        assert!(sound, "{said}");
+        match run("shellcheck", &[script]) {
+            Some((sound, said)) => assert!(sound, "{said}"),
+            None => eprintln!("SKIPPED: shellcheck is not installed"),
+        }
     }
-    let units = ["verify", "--man=no", "systemd/grainspan-pool.target", "systemd/grainspan-worker@1.service"];
+    let units = [
+        "verify",
+        "--man=no",
+        "systemd/grainspan-pool.target",
+        "systemd/grainspan-worker@1.service",
+        "systemd/grainspan-agent.service",
+    ];
     if let Some((_, said)) = run("systemd-analyze", &units) {
         // The program is not installed here, and the file is found by its path.
         let complaints: Vec<_> =

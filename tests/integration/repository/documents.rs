@@ -196,6 +196,7 @@ fn top_level(path: &str) -> bool {
         "deploy",
         "docs",
         "grain-pool",
+        "hosts",
         "keys",
         "macro-solver",
         "packings",

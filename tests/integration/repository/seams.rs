@@ -61,6 +61,7 @@ fn random_iteration_order_is_absent() {
         "charts/src",
         "page/src",
         "grain-pool/src",
+        "hosts/src",
         "python/src",
         "pool-c/src",
         "bench/src",

@@ -8,18 +8,20 @@ use protocol::transport::WorkerId;
 use std::time::Instant;
 
 impl Coordinator {
-    pub(super) fn handle_loss(&mut self, worker: WorkerId, reason: &str) {
+    /// A worker is gone. If `suspicious`, the jobs that it was working on may have ended it.
+    pub(super) fn handle_loss(&mut self, worker: WorkerId, reason: &str, suspicious: bool) {
         let Some(known) = self.workers.get(worker) else { return };
         let (pid, state) = (known.pid, known.state);
         let had_answered = self.statistics.workers.get(known.statistics).is_some_and(|figures| figures.jobs > 0);
         if state != WorkerState::Refused {
             tracing::warn!(worker = worker.0, pid, reason, "worker lost");
             self.statistics.workers_lost += u64::from(state != WorkerState::Leaving);
+            self.statistics.workers_cut_off += u64::from(state != WorkerState::Leaving && !suspicious);
             self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
             let left = state == WorkerState::Leaving;
             self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid, had_answered) });
         }
-        if state.answers() {
+        if state.answers() && suspicious {
             self.record_failure_of_head(worker, reason, 0);
         }
         self.requeue_all(worker);

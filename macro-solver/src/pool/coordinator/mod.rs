@@ -89,7 +89,8 @@ impl Coordinator {
                     self.handle_reply(worker, reply, now);
                 }
             }
-            MacroEvent::Lost(worker, reason) => self.handle_loss(worker, &reason),
+            MacroEvent::Lost(worker, reason) => self.handle_loss(worker, &reason, true),
+            MacroEvent::CutOff(worker, reason) => self.handle_loss(worker, &reason, false),
             MacroEvent::Refused(reason) => {
                 tracing::warn!(reason, "a message was refused");
                 self.statistics.refused_messages += 1;

@@ -128,6 +128,22 @@ fn a_deadly_point_is_named_after_three_workers() {
     assert_eq!(pool.statistics().workers_lost, 3);
 }
 
+/// A trial that three workers in a row did not survive is stopped; one whose hosts were cut off three times in a row is innocent.
+#[test]
+fn the_loss_of_hosts_is_not_held_against_their_jobs() {
+    let mut stage = Stage::new(5);
+    for _ in 0..5 {
+        stage = stage.hire(8, &[Some(Fault::Die)]);
+    }
+    let mut stage = stage.hire(8, &[]);
+    stage.world.borrow_mut().hosts_are_lost = true;
+    let mut pool = stage.open(1);
+    pool.evaluate(&questions(1, 0)).unwrap();
+    let statistics = pool.statistics();
+    assert_eq!((statistics.workers_cut_off, statistics.workers_lost, statistics.reissued), (5, 5, 5));
+    assert!(pool.quarantined().is_none());
+}
+
 #[test]
 fn when_replacements_run_out_the_reason_is_given() {
     let script = [Some(Fault::Die)];

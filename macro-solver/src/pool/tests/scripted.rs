@@ -85,6 +85,8 @@ pub(super) struct World {
     pub(super) killed: Vec<WorkerId>,
     /// Jobs of the longest slice that goes on from states.
     pub(super) longest_slice: usize,
+    /// Workers that end are reported as cut off with their host.
+    pub(super) hosts_are_lost: bool,
 }
 
 impl World {
@@ -292,6 +294,7 @@ impl MacroPort for ScriptedPort {
             world.work();
         }
         let events: Vec<_> = world.outgoing.drain(..).collect();
+        let hosts_are_lost = world.hosts_are_lost;
         drop(world);
         if events.is_empty() {
             std::thread::sleep(wait.min(Duration::from_millis(1)));
@@ -300,6 +303,9 @@ impl MacroPort for ScriptedPort {
         for event in events {
             match event {
                 Outgoing::Control(worker, message) => sink(MacroEvent::Control(worker, message)),
+                Outgoing::Lost(worker) if hosts_are_lost => {
+                    sink(MacroEvent::CutOff(worker, "its host does not answer".into()));
+                }
                 Outgoing::Lost(worker) => sink(MacroEvent::Lost(worker, "process ended".into())),
                 Outgoing::Refused => sink(MacroEvent::Refused("rubbish".into())),
                 Outgoing::Replies(worker, answers) => {

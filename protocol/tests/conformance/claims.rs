@@ -1,21 +1,19 @@
-//! What every transport must do, said once and run over each: threads and shared memory.
+//! What every transport must do, said once. The tests of each transport include this file and name themselves with `claims!`.
+#![allow(unreachable_pub, missing_docs, reason = "each test file compiles its own copy")]
 
 use bytemuck::Zeroable;
 use protocol::control::{FromWorker, ToWorker};
-use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, InProcessWorkerPort, channel};
-use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort, Waiting};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, WorkerEvent, WorkerId, WorkerPort};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{Capabilities, PROTOCOL_VERSION};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-const PATIENCE: Duration = Duration::from_secs(10);
+pub const PATIENCE: Duration = Duration::from_secs(10);
 
 /// One transport under test.
-trait Channel {
+pub trait Channel {
     type Macro: MacroPort;
     type Worker: WorkerPort;
     type Door: Clone + Send + 'static;
@@ -24,101 +22,45 @@ trait Channel {
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]);
 }
 
-struct Threads;
-
-impl Channel for Threads {
-    type Macro = InProcessMacroPort;
-    type Worker = InProcessWorkerPort;
-    type Door = InProcessDoor;
-    fn open() -> (Self::Macro, Self::Door) {
-        channel()
-    }
-    fn join(door: &Self::Door) -> Self::Worker {
-        door.join()
-    }
-    fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
-        worker.send_raw(bytes).unwrap();
-    }
-}
-
-/// How the ends wait.
-trait How {
-    const WAITING: Waiting;
-}
-
-struct Blocking;
-struct Glancing;
-struct Spinning;
-
-impl How for Blocking {
-    const WAITING: Waiting = Waiting::Block;
-}
-impl How for Glancing {
-    const WAITING: Waiting = Waiting::Hybrid;
-}
-impl How for Spinning {
-    const WAITING: Waiting = Waiting::Spin;
-}
-
-struct SharedMemory<H>(std::marker::PhantomData<H>);
-
-impl<H: How> Channel for SharedMemory<H> {
-    type Macro = SharedMemoryMacroPort;
-    type Worker = SharedMemoryWorkerPort;
-    type Door = String;
-    fn open() -> (Self::Macro, Self::Door) {
-        static OPENED: AtomicU32 = AtomicU32::new(0);
-        let name = format!("c{}-{}", std::process::id(), OPENED.fetch_add(1, Ordering::Relaxed));
-        let limits = ChannelLimits { message_bytes: 8 << 20, workers: 8, waiting: H::WAITING };
-        (SharedMemoryMacroPort::create(&name, limits).unwrap(), name)
-    }
-    fn join(door: &Self::Door) -> Self::Worker {
-        SharedMemoryWorkerPort::join(door, PATIENCE).unwrap()
-    }
-    fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
-        worker.send_raw(bytes).unwrap();
-    }
-}
-
-/// Instantiates each claim for each transport.
+/// Instantiates every claim for each transport that follows.
 macro_rules! claims {
-    ($($claim:ident),* $(,)?) => {
-        mod threads { $(#[test] fn $claim() { super::$claim::<super::Threads>(); })* }
-        mod shared_memory { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Blocking>>(); })* }
-        mod hybrid { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Glancing>>(); })* }
-        mod spinning { $(#[test] fn $claim() { super::$claim::<super::SharedMemory<super::Spinning>>(); })* }
+    ($($name:ident: $channel:ty),* $(,)?) => {
+        $(mod $name {
+            #[allow(unused_imports)]
+            use super::*;
+            claims!(@ $channel:
+                jobs_and_replies_keep_their_content_and_order,
+                snapshots_of_two_megabytes_travel_both_ways,
+                each_worker_hears_only_its_own_jobs,
+                a_closed_worker_is_lost_after_its_last_words,
+                a_killed_worker_is_lost_and_can_be_sent_nothing,
+                a_closed_macro_is_noticed,
+                a_waker_ends_a_wait,
+                an_idle_wait_ends_in_time,
+                garbage_is_refused_and_counted,
+                a_worker_may_say_more_than_it_is_asked,
+                more_messages_than_fit_wait_in_order,
+                runs_do_not_see_each_other,
+                too_large_messages_are_refused_with_both_sizes,
+                replies_that_do_not_fit_one_message_come_in_several,
+            );
+        })*
     };
+    (@ $channel:ty: $($claim:ident),* $(,)?) => { $(#[test] fn $claim() { $crate::claims::$claim::<$channel>(); })* };
 }
-
-claims!(
-    jobs_and_replies_keep_their_content_and_order,
-    snapshots_of_two_megabytes_travel_both_ways,
-    each_worker_hears_only_its_own_jobs,
-    a_closed_worker_is_lost_after_its_last_words,
-    a_killed_worker_is_lost_and_can_be_sent_nothing,
-    a_closed_macro_is_noticed,
-    a_waker_ends_a_wait,
-    an_idle_wait_ends_in_time,
-    garbage_is_refused_and_counted,
-    a_worker_may_say_more_than_it_is_asked,
-    more_messages_than_fit_wait_in_order,
-    runs_do_not_see_each_other,
-    too_large_messages_are_refused_with_both_sizes,
-    replies_that_do_not_fit_one_message_come_in_several,
-);
 
 /// What a macro heard, in its own words.
 #[derive(Default)]
-struct Heard {
-    controls: Vec<(WorkerId, FromWorker)>,
-    replies: Vec<(WorkerId, TrialReply, Vec<u8>, Vec<u8>)>,
-    lost: Vec<WorkerId>,
-    refused: usize,
-    woken: usize,
+pub struct Heard {
+    pub controls: Vec<(WorkerId, FromWorker)>,
+    pub replies: Vec<(WorkerId, TrialReply, Vec<u8>, Vec<u8>)>,
+    pub lost: Vec<WorkerId>,
+    pub refused: usize,
+    pub woken: usize,
 }
 
 impl Heard {
-    fn until(&mut self, port: &mut dyn MacroPort, enough: impl Fn(&Self) -> bool) {
+    pub fn until(&mut self, port: &mut dyn MacroPort, enough: impl Fn(&Self) -> bool) {
         let begin = Instant::now();
         while !enough(self) {
             assert!(begin.elapsed() < PATIENCE, "waited in vain; heard {}", self.summary());
@@ -137,14 +79,14 @@ impl Heard {
             MacroEvent::Replies(worker, loaded) => self
                 .replies
                 .extend(loaded.iter().map(|one| (worker, one.reply, one.state.to_vec(), one.error.to_vec()))),
-            MacroEvent::Lost(worker, _) => self.lost.push(worker),
+            MacroEvent::Lost(worker, _) | MacroEvent::CutOff(worker, _) => self.lost.push(worker),
             MacroEvent::Refused(_) => self.refused += 1,
             MacroEvent::Woken => self.woken += 1,
         }
     }
 }
 
-fn hello() -> FromWorker {
+pub fn hello() -> FromWorker {
     let capabilities =
         Capabilities { engine: "echo".into(), version: "1".into(), dimensions: vec![2], ..Capabilities::default() };
     FromWorker::Hello {
@@ -156,17 +98,17 @@ fn hello() -> FromWorker {
     }
 }
 
-fn job(number: u64) -> TrialJob {
+pub fn job(number: u64) -> TrialJob {
     TrialJob { job: number, point: number + 1, ..TrialJob::zeroed() }
 }
 
-fn bye(port: &mut dyn MacroPort, worker: WorkerId) {
+pub fn bye(port: &mut dyn MacroPort, worker: WorkerId) {
     port.send_control(worker, &ToWorker::Bye).unwrap();
 }
 
 /// A worker in its own thread that greets and answers each job with its own snapshot backwards, until dismissed.
 /// Returns how many jobs it answered and whether it left because the macro was lost.
-fn echo<C: Channel>(door: &C::Door) -> JoinHandle<(usize, bool)> {
+pub fn echo<C: Channel>(door: &C::Door) -> JoinHandle<(usize, bool)> {
     let door = door.clone();
     std::thread::spawn(move || {
         let mut port = C::join(&door);
@@ -201,7 +143,7 @@ fn echo<C: Channel>(door: &C::Door) -> JoinHandle<(usize, bool)> {
     })
 }
 
-fn jobs_and_replies_keep_their_content_and_order<C: Channel>() {
+pub fn jobs_and_replies_keep_their_content_and_order<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = echo::<C>(&door);
     let mut heard = Heard::default();
@@ -230,7 +172,7 @@ fn jobs_and_replies_keep_their_content_and_order<C: Channel>() {
     assert_eq!(worker.join().unwrap(), (300, false));
 }
 
-fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
+pub fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = echo::<C>(&door);
     let mut heard = Heard::default();
@@ -246,7 +188,7 @@ fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
     worker.join().unwrap();
 }
 
-fn each_worker_hears_only_its_own_jobs<C: Channel>() {
+pub fn each_worker_hears_only_its_own_jobs<C: Channel>() {
     let (mut port, door) = C::open();
     let workers = [echo::<C>(&door), echo::<C>(&door)];
     let mut heard = Heard::default();
@@ -271,7 +213,7 @@ fn each_worker_hears_only_its_own_jobs<C: Channel>() {
     }
 }
 
-fn a_closed_worker_is_lost_after_its_last_words<C: Channel>() {
+pub fn a_closed_worker_is_lost_after_its_last_words<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = std::thread::spawn(move || {
         let mut port = C::join(&door);
@@ -293,7 +235,7 @@ fn a_closed_worker_is_lost_after_its_last_words<C: Channel>() {
     assert_eq!(gone.to_string(), "worker 0 is gone");
 }
 
-fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
+pub fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
     let (mut port, door) = C::open();
     let mut worker = C::join(&door);
     worker.send_control(&hello()).unwrap();
@@ -306,7 +248,7 @@ fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
     drop(port);
 }
 
-fn a_closed_macro_is_noticed<C: Channel>() {
+pub fn a_closed_macro_is_noticed<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = echo::<C>(&door);
     Heard::default().until(&mut port, |heard| !heard.controls.is_empty());
@@ -316,7 +258,7 @@ fn a_closed_macro_is_noticed<C: Channel>() {
     assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
 }
 
-fn a_waker_ends_a_wait<C: Channel>() {
+pub fn a_waker_ends_a_wait<C: Channel>() {
     let (mut port, _door) = C::open();
     let waker = port.waker();
     let mut heard = Heard::default();
@@ -334,14 +276,14 @@ fn a_waker_ends_a_wait<C: Channel>() {
     caller.join().unwrap();
 }
 
-fn an_idle_wait_ends_in_time<C: Channel>() {
+pub fn an_idle_wait_ends_in_time<C: Channel>() {
     let (mut port, _door) = C::open();
     let begin = Instant::now();
     assert_eq!(port.poll(Duration::from_millis(30), &mut |_| {}).unwrap(), 0);
     assert!(begin.elapsed() >= Duration::from_millis(25), "{:?}", begin.elapsed());
 }
 
-fn garbage_is_refused_and_counted<C: Channel>() {
+pub fn garbage_is_refused_and_counted<C: Channel>() {
     let (mut port, door) = C::open();
     let mut worker = C::join(&door);
     worker.send_control(&hello()).unwrap();
@@ -356,7 +298,7 @@ fn garbage_is_refused_and_counted<C: Channel>() {
     drop(port);
 }
 
-fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
+pub fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = std::thread::spawn(move || {
         let mut port = C::join(&door);
@@ -374,7 +316,7 @@ fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
     assert_eq!(heard.refused, 0);
 }
 
-fn more_messages_than_fit_wait_in_order<C: Channel>() {
+pub fn more_messages_than_fit_wait_in_order<C: Channel>() {
     let (mut port, door) = C::open();
     let worker = echo::<C>(&door);
     let mut heard = Heard::default();
@@ -391,7 +333,7 @@ fn more_messages_than_fit_wait_in_order<C: Channel>() {
     assert_eq!(worker.join().unwrap(), (200, false));
 }
 
-fn runs_do_not_see_each_other<C: Channel>() {
+pub fn runs_do_not_see_each_other<C: Channel>() {
     let (mut one, door_one) = C::open();
     let (mut two, door_two) = C::open();
     let workers = [echo::<C>(&door_one), echo::<C>(&door_two)];
@@ -413,7 +355,7 @@ fn runs_do_not_see_each_other<C: Channel>() {
     assert_eq!(heard_two.replies.iter().map(|(_, reply, ..)| reply.job).collect::<Vec<_>>(), [2, 3]);
 }
 
-fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
+pub fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
     let (mut port, door) = C::open();
     let mut worker = C::join(&door);
     worker.send_control(&hello()).unwrap();
@@ -428,7 +370,7 @@ fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
 }
 
 /// Nobody knows how large the states of an engine are before its first reply.
-fn replies_that_do_not_fit_one_message_come_in_several<C: Channel>() {
+pub fn replies_that_do_not_fit_one_message_come_in_several<C: Channel>() {
     let (mut port, door) = C::open();
     let mut worker = C::join(&door);
     worker.send_control(&hello()).unwrap();
@@ -444,33 +386,4 @@ fn replies_that_do_not_fit_one_message_come_in_several<C: Channel>() {
     let numbers: Vec<u64> = heard.replies.iter().map(|(_, reply, ..)| reply.job).collect();
     assert!(numbers == [0, 1, 2, 3, 4] && heard.replies.iter().all(|(_, _, came, _)| *came == state));
     drop(port);
-}
-
-/// Names of everything that a run's segments or directory would be called.
-fn left_of(name: &str, prefix: &str) -> Vec<String> {
-    let entries = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap());
-    let mut left: Vec<String> = entries
-        .map(|entry| entry.file_name().into_string().unwrap())
-        .filter(|file| file.starts_with(prefix))
-        .collect();
-    let user = format!("/dev/shm/grainspan-{}", rustix::process::getuid().as_raw());
-    if std::path::Path::new(&user).join(name).exists() {
-        left.push(name.to_owned());
-    }
-    left
-}
-
-#[test]
-fn shared_memory_leaves_nothing_behind() {
-    let (mut port, name) = SharedMemory::<Blocking>::open();
-    let prefix = port.record().prefix.clone();
-    let workers = [echo::<SharedMemory<Blocking>>(&name), echo::<SharedMemory<Blocking>>(&name)];
-    Heard::default().until(&mut port, |heard| heard.controls.len() == 2);
-    assert!(left_of(&name, &prefix).len() > 2, "the test looks in the wrong place");
-    port.send_control(WorkerId(0), &ToWorker::Bye).unwrap();
-    drop(port);
-    for worker in workers {
-        worker.join().unwrap();
-    }
-    assert_eq!(left_of(&name, &prefix), Vec::<String>::new());
 }

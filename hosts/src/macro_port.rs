@@ -1,0 +1,343 @@
+//! The macro's end: the workers of all agents as workers of one port.
+
+use crate::connection::{Gate, Outbox};
+pub use crate::door::DoorOptions;
+use crate::door::{Arrival, Door, Peer};
+use crate::message::{Body, FromAgent, ToAgent, unpacked, with_control, with_frame, with_jobs};
+use crate::state_mirror::StateMirror;
+use crate::statistics::Figures;
+use protocol::control::{FromWorker, ToWorker};
+use protocol::transport::delivery::deliver_to_macro;
+use protocol::transport::frame::{Frame, FrameKind, Outgoing};
+use protocol::transport::{LoadedJob, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Workers that one agent may bring.
+const MOST_WORKERS: usize = 4096;
+
+/// Messages of an agent that are none before it is given up.
+const PATIENCE: u32 = 100;
+
+/// One connected agent.
+struct Agent {
+    host: String,
+    outbox: Outbox,
+    gate: Gate,
+    workers: BTreeMap<u32, WorkerId>,
+    /// Numbers of workers that have ended; what they still had under way is ignored.
+    ended: BTreeSet<u32>,
+    /// None if the agent keeps no states.
+    mirror: Option<StateMirror>,
+    /// Messages handled.
+    heard: u64,
+    /// Messages that were none.
+    refused: u32,
+    leaving: bool,
+}
+
+/// The macro's end of all connections to agents. It listens as long as it lives; dropping it ends the connections in good order.
+pub struct NetworkMacroPort {
+    agents: BTreeMap<u64, Agent>,
+    /// Agent and number there, of each worker.
+    routes: BTreeMap<WorkerId, (u64, u32)>,
+    joined: u32,
+    /// Workers that are to be reported as lost at the next poll.
+    lost: Vec<(WorkerId, String)>,
+    message_bytes: usize,
+    door: Door,
+}
+
+impl NetworkMacroPort {
+    /// Listens for agents at `endpoint`, as `0.0.0.0:7400`; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// The endpoint is taken or not of this host.
+    pub fn listen(endpoint: &str, options: DoorOptions) -> Result<Self, TransportError> {
+        let message_bytes = options.limits.message_bytes;
+        let door = Door::open(endpoint, options)?;
+        Ok(Self {
+            agents: BTreeMap::new(),
+            routes: BTreeMap::new(),
+            joined: 0,
+            lost: Vec::new(),
+            message_bytes,
+            door,
+        })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.door.address()
+    }
+
+    /// What has happened at the door and on the connections.
+    pub fn figures(&self) -> Figures {
+        self.door.shared.figures.clone()
+    }
+
+    /// Ends all connections at once and listens no more, as when this process is killed: for tests.
+    #[doc(hidden)]
+    pub fn cut_connections(&self) {
+        self.door.cut();
+    }
+
+    /// From now on whatever arrives also wakes this one.
+    pub(crate) fn ring(&self, bell: Arc<dyn Waker>) {
+        self.door.shared.ring(bell);
+    }
+
+    fn open(&mut self, peer: Peer) {
+        let agent = Agent {
+            host: peer.host,
+            outbox: peer.outbox,
+            gate: peer.gate,
+            workers: BTreeMap::new(),
+            ended: BTreeSet::new(),
+            mirror: (peer.state_bytes > 0).then(|| StateMirror::new(peer.state_bytes)),
+            heard: 0,
+            refused: 0,
+            leaving: false,
+        };
+        self.agents.insert(peer.number, agent);
+    }
+
+    /// Handles a message of an agent; returns the number of events.
+    fn hear(&mut self, number: u64, bytes: &[u8], sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
+        let Some(agent) = self.agents.get_mut(&number) else { return 0 };
+        agent.gate.handled(bytes.len());
+        agent.heard += 1;
+        self.door.shared.figures.count(|figures| {
+            figures.messages_received += 1;
+            figures.bytes_received += bytes.len() as u64;
+        });
+        let heard = match Body::parse(bytes) {
+            Ok((slot, Body::Frame(frame))) => self.hear_worker(number, slot, frame, sink),
+            Ok((slot, Body::Control(body))) => match unpacked(body) {
+                Ok(message) => Ok(self.hear_agent(number, slot, message, sink)),
+                Err(error) => Err(error.to_string()),
+            },
+            Ok((_, Body::Jobs { .. })) => Err("jobs, from an agent".to_owned()),
+            Err(error) => Err(error.to_string()),
+        };
+        match heard {
+            Ok(events) => events,
+            Err(reason) => self.refuse(number, &reason, sink),
+        }
+    }
+
+    /// Counts what is no message. An agent that goes on with it is given up.
+    fn refuse(&mut self, number: u64, reason: &str, sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
+        let Some(agent) = self.agents.get_mut(&number) else { return 0 };
+        agent.refused += 1;
+        sink(MacroEvent::Refused(format!("host {}: {reason}", agent.host)));
+        if agent.refused < PATIENCE {
+            return 1;
+        }
+        self.door.shared.figures.count(|figures| figures.agents_faulty += 1);
+        1 + self.close(number, "it keeps sending what is no message", sink)
+    }
+
+    fn hear_worker(
+        &mut self,
+        number: u64,
+        slot: u32,
+        bytes: &[u8],
+        sink: &mut dyn FnMut(MacroEvent<'_>),
+    ) -> Result<usize, String> {
+        let Some(agent) = self.agents.get_mut(&number) else { return Ok(0) };
+        if agent.ended.contains(&slot) {
+            return Ok(0);
+        }
+        let worker = match agent.workers.get(&slot) {
+            Some(worker) => *worker,
+            None => {
+                let frame = Frame::parse(bytes).map_err(|error| error.to_string())?;
+                let greets = frame.kind == FrameKind::Control
+                    && matches!(frame.control::<FromWorker>(), Ok(FromWorker::Hello { .. }));
+                if !greets {
+                    return Err("a message of a worker that has not said hello".to_owned());
+                }
+                if agent.workers.len() >= MOST_WORKERS {
+                    return Err(format!("more than {MOST_WORKERS} workers"));
+                }
+                let worker = WorkerId(self.joined);
+                self.joined += 1;
+                agent.workers.insert(slot, worker);
+                self.routes.insert(worker, (number, slot));
+                worker
+            }
+        };
+        let mirror = &mut agent.mirror;
+        let delivered = deliver_to_macro(worker, bytes, &mut |event| {
+            if let (Some(mirror), MacroEvent::Replies(_, replies)) = (mirror.as_mut(), &event) {
+                replies.iter().for_each(|one| mirror.note(one.reply.state, one.state.len()));
+            }
+            sink(event);
+        });
+        delivered.map_err(|error| format!("worker {}: {error}", worker.0))?;
+        self.forget_surplus(number);
+        Ok(1)
+    }
+
+    fn hear_agent(
+        &mut self,
+        number: u64,
+        slot: u32,
+        message: FromAgent,
+        sink: &mut dyn FnMut(MacroEvent<'_>),
+    ) -> usize {
+        let Some(agent) = self.agents.get_mut(&number) else { return 0 };
+        match message {
+            FromAgent::WorkerLost { reason } => {
+                agent.ended.insert(slot);
+                let Some(worker) = agent.workers.remove(&slot) else { return 0 };
+                self.routes.remove(&worker);
+                sink(MacroEvent::Lost(worker, format!("{reason} (host {})", agent.host)));
+                1
+            }
+            FromAgent::Leave { reason } => {
+                tracing::info!(host = agent.host, reason, "an agent leaves");
+                agent.leaving = true;
+                self.door.shared.figures.count(|figures| figures.agents_left += 1);
+                let workers: Vec<WorkerId> = agent.workers.values().copied().collect();
+                for worker in &workers {
+                    sink(MacroEvent::Control(*worker, FromWorker::Bye { reason: reason.clone() }));
+                }
+                workers.len()
+            }
+        }
+    }
+
+    /// A connection has ended, or is ended: all its workers are cut off.
+    fn close(&mut self, number: u64, reason: &str, sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
+        let Some(agent) = self.agents.remove(&number) else { return 0 };
+        if !agent.leaving {
+            tracing::warn!(host = agent.host, workers = agent.workers.len(), reason, "agent lost");
+            self.door.shared.figures.count(|figures| figures.agents_lost += 1);
+        }
+        for worker in agent.workers.values() {
+            self.routes.remove(worker);
+            sink(MacroEvent::CutOff(*worker, format!("{reason} (host {})", agent.host)));
+        }
+        agent.workers.len()
+    }
+
+    /// Tells an agent which states are beyond what it said it would keep.
+    fn forget_surplus(&mut self, number: u64) {
+        let Some(agent) = self.agents.get_mut(&number) else { return };
+        let states = agent.mirror.as_mut().map(StateMirror::surplus).unwrap_or_default();
+        if !states.is_empty() {
+            // A closed connection is reported by itself.
+            let _ = agent.outbox.send(with_control(0, &ToAgent::Forget { states, heard: agent.heard }));
+        }
+    }
+
+    fn post(&mut self, worker: WorkerId, message: Vec<u8>) -> Result<(), TransportError> {
+        let gone = TransportError::Gone(worker);
+        let Some((number, _)) = self.routes.get(&worker) else { return Err(gone) };
+        let Some(agent) = self.agents.get(number) else { return Err(gone) };
+        self.door.shared.figures.count(|figures| {
+            figures.messages_sent += 1;
+            figures.bytes_sent += message.len() as u64;
+        });
+        agent.outbox.send(message).map_err(|_| gone)
+    }
+
+    fn slot(&self, worker: WorkerId) -> Result<(u64, u32), TransportError> {
+        self.routes.get(&worker).copied().ok_or(TransportError::Gone(worker))
+    }
+}
+
+impl MacroPort for NetworkMacroPort {
+    fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
+        let wait = if self.lost.is_empty() { wait } else { Duration::ZERO };
+        let (arrivals, woken) = self.door.shared.take(wait);
+        let mut events = self.lost.len() + usize::from(woken);
+        for (worker, reason) in std::mem::take(&mut self.lost) {
+            sink(MacroEvent::Lost(worker, reason));
+        }
+        for arrival in arrivals {
+            match arrival {
+                Arrival::Opened(peer) => self.open(peer),
+                Arrival::Message(number, bytes) => events += self.hear(number, &bytes, sink),
+                Arrival::Closed(number, reason) => events += self.close(number, &reason, sink),
+            }
+        }
+        if woken {
+            sink(MacroEvent::Woken);
+        }
+        Ok(events)
+    }
+
+    fn send_control(&mut self, worker: WorkerId, message: &ToWorker) -> Result<(), TransportError> {
+        let (_, slot) = self.slot(worker)?;
+        let outgoing = Outgoing::control(message);
+        let length = outgoing.length_within(self.message_bytes)?;
+        self.post(worker, with_frame(slot, length, |out| outgoing.write(0, out)))
+    }
+
+    fn send_jobs(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) -> Result<(), TransportError> {
+        let (number, slot) = self.slot(worker)?;
+        let mut jobs = jobs.to_vec();
+        let mut kept = Vec::new();
+        if let Some(mirror) = self.agents.get_mut(&number).and_then(|agent| agent.mirror.as_mut()) {
+            let mut saved = 0;
+            for (place, one) in jobs.iter_mut().enumerate().filter(|(_, one)| !one.state.is_empty()) {
+                if mirror.holds(one.job.state) {
+                    saved += one.state.len() as u64;
+                    kept.push(place as u32);
+                    one.state = &[];
+                } else {
+                    mirror.note(one.job.state, one.state.len());
+                }
+            }
+            self.door.shared.figures.count(|figures| {
+                figures.states_kept += kept.len() as u64;
+                figures.bytes_saved += saved;
+            });
+        }
+        let outgoing = Outgoing::Jobs(&jobs);
+        let length = outgoing.length_within(self.message_bytes)?;
+        let fill = |out: &mut [u8]| outgoing.write(0, out);
+        let message =
+            if kept.is_empty() { with_frame(slot, length, fill) } else { with_jobs(slot, &kept, length, fill) };
+        self.post(worker, message)?;
+        self.forget_surplus(number);
+        Ok(())
+    }
+
+    fn kill(&mut self, worker: WorkerId) {
+        let Ok((number, slot)) = self.slot(worker) else { return };
+        // The agent is told, and may be slow or out of reach; here the worker is gone at once, and what it still sends is ignored.
+        let _ = self.post(worker, with_control(slot, &ToAgent::Kill));
+        self.routes.remove(&worker);
+        if let Some(agent) = self.agents.get_mut(&number) {
+            agent.workers.remove(&slot);
+            agent.ended.insert(slot);
+        }
+        self.lost.push((worker, "killed".to_owned()));
+        self.door.shared.wake();
+    }
+
+    fn waker(&self) -> Arc<dyn Waker> {
+        Arc::clone(&self.door.shared) as Arc<dyn Waker>
+    }
+}
+
+impl Drop for NetworkMacroPort {
+    fn drop(&mut self) {
+        let farewell = with_control(0, &ToAgent::Farewell { reason: "the run has ended".to_owned() });
+        for agent in self.agents.values() {
+            let _ = agent.outbox.send(farewell.clone());
+        }
+        // Connections end when their outboxes do.
+        self.agents.clear();
+        for arrival in self.door.shared.take(Duration::ZERO).0 {
+            drop(arrival);
+        }
+        self.door.close();
+    }
+}

@@ -1,0 +1,115 @@
+//! `--listen`: the door through which agents of other hosts join a run.
+
+#[cfg(feature = "hosts")]
+pub(super) use with::open;
+#[cfg(not(feature = "hosts"))]
+pub(super) use without::open;
+
+#[cfg(feature = "hosts")]
+mod with {
+    use crate::cli::run::Arguments;
+    use crate::exit::{Exit, Failure};
+    use hosts::{DoorOptions, Figures, JoinFile, JoinedPort, Limits, NetworkMacroPort, Secret, this_program};
+    use protocol::transport::shared_memory::SharedMemoryMacroPort;
+    use std::collections::BTreeMap;
+    use std::path::Path;
+    use std::time::Duration;
+
+    /// Name of the file, in the output folder, that tells agents how to join.
+    const JOIN_FILE: &str = "join";
+
+    /// What remains of the door beside the port.
+    pub(in crate::cli::run) struct Door {
+        figures: Option<Figures>,
+        _join_file: Option<JoinFile>,
+    }
+
+    impl Door {
+        /// Whether agents may join.
+        pub(in crate::cli::run) fn is_listening(&self) -> bool {
+            self.figures.is_some()
+        }
+
+        /// What happened between hosts, by name.
+        pub(in crate::cli::run) fn figures(&self) -> BTreeMap<String, u64> {
+            let figures = self.figures.as_ref().map(Figures::now);
+            let value = figures.and_then(|figures| serde_json::to_value(figures).ok());
+            value.and_then(|value| serde_json::from_value(value).ok()).unwrap_or_default()
+        }
+    }
+
+    /// The port of the run: the workers of this host, and those of others if it listens.
+    ///
+    /// # Errors
+    /// The endpoint is taken, or the secret cannot be used.
+    pub(in crate::cli::run) fn open(
+        local: SharedMemoryMacroPort,
+        arguments: &Arguments,
+        run: &str,
+        folder: &Path,
+    ) -> Result<(JoinedPort<SharedMemoryMacroPort>, Door), Failure> {
+        let Some(endpoint) = &arguments.listen else {
+            return Ok((JoinedPort::new(local, None), Door { figures: None, _join_file: None }));
+        };
+        let bad = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
+        let secret = match &arguments.secret {
+            Some(path) => Secret::read(path),
+            None => Secret::draw(),
+        };
+        let secret = secret.map_err(|error| bad(&error))?;
+        let limits = Limits { silence: Duration::from_secs_f64(arguments.silence), ..Limits::default() };
+        let options =
+            DoorOptions { run: run.to_owned(), secret: secret.clone(), limits, program: this_program().to_owned() };
+        let port = NetworkMacroPort::listen(endpoint, options).map_err(|error| bad(&error))?;
+        let address = port.address();
+        let path = folder.join(JOIN_FILE);
+        let join_file =
+            JoinFile::write(&path, address, &arguments.advertise, &secret).map_err(|error| bad(&error))?;
+        if !arguments.quiet {
+            eprintln!("listening at {address}; on other hosts: grainspan agent --join {}", path.display());
+        }
+        tracing::info!(%address, "listening for agents");
+        let figures = Some(port.figures());
+        Ok((JoinedPort::new(local, Some(port)), Door { figures, _join_file: Some(join_file) }))
+    }
+}
+
+#[cfg(not(feature = "hosts"))]
+mod without {
+    use crate::cli::run::Arguments;
+    use crate::exit::{Exit, Failure};
+    use protocol::transport::shared_memory::SharedMemoryMacroPort;
+    use std::collections::BTreeMap;
+    use std::path::Path;
+
+    /// There is none.
+    pub(in crate::cli::run) struct Door;
+
+    impl Door {
+        /// Nobody can join from elsewhere.
+        pub(in crate::cli::run) fn is_listening(&self) -> bool {
+            false
+        }
+
+        /// Nothing.
+        pub(in crate::cli::run) fn figures(&self) -> BTreeMap<String, u64> {
+            BTreeMap::new()
+        }
+    }
+
+    /// The port to the workers of this host.
+    ///
+    /// # Errors
+    /// The run is to listen for others.
+    pub(in crate::cli::run) fn open(
+        local: SharedMemoryMacroPort,
+        arguments: &Arguments,
+        _: &str,
+        _: &Path,
+    ) -> Result<(SharedMemoryMacroPort, Door), Failure> {
+        match (&arguments.listen, &arguments.secret) {
+            (None, None) if arguments.advertise.is_empty() && arguments.silence >= 0.0 => Ok((local, Door)),
+            _ => Err(Failure::new(Exit::BadInput, crate::cli::agent::WITHOUT_HOSTS)),
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! One case: a run over three hosts, the faults that it meets, and the comparison with an undisturbed one.
+
+use crate::compare;
+use crate::draw::Draw;
+use crate::network::{HUB, Network, SPOKES};
+use crate::short_scenes::{SHORT_SCENES, ShortScene};
+use rustix::process::{Pid, Signal, kill_process};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// No case may take longer.
+const WATCHDOG: Duration = Duration::from_secs(120);
+
+/// Silence after which a host counts as lost, s; short, so that cases are.
+const SILENCE: &str = "2";
+
+/// What can happen. Every case meets one of these, in turn, and some more that are drawn.
+pub const KINDS: [Kind; 11] = [
+    Kind::AgentKilled,
+    Kind::AgentStopped,
+    Kind::AgentFrozen,
+    Kind::WorkerKilled,
+    Kind::CutShort,
+    Kind::CutLong,
+    Kind::CutForGood,
+    Kind::Loss,
+    Kind::Delay,
+    Kind::MacroKilled,
+    Kind::Strangers,
+];
+
+/// A fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// SIGKILL to an agent; another is started a while later.
+    AgentKilled,
+    /// SIGTERM to an agent; another is started.
+    AgentStopped,
+    /// SIGSTOP to an agent, for a while.
+    AgentFrozen,
+    /// SIGKILL to a worker process of an agent.
+    WorkerKilled,
+    /// No packet passes for less than the silence that is allowed.
+    CutShort,
+    /// The same for longer: the host is given up, and comes back.
+    CutLong,
+    /// A host is never heard of again.
+    CutForGood,
+    /// Packets are lost.
+    Loss,
+    /// Packets are late, and overtake each other.
+    Delay,
+    /// SIGKILL to the macro, which is resumed on another host.
+    MacroKilled,
+    /// Noise at the door, and agents with another secret.
+    Strangers,
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    faults: BTreeMap<Kind, u64>,
+    counted: BTreeMap<String, u64>,
+}
+
+impl Tally {
+    pub fn merge(&mut self, other: &Self) {
+        for (kind, count) in &other.faults {
+            *self.faults.entry(*kind).or_default() += count;
+        }
+        for (name, count) in &other.counted {
+            *self.counted.entry(name.clone()).or_default() += count;
+        }
+    }
+
+    pub fn faults(&self) -> u64 {
+        self.faults.values().sum()
+    }
+
+    pub fn text(&self) -> String {
+        let faults: Vec<String> = self.faults.iter().map(|(kind, count)| format!("{kind:?} {count}")).collect();
+        let counted: Vec<String> = self.counted.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        format!("faults: {}\ncounted by the runs: {}", faults.join(", "), counted.join(", "))
+    }
+}
+
+/// The undisturbed runs, on one host.
+pub struct References {
+    folder: tempfile::TempDir,
+}
+
+impl References {
+    pub fn prepare() -> Result<Self, String> {
+        let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+        for scene in SHORT_SCENES {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+            command.args(arguments(&scene, &folder.path().join(scene.name))).args(["--workers", "2"]);
+            command.current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null()).stdout(Stdio::null());
+            let output = command.output().map_err(|error| error.to_string())?;
+            if !output.status.success() {
+                return Err(format!("{}: {}", scene.name, String::from_utf8_lossy(&output.stderr)));
+            }
+        }
+        Ok(Self { folder })
+    }
+
+    fn of(&self, scene: &ShortScene) -> PathBuf {
+        self.folder.path().join(scene.name)
+    }
+}
+
+fn arguments(scene: &ShortScene, out: &Path) -> Vec<String> {
+    let mut words = vec!["run".to_owned(), format!("scenes/{}.toml", scene.file), "--quiet".to_owned()];
+    words.extend(["--out".to_owned(), out.display().to_string()]);
+    for key in scene.set {
+        words.extend(["--set".to_owned(), (*key).to_owned()]);
+    }
+    words
+}
+
+/// A process of the case, ended with it.
+struct Process {
+    child: Child,
+    log: PathBuf,
+}
+
+impl Process {
+    fn start(mut command: Command, log: PathBuf) -> Result<Self, String> {
+        let file = fs::OpenOptions::new().create(true).append(true).open(&log).map_err(|error| error.to_string())?;
+        let child = command.stderr(file).spawn().map_err(|error| error.to_string())?;
+        Ok(Self { child, log })
+    }
+
+    fn signal(&self, signal: Signal) {
+        // `ip netns exec` becomes the program, so this is its process.
+        if let Some(pid) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
+            let _ = kill_process(pid, signal);
+        }
+    }
+
+    fn said(&self) -> String {
+        let text = fs::read_to_string(&self.log).unwrap_or_default();
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(12)..].join("\n")
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A case at work.
+struct Case<'a> {
+    network: &'a Network,
+    scene: ShortScene,
+    folder: tempfile::TempDir,
+    run: Process,
+    /// Host of the macro.
+    macro_host: usize,
+    agents: [Option<Process>; 2],
+    silence: &'static str,
+    /// What is done later: when, and what.
+    later: Vec<(Instant, Later)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Later {
+    Fault(Kind),
+    StartAgent(usize),
+    Continue(usize),
+    Mend(usize),
+    Resume,
+}
+
+/// Runs one case.
+///
+/// # Errors
+/// What differs, or that something hangs.
+pub fn run(
+    number: u64,
+    draw: &mut Draw,
+    network: &Network,
+    references: &References,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let scene = draw.pick(&SHORT_SCENES);
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let macro_log = folder.path().join("macro.stderr");
+    let run = Process::start(macro_command(network, 0, &scene, folder.path(), false), macro_log)?;
+    let mut case = Case {
+        network,
+        scene,
+        folder,
+        run,
+        macro_host: 0,
+        agents: [None, None],
+        silence: SILENCE,
+        later: Vec::new(),
+    };
+    for spoke in 1..=2 {
+        case.start_agent(spoke)?;
+    }
+    let begun = Instant::now();
+    let first = KINDS[(number % KINDS.len() as u64) as usize];
+    let more = draw.below(3);
+    let mut kinds: Vec<Kind> = std::iter::once(first).chain((0..more).map(|_| draw.pick(&KINDS))).collect();
+    loop {
+        // Steps begin when the first worker has joined, and take some tenths of a second together.
+        if !kinds.is_empty() && case.folder.path().join("out/history.csv").exists() {
+            for kind in kinds.drain(..) {
+                case.after(draw.below(400), Later::Fault(kind));
+            }
+        }
+        if let Some(status) = case.run.child.try_wait().map_err(|error| error.to_string())? {
+            let resuming = case.later.iter().any(|(_, what)| matches!(what, Later::Resume));
+            if !resuming {
+                if !status.success() {
+                    return Err(format!("{}: the run ended with {status}: {}", case.scene.name, case.run.said()));
+                }
+                break;
+            }
+        }
+        if begun.elapsed() > WATCHDOG {
+            let said: Vec<String> = case.agents.iter().flatten().map(Process::said).collect();
+            return Err(format!(
+                "{}: it hangs: {}\nagents: {}",
+                case.scene.name,
+                case.run.said(),
+                said.join("\n--\n")
+            ));
+        }
+        let now = Instant::now();
+        let (due, rest): (Vec<_>, Vec<_>) = case.later.drain(..).partition(|(at, _)| *at <= now);
+        case.later = rest;
+        for (_, what) in due {
+            case.act(what, draw, tally)?;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let out = case.folder.path().join("out");
+    count(&out, tally);
+    compare::same(&out, &references.of(&case.scene)).map_err(|reason| format!("{}: {reason}", case.scene.name))?;
+    case.agents_leave()
+}
+
+/// Adds the counters of the run's summary.
+fn count(out: &Path, tally: &mut Tally) {
+    let Ok(text) = fs::read(out.join("summary.json")) else { return };
+    let Ok(summary) = serde_json::from_slice::<serde_json::Value>(&text) else { return };
+    for name in ["agents_joined", "agents_left", "agents_lost", "strangers_refused", "states_kept"] {
+        *tally.counted.entry(name.to_owned()).or_default() += summary["hosts"][name].as_u64().unwrap_or(0);
+    }
+    for name in ["workers_cut_off", "workers_lost", "workers_hung", "workers_faulty", "messages_refused"] {
+        *tally.counted.entry(name.to_owned()).or_default() += summary["fallbacks"][name].as_u64().unwrap_or(0);
+    }
+    *tally.counted.entry("reissued_jobs".to_owned()).or_default() += summary["reissued_jobs"].as_u64().unwrap_or(0);
+}
+
+fn macro_command(network: &Network, host: usize, scene: &ShortScene, folder: &Path, resume: bool) -> Command {
+    let mut words = arguments(scene, &folder.join("out"));
+    let own = ["--workers", "0", "--listen", "0.0.0.0:0", "--silence", SILENCE, "--set", "checkpoint.steps=1"];
+    words.extend(own.map(str::to_owned));
+    let addresses: Vec<&str> = if host == 0 { HUB.to_vec() } else { vec![SPOKES[host - 1]] };
+    for address in addresses {
+        words.extend(["--advertise".to_owned(), address.to_owned()]);
+    }
+    if resume {
+        words.push("--resume".to_owned());
+    }
+    network.program(host, &words)
+}
+
+impl Case<'_> {
+    fn start_agent(&mut self, spoke: usize) -> Result<(), String> {
+        let join = self.folder.path().join("out/join").display().to_string();
+        let words = ["agent", "--join", &join, "--workers", "1", "--timeout", "100", "--silence", self.silence];
+        let command = self.network.program(spoke, &words.map(str::to_owned));
+        let log = self.folder.path().join(format!("agent{spoke}.stderr"));
+        self.agents[spoke - 1] = Some(Process::start(command, log)?);
+        Ok(())
+    }
+
+    fn after(&mut self, milliseconds: u64, what: Later) {
+        self.later.push((Instant::now() + Duration::from_millis(milliseconds), what));
+    }
+
+    fn act(&mut self, what: Later, draw: &mut Draw, tally: &mut Tally) -> Result<(), String> {
+        match what {
+            Later::Fault(kind) => {
+                *tally.faults.entry(kind).or_default() += 1;
+                self.strike(kind, draw)
+            }
+            Later::StartAgent(spoke) => self.start_agent(spoke),
+            Later::Continue(spoke) => {
+                if let Some(agent) = &self.agents[spoke - 1] {
+                    agent.signal(Signal::CONT);
+                }
+                Ok(())
+            }
+            Later::Mend(spoke) => {
+                self.network.disturb(spoke, 0.0, 0.0);
+                Ok(())
+            }
+            Later::Resume => {
+                let command = macro_command(self.network, self.macro_host, &self.scene, self.folder.path(), true);
+                self.run = Process::start(command, self.folder.path().join("macro.stderr"))?;
+                Ok(())
+            }
+        }
+    }
+
+    fn strike(&mut self, kind: Kind, draw: &mut Draw) -> Result<(), String> {
+        let spoke = 1 + draw.below(2) as usize;
+        match kind {
+            Kind::AgentKilled | Kind::AgentStopped => {
+                if let Some(agent) = &self.agents[spoke - 1] {
+                    agent.signal(if kind == Kind::AgentKilled { Signal::KILL } else { Signal::TERM });
+                }
+                self.after(100 + draw.below(1500), Later::StartAgent(spoke));
+            }
+            Kind::AgentFrozen => {
+                if let Some(agent) = &self.agents[spoke - 1] {
+                    agent.signal(Signal::STOP);
+                }
+                self.after(100 + draw.below(3000), Later::Continue(spoke));
+            }
+            Kind::WorkerKilled => {
+                let agent = self.agents[spoke - 1].as_ref().map_or(0, |agent| agent.child.id());
+                for pid in children_of(agent) {
+                    if let Some(pid) = Pid::from_raw(pid) {
+                        let _ = kill_process(pid, Signal::KILL);
+                    }
+                }
+            }
+            Kind::CutShort | Kind::CutLong => {
+                self.network.disturb(spoke, 1.0, 0.0);
+                let length = if kind == Kind::CutShort { 50 + draw.below(1200) } else { 2500 + draw.below(2500) };
+                self.after(length, Later::Mend(spoke));
+            }
+            Kind::CutForGood => {
+                // Not the host of a macro that has moved there.
+                let spoke = if self.macro_host == spoke { 3 - spoke } else { spoke };
+                self.network.disturb(spoke, 1.0, 0.0);
+                self.later.retain(|(_, what)| !matches!(what, Later::Mend(mended) if *mended == spoke));
+                // The other must stay: a run without any worker waits.
+                let others = [Kind::CutForGood, Kind::AgentFrozen];
+                self.later.retain(|(_, what)| !matches!(what, Later::Fault(kind) if others.contains(kind)));
+            }
+            Kind::Loss => self.network.disturb(spoke, 0.01 + draw.below(15) as f64 * 0.01, 0.0),
+            Kind::Delay => {
+                self.network.disturb(spoke, draw.below(3) as f64 * 0.01, 0.001 + draw.below(40) as f64 * 0.001)
+            }
+            Kind::MacroKilled => {
+                if self.later.iter().any(|(_, what)| matches!(what, Later::Resume)) {
+                    return Ok(());
+                }
+                self.run.signal(Signal::KILL);
+                let _ = self.run.child.wait();
+                if self.folder.path().join("out/summary.json").exists() {
+                    // It had just ended.
+                    self.after(0, Later::Resume);
+                    return Ok(());
+                }
+                self.macro_host = draw.below(3) as usize;
+                for spoke in 1..=2 {
+                    self.network.disturb(spoke, 0.0, 0.0);
+                }
+                self.after(100 + draw.below(1000), Later::Resume);
+            }
+            Kind::Strangers => self.strangers()?,
+        }
+        Ok(())
+    }
+
+    /// Noise at the door from a host, and an agent with another secret, which is told so.
+    fn strangers(&self) -> Result<(), String> {
+        let join = fs::read_to_string(self.folder.path().join("out/join")).unwrap_or_default();
+        let Some(port) = join.split('"').find_map(|part| part.rsplit_once(':')?.1.parse::<u16>().ok()) else {
+            return Ok(());
+        };
+        if self.macro_host != 0 {
+            return Ok(());
+        }
+        let endpoint = format!("{}:{port}", HUB[0]);
+        let secret = self.folder.path().join("wrong");
+        fs::write(&secret, "a secret that is not the one").map_err(|error| error.to_string())?;
+        fs::set_permissions(&secret, std::os::unix::fs::PermissionsExt::from_mode(0o600))
+            .map_err(|error| error.to_string())?;
+        let secret = secret.display().to_string();
+        let words = ["agent", "--join", &endpoint, "--secret", &secret, "--workers", "1", "--timeout", "0"];
+        let mut command = self.network.program(1, &words.map(str::to_owned));
+        let mut stranger = command.stderr(Stdio::null()).spawn().map_err(|error| error.to_string())?;
+        std::thread::spawn(move || {
+            let _ = stranger.wait();
+        });
+        let noise = format!(
+            "import socket,os\nfor n in range(20):\n s=socket.create_connection(('{}',{port}),1)\n s.send(os.urandom(n*50))",
+            HUB[0]
+        );
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", &self.network.name(1), "python3", "-c", &noise]);
+        let noise = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+        let mut noise = noise.map_err(|error| error.to_string())?;
+        std::thread::spawn(move || {
+            let _ = noise.wait();
+        });
+        Ok(())
+    }
+
+    /// Agents that can hear that the run has ended leave by themselves.
+    fn agents_leave(mut self) -> Result<(), String> {
+        if self.later.iter().any(|(_, what)| !matches!(what, Later::Fault(_))) {
+            return Ok(());
+        }
+        let end = Instant::now() + Duration::from_secs(1);
+        while Instant::now() < end {
+            if self.agents.iter_mut().flatten().all(|agent| matches!(agent.child.try_wait(), Ok(Some(_)))) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
+    }
+}
+
+/// Living children of a process.
+fn children_of(pid: u32) -> Vec<i32> {
+    let text = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap_or_default();
+    text.split_whitespace().filter_map(|child| child.parse().ok()).collect()
+}
