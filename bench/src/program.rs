@@ -1,7 +1,7 @@
 //! The program of this repository as its users start it: whole runs of scenes, with their times and curves.
 
 use anyhow::{Context, bail};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -58,7 +58,7 @@ pub(crate) struct ProgramRun {
     /// `summary.json`.
     pub(crate) summary: serde_json::Value,
     /// Columns of `history.csv` that hold numbers.
-    columns: HashMap<String, Vec<f64>>,
+    columns: BTreeMap<String, Vec<f64>>,
 }
 
 impl ProgramRun {
@@ -97,7 +97,7 @@ pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> any
     let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
     let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
     let heads = reader.headers()?.clone();
-    let mut columns: HashMap<String, Vec<f64>> = HashMap::new();
+    let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for record in reader.records() {
         for (head, entry) in heads.iter().zip(&record?) {
             columns.entry(head.to_owned()).or_default().push(entry.parse().unwrap_or(f64::NAN));

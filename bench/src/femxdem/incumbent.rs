@@ -80,7 +80,7 @@ impl Incumbent {
             std::os::unix::fs::symlink("/usr/bin/yade", &link).context("the link by which its modules find Yade")?;
         }
         let paths = [Path::new(ESCRIPT), &self.modules, folder].map(|path| path.display().to_string());
-        let mut command = Command::new("python3");
+        let mut command = Command::new("/usr/bin/python3");
         command
             .args(["-W", "ignore", "incumbent.py", "incumbent.options.json"])
             .current_dir(folder)

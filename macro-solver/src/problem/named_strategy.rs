@@ -23,7 +23,8 @@ pub enum TangentUpdate {
     },
     /// At the first iterate of every attempt.
     EachStep,
-    /// The same, and once more after an iteration that leaves more than `contraction` of the out-of-balance force.
+    /// The same, and at every further iterate after an iteration that leaves more than `contraction` of the out-of-balance force, a
+    /// rejected iterate or a failed attempt.
     EachStepOrSlow {
         /// Share of the out-of-balance force, between 0 and 1.
         contraction: f64,
@@ -71,8 +72,8 @@ enum TangentUpdateWord {
     WhenSlow,
     /// At the first iterate of every attempt.
     EachStep,
-    /// At the first iterate of every attempt, and at the next one after an iteration that leaves more than
-    /// `tangent_update_contraction` of the out-of-balance force.
+    /// At the first iterate of every attempt; at every further one after an iteration that leaves more than
+    /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt.
     EachStepOrSlow,
     /// At the start, and after a failed attempt.
     Once,

@@ -44,7 +44,7 @@ BOTTOM, 1, 2
 *STATIC, DIRECT
 1., {end}.
 *CONTROLS, PARAMETERS=FIELD
-{tolerance}, 1., , , {tolerance}, 1.E-12, 1., 1.E-12
+{tolerance}, 1., , , {tolerance}, 1e-12, 1., 1e-12
 *CONTROLS, PARAMETERS=TIME INCREMENTATION
 80, 100, 90, 120, 10, 40, , 10
 *BOUNDARY, AMPLITUDE=PATH

@@ -182,7 +182,7 @@ fn numbers_that_are_not_finite_are_refused_in_every_file() {
 #[test]
 fn zero_workers_are_refused() {
     let input = InputFolder::new();
-    input.refused(&["run", "scene.toml", "--workers", "0"], &["'0'", "--workers", "at least one worker"]);
+    input.refused(&["run", "scene.toml", "--workers", "0"], &["--workers 0", "at least one worker"]);
 }
 
 /// Thousands of processes would leave no room even for the command that ends them.

@@ -179,7 +179,7 @@ impl Conversation {
             let Self { port, said, .. } = self;
             port.poll(Duration::from_secs(1), &mut |event| match event {
                 MacroEvent::Control(worker, message) => heard.push((worker, Some(message))),
-                MacroEvent::Lost(worker, _) => heard.push((worker, None)),
+                MacroEvent::Lost(worker, _) | MacroEvent::CutOff(worker, _) => heard.push((worker, None)),
                 MacroEvent::Replies(_, replies) => said.extend(replies.iter().map(|one| Said {
                     reply: one.reply,
                     state: one.state.to_vec(),

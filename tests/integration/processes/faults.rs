@@ -240,7 +240,7 @@ fn a_deadly_question_is_set_aside_and_can_be_asked_again() {
 #[test]
 fn workers_may_come_and_go_from_one_to_eight_and_back() {
     let site = Site::new();
-    let mut run = site.start_run("scaled", "1", 60);
+    let mut run = site.start_run("scaled", "1", 400);
     let name = site.traces("scaled").run;
     run.await_rows(&site.path("scaled").join("history.csv"), 2);
     let helpers: Vec<_> =
@@ -256,7 +256,7 @@ fn workers_may_come_and_go_from_one_to_eight_and_back() {
         signal(helper.pid(), if number % 2 == 0 { Signal::TERM } else { Signal::KILL });
     }
     // So small steps meet the noise of draft accuracy before the end of the path, in both runs at the same place.
-    let (ended, alone) = (run.end(), site.start_run("alone", "1", 60).end());
+    let (ended, alone) = (run.end(), site.start_run("alone", "1", 400).end());
     assert_eq!(ended.status.code(), alone.status.code(), "{}", ended.stderr);
     assert!(site.history("scaled").lines().count() > 50, "{}", ended.stderr);
     assert_eq!(site.history("scaled"), site.history("alone"));

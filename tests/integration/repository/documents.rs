@@ -188,7 +188,7 @@ fn as_path(text: &str) -> Option<&str> {
 
 /// Whether the first folder of a path is one of the repository that a document can only mean as a path.
 fn top_level(path: &str) -> bool {
-    const FOLDERS: [&str; 20] = [
+    const FOLDERS: [&str; 21] = [
         ".ci",
         "adapters",
         "bench",

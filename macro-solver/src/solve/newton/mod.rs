@@ -162,6 +162,7 @@ impl Solver<'_> {
             let joined: Vec<f64> = attempt.iterate.iter().copied().chain([attempt.load]).collect();
             if let Err(rejection) = self.try_iterate(attempt, &joined, &mut report, session)? {
                 self.reject(report, session);
+                self.tangents.rejected();
                 let next = attempt.globalisation.backtrack(&joined);
                 attempt.iterate = next.ok_or_else(|| Failure::Attempt(rejection.to_string()))?;
                 attempt.load = attempt.iterate.pop().expect("the load factor was joined");
@@ -315,7 +316,7 @@ impl Solver<'_> {
         report.force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
         let settled = tolerances.force * norms.scale;
         if attempt.globalisation.accepts(joined, norms.residual, settled) {
-            self.tangents.judge(norms.residual);
+            self.tangents.judge(norms.residual, report.force_ratio);
             return Ok(Ok(()));
         }
         Ok(Err(Rejection::Growth { force_ratio: report.force_ratio }))

@@ -4,6 +4,10 @@ use crate::problem::TangentUpdate;
 use protocol::TangentKind;
 use serde::{Deserialize, Serialize};
 
+/// Out-of-balance force over reactions and loads beyond which an iterate is far from equilibrium, as where a body loses or finds its
+/// contacts: every iterate then gets its own tangents.
+const ROUGH: f64 = 0.1;
+
 /// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
@@ -17,6 +21,8 @@ pub(in crate::solve) struct TangentUpdater {
     /// Iterations since the factorization.
     uses: usize,
     last_residual: Option<f64>,
+    /// Of [`TangentUpdate::EachStepOrSlow`]: the attempt is not smooth, and every further iterate gets tangents.
+    is_rough: bool,
 }
 
 /// What of it outlives a step.
@@ -28,7 +34,12 @@ pub(in crate::solve) struct TangentUpdaterRecord {
 
 impl TangentUpdater {
     pub(in crate::solve) fn new(tangent_update: TangentUpdate, corrected: bool) -> Self {
-        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None }
+        // Secants correct the tangents of every iterate; without them there is nothing to correct.
+        let tangent_update = match tangent_update {
+            TangentUpdate::EachStepOrSlow { .. } if corrected => TangentUpdate::Always,
+            update => update,
+        };
+        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: false }
     }
 
     /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
@@ -49,6 +60,7 @@ impl TangentUpdater {
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
+        self.is_rough = again;
         let at_every_step = match self.tangent_update {
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
             TangentUpdate::WhenSlow { .. } | TangentUpdate::Once => false,
@@ -59,7 +71,8 @@ impl TangentUpdater {
     /// All points have answered.
     pub(in crate::solve) fn evaluated(&mut self) {
         self.fresh |= self.due;
-        self.due = self.tangent_update == TangentUpdate::Always;
+        let is_rough = self.is_rough && matches!(self.tangent_update, TangentUpdate::EachStepOrSlow { .. });
+        self.due = is_rough || self.tangent_update == TangentUpdate::Always;
     }
 
     /// The global matrix has been factorized.
@@ -68,18 +81,28 @@ impl TangentUpdater {
         self.uses = 0;
     }
 
-    /// Judges the tangents in use by the out-of-balance force of an accepted iterate.
-    pub(in crate::solve) fn judge(&mut self, residual: f64) {
+    /// Judges the tangents in use by the out-of-balance force of an accepted iterate, N, and its ratio to the forces that it is
+    /// measured by.
+    pub(in crate::solve) fn judge(&mut self, residual: f64, force_ratio: f64) {
         self.uses += 1;
         let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
         let is_worn = match self.tangent_update {
             TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
-            TangentUpdate::EachStepOrSlow { contraction } => slow(contraction),
+            TangentUpdate::EachStepOrSlow { contraction } => {
+                self.is_rough |= slow(contraction) || force_ratio > ROUGH;
+                self.is_rough
+            }
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => false,
         };
-        // Tangents that this very iterate has brought are as good as they get.
-        self.due |= !self.fresh && is_worn;
+        // Tangents that this very iterate has brought are as good as they get; where the attempt is rough, the next one needs its own.
+        self.due |= is_worn && (!self.fresh || self.is_rough);
         self.last_residual = Some(residual);
+    }
+
+    /// An iterate has been rejected: where tangents mislead that far, the next one gets its own.
+    pub(in crate::solve) fn rejected(&mut self) {
+        self.is_rough = true;
+        self.due |= matches!(self.tangent_update, TangentUpdate::EachStepOrSlow { .. });
     }
 
     pub(in crate::solve) fn record(&self) -> TangentUpdaterRecord {
@@ -118,7 +141,7 @@ mod tests {
             for &residual in residuals {
                 let asks = tangents.kind(WANTED) == WANTED;
                 tangents.evaluated();
-                tangents.judge(residual);
+                tangents.judge(residual, 0.01);
                 let factorizes = tangents.factorizes();
                 letters.push(if asks { 'T' } else { 's' });
                 if factorizes {
@@ -139,7 +162,7 @@ mod tests {
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
         assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
-        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFs TFsTFs.");
+        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
     }

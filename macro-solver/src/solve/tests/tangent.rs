@@ -4,7 +4,7 @@ use super::*;
 use crate::checkpoint::NoCheckpoints;
 use crate::formulation::Formulation;
 use crate::observer::{Outcome, Silent};
-use crate::problem::{Applied, Platen, PressureKind};
+use crate::problem::{Applied, Platen, PressureKind, TangentUpdate};
 use crate::solve::driver::{Session, Solver};
 
 fn pressed(kind: ElementKind) -> Problem {
@@ -28,6 +28,7 @@ fn pressed(kind: ElementKind) -> Problem {
     }
     let mut problem = Problem::new(mesh, conditions);
     problem.stages[0].strategy.tangent_floor = None;
+    problem.stages[0].strategy.tangent_update = TangentUpdate::Always;
     problem
 }
 
