@@ -11,12 +11,14 @@ import time
 # The modules were written for Python 2, where this was the name of `open`.
 builtins.file = open
 
+# Read first: the modules start Yade, which takes the arguments for its own.
+with open(sys.argv[1]) as file:
+    options = json.load(file)
+
 from esys.escript import FunctionOnBoundary, Vector, integrate, Solution, whereZero
 from esys.finley import Rectangle
 from msFEM2D import MultiScale
 
-with open(sys.argv[1]) as file:
-    options = json.load(file)
 width, height = options["size"]
 columns, rows = options["elements"]
 pressure = options["pressure"]
