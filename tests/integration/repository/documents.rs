@@ -161,7 +161,7 @@ fn as_path(text: &str) -> Option<&str> {
         ".rs", ".toml", ".md", ".json", ".jsonl", ".py", ".h", ".c", ".svg", ".csv", ".png", ".txt", ".sh",
         ".service", ".slurm", "/",
     ];
-    let path = text.split(['#', ':']).next().unwrap_or(text);
+    let path = text.split(['#', ':']).next().unwrap_or(text).trim_end_matches([')', ',', ';']);
     let inside = !path.starts_with(['/', '~', '-', '<', '.']) || path.starts_with(".ci/");
     let plain = !path.contains([' ', '<', '>', '=', '(', '$', '"', '@', '|', '\\']);
     let products = [
