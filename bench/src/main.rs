@@ -5,6 +5,7 @@
 //! so that a busy machine slows both sides alike.
 
 mod channel;
+mod economy;
 mod error_estimate;
 mod femxdem;
 mod micro;
@@ -82,6 +83,12 @@ const STUDIES: &[Study] = &[
         name: "femxdem",
         about: "a biaxial test with the open FEM x DEM code (Yade over escript) and with ours: time and error of both",
         run: femxdem::run,
+        redraw: None,
+    },
+    Study {
+        name: "economy",
+        about: "what each shortcut of a run saves, alone and together, and its error: specimen, wall, wave, cycles",
+        run: economy::run,
         redraw: None,
     },
     Study {

@@ -83,7 +83,8 @@ impl Scene {
     pub fn load_in_size(path: &Path, size: Option<&str>, overrides: &[String]) -> Result<Self, InputError> {
         let document = Document::read_in_size(path, size, overrides)?;
         document.expect(Kind::Scene)?;
-        let file: SceneFile = document.deserialize()?;
+        let mut file: SceneFile = document.deserialize()?;
+        file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
         let mesh = mesh(&document, &file.mesh)?;
         let mesh_dimension = mesh.dimension.count();
@@ -96,7 +97,10 @@ impl Scene {
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let given = Given { densities: &materials.densities(&mesh), cell_dimension: materials.cell_dimension() };
-        let (stages, outputs) = stages(&document, &sets, &file, &given)?;
+        let (mut stages, outputs) = stages(&document, &sets, &file, &given)?;
+        for stage in &mut stages {
+            stage.strategy.keep_unchanged &= file.economy.unchanged_targets;
+        }
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
         problem.nonlocal = file.nonlocal.clone();
@@ -121,7 +125,7 @@ impl Scene {
         let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;
         let keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
         let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
-        let pool = PoolKeys::new(&file.pool, &keys);
+        let pool = PoolKeys::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();
         remarks.extend(loose_tolerances(&problem));
         let scene = Self {

@@ -17,6 +17,8 @@ pub const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 pub struct PoolKeys {
     given: Given<PoolTable>,
     lanes: bool,
+    /// Whether equal trials of one evaluation are solved once.
+    pub shares_duplicates: bool,
     /// How macro solver and workers wait for messages.
     pub wait: Option<Waiting>,
     /// Most workers that `--workers` may ask for, where the scene says so.
@@ -26,9 +28,9 @@ pub struct PoolKeys {
 }
 
 impl PoolKeys {
-    pub(super) fn new(given: &Given<PoolTable>, keys: &PoolRunKeys) -> Self {
+    pub(super) fn new(given: &Given<PoolTable>, keys: &PoolRunKeys, shares_duplicates: bool) -> Self {
         let PoolRunKeys { lanes, wait, most_workers, restarts, .. } = *keys;
-        Self { given: given.clone(), lanes, wait, most_workers, restarts }
+        Self { given: given.clone(), lanes, shares_duplicates, wait, most_workers, restarts }
     }
 
     /// The settings with the written keys in place of their own.
@@ -37,7 +39,8 @@ impl PoolKeys {
     /// A value that does not fit, which the check of the document excludes.
     pub fn apply(&self, document: &Document, settings: &PoolSettings) -> Result<PoolSettings, InputError> {
         let base = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..settings.clone() };
-        let settings = self.given.over(&base).map_err(|fault| document.fault(&fault))?;
+        let settings: PoolSettings = self.given.over(&base).map_err(|fault| document.fault(&fault))?;
+        let settings = PoolSettings { deduplicate: settings.deduplicate && self.shares_duplicates, ..settings };
         Ok(if self.lanes { settings } else { PoolSettings { jobs_per_message: NonZeroUsize::MIN, ..settings } })
     }
 }

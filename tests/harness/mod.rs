@@ -176,9 +176,13 @@ impl Watched {
     pub fn await_rows(&mut self, history: &Path, count: usize) {
         eventually("rows in the history", || {
             assert!(self.runs(), "the run ended: {}", self.said());
-            let rows = fs::read_to_string(history).map_or(0, |text| text.lines().count());
-            (rows > count).then_some(())
+            (self.rows(history) > count).then_some(())
         });
+    }
+
+    /// How many rows the history of a run holds by now, its head included.
+    pub fn rows(&self, history: &Path) -> usize {
+        fs::read_to_string(history).map_or(0, |text| text.lines().count())
     }
 
     pub fn said(&self) -> String {

@@ -1,8 +1,9 @@
 //! Cost of one DEM step when cells are solved one by one and side by side in lanes, for a packing file in 2D or 3D.
 //!
-//! `grainspan bench micro lane_cost PACKING.json [CELLS] [hertz]` strains CELLS copies
-//! (default 32) of the cell by up to 1e-3 at default accuracy, each in another direction, and prints the instruction set, microseconds
-//! of processor time per step and cell, and particle-steps per second. Both give the same bits; the program checks it.
+//! `grainspan bench micro lane_cost PACKING.json [CELLS] [hertz] [strain=S] [per_step=D] [tolerance=T]` strains CELLS copies
+//! (default 32) of the cell by up to S (default 1e-3) at default accuracy or the one given, each in another direction, and prints the
+//! instruction set, microseconds of processor time per step and cell, and particle-steps per second. Both give the same bits; the
+//! program checks it. With few steps a trial (`per_step=1e-5`) it shows what a trial costs besides its steps.
 //! Linear contacts have k_n = 2e8 R1 R2 / (R1 + R2), Hertz contacts the constants of glass.
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
@@ -17,9 +18,19 @@ use rve_server::solver::SolverFor;
 use rve_server::solver::kernel::backend::Backend;
 use rve_server::space::{Discs, Spheres};
 
-fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: ContactTable) -> anyhow::Result<()> {
+/// What is measured besides the packing.
+struct Wanted {
+    cells: usize,
+    contact: ContactTable,
+    /// Largest component of the strains.
+    strain: f64,
+    options: RveOptions,
+}
+
+fn measure<S: SolverFor>(packing: PackingFile<S>, wanted: Wanted) -> anyhow::Result<()> {
+    let Wanted { cells, contact, strain, options } = wanted;
     let grains = packing.grains.len();
-    let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
+    let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options })?;
     let mut state = Vec::new();
     rve.snapshot(&mut state);
     let questions: Vec<TrialRequest<'_>> = (0..cells)
@@ -28,7 +39,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: Contact
             let mut target = Tensor2::ZERO;
             for (place, value) in target.0.iter_mut().enumerate() {
                 let is_inside = place / 3 < S::DIMENSION && place % 3 < S::DIMENSION;
-                *value = if is_inside { 1e-3 * (phase + 1.7 * place as f64).sin() } else { 0.0 };
+                *value = if is_inside { strain * (phase + 1.7 * place as f64).sin() } else { 0.0 };
             }
             TrialRequest { state: &state, target, options: TrialOptions::default() }
         })
@@ -66,16 +77,24 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, cells: usize, contact: Contact
 
 /// See the head of this file.
 pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
-    let path = arguments.first().context("usage: lane_cost PACKING.json [CELLS] [hertz]")?;
-    let cells = arguments.get(1).map_or(Ok(32), |text| text.parse())?;
-    let mut contact =
-        ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
-    if arguments.get(2).is_some_and(|word| word == "hertz") {
-        contact =
-            toml::from_str("law = \"hertz_mindlin\"\nshear_modulus = 29e9\npoisson_ratio = 0.2\nfriction = 0.5")?;
+    const USAGE: &str = "usage: lane_cost PACKING.json [CELLS] [hertz] [strain=S] [per_step=D] [tolerance=T]";
+    let path = arguments.first().context(USAGE)?;
+    let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
+    let mut wanted = Wanted { cells: 32, contact, strain: 1e-3, options: RveOptions::default() };
+    for argument in &arguments[1..] {
+        match argument.split_once('=') {
+            Some(("strain", value)) => wanted.strain = value.parse().context(USAGE)?,
+            Some(("per_step", value)) => wanted.options.strain_per_step = Some(value.parse().context(USAGE)?),
+            Some(("tolerance", value)) => wanted.options.tolerance = Some(value.parse().context(USAGE)?),
+            None if argument == "hertz" => {
+                let glass = "law = \"hertz_mindlin\"\nshear_modulus = 29e9\npoisson_ratio = 0.2\nfriction = 0.5";
+                wanted.contact = toml::from_str(glass)?;
+            }
+            _ => wanted.cells = argument.parse().context(USAGE)?,
+        }
     }
     match PackingFile::<Discs>::read(path.as_ref()) {
-        Ok(discs) => measure(discs, cells, contact),
-        Err(_) => measure(PackingFile::<Spheres>::read(path.as_ref())?, cells, contact),
+        Ok(discs) => measure(discs, wanted),
+        Err(_) => measure(PackingFile::<Spheres>::read(path.as_ref())?, wanted),
     }
 }

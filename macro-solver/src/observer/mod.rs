@@ -306,6 +306,8 @@ pub struct Statistics {
     pub tangents: u64,
     /// Evaluations saved because a target had not changed in any bit.
     pub skipped: u64,
+    /// Force evaluations of the replies that were kept instead.
+    pub skipped_force_evaluations: u64,
     /// Failed attempts.
     pub cut_backs: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].

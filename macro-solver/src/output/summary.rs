@@ -89,6 +89,19 @@ pub struct AccuracySummary {
     pub share_of_force_evaluations: f64,
 }
 
+/// A shortcut of `[economy]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Shortcut {
+    /// Whether it was allowed.
+    pub enabled: bool,
+    /// How often it was taken.
+    pub count: u64,
+    /// Force evaluations that it saved: those of the replies that were used again, or the fewest that a relaxation takes.
+    pub force_evaluations_saved: u64,
+    /// Bound of what it changes: unbalanced force over mean contact force; 0 for shortcuts that change no bit.
+    pub error: f64,
+}
+
 /// Content of `summary.json`; the keys are a contract with scripts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -105,6 +118,9 @@ pub struct Summary {
     pub newton_iterations: u64,
     /// RVE evaluations, those of rejected attempts included.
     pub rve_evaluations: u64,
+    /// Force evaluations of these RVE evaluations.
+    #[serde(default)]
+    pub force_evaluations: u64,
     /// `rve_evaluations / gauss_points`.
     pub evaluations_per_gauss_point: f64,
     /// Workers asked for.
@@ -132,6 +148,9 @@ pub struct Summary {
     pub fallback_groups: BTreeMap<String, BTreeMap<String, u64>>,
     /// Evaluations that were not needed, by name.
     pub skipped: BTreeMap<String, u64>,
+    /// Every shortcut of `[economy]`, by key.
+    #[serde(default)]
+    pub economy: BTreeMap<String, Shortcut>,
     /// Former names of entries, as `table.name`, with the names that replace them; both are present for one version.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub deprecated_names: BTreeMap<String, String>,
@@ -184,6 +203,7 @@ mod tests {
             gauss_points: 8,
             newton_iterations: 9,
             rve_evaluations: 72,
+            force_evaluations: 7200,
             evaluations_per_gauss_point: 9.0,
             workers: 2,
             worker_restarts: 0,
@@ -195,6 +215,7 @@ mod tests {
             fallbacks: BTreeMap::new(),
             fallback_groups: BTreeMap::new(),
             skipped: BTreeMap::new(),
+            economy: BTreeMap::from([("zero_increments".to_owned(), Shortcut::default())]),
             deprecated_names: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
@@ -212,7 +233,7 @@ mod tests {
         for key in ["wall_s", "rve_s", "tangent_s", "transport_s", "assembly_s", "linear_solver_s", "idle_s"] {
             assert!(value["time"][key].is_number(), "{key}");
         }
-        for key in ["fallbacks", "fallback_groups", "skipped", "energy", "versions"] {
+        for key in ["fallbacks", "fallback_groups", "skipped", "economy", "energy", "versions"] {
             assert!(value[key].is_object(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Summary>(value).unwrap(), summary);

@@ -249,6 +249,20 @@ impl Batch {
         failures.min_by_key(|(point, _)| *point).map(|(point, reason)| (point, reason.clone()))
     }
 
+    /// Force evaluations of all answers that several trials share, once for each trial but the first.
+    pub(super) fn shared_force_evaluations(&self) -> u64 {
+        let mut is_known = vec![false; self.jobs.len()];
+        let mut shared = 0;
+        for &job in &self.job_of_trial {
+            if let Some(JobOutcome::Done(answer, _)) = &self.jobs[job].outcome
+                && std::mem::replace(&mut is_known[job], true)
+            {
+                shared += answer.cost.force_evaluations;
+            }
+        }
+        shared
+    }
+
     /// Answers and trial states of all trials, in their order, when none has failed. Only duplicate trials copy an answer.
     pub(super) fn into_answers(mut self) -> impl Iterator<Item = (TrialResult, PointState)> {
         let mut uses = vec![0usize; self.jobs.len()];

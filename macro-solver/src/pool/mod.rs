@@ -391,6 +391,7 @@ impl<P: MacroPort> Pool<P> {
         }
         let finished = std::mem::replace(&mut self.coordinator.batch, Batch::nothing(self.next_job));
         self.coordinator.statistics.duplicates_skipped += (trials.len() - finished.jobs.len()) as u64;
+        self.coordinator.statistics.duplicate_force_evaluations += finished.shared_force_evaluations();
         Ok(finished)
     }
 

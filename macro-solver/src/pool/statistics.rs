@@ -25,6 +25,9 @@ pub struct PoolStatistics {
     pub solved: u64,
     /// Trials that shared the answer of a bitwise equal question.
     pub duplicates_skipped: u64,
+    /// Force evaluations of the answers that they shared.
+    #[serde(default)]
+    pub duplicate_force_evaluations: u64,
     /// Waiting jobs dropped because a lower point had failed.
     pub abandoned: u64,
     /// Force evaluations of all solved jobs.

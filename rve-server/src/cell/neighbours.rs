@@ -39,6 +39,7 @@ pub struct PairFinder<S: Space = Discs> {
     bin_start: Vec<u32>,
     members: Vec<u32>,
     found: Vec<PairKey<S>>,
+    places: Vec<u32>,
 }
 
 impl<S: Space> PairFinder<S> {
@@ -61,37 +62,66 @@ impl<S: Space> PairFinder<S> {
         let neighbours: i32 = (0..S::DIMENSION).map(|axis| 2 * reach[axis] + 1).product();
         self.sort_into_bins(cell, positions, bins);
 
-        let steps: Vec<S::Shift> = (0..neighbours).map(|neighbour| step_of::<S>(neighbour, reach)).collect();
-        for origin in 0..radii.len() {
-            self.found.clear();
-            let (here, wraps) = self.wrapped[origin];
-            let home = self.bin_of[origin];
+        // One of each two opposite steps: a pair is met from one of its grains only.
+        let steps: Vec<S::Shift> = (0..neighbours)
+            .map(|neighbour| step_of::<S>(neighbour, reach))
+            .filter(|step| *step >= S::Shift::default())
+            .collect();
+        self.found.clear();
+        let mut first = 0;
+        while first < self.members.len() {
+            let home = self.bin_of[self.members[first] as usize];
+            let next = self.bin_start[bin_number::<S>(home, bins) + 1] as usize;
             for step in &steps {
                 let place = S::shift(|axis| home[axis] + step[axis]);
                 let image = S::shift(|axis| image_of(place[axis], bins[axis]));
                 let place = S::shift(|axis| place[axis] - image[axis] * bins[axis]);
                 let translation = cell.translation(image);
                 let bin = bin_number::<S>(place, bins);
-                let (from, to) = (self.bin_start[bin] as usize, self.bin_start[bin + 1] as usize);
-                for &end in &self.members[from..to] {
-                    if (end as usize) < origin {
-                        continue;
+                let partners = self.bin_start[bin] as usize..self.bin_start[bin + 1] as usize;
+                let is_home = *step == S::Shift::default();
+                for member in first..next {
+                    let origin = self.members[member];
+                    let (here, wraps) = self.wrapped[origin as usize];
+                    let from = if is_home { member + 1 } else { partners.start };
+                    for &end in &self.members[from..partners.end] {
+                        let (there, end_wraps) = self.wrapped[end as usize];
+                        let branch = there.plus(translation).minus(here);
+                        let limit = radii[origin as usize] + radii[end as usize] + skin;
+                        if branch.dot(branch) < limit * limit {
+                            let shift = S::shift(|axis| image[axis] + wraps[axis] - end_wraps[axis]);
+                            self.found.push(PairKey::canonical(origin, end, shift));
+                        }
                     }
-                    let (there, end_wraps) = self.wrapped[end as usize];
-                    let branch = there.plus(translation).minus(here);
-                    let limit = radii[origin] + radii[end as usize] + skin;
-                    if branch.dot(branch) >= limit * limit {
-                        continue;
-                    }
-                    let shift = S::shift(|axis| image[axis] + wraps[axis] - end_wraps[axis]);
-                    if end as usize == origin && shift <= S::Shift::default() {
-                        continue;
-                    }
-                    self.found.push(PairKey { origin: origin as u32, end, shift });
                 }
             }
-            self.found.sort_unstable();
-            pairs.extend_from_slice(&self.found);
+            first = next;
+        }
+        self.sort_by_key(radii.len(), pairs);
+    }
+
+    /// Puts what was found into `pairs`, sorted by key: first by origin in one pass, then the few pairs of each origin.
+    fn sort_by_key(&mut self, grains: usize, pairs: &mut Vec<PairKey<S>>) {
+        let Some(&any) = self.found.first() else { return };
+        self.places.clear();
+        self.places.resize(grains + 1, 0);
+        for pair in &self.found {
+            self.places[pair.origin as usize + 1] += 1;
+        }
+        for origin in 0..grains {
+            self.places[origin + 1] += self.places[origin];
+        }
+        pairs.resize(self.found.len(), any);
+        for pair in &self.found {
+            let place = &mut self.places[pair.origin as usize];
+            pairs[*place as usize] = *pair;
+            *place += 1;
+        }
+        // Each entry is now the end of its origin's pairs.
+        let mut begin = 0;
+        for &end in &self.places[..grains] {
+            pairs[begin..end as usize].sort_unstable();
+            begin = end as usize;
         }
     }
 

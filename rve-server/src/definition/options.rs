@@ -146,6 +146,10 @@ pub struct RveOptions {
     /// Largest |H| of one trial.
     #[schemars(extend("x-unit" = "-", "x-default" = "0.2", "exclusiveMinimum" = 0))]
     pub largest_target: Option<f64>,
+    /// Whether an increment of exactly zero is relaxed like any other; usually the committed state is the reply. `zero_increments =
+    /// false` in `[economy]` sets it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub relax_zero_increments: bool,
     /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,
 }

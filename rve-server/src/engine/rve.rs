@@ -294,6 +294,11 @@ impl<S: SolverFor> GrainRve<S> {
         answers
     }
 
+    /// Whether the committed state is the answer to this target.
+    fn stays(&self, h: &S::Tensor) -> bool {
+        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments
+    }
+
     /// A target of exactly zero: the committed state is the answer.
     fn stay(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
@@ -380,7 +385,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
     fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
         let h = checked_target(target)?;
-        if h == S::Tensor::ZERO { self.stay(options) } else { self.solve(&h, options) }
+        if self.stays(&h) { self.stay(options) } else { self.solve(&h, options) }
     }
 
     fn solve_batch(&mut self, questions: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
@@ -388,7 +393,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         let mut opened = Vec::new();
         for (place, question) in questions.iter().enumerate() {
             let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
-                if h == S::Tensor::ZERO {
+                if self.stays(&h) {
                     return Ok(None);
                 }
                 let state = self::opened(question.state, self.id, self.model.radii.len())?;

@@ -3,6 +3,7 @@
 
 mod conditions;
 mod constraints;
+mod economy;
 mod initial_stress;
 mod mesh;
 mod output;
@@ -14,6 +15,7 @@ mod stage;
 
 pub(crate) use conditions::{BodyForceTable, BoundaryTable, Components, History, PressureTable, TractionTable};
 pub(crate) use constraints::{PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
+pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
 pub(crate) use output::*;
@@ -55,6 +57,9 @@ pub(crate) struct SceneFile {
     /// Estimate of the error of the grain solver, from Gauss points that are solved once more with half the strain per ramp step.
     #[serde(default)]
     pub(crate) error_estimate: Given<ErrorEstimateSettings>,
+    /// Work that a run leaves out because its result is known.
+    #[serde(default)]
+    pub(crate) economy: EconomyTable,
     /// Elements whose Gauss points have another packing or contact law than the rest. Where regions overlap, the last one holds.
     #[serde(default)]
     pub(crate) region: Vec<Located<RegionTable>>,

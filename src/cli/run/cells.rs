@@ -22,14 +22,31 @@ pub(super) struct CellWriter<'a> {
     snapshots: Snapshots,
     /// Snapshots of all points after the last accepted step, and the step.
     accepted: Option<(u64, BTreeMap<PointId, Arc<[u8]>>)>,
+    /// Step and snapshots that a continued run starts from: its last accepted step until it accepts one itself. A run that
+    /// was killed after its last step accepts none.
+    continued: Option<(u64, Snapshots)>,
     /// By definition.
     renderers: BTreeMap<usize, Box<dyn Renderer>>,
 }
 
 impl<'a> CellWriter<'a> {
     /// A writer into the folder of a run.
-    pub(super) fn new(folder: &Path, materials: &'a Materials, snapshots: Snapshots) -> Self {
-        Self { folder: folder.to_owned(), materials, snapshots, accepted: None, renderers: BTreeMap::new() }
+    pub(super) fn new(
+        folder: &Path,
+        materials: &'a Materials,
+        snapshots: Snapshots,
+        continued: Option<(u64, Snapshots)>,
+    ) -> Self {
+        let folder = folder.to_owned();
+        Self { folder, materials, snapshots, accepted: None, continued, renderers: BTreeMap::new() }
+    }
+
+    /// Without an accepted step takes the one that the run continues from.
+    fn take_continued(&mut self) {
+        if self.accepted.is_none() {
+            let read = self.continued.as_ref().filter(|(_, snapshots)| !snapshots.borrow().is_empty());
+            self.accepted = read.map(|(step, snapshots)| (*step, snapshots.borrow().clone()));
+        }
     }
 
     /// Takes note of an accepted step: a later attempt may commit states that are not accepted.
@@ -39,6 +56,7 @@ impl<'a> CellWriter<'a> {
 
     /// Writes the cell of a point after the last accepted step. Failure is logged: it concerns the page only.
     pub(super) fn write(&mut self, point: PointId) {
+        self.take_continued();
         if let Err(reason) = self.try_write(point) {
             tracing::warn!(point, reason, "the cell of a Gauss point could not be written");
         }
@@ -46,6 +64,7 @@ impl<'a> CellWriter<'a> {
 
     /// Writes the cells of all points, unless they have too many grains.
     pub(super) fn write_all(&mut self) {
+        self.take_continued();
         let points: Vec<PointId> = self.accepted.iter().flat_map(|(_, states)| states.keys().copied()).collect();
         let mut grains = 0;
         for &point in &points {

@@ -88,7 +88,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
     let skipped = super::counters::SKIPPED.map(|(name, _)| (name, summary.skipped.get(name).copied().unwrap_or(0)));
     lines.push(match nonzero(skipped.into_iter()) {
         found if found.is_empty() => ("skipped", "none".to_owned()),
-        found => ("skipped", found),
+        found => ("skipped", found + &saved(summary)),
     });
     lines.push(("written to", folder.to_owned()));
     let mut text = headline(summary, outcome) + "\n";
@@ -96,6 +96,12 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         writeln!(text, "  {label:<16} {value}").expect("writing to a String cannot fail");
     }
     text
+}
+
+/// What the shortcuts have saved of all force evaluations.
+fn saved(summary: &Summary) -> String {
+    let saved: u64 = summary.economy.values().map(|shortcut| shortcut.force_evaluations_saved).sum();
+    if saved == 0 { String::new() } else { format!(" ({saved} force evaluations saved)") }
 }
 
 fn headline(summary: &Summary, outcome: &Outcome) -> String {

@@ -11,7 +11,7 @@ use super::observers::ObserverChain;
 use super::plot;
 use super::progress::ProgressDisplay;
 use super::resume::{Continued, RunDescription};
-use super::summary::{SummaryInputs, summary};
+use super::summary::{Allowed, SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
@@ -98,6 +98,7 @@ pub(super) fn execute<P: MacroPort>(
         definition: description.definition.clone(),
         checkpoints: solved.checkpoints.clone(),
         other_build,
+        allowed: allowed(scene),
         hosts: hosts(),
     };
     let summary = summary(&solved.run, &statistics, inputs);
@@ -117,6 +118,16 @@ pub(super) fn execute<P: MacroPort>(
     Ok(Exit::Done)
 }
 
+/// The shortcuts that a scene allows.
+fn allowed(scene: &Scene) -> Allowed {
+    Allowed {
+        unchanged_targets: scene.problem.stages.iter().all(|stage| stage.strategy.keep_unchanged),
+        duplicate_trials: scene.pool.shares_duplicates,
+        zero_increments: !scene.definition().options().relax_zero_increments,
+        tolerance: scene.definition().options().tolerance(),
+    }
+}
+
 /// Runs the solver with all observers and checkpoints.
 ///
 /// # Errors
@@ -132,7 +143,8 @@ fn solve<P: MacroPort>(
     let solved_here: Vec<usize> =
         (0..scene.problem.point_count()).filter(|&point| context.assignment.is_built_in(point)).collect();
     let (mut material, snapshots) = SnapshotRecorder::new(pool, &solved_here);
-    let cells = CellWriter::new(folder.path(), &scene.materials, snapshots.clone());
+    let continued = context.continued.as_ref().map(|continued| (continued.description.step, material.restored()));
+    let cells = CellWriter::new(folder.path(), &scene.materials, snapshots.clone(), continued);
     let chosen = drawn_points(scene, context.assignment);
     let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, &chosen, snapshots)
         .map_err(|request| Failure::new(Exit::BadInput, request))?;

@@ -32,15 +32,23 @@ pub(super) struct SnapshotRecorder<'a, P: MacroPort> {
     pool: &'a mut Pool<P>,
     points: Vec<PointId>,
     snapshots: Snapshots,
+    /// Those of the checkpoint that the run continues from.
+    restored: Snapshots,
 }
 
 impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
     /// A recorder for these points, in ascending order, and the snapshots that it records.
     pub(super) fn new(pool: &'a mut Pool<P>, points: &[PointId]) -> (Self, Snapshots) {
         let snapshots = Snapshots::default();
-        let recorder = Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots) };
+        let recorder =
+            Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots), restored: Snapshots::default() };
         recorder.record();
         (recorder, snapshots)
+    }
+
+    /// Snapshots of the checkpoint that the run continues from; empty before it has been read, or without one.
+    pub(super) fn restored(&self) -> Snapshots {
+        Rc::clone(&self.restored)
     }
 
     fn record(&self) {
@@ -73,6 +81,7 @@ impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         self.pool.restore(archive)?;
         self.record();
+        self.restored.borrow_mut().clone_from(&self.snapshots.borrow());
         Ok(())
     }
 }

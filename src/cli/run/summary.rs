@@ -6,7 +6,7 @@ use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
 use macro_solver::material::error_estimate::ReplicaFigures;
 use macro_solver::observer::{AccuracyFigures, Outcome, Run, Statistics};
-use macro_solver::output::{AccuracySummary, CheckpointSummary, RunStatus, Summary, TimeShares};
+use macro_solver::output::{AccuracySummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
@@ -40,8 +40,58 @@ pub(super) struct SummaryInputs {
     pub(super) checkpoints: CheckpointFigures,
     /// Whether a part of the run was made by another build of this program.
     pub(super) other_build: bool,
+    /// Which shortcuts are allowed.
+    pub(super) allowed: Allowed,
     /// What happened between hosts.
     pub(super) hosts: BTreeMap<String, u64>,
+}
+
+/// Shortcuts that `[economy]` allows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Allowed {
+    /// Replies to targets that have not changed.
+    pub(super) unchanged_targets: bool,
+    /// Replies shared by equal trials.
+    pub(super) duplicate_trials: bool,
+    /// The committed state for an increment of exactly zero.
+    pub(super) zero_increments: bool,
+    /// Tolerance of the grain solver, relative to the mean contact force.
+    pub(super) tolerance: f64,
+}
+
+/// Fewest force evaluations of a trial that is relaxed: five increments of a ramp and ten steps of rest, less the one that an
+/// evaluation of the state takes.
+const FEWEST_EVALUATIONS: u64 = 14;
+
+/// What the shortcuts have saved.
+fn economy(statistics: &Statistics, pool: &PoolStatistics, allowed: Allowed) -> BTreeMap<String, Shortcut> {
+    let shortcut = |enabled, count, force_evaluations_saved, error| Shortcut {
+        enabled,
+        count,
+        force_evaluations_saved,
+        error: if enabled { error } else { 0.0 },
+    };
+    let zero_increments = statistics.flags.null_targets;
+    let shortcuts = [
+        (
+            "unchanged_targets",
+            shortcut(allowed.unchanged_targets, statistics.skipped, statistics.skipped_force_evaluations, 0.0),
+        ),
+        (
+            "duplicate_trials",
+            shortcut(allowed.duplicate_trials, pool.duplicates_skipped, pool.duplicate_force_evaluations, 0.0),
+        ),
+        (
+            "zero_increments",
+            shortcut(
+                allowed.zero_increments,
+                zero_increments,
+                FEWEST_EVALUATIONS * zero_increments,
+                allowed.tolerance,
+            ),
+        ),
+    ];
+    shortcuts.into_iter().map(|(name, shortcut)| (name.to_owned(), shortcut)).collect()
 }
 
 /// Puts the figures of solver and pool together.
@@ -71,6 +121,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         gauss_points: inputs.gauss_points as u64,
         newton_iterations: statistics.iterations,
         rve_evaluations: statistics.evaluations,
+        force_evaluations: statistics.cost.force_evaluations,
         evaluations_per_gauss_point: statistics.evaluations as f64 / inputs.gauss_points as f64,
         workers: inputs.workers as u64,
         worker_restarts: pool.worker_restarts,
@@ -82,6 +133,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         fallbacks,
         fallback_groups,
         skipped,
+        economy: economy(statistics, pool, inputs.allowed),
         deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
         time: TimeShares {
             wall_s: inputs.wall_s,
@@ -215,6 +267,12 @@ mod tests {
             definition: String::new(),
             checkpoints: CheckpointFigures::default(),
             other_build: false,
+            allowed: Allowed {
+                unchanged_targets: true,
+                duplicate_trials: true,
+                zero_increments: true,
+                tolerance: 1e-3,
+            },
             hosts: BTreeMap::new(),
         };
         let run = Run { outcome, stage: 0, load: 1.0, statistics };

@@ -64,6 +64,8 @@ impl Points {
             let is_held = seen.is_none() && point.held.as_ref() == Some(gradient);
             let strain = seen.as_ref().map(|seen| seen[number]);
             if self.keep_unchanged && (is_held || point.rests(gradient, strain, tangent)) {
+                let kept = point.answer.as_ref().map_or(0, |answer| answer.cost.force_evaluations);
+                statistics.skipped_force_evaluations += kept;
                 continue;
             }
             let target = match strain {

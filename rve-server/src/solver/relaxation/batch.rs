@@ -5,6 +5,7 @@
 //! nothing touches there.
 
 use super::listing::{Listing, is_subset, merged};
+use super::listing_memory::ListingMemory;
 use super::setting::Setting;
 use super::stiffness::TouchingPair;
 use crate::cell::{Cell, PairFinder, PairKey};
@@ -48,6 +49,7 @@ pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     images: Vec<<S::Kernel as KernelSpace>::Coordinates<R>>,
     lanes: Vec<Option<Occupied<S>>>,
     finder: PairFinder<S>,
+    memory: ListingMemory<S>,
 }
 
 /// Cell and list of an occupied lane.
@@ -75,6 +77,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             images: Vec::new(),
             lanes: (0..R::LANES).map(|_| None).collect(),
             finder: PairFinder::default(),
+            memory: ListingMemory::default(),
         }
     }
 
@@ -96,10 +99,18 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         for (grain, given) in self.grains.iter_mut().zip(&contents.grains) {
             grain.set_lane(lane, given);
         }
-        let listing = contents.listing.clone().unwrap_or_default();
-        self.lanes[lane] = Some(Occupied { cell: contents.cell, listing });
-        if contents.listing.is_none() {
+        let range = 2.0 * setting.largest_radius + setting.skin;
+        let place = |grain: usize| vector_of::<S::Kernel, f64>(&contents.grains[grain].position, 0);
+        let known = match &contents.listing {
+            Some(listing) => Some(listing.clone()),
+            None => self.memory.recall(&contents.cell, place, range, setting.skin),
+        };
+        let is_new = known.is_none();
+        self.lanes[lane] = Some(Occupied { cell: contents.cell, listing: known.unwrap_or_default() });
+        if is_new {
             self.renew_listing(setting, lane);
+            let keys = &self.lanes[lane].as_ref().expect("the lane is occupied").listing.keys;
+            self.memory.keep(&contents.cell, (0..contents.grains.len()).map(place).collect(), keys);
         } else {
             self.include(setting, lane);
         }

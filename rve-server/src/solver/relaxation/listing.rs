@@ -15,6 +15,12 @@ pub(crate) struct Listing<S: Space> {
 }
 
 impl<S: Space> Listing<S> {
+    /// Pairs listed for another cell, after grains have moved by up to `wandered`, m, against an affine motion that differs from
+    /// none by a tensor of the norm `stretch`.
+    pub(crate) fn aged(listed_cell: &Cell<S>, keys: Vec<PairKey<S>>, wandered: f64, stretch: f64) -> Self {
+        Self { keys, listed_cell: listed_cell.rows, wandered, stretch }
+    }
+
     /// Notes that the pairs have just been listed.
     pub(crate) fn begin(&mut self, cell: &Cell<S>) {
         self.listed_cell = cell.rows;

@@ -12,6 +12,7 @@ mod damping;
 #[cfg(test)]
 mod kernel_tests;
 mod listing;
+mod listing_memory;
 mod run;
 #[cfg(test)]
 mod sample;

@@ -1,0 +1,94 @@
+//! Shortcuts of `[economy]`: what they may not change, and how they are accounted for.
+
+use crate::harness::short_scenes::{SHORT_SCENES, ShortScene};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// Runs a short scene to its end; its history and the shortcuts of its summary.
+fn run(scene: &ShortScene, out: &Path, more: &[&str]) -> (String, serde_json::Value) {
+    let file = format!("scenes/{}.toml", scene.file);
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", &file, "--workers", "1", "--quiet", "--out"])
+        .arg(out)
+        .args(scene.set.iter().chain(more).flat_map(|setting| ["--set", setting]))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts");
+    assert!(output.status.success(), "{}: {}", scene.name, String::from_utf8_lossy(&output.stderr));
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    (fs::read_to_string(out.join("history.csv")).unwrap(), summary["economy"].clone())
+}
+
+/// Every procedure, link and formulation: the exact shortcuts change no byte, and one that is switched off is not taken.
+#[test]
+fn exact_shortcuts_change_no_byte_and_can_be_switched_off() {
+    let place = tempfile::tempdir().unwrap();
+    let off = ["economy.unchanged_targets=false", "economy.duplicate_trials=false"];
+    let taken = std::sync::Mutex::new([0; 2]);
+    std::thread::scope(|scope| {
+        for scenes in SHORT_SCENES.chunks(SHORT_SCENES.len().div_ceil(2)) {
+            let (place, taken) = (place.path(), &taken);
+            scope.spawn(move || {
+                for scene in scenes {
+                    let (with, saved) = run(scene, &place.join(format!("{}-on", scene.name)), &[]);
+                    let (without, spent) = run(scene, &place.join(format!("{}-off", scene.name)), &off);
+                    // Shares of evaluations count what was evaluated: all other columns are results.
+                    assert!(with == without || counted_only(&with, &without), "{}: the histories differ", scene.name);
+                    for (number, key) in ["unchanged_targets", "duplicate_trials"].into_iter().enumerate() {
+                        assert_eq!(
+                            (spent[key]["enabled"].as_bool(), spent[key]["count"].as_u64()),
+                            (Some(false), Some(0)),
+                            "{}: {key}",
+                            scene.name
+                        );
+                        let count = saved[key]["count"].as_u64().unwrap();
+                        let evaluations = saved[key]["force_evaluations_saved"].as_u64().unwrap();
+                        assert!(evaluations >= count, "{}: {key}: {saved}", scene.name);
+                        taken.lock().unwrap()[number] += count;
+                    }
+                }
+            });
+        }
+    });
+    let taken = taken.into_inner().unwrap();
+    assert!(taken[0] > 0 && taken[1] > 0, "each shortcut is taken in some scene: {taken:?}");
+}
+
+/// Columns that count work and are no result.
+const COUNTS: [&str; 3] = ["evaluations", "force_evaluations", "rve_evaluations"];
+
+/// Whether two histories differ in counts of work alone.
+fn counted_only(one: &str, other: &str) -> bool {
+    let heads: Vec<&str> = one.lines().next().unwrap_or_default().split(',').collect();
+    let is_count = |place: usize| COUNTS.iter().any(|count| heads[place].starts_with(count));
+    one.lines().count() == other.lines().count()
+        && one.lines().zip(other.lines()).all(|(one, other)| {
+            one.split(',').zip(other.split(',')).enumerate().all(|(place, (a, b))| a == b || is_count(place))
+        })
+}
+
+/// An increment of exactly zero, relaxed all the same, changes the results by less than the tolerance of the grains.
+#[test]
+fn zero_increments_are_answered_at_once_unless_they_are_to_be_relaxed() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = &SHORT_SCENES[0];
+    let (with, saved) = run(scene, &place.path().join("on"), &[]);
+    let (without, spent) = run(scene, &place.path().join("off"), &["economy.zero_increments=false"]);
+    let count = saved["zero_increments"]["count"].as_u64().unwrap();
+    assert!(count > 0 && saved["zero_increments"]["force_evaluations_saved"] == 14 * count, "{saved}");
+    assert_eq!(
+        (spent["zero_increments"]["count"].as_u64(), spent["zero_increments"]["enabled"].as_bool()),
+        (Some(0), Some(false))
+    );
+    assert!(saved["zero_increments"]["error"].as_f64().unwrap() > 0.0);
+    let ratios = |history: &str| -> Vec<f64> {
+        let heads: Vec<&str> = history.lines().next().unwrap().split(',').collect();
+        let place = heads.iter().position(|head| head.starts_with("stress_ratio")).unwrap();
+        history.lines().skip(1).map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
+    };
+    // Draft accuracy: 1e-2 of the mean contact force.
+    for (one, other) in ratios(&with).iter().zip(&ratios(&without)) {
+        assert!((one - other).abs() < 1e-2 * other, "{one} {other}");
+    }
+}
