@@ -44,7 +44,7 @@ const TIMES: MessageTimes =
 
 /// The same for workers on other hosts with states of 30 kB, as measured by `hosts/examples/supply.rs`; see `docs/lab-book/hosts.md`.
 const BETWEEN_HOSTS: MessageTimes =
-    MessageTimes { handling: 40e-6, trial: 0.0, network: 0.0, network_threads: 4, latency: 300e-6 };
+    MessageTimes { handling: 6e-6, trial: 19e-6, network: 44e-6, network_threads: 4, latency: 300e-6 };
 
 /// Points per worker of a run over many hosts.
 const MANY_POINTS: usize = 100;
