@@ -1,7 +1,7 @@
 //! What one macro process can supply to workers on other hosts: its processor time per trial, by thread, with workers that answer at
 //! once. Times are of processors, not of the clock: other programs on the machine disturb them little.
 //!
-//! `cargo run --release -p grainspan --features hosts -p grainspan-hosts --example supply -- [CONNECTIONS] [KB_OF_STATE] [TRIALS] [JOBS_A_MESSAGE]`
+//! `cargo run --release -p grainspan-hosts --features network --example supply -- [CONNECTIONS] [KB_OF_STATE] [TRIALS] [JOBS_A_MESSAGE]`
 
 use hosts::{DoorOptions, JoinedPort, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
 use macro_solver::material::{PointMaterial, PointTrial};

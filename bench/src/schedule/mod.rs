@@ -138,9 +138,9 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
     let costs = tail.draw(workers * POINTS, MEAN, &mut dice);
     let later = drifted(&costs, DRIFT, &mut dice);
     let best = ideal(&costs, workers);
-    let (in_order, _) = play(workers, &costs, &costs, false, TIMES, NonZeroUsize::MIN)?;
-    let (longest_first, decision) = play(workers, &costs, &costs, true, TIMES, NonZeroUsize::MIN)?;
-    let (after_drift, _) = play(workers, &costs, &later, true, TIMES, NonZeroUsize::MIN)?;
+    let [(in_order, _)] = play(workers, &costs, [&costs], false, TIMES, NonZeroUsize::MIN)?;
+    let [(longest_first, decision), (after_drift, _)] =
+        play(workers, &costs, [&costs, &later], true, TIMES, NonZeroUsize::MIN)?;
     Ok(Excess {
         fixed: static_split(&costs, workers) / best,
         in_order: in_order / best,
@@ -165,7 +165,7 @@ fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let mut table = Table::new(heads);
     // Mean cost, s, and workers.
     let studies: &[(f64, usize)] = effort.choose(
-        &[(0.01, 100), (0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (0.3, 10_000), (1.0, 10_000)],
+        &[(0.01, 100), (0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (0.4, 10_000), (1.0, 10_000)],
         &[(0.1, 20)],
     );
     for &(mean, workers) in studies {
@@ -173,8 +173,8 @@ fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
             let mut dice = Dice::new(workers as u64);
             let costs = Tail::LogNormal.draw(workers * MANY_POINTS, mean, &mut dice);
             let later = drifted(&costs, DRIFT, &mut dice);
-            let (longest_first, decision) = play(workers, &costs, &costs, true, BETWEEN_HOSTS, jobs_per_message)?;
-            let (after_drift, _) = play(workers, &costs, &later, true, BETWEEN_HOSTS, jobs_per_message)?;
+            let [(longest_first, decision), (after_drift, _)] =
+                play(workers, &costs, [&costs, &later], true, BETWEEN_HOSTS, jobs_per_message)?;
             // Of this process: points, jobs and queues of the largest batch so far.
             let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
             table.row([
@@ -206,16 +206,16 @@ fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Has the pool do two batches, the second with what it has learnt in the first. Returns the virtual time of the second,
-/// s, and the processor time of this machine that it took per job, us.
-fn play(
+/// Has the pool learn from one batch and do others with what it has learnt. Returns the virtual time of each, s, and the
+/// processor time of this machine that it took per job, us.
+fn play<const N: usize>(
     workers: usize,
     first: &[f64],
-    second: &[f64],
+    then: [&[f64]; N],
     tells_cost: bool,
     times: MessageTimes,
     jobs_per_message: NonZeroUsize,
-) -> anyhow::Result<(f64, f64)> {
+) -> anyhow::Result<[(f64, f64); N]> {
     let scene = Play::new(workers, times);
     let port = VirtualPort::new(std::rc::Rc::clone(&scene), "play");
     let definition = Definition { bytes: b"virtual".to_vec() };
@@ -229,12 +229,16 @@ fn play(
     scene.borrow_mut().costs = first.to_vec();
     pool.evaluate(&trials)?;
     pool.commit()?;
-    scene.borrow_mut().costs = second.to_vec();
-    let (since, begin) = (scene.borrow().now(), processor_seconds("thread-self"));
-    pool.evaluate(&trials)?;
-    let decision = (processor_seconds("thread-self") - begin) * 1e6 / first.len() as f64;
-    let took = scene.borrow().now() - since;
-    Ok((took, decision))
+    let mut found = [(0.0, 0.0); N];
+    for (costs, found) in then.iter().zip(&mut found) {
+        scene.borrow_mut().costs = costs.to_vec();
+        let (since, begin) = (scene.borrow().now(), processor_seconds("thread-self"));
+        pool.evaluate(&trials)?;
+        let decision = (processor_seconds("thread-self") - begin) * 1e6 / first.len() as f64;
+        *found = (scene.borrow().now() - since, decision);
+        pool.commit()?;
+    }
+    Ok(found)
 }
 
 /// A trial unlike all others; one ramp step, so that the pool expects the last cost of the point.
