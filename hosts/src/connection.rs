@@ -16,6 +16,9 @@ pub(crate) type Outbox = UnboundedSender<Vec<u8>>;
 /// Room for small messages that are ready together, so that they travel in one piece.
 const BATCH: usize = 64 << 10;
 
+/// Most bytes that are reserved for a message before any of it has come. A stranger's are fewer: what it may say is shorter.
+const AT_ONCE: usize = 2 << 20;
+
 /// How long a peer may take to notice that the connection is closed.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -89,8 +92,8 @@ async fn read_length(stream: &mut (impl AsyncRead + Unpin), longest: usize) -> i
 }
 
 async fn read_body(stream: &mut (impl AsyncRead + Unpin), length: usize) -> io::Result<Vec<u8>> {
-    // Grows with what arrives: a length alone costs no memory.
-    let mut body = Vec::with_capacity(length.min(BATCH));
+    // Beyond this it grows with what arrives: a length alone costs no memory.
+    let mut body = Vec::with_capacity(length.min(AT_ONCE));
     let got = stream.take(length as u64).read_to_end(&mut body).await?;
     if got < length { Err(io::ErrorKind::UnexpectedEof.into()) } else { Ok(body) }
 }

@@ -156,11 +156,14 @@ impl Door {
         let address = listener.local_addr().map_err(listening)?;
         let acceptor =
             tls::macro_side(&options.secret).map_err(|error| channel("prepare the encryption")(error.to_string()))?;
-        let runtime = tokio::runtime::Builder::new_current_thread()
+        // Decryption takes most of the time of a message. The threads sleep unless hosts send more than one of them can take.
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(network_threads())
+            .thread_name("hosts")
             .enable_io()
             .enable_time()
             .build()
-            .map_err(system("start the network thread"))?;
+            .map_err(system("start the network threads"))?;
         let shared = Arc::new(Shared::default());
         let (closing, closed) = watch::channel(None);
         let hall = Arc::new(Hall {
@@ -170,7 +173,10 @@ impl Door {
             shared: Arc::clone(&shared),
         });
         let body = move || {
-            runtime.block_on(listen(listener, hall, closed));
+            // On one of the threads of the runtime: this one would take connections only between two of its own.
+            let listening = runtime.spawn(listen(listener, hall, closed));
+            // A panic there has been printed by itself.
+            let _ = runtime.block_on(listening);
             // Connections whose peers do not answer are cut.
             runtime.shutdown_timeout(Duration::ZERO);
         };
@@ -197,6 +203,11 @@ impl Door {
             let _ = thread.join();
         }
     }
+}
+
+/// Threads for the connections of a run: a quarter of the cores, eight at most.
+fn network_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, |cores| (cores.get() / 4).clamp(1, 8))
 }
 
 /// What all connections share.

@@ -50,12 +50,106 @@
     return { grains, lines };
   };
 
+  // Components along the periodicity vectors, so that 0 to 1 is inside the cell.
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const shares = (place) => {
+    const [a, b, c] = cell.vectors;
+    const volume = dot(a, cross(b, c));
+    return [dot(place, cross(b, c)) / volume, dot(place, cross(c, a)) / volume, dot(place, cross(a, b)) / volume];
+  };
+  const atShares = (parts) => [0, 1, 2].map((axis) => parts.reduce((sum, part, index) => sum + part * cell.vectors[index][axis], 0));
+
+  // What of a line, given by the shares of its ends, is inside the cell; null if nothing.
+  const inside = (from, to) => {
+    let [first, last] = [0, 1];
+    for (const axis of [0, 1, 2]) {
+      const along = to[axis] - from[axis];
+      if (Math.abs(along) < 1e-12) { if (from[axis] < 0 || from[axis] > 1) return null; continue; }
+      const [one, other] = [-from[axis] / along, (1 - from[axis]) / along];
+      first = Math.max(first, Math.min(one, other));
+      last = Math.min(last, Math.max(one, other));
+    }
+    const at = (part) => from.map((share, axis) => share + part * (to[axis] - share));
+    return last > first ? [at(first), at(last)] : null;
+  };
+
+  // Grains with their centres in the cell, and contacts cut off at its faces; a contact across a face is drawn at both sides.
   const solid = () => {
+    const wraps = cell.vectors.length === 3;
     const seen = (place) => Grainspan.turned(place, turn);
-    const grains = cell.grains.map(([x, y, z, r, rattler]) => ({ place: seen([x, y, z]), r, rattler }));
-    grains.sort((a, b) => a.place[2] - b.place[2]);
-    const lines = cell.contacts.map(([x, y, z, dx, dy, dz, compression, , sliding]) => ({ from: seen([x, y, z]), to: seen([x + dx, y + dy, z + dz]), compression, sliding }));
+    const home = (parts) => parts.map(Math.floor);
+    const grains = cell.grains.map(([x, y, z, r, rattler]) => {
+      const parts = wraps ? shares([x, y, z]) : null;
+      return { place: seen(wraps ? atShares(parts.map((part) => part - Math.floor(part))) : [x, y, z]), r, rattler };
+    });
+    const lines = [];
+    for (const [x, y, z, dx, dy, dz, compression, , sliding] of cell.contacts) {
+      const [from, to] = [[x, y, z], [x + dx, y + dy, z + dz]];
+      if (!wraps) { lines.push({ from: seen(from), to: seen(to), compression, sliding }); continue; }
+      const ends = [shares(from), shares(to)];
+      const homes = ends.map(home);
+      const images = homes[0].every((number, axis) => number === homes[1][axis]) ? [homes[0]] : homes;
+      for (const image of images) {
+        const part = inside(...ends.map((end) => end.map((share, axis) => share - image[axis])));
+        if (part) lines.push({ from: seen(atShares(part[0])), to: seen(atShares(part[1])), compression, sliding });
+      }
+    }
     return { grains, lines };
+  };
+
+  // The twelve edges of a cell in space as seen, and whether each is behind: one at the corner that is farthest away.
+  const edges = () => {
+    if (!isSolid() || cell.vectors.length !== 3) return [];
+    const corners = [];
+    for (let index = 0; index < 8; index++) corners.push(Grainspan.turned(atShares([0, 1, 2].map((axis) => (index >> axis) & 1)), turn));
+    const farthest = corners.reduce((best, corner, index) => (corner[2] < corners[best][2] ? index : best), 0);
+    const found = [];
+    for (let index = 0; index < 8; index++) {
+      for (const axis of [0, 1, 2]) {
+        const other = index | (1 << axis);
+        if (other !== index) found.push({ ends: [corners[index], corners[other]], behind: index === farthest || other === farthest });
+      }
+    }
+    return found;
+  };
+
+  // A colour that fades to the paper with the distance; `near` is 1 in front and 0 behind.
+  const faded = (rgb, near) => `rgb(${rgb.map((part) => Math.round(part + (1 - near) * 0.62 * (255 - part))).join(",")})`;
+
+  // Grains as balls and contacts between them, the farthest first.
+  const drawSolid = (context, grains, lines, onScreen, zoom, widthOf) => {
+    const depths = grains.map(({ place }) => place[2]);
+    const [back, front] = Grainspan.extent(depths) ?? [0, 1];
+    const near = (depth) => Math.min(Math.max((depth - back) / Math.max(front - back, 1e-300), 0), 1);
+    const shapes = [
+      ...grains.map((grain) => ({ depth: grain.place[2], grain })),
+      ...lines.map((line) => ({ depth: 0.5 * (line.from[2] + line.to[2]), line })),
+    ].sort((one, other) => one.depth - other.depth);
+    for (const { depth, grain, line } of shapes) {
+      const closeness = near(depth);
+      context.beginPath();
+      if (line) {
+        context.moveTo(...onScreen(line.from));
+        context.lineTo(...onScreen(line.to));
+        context.lineWidth = widthOf(line);
+        context.strokeStyle = faded(line.compression < 0 ? [26, 127, 55] : line.sliding ? [194, 65, 12] : [32, 64, 122], closeness);
+        context.stroke();
+        continue;
+      }
+      // Balls are drawn at half their size, so that the forces between them are seen.
+      const [x, y] = onScreen(grain.place), radius = 0.5 * zoom * grain.r;
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      const shade = context.createRadialGradient(x - 0.35 * radius, y - 0.35 * radius, 0.1 * radius, x, y, radius);
+      const [light, dark] = grain.rattler ? [[255, 255, 255], [225, 228, 232]] : [[252, 247, 232], [205, 187, 140]];
+      shade.addColorStop(0, faded(light, closeness));
+      shade.addColorStop(1, faded(dark, closeness));
+      context.fillStyle = shade;
+      context.fill();
+      context.lineWidth = 0.5;
+      context.strokeStyle = faded(grain.rattler ? [150, 156, 163] : [143, 128, 88], closeness);
+      context.stroke();
+    }
   };
 
   const draw = () => {
@@ -66,15 +160,18 @@
       return;
     }
     const { grains, lines } = isSolid() ? solid() : plane();
+    const box = edges();
     const outline = !isSolid() && cell.vectors.length === 2 ? [[0, 0], cell.vectors[0], cell.vectors[0].map((value, axis) => value + cell.vectors[1][axis]), cell.vectors[1]] : [];
-    // The picture ends at the cell.
-    const xs = outline.length ? outline.map((place) => place[0]) : grains.flatMap(({ place, r }) => [place[0] - r, place[0] + r]);
-    const ys = outline.length ? outline.map((place) => place[1]) : grains.flatMap(({ place, r }) => [place[1] - r, place[1] + r]);
+    // The picture ends at the cell; in space, balls reach a little over its faces.
+    const room = 8 + (box.length ? 10 : 0);
+    const corners = outline.length ? outline : box.flatMap(({ ends }) => ends);
+    const xs = corners.length ? corners.map((place) => place[0]) : grains.flatMap(({ place, r }) => [place[0] - r, place[0] + r]);
+    const ys = corners.length ? corners.map((place) => place[1]) : grains.flatMap(({ place, r }) => [place[1] - r, place[1] + r]);
     const [left, right] = Grainspan.extent(xs) ?? [0, 1], [bottom, top] = Grainspan.extent(ys) ?? [0, 1];
     const width = canvas.clientWidth || 300;
     const height = Math.round(Math.min(Math.max(width * ((top - bottom) / (right - left)), 140), 430));
     const { context } = Grainspan.prepare(canvas, height);
-    const zoom = Math.min((width - 8) / (right - left), (height - 8) / (top - bottom));
+    const zoom = Math.min((width - room) / (right - left), (height - room) / (top - bottom));
     const onScreen = ([x, y]) => [width / 2 + zoom * (x - (left + right) / 2), height / 2 - zoom * (y - (bottom + top) / 2)];
     const around = () => {
       context.beginPath();
@@ -83,25 +180,43 @@
     };
     context.save();
     if (outline.length) { around(); context.clip(); }
-    for (const { place, r, rattler } of grains) {
-      context.beginPath();
-      context.arc(...onScreen(place), zoom * r, 0, 2 * Math.PI);
-      context.fillStyle = rattler ? "#ffffff" : isSolid() ? "rgba(240,232,208,.55)" : "#f0e8d0";
-      context.fill();
-      context.lineWidth = 0.6;
-      context.strokeStyle = rattler ? "#bbbbbb" : "#b9ad8c";
-      context.stroke();
-    }
     const largest = Math.max(...lines.map((one) => Math.abs(one.compression)), 1e-300);
-    const thick = Math.min(Math.max(zoom * (grains[0]?.r ?? 1) * 0.9, 3), 14);
+    const thick = Math.min(Math.max(zoom * (grains[0]?.r ?? 1) * (isSolid() ? 0.6 : 0.9), 3), isSolid() ? 9 : 14);
+    const widthOf = (line) => Math.max((thick * Math.abs(line.compression)) / largest, 0.3);
     context.lineCap = "round";
-    for (const { from, to, compression, sliding } of lines) {
-      context.beginPath();
-      context.moveTo(...onScreen(from));
-      context.lineTo(...onScreen(to));
-      context.lineWidth = Math.max((thick * Math.abs(compression)) / largest, 0.3);
-      context.strokeStyle = compression < 0 ? "#1a7f37" : sliding ? "#c2410c" : "#20407a";
-      context.stroke();
+    const drawEdges = (behind) => {
+      context.lineWidth = 1;
+      context.setLineDash(behind ? [3, 4] : [5, 4]);
+      context.strokeStyle = behind ? "#b4bac1" : "#1f2328";
+      for (const { ends } of box.filter((edge) => edge.behind === behind)) {
+        context.beginPath();
+        ends.forEach((place, i) => context[i ? "lineTo" : "moveTo"](...onScreen(place)));
+        context.stroke();
+      }
+      context.setLineDash([]);
+    };
+    if (isSolid()) {
+      drawEdges(true);
+      drawSolid(context, grains, lines, onScreen, zoom, widthOf);
+      drawEdges(false);
+    } else {
+      for (const { place, r, rattler } of grains) {
+        context.beginPath();
+        context.arc(...onScreen(place), zoom * r, 0, 2 * Math.PI);
+        context.fillStyle = rattler ? "#ffffff" : "#f0e8d0";
+        context.fill();
+        context.lineWidth = 0.6;
+        context.strokeStyle = rattler ? "#bbbbbb" : "#b9ad8c";
+        context.stroke();
+      }
+      for (const line of lines) {
+        context.beginPath();
+        context.moveTo(...onScreen(line.from));
+        context.lineTo(...onScreen(line.to));
+        context.lineWidth = widthOf(line);
+        context.strokeStyle = line.compression < 0 ? "#1a7f37" : line.sliding ? "#c2410c" : "#20407a";
+        context.stroke();
+      }
     }
     context.restore();
     if (outline.length) {
@@ -119,6 +234,7 @@
     element("cell-note").textContent = [
       `Step ${cell.step}: ${cell.grains.length} grains (${rattlers} rattlers), ${count} contacts.`,
       `Lines: compression, as wide as the force, mean ${withUnit(mean, "N")}, largest ${withUnit(largest, "N")}; ${number(100 * sliding, 2)} % slide (orange).`,
+      isSolid() ? "Balls at half their size; drag to turn." : "",
       Grainspan.mesh.value(chosen), note,
     ].filter(Boolean).join(" ");
   };

@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 from conftest import CONTACT, DISCS, ROOT
 
@@ -38,6 +39,22 @@ def test_parameters_behind_the_curve_of_another_program_are_found():
     found = calibration.fitted("yade")
     for name, truth in calibration.TRUTH.items():
         assert found.parameters[name] == pytest.approx(truth, rel=0.1), found
+
+
+def test_the_fit_to_a_laboratory_test_follows_its_curve():
+    """With the published parameters and one packing; the fit itself takes a minute."""
+    sys.path.insert(0, str(ROOT / "python" / "examples"))
+    import laboratory
+
+    (cell,) = laboratory.packings([1])
+    assert laboratory.void_ratio(cell) == pytest.approx(0.708, abs=0.005)
+    curve = laboratory.oedometer(
+        grainspan.Rve(cell, {**laboratory.CONTACT, "shear_modulus": 6.5e9, "friction": 0.294}, accuracy="draft")
+    )
+    loading, unloading = laboratory.measured()
+    assert len(loading) == 13 and len(unloading) == 13
+    found = np.interp(loading["axial_stress"], curve["axial_stress"], curve["axial_compression"])
+    assert np.abs(found - loading["axial_compression"]).max() < 0.15 * loading["axial_compression"].max()
 
 
 def test_bad_requests_are_refused():

@@ -20,6 +20,8 @@ use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::process::resident_mebibytes;
 use protocol::transport::shared_memory::Waiting;
 use protocol::{Definition, Tensor2, TrialOptions};
+use scene_reader::JOBS_A_MESSAGE;
+use std::num::NonZeroUsize;
 use std::sync::{Arc, Barrier};
 use std::time::Duration;
 use virtual_port::{MessageTimes, Play, VirtualPort};
@@ -37,10 +39,12 @@ const POINTS: usize = 8;
 const DRIFT: f64 = 0.5;
 
 /// The macro's time per message and the latency of a message with blocking waits, as measured by `bench channel`.
-const TIMES: MessageTimes = MessageTimes { handling: 4e-6, latency: 10e-6 };
+const TIMES: MessageTimes =
+    MessageTimes { handling: 4e-6, trial: 0.0, network: 0.0, network_threads: 0, latency: 10e-6 };
 
-/// The same for workers on other hosts: encryption, two more hops between threads, and a network. See `docs/lab-book/hosts.md`.
-const BETWEEN_HOSTS: MessageTimes = MessageTimes { handling: 40e-6, latency: 300e-6 };
+/// The same for workers on other hosts with states of 30 kB, as measured by `hosts/examples/supply.rs`; see `docs/lab-book/hosts.md`.
+const BETWEEN_HOSTS: MessageTimes =
+    MessageTimes { handling: 6e-6, trial: 19e-6, network: 44e-6, network_threads: 4, latency: 300e-6 };
 
 /// Points per worker of a run over many hosts.
 const MANY_POINTS: usize = 100;
@@ -134,9 +138,9 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
     let costs = tail.draw(workers * POINTS, MEAN, &mut dice);
     let later = drifted(&costs, DRIFT, &mut dice);
     let best = ideal(&costs, workers);
-    let (in_order, _) = play(workers, &costs, &costs, false, TIMES)?;
-    let (longest_first, decision) = play(workers, &costs, &costs, true, TIMES)?;
-    let (after_drift, _) = play(workers, &costs, &later, true, TIMES)?;
+    let [(in_order, _)] = play(workers, &costs, [&costs], false, TIMES, NonZeroUsize::MIN)?;
+    let [(longest_first, decision), (after_drift, _)] =
+        play(workers, &costs, [&costs, &later], true, TIMES, NonZeroUsize::MIN)?;
     Ok(Excess {
         fixed: static_split(&costs, workers) / best,
         in_order: in_order / best,
@@ -148,51 +152,75 @@ fn batch(tail: Tail, workers: usize, seed: u64) -> anyhow::Result<Excess> {
 
 /// Thousands of workers on other hosts, a hundred trials each: what the one macro process can supply.
 fn between_hosts(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
-    let heads = ["mean_ms", "workers", "longest_first", "decision_us", "resident_mib"];
+    let heads = [
+        "mean_ms",
+        "workers",
+        "jobs_per_message",
+        "demand",
+        "longest_first",
+        "after_drift",
+        "decision_us",
+        "resident_mib",
+    ];
     let mut table = Table::new(heads);
     // Mean cost, s, and workers.
-    let studies: &[(f64, usize)] =
-        effort.choose(&[(0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (1.0, 10_000)], &[(0.1, 20)]);
+    let studies: &[(f64, usize)] = effort.choose(
+        &[(0.01, 100), (0.01, 1_000), (0.1, 1_000), (0.1, 10_000), (0.4, 10_000), (1.0, 10_000)],
+        &[(0.1, 20)],
+    );
     for &(mean, workers) in studies {
-        let costs = Tail::LogNormal.draw(workers * MANY_POINTS, mean, &mut Dice::new(workers as u64));
-        let (longest_first, decision) = play(workers, &costs, &costs, true, BETWEEN_HOSTS)?;
-        // Of this process: points, jobs and queues of the largest batch so far.
-        let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
-        table.row([
-            (mean * 1e3).into(),
-            workers.into(),
-            (longest_first / ideal(&costs, workers)).into(),
-            decision.into(),
-            resident.into(),
-        ]);
+        for jobs_per_message in [NonZeroUsize::MIN, JOBS_A_MESSAGE] {
+            let mut dice = Dice::new(workers as u64);
+            let costs = Tail::LogNormal.draw(workers * MANY_POINTS, mean, &mut dice);
+            let later = drifted(&costs, DRIFT, &mut dice);
+            let [(longest_first, decision), (after_drift, _)] =
+                play(workers, &costs, [&costs, &later], true, BETWEEN_HOSTS, jobs_per_message)?;
+            // Of this process: points, jobs and queues of the largest batch so far.
+            let resident = resident_mebibytes(std::process::id()).unwrap_or(0);
+            table.row([
+                (mean * 1e3).into(),
+                workers.into(),
+                jobs_per_message.get().into(),
+                (workers as f64 / mean / BETWEEN_HOSTS.supply(1.0)).into(),
+                (longest_first / ideal(&costs, workers)).into(),
+                (after_drift / ideal(&later, workers)).into(),
+                decision.into(),
+                resident.into(),
+            ]);
+        }
     }
     let heading =
         format!("Simulated workers on other hosts, {MANY_POINTS} points each, log-normal costs: time over ideal");
     report.table("between_hosts", &heading, &table)?;
     report.note(&format!(
-        "The macro takes {:.0} us to send a job and as much to take its reply; the latency is {:.0} us. It is the bottleneck from \
-         mean cost / {:.0} us workers on.",
+        "The macro takes {:.0} us for a message and {:.0} us for a trial in it, {} network threads {:.0} us for a trial; the latency is \
+         {:.0} us. So it supplies {:.0} trials per second in messages of one. `demand`: trials per second that all workers together \
+         would solve, over that.",
         BETWEEN_HOSTS.handling * 1e6,
+        BETWEEN_HOSTS.trial * 1e6,
+        BETWEEN_HOSTS.network_threads,
+        BETWEEN_HOSTS.network * 1e6,
         BETWEEN_HOSTS.latency * 1e6,
-        2.0 * BETWEEN_HOSTS.handling * 1e6
+        BETWEEN_HOSTS.supply(1.0)
     ))?;
     Ok(())
 }
 
-/// Has the pool do two batches, the second with what it has learnt in the first. Returns the virtual time of the second,
-/// s, and the processor time of this machine that it took per job, us.
-fn play(
+/// Has the pool learn from one batch and do others with what it has learnt. Returns the virtual time of each, s, and the
+/// processor time of this machine that it took per job, us.
+fn play<const N: usize>(
     workers: usize,
     first: &[f64],
-    second: &[f64],
+    then: [&[f64]; N],
     tells_cost: bool,
     times: MessageTimes,
-) -> anyhow::Result<(f64, f64)> {
+    jobs_per_message: NonZeroUsize,
+) -> anyhow::Result<[(f64, f64); N]> {
     let scene = Play::new(workers, times);
     let port = VirtualPort::new(std::rc::Rc::clone(&scene), "play");
     let definition = Definition { bytes: b"virtual".to_vec() };
     let made_of = vec![0; first.len()];
-    let settings = PoolSettings::new("play");
+    let settings = PoolSettings { jobs_per_message, ..PoolSettings::new("play") };
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition], &made_of);
     pool.gather(workers)?;
     let trials: Vec<_> =
@@ -201,12 +229,16 @@ fn play(
     scene.borrow_mut().costs = first.to_vec();
     pool.evaluate(&trials)?;
     pool.commit()?;
-    scene.borrow_mut().costs = second.to_vec();
-    let (since, begin) = (scene.borrow().now(), processor_seconds("thread-self"));
-    pool.evaluate(&trials)?;
-    let decision = (processor_seconds("thread-self") - begin) * 1e6 / first.len() as f64;
-    let took = scene.borrow().now() - since;
-    Ok((took, decision))
+    let mut found = [(0.0, 0.0); N];
+    for (costs, found) in then.iter().zip(&mut found) {
+        scene.borrow_mut().costs = costs.to_vec();
+        let (since, begin) = (scene.borrow().now(), processor_seconds("thread-self"));
+        pool.evaluate(&trials)?;
+        let decision = (processor_seconds("thread-self") - begin) * 1e6 / first.len() as f64;
+        *found = (scene.borrow().now() - since, decision);
+        pool.commit()?;
+    }
+    Ok(found)
 }
 
 /// A trial unlike all others; one ramp step, so that the pool expects the last cost of the point.

@@ -1,8 +1,9 @@
 //! A channel to workers that do not exist, with a clock of its own: the pool decides as it does in a run, and thousands
 //! of workers fit into one process.
 //!
-//! The macro handles one message at a time and each takes it `handling`; a message travels for `latency`; a worker does
-//! its jobs in the order in which they came. Nothing else takes virtual time.
+//! The macro handles one message at a time; a message travels for `latency`; a worker does its jobs in the order in which they came
+//! and answers a message of jobs by one message of replies. Between hosts, messages also pass the network threads of the macro process.
+//! Nothing else takes virtual time.
 
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
@@ -18,10 +19,25 @@ use std::time::Duration;
 /// Times that messages take, s.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MessageTimes {
-    /// Of the macro, per message.
+    /// Of the macro, per message of jobs and per message of replies.
     pub(super) handling: f64,
+    /// Of the macro, per trial: half of it to send the job, half to take the reply.
+    pub(super) trial: f64,
+    /// Of a network thread, per trial: taken with the reply.
+    pub(super) network: f64,
+    /// Network threads; none in one host.
+    pub(super) network_threads: usize,
     /// From one process to another.
     pub(super) latency: f64,
+}
+
+impl MessageTimes {
+    /// Trials per second that the macro can give out and take in at most, with this many jobs in a message.
+    pub(super) fn supply(&self, jobs: f64) -> f64 {
+        let pool = 2.0 * self.handling / jobs + self.trial;
+        let network = if self.network_threads == 0 { 0.0 } else { self.network / self.network_threads as f64 };
+        1.0 / pool.max(network)
+    }
 }
 
 /// What happens in virtual time.
@@ -36,20 +52,26 @@ pub(super) struct Play {
     now: f64,
     /// When each worker has done all that it was sent, s.
     free_at: Vec<f64>,
-    /// Ends of jobs, earliest first.
+    /// When each network thread has done all that has come, s.
+    network_free_at: Vec<f64>,
+    /// Ends of messages of jobs, earliest first.
     ends: BinaryHeap<Reverse<End>>,
     sent: u64,
 }
 
-/// The end of one job. Times are not negative, so their bits are ordered as they are.
+/// A message of jobs that is done. Times are not negative, so their bits are ordered as they are.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct End {
     time: u64,
     /// Order of sending, for ends at the same time.
     number: u64,
     worker: u32,
-    job: [u64; 2],
+    /// Number and point of each.
+    jobs: Vec<[u64; 2]>,
 }
+
+/// A reply and its state.
+type VirtualReply = (TrialReply, [u8; 8]);
 
 impl Play {
     /// Workers that have all just arrived.
@@ -60,6 +82,7 @@ impl Play {
             times,
             now: 0.0,
             free_at: vec![0.0; workers],
+            network_free_at: vec![0.0; times.network_threads],
             ends: BinaryHeap::new(),
             sent: 0,
         }))
@@ -70,29 +93,43 @@ impl Play {
         self.now
     }
 
-    fn send(&mut self, worker: WorkerId, job: &TrialJob) {
-        self.now += self.times.handling;
+    fn send(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) {
+        self.now += self.times.handling + 0.5 * self.times.trial * jobs.len() as f64;
         let arrival = self.now + self.times.latency;
+        let costs = &self.costs;
+        let work: f64 = jobs.iter().map(|loaded| costs[loaded.job.point as usize]).sum();
         let free_at = &mut self.free_at[worker.0 as usize];
-        *free_at = free_at.max(arrival) + self.costs[job.point as usize];
+        *free_at = free_at.max(arrival) + work;
         let time = (*free_at + self.times.latency).to_bits();
         self.sent += 1;
-        self.ends.push(Reverse(End { time, number: self.sent, worker: worker.0, job: [job.job, job.point] }));
+        let jobs = jobs.iter().map(|loaded| [loaded.job.job, loaded.job.point]).collect();
+        self.ends.push(Reverse(End { time, number: self.sent, worker: worker.0, jobs }));
     }
 
-    /// The next end that the macro hears of; its clock moves on.
-    fn hear(&mut self) -> Option<(WorkerId, TrialReply, [u8; 8])> {
+    /// The next message of replies that the macro hears; its clock moves on.
+    fn hear(&mut self) -> Option<(WorkerId, Vec<VirtualReply>)> {
         let Reverse(end) = self.ends.pop()?;
-        self.now = self.now.max(f64::from_bits(end.time)) + self.times.handling;
-        let [number, point] = end.job;
-        let state = end.number.to_le_bytes();
-        let job_header = TrialJob { job: number, point, ..bytemuck::Zeroable::zeroed() };
-        let mut reply = TrialReply::bare(&job_header, ReplyStatus::Done);
-        reply.state = StateId::of(&state);
-        reply.state_length = state.len() as u64;
-        let microseconds = if self.tells_cost { 1e6 * self.costs[point as usize] } else { 0.0 };
-        reply.cost = Cost { force_evaluations: microseconds as u64, ..Cost::default() };
-        Some((WorkerId(end.worker), reply.seal(b""), state))
+        let mut time = f64::from_bits(end.time);
+        let trials = end.jobs.len() as f64;
+        // The thread that is free first: connections are spread over threads, and there are many.
+        if let Some(free_at) = self.network_free_at.iter_mut().min_by(|one, other| one.total_cmp(other)) {
+            *free_at = free_at.max(time) + self.times.network * trials;
+            time = *free_at;
+        }
+        self.now = self.now.max(time) + self.times.handling + 0.5 * self.times.trial * trials;
+        let tells_cost = self.tells_cost;
+        let costs = &self.costs;
+        let replies = end.jobs.iter().map(|&[number, point]| {
+            let state = number.to_le_bytes();
+            let job_header = TrialJob { job: number, point, ..bytemuck::Zeroable::zeroed() };
+            let mut reply = TrialReply::bare(&job_header, ReplyStatus::Done);
+            reply.state = StateId::of(&state);
+            reply.state_length = state.len() as u64;
+            let microseconds = if tells_cost { 1e6 * costs[point as usize] } else { 0.0 };
+            reply.cost = Cost { force_evaluations: microseconds as u64, ..Cost::default() };
+            (reply.seal(b""), state)
+        });
+        Some((WorkerId(end.worker), replies.collect()))
     }
 }
 
@@ -141,8 +178,10 @@ impl MacroPort for VirtualPort {
         }
         let greeted = self.greet(sink);
         let heard = self.play.borrow_mut().hear();
-        let Some((worker, reply, state)) = heard else { return Ok(greeted) };
-        sink(MacroEvent::Replies(worker, &[LoadedReply { reply, state: &state, error: b"" }]));
+        let Some((worker, replies)) = heard else { return Ok(greeted) };
+        let replies: Vec<_> =
+            replies.iter().map(|(reply, state)| LoadedReply { reply: *reply, state, error: b"" }).collect();
+        sink(MacroEvent::Replies(worker, &replies));
         Ok(greeted + 1)
     }
 
@@ -154,8 +193,7 @@ impl MacroPort for VirtualPort {
     }
 
     fn send_jobs(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) -> Result<(), TransportError> {
-        let mut play = self.play.borrow_mut();
-        jobs.iter().for_each(|loaded| play.send(worker, &loaded.job));
+        self.play.borrow_mut().send(worker, jobs);
         Ok(())
     }
 

@@ -46,6 +46,23 @@ fn the_image_copies_what_there_is() {
     assert_eq!(copied, 3);
 }
 
+/// The compose files as Docker reads them, where its plugin is installed.
+#[test]
+fn docker_reads_the_compose_files() {
+    let compose = |arguments: &[&str]| {
+        let output = Command::new("docker").arg("compose").args(arguments).current_dir(root()).output().ok()?;
+        Some((output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned()))
+    };
+    if !compose(&["version"]).is_some_and(|(runs, _)| runs) {
+        eprintln!("SKIPPED: `docker compose` is not installed");
+        return;
+    }
+    for file in ["deploy/container/compose.yaml", "deploy/container/compose-hosts.yaml"] {
+        let (sound, said) = compose(&["-f", file, "config", "--quiet"]).unwrap();
+        assert!(sound, "{file}: {said}");
+    }
+}
+
 /// The system's own checkers where they are installed; a machine without them has the tests above.
 #[test]
 fn the_systems_checkers_have_no_complaints() {

@@ -7,6 +7,11 @@ use protocol::transport::{LoadedJob, WorkerId};
 use protocol::wire::{TrialJob, TrialReply};
 use std::time::{Duration, Instant};
 
+/// From so many workers of a group on, a message holds a quarter of a worker's share at most. Costs differ from what was expected, and
+/// the slowest of many workers differs more; few workers gain more from long messages, whose jobs they solve side by side. See
+/// `docs/lab-book/hosts.md`.
+const MANY_WORKERS: usize = 64;
+
 /// A message of jobs to be sent; it is booked as sent already.
 pub(in crate::pool) struct JobMessage {
     pub(in crate::pool) worker: WorkerId,
@@ -43,7 +48,9 @@ impl Coordinator {
         // No message holds more than one worker's share of all work that is left: the longest jobs go first, and a message
         // full of them would keep all others waiting for its worker.
         let left = self.batch.queue.expected(group) + self.workers.load(group);
-        let mut indices = self.batch.queue.take(group, worker, most, left / active as u128);
+        let share = left / active as u128;
+        let work = if active < MANY_WORKERS { share } else { share / 4 };
+        let mut indices = self.batch.queue.take(group, worker, most, work);
         for surplus in indices.split_off(self.fitting(&indices)) {
             self.batch.put_back(surplus);
         }

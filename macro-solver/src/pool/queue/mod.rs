@@ -51,7 +51,7 @@ impl WorkerQueue {
         self.jobs.first_key_value().map_or(0, |(_, job)| job.expected)
     }
 
-    /// Takes up to `most` jobs of one definition, the longest first, until they exceed `work` expected force evaluations.
+    /// Takes up to `most` jobs of one definition, the longest first, as many as come nearest to `work` expected force evaluations.
     fn take(&mut self, most: usize, work: u128) -> Vec<usize> {
         let Some((_, first)) = self.jobs.pop_first() else { return Vec::new() };
         let mut taken = vec![first];
@@ -59,7 +59,7 @@ impl WorkerQueue {
             let alike = |job: &&QueuedJob| job.definition == first.definition && !job.quarantine_candidate;
             let mut sum = u128::from(first.expected);
             let fits = |job: &&QueuedJob| {
-                let has_room = sum <= work;
+                let has_room = sum.saturating_add(u128::from(job.expected) / 2) <= work;
                 sum += u128::from(job.expected);
                 has_room
             };
@@ -104,7 +104,7 @@ impl GroupQueue {
         self.queue_for(worker).and_then(|affinity| self.queues.get(&affinity)).map_or(0, WorkerQueue::head)
     }
 
-    /// Takes up to `most` jobs of one definition for `worker`, the longest of a queue first, until they exceed `work` expected
+    /// Takes up to `most` jobs of one definition for `worker`, the longest of a queue first, as many as come nearest to `work` expected
     /// force evaluations. Of the queues whose longest job is among the long ones of all: the worker's own, else that of jobs
     /// without affinity, else that with most work left (lowest worker number among equals).
     pub(super) fn take(&mut self, worker: WorkerId, most: usize, work: u128) -> Vec<usize> {
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn message_ends_with_the_job_that_exceeds_its_work() {
+    fn message_ends_where_it_is_nearest_to_its_work() {
         let mut queue = GroupQueue::default();
         for (number, expected) in [(0, 100), (1, 30), (2, 30), (3, 30), (4, 0), (5, 0)] {
             queue.add(None, job(number, expected));
@@ -243,6 +243,9 @@ mod tests {
         assert_eq!(queue.take(SECOND, 8, 45), [1, 2]);
         assert_eq!(queue.take(THIRD, 1, 45), [3]);
         assert_eq!(queue.take(FIRST, 8, 0), [4, 5], "jobs of unknown length");
+        queue.add(None, job(0, 80));
+        queue.add(None, job(1, 75));
+        assert_eq!(queue.take(FIRST, 8, 100), [0], "not twice what it may hold");
     }
 
     #[test]
