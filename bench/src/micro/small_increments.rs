@@ -64,12 +64,11 @@ impl Cell<'_> {
         let mut solver = Discs::solver(definition.options.solver, &definition.contact)?;
         let mut driven =
             Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3], seconds: 0.0 };
+        let begin = processor_time();
         for strain in path {
             let largest = strain.iter().flatten().fold(0.0_f64, |largest, value| largest.max(value.abs()));
             let ramp_steps = ((largest / definition.options.strain_per_step()).ceil() as u32).max(5);
-            let begin = processor_time();
             let end = solver.solve_one(&model, Job { state: &driven.state, strain: *strain, ramp_steps })?;
-            driven.seconds += processor_time() - begin;
             driven.evaluations += end.solved.force_evaluations;
             for (count, course) in
                 driven.courses.iter_mut().zip([Course::Elastic, Course::Events, Course::HandedOver])
@@ -79,6 +78,7 @@ impl Cell<'_> {
             driven.stresses.push(solver.network(&model, &end).stress());
             driven.state = end.state;
         }
+        driven.seconds = processor_time() - begin;
         Ok(driven)
     }
 
