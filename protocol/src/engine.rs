@@ -242,6 +242,21 @@ impl TrialFlags {
     /// The relaxation made no headway and went on with another damping and smaller steps. The answer is as good as any
     /// other unless [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
     pub const DAMPING_CHANGED: Self = Self(64);
+    /// The event-driven solver answered by the stored linear response of the state: no contact changed its mode.
+    pub const ELASTIC_INCREMENT: Self = Self(128);
+    /// The event-driven solver answered by new linear responses, because contacts changed their modes or none was stored.
+    pub const EVENT_INCREMENT: Self = Self(256);
+    /// The event-driven solver did not apply, found no answer or would not pay, and relaxation answered.
+    pub const HANDED_OVER: Self = Self(512);
+
+    /// All flags that say how an answer was found and nothing about its quality.
+    pub const COURSE: Self = Self(Self::ELASTIC_INCREMENT.0 | Self::EVENT_INCREMENT.0 | Self::HANDED_OVER.0);
+
+    /// The flags that are not among those of `other`.
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
 
     /// Whether all bits of `other` are set.
     pub fn contains(self, other: Self) -> bool {

@@ -64,6 +64,9 @@ pub fn wire_layout() -> Value {
             "fluid": TrialFlags::FLUID.0,
             "skipped_null_target": TrialFlags::SKIPPED_NULL_TARGET.0,
             "damping_changed": TrialFlags::DAMPING_CHANGED.0,
+            "elastic_increment": TrialFlags::ELASTIC_INCREMENT.0,
+            "event_increment": TrialFlags::EVENT_INCREMENT.0,
+            "handed_over": TrialFlags::HANDED_OVER.0,
         },
         "observables": {
             "first_piola": Observables::FIRST_PIOLA.0,

@@ -35,7 +35,10 @@ from .packing import Packing, pack
 from .pool import Pool, States
 from .result import (
     DAMPING_CHANGED,
+    ELASTIC_INCREMENT,
+    EVENT_INCREMENT,
     FLUID,
+    HANDED_OVER,
     LARGE_OVERLAP,
     NOT_EQUILIBRATED,
     SKIPPED_NULL_TARGET,
@@ -64,7 +67,10 @@ def observables() -> list[str]:
 
 __all__ = [
     "DAMPING_CHANGED",
+    "ELASTIC_INCREMENT",
+    "EVENT_INCREMENT",
     "FLUID",
+    "HANDED_OVER",
     "LARGE_OVERLAP",
     "NOT_EQUILIBRATED",
     "SKIPPED_NULL_TARGET",

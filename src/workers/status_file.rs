@@ -150,6 +150,7 @@ fn counters(known: &Statistics) -> BTreeMap<String, u64> {
         ("large_overlap", flags.large_overlap),
         ("no_load_bearing_contacts", flags.fluid),
         ("damping_changed", flags.damping_changed),
+        ("handed_over", flags.handed_over),
         ("unfinished_trials", known.unfinished_trials),
         ("steps_stabilised", known.stabilised_steps),
         ("error_above_wanted", known.accuracy.missed_steps),

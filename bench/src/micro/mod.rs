@@ -7,6 +7,7 @@ mod lane_cost;
 mod operator_cost;
 mod operator_sweep;
 mod pack_cost;
+mod small_increments;
 
 use anyhow::bail;
 use std::fmt::Write;
@@ -24,7 +25,7 @@ struct Micro {
 }
 
 /// All of them, in the order of the list.
-const ALL: [Micro; 6] = [
+const ALL: [Micro; 7] = [
     Micro {
         name: "assembly_cost",
         usage: "[CASE]...",
@@ -60,6 +61,12 @@ const ALL: [Micro; 6] = [
         usage: "RECIPE [NUMBER] [trace] [OUT.json]",
         about: "stages of a preparation",
         run: pack_cost::run,
+    },
+    Micro {
+        name: "small_increments",
+        usage: "[PACKING]...",
+        about: "cycles and pulses of small strain by relaxation and by the event-driven solver: evaluations, time, error",
+        run: small_increments::run,
     },
 ];
 

@@ -185,6 +185,15 @@ pub struct FlagCounts {
     pub null_targets: u64,
     /// The relaxation made no headway and went on in another way.
     pub damping_changed: u64,
+    /// The event-driven solver answered by a stored linear response.
+    #[serde(default)]
+    pub elastic_increments: u64,
+    /// The event-driven solver answered by new linear responses.
+    #[serde(default)]
+    pub event_increments: u64,
+    /// The event-driven solver handed over to relaxation.
+    #[serde(default)]
+    pub handed_over: u64,
 }
 
 impl FlagCounts {
@@ -198,6 +207,9 @@ impl FlagCounts {
             (TrialFlags::FLUID, &mut self.fluid),
             (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_targets),
             (TrialFlags::DAMPING_CHANGED, &mut self.damping_changed),
+            (TrialFlags::ELASTIC_INCREMENT, &mut self.elastic_increments),
+            (TrialFlags::EVENT_INCREMENT, &mut self.event_increments),
+            (TrialFlags::HANDED_OVER, &mut self.handed_over),
         ];
         for (flag, counter) in counters {
             *counter += u64::from(flags.contains(flag));

@@ -10,7 +10,7 @@ use crate::formulation::tensor::{matrix, tensor};
 use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
 use nalgebra::Matrix3;
-use protocol::{Observables, Tensor2};
+use protocol::{Observables, Tensor2, TrialFlags};
 use std::path::Path;
 
 /// Writes the fields of an accepted step. `asked` says which optional results are meaningful.
@@ -55,7 +55,10 @@ fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observabl
     fields.push(Field::scalar("evaluations", sums(|point| point.evaluations)));
     fields.push(Field::scalar("step_force_evaluations", sums(|point| point.step_cost.force_evaluations)));
     fields.push(Field::scalar("force_evaluations", sums(|point| point.cost.force_evaluations)));
-    fields.push(Field::scalar("flagged_points", sums(|point| u64::from(point.flags.0 != 0))));
+    fields.push(Field::scalar(
+        "flagged_points",
+        sums(|point| u64::from(point.flags.without(TrialFlags::COURSE) != TrialFlags::default())),
+    ));
     fields
 }
 

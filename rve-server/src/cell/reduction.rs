@@ -36,6 +36,9 @@ pub(crate) fn reduced<S: Space>(mut state: GrainState<S>) -> GrainState<S> {
     contacts.sort_unstable_by_key(|(contact, _)| contact.key());
     state.rolling_moments = contacts.iter().filter_map(|(_, moment)| *moment).collect();
     state.contacts = contacts.into_iter().map(|(contact, _)| contact).collect();
+    if let Some(events) = &mut state.events {
+        events.forget_response();
+    }
     state
 }
 
@@ -109,6 +112,7 @@ mod tests {
             largest_load: 0.0,
             bears_load: true,
             operators: Default::default(),
+            events: None,
         };
         let mut branches: Vec<_> = state
             .contacts
@@ -148,6 +152,7 @@ mod tests {
             largest_load: 0.0,
             bears_load: true,
             operators: Default::default(),
+            events: None,
         };
         assert_eq!(reduced(state.clone()), state);
     }

@@ -3,13 +3,15 @@
 //! A state is complete: two solvers with equal states give equal answers. The pair list is a cache and therefore not
 //! part of it, and positions are never wrapped back into the cell because the cell shift is part of a contact's key.
 
+use super::event_memory::{EventMemory, StoredResponse};
 use super::neighbours::PairKey;
 use super::operator_memory::OperatorMemory;
 use super::periodic::Cell;
-use crate::space::{Components, Discs, Space};
+use crate::space::{Components, Discs, Space, Tensor};
 use bytemuck::Pod;
 use protocol::{ContentId, DefinitionId};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A touching pair and its tangential force.
@@ -80,6 +82,23 @@ pub struct GrainState<S: Space = Discs> {
     pub largest_load: f64,
     /// Whether the contacts carry load. Grains that merely graze each other, without being in equilibrium, do not.
     pub bears_load: bool,
+    /// Memory of the event-driven solver; states of other solvers have none.
+    pub events: Option<Box<EventMemory<S>>>,
+}
+
+/// [`EventMemory`] as bytes.
+#[derive(Serialize, Deserialize)]
+struct EventPayload<'a, T> {
+    balance: i32,
+    rest: u32,
+    last_rest: u32,
+    frame: T,
+    reach: f64,
+    #[serde(with = "serde_bytes")]
+    pairs: &'a [u8],
+    /// Empty without a response.
+    #[serde(with = "serde_bytes")]
+    columns: &'a [u8],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -100,6 +119,9 @@ struct Payload<'a, T> {
     contacts: &'a [u8],
     #[serde(with = "serde_bytes")]
     rolling_moments: &'a [u8],
+    /// Left out where there is none, so that states of other solvers keep the bytes that they always had.
+    #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
+    events: Option<EventPayload<'a, T>>,
 }
 
 /// Why bytes are no state of a cell.
@@ -141,6 +163,9 @@ pub enum StateError {
     /// An averaged or calibrated operator is not finite.
     #[error("state with an operator that is not sound")]
     Operators,
+    /// A stored response names unknown grains, is not finite or of another size.
+    #[error("state with a stored response that is not sound")]
+    Response,
 }
 
 impl<S: Space> GrainState<S> {
@@ -149,6 +174,12 @@ impl<S: Space> GrainState<S> {
         let mut contacts = Vec::with_capacity(self.contacts.len() * ContactRecord::<S>::SIZE);
         for contact in &self.contacts {
             contact.write(&mut contacts);
+        }
+        let response = self.events.as_ref().and_then(|events| events.response.as_ref());
+        let mut pairs = Vec::new();
+        for pair in response.iter().flat_map(|response| response.pairs.iter()) {
+            pairs.extend_from_slice(bytemuck::bytes_of(&[pair.origin, pair.end]));
+            pairs.extend_from_slice(bytemuck::bytes_of(&pair.shift));
         }
         let payload = Payload {
             definition,
@@ -163,6 +194,15 @@ impl<S: Space> GrainState<S> {
             rotations: bytemuck::cast_slice(&self.rotations),
             contacts: &contacts,
             rolling_moments: bytemuck::cast_slice(&self.rolling_moments),
+            events: self.events.as_ref().map(|events| EventPayload {
+                balance: events.balance,
+                rest: events.rest,
+                last_rest: events.last_rest,
+                frame: response.map_or(S::Tensor::IDENTITY, |response| response.frame),
+                reach: response.map_or(0.0, |response| response.reach),
+                pairs: &pairs,
+                columns: response.map_or(&[], |response| bytemuck::cast_slice(&response.columns)),
+            }),
         };
         rmp_serde::to_vec(&payload).expect("writing MessagePack to memory cannot fail")
     }
@@ -190,6 +230,7 @@ impl<S: Space> GrainState<S> {
             unbalanced: payload.unbalanced,
             largest_load: payload.largest_load,
             bears_load: payload.bears_load,
+            events: payload.events.map(event_memory::<S>).transpose()?.map(Box::new),
         };
         if state.positions.len() != grain_count || state.rotations.len() != grain_count {
             return Err(StateError::GrainCount { found: state.positions.len(), expected: grain_count });
@@ -201,6 +242,10 @@ impl<S: Space> GrainState<S> {
         }
         if !state.operators.is_sound() {
             return Err(StateError::Operators);
+        }
+        let response = state.events.as_ref().and_then(|events| events.response.as_ref());
+        if response.is_some_and(|response| !response.is_sound(grain_count)) {
+            return Err(StateError::Response);
         }
         Ok(state)
     }
@@ -235,8 +280,30 @@ impl<S: Space> GrainState<S> {
         for moment in &mut self.rolling_moments {
             *moment = S::turned_spin(*moment, &matrix);
         }
+        if let Some(events) = &mut self.events {
+            events.turn(&matrix);
+        }
         self
     }
+}
+
+/// Reads the memory of the event-driven solver back.
+fn event_memory<S: Space>(payload: EventPayload<'_, S::Tensor>) -> Result<EventMemory<S>, StateError> {
+    let size = 8 + size_of::<S::Shift>();
+    whole_records(payload.pairs, size)?;
+    let pair = |bytes: &[u8]| {
+        let (grains, shift) = bytes.split_at(8);
+        let [origin, end]: [u32; 2] = bytemuck::pod_read_unaligned(grains);
+        PairKey { origin, end, shift: bytemuck::pod_read_unaligned(shift) }
+    };
+    let columns: Vec<f64> = copied(payload.columns)?;
+    let response = (!columns.is_empty()).then(|| StoredResponse {
+        pairs: Arc::new(payload.pairs.chunks_exact(size).map(pair).collect()),
+        columns: Arc::new(columns),
+        frame: payload.frame,
+        reach: payload.reach,
+    });
+    Ok(EventMemory { balance: payload.balance, rest: payload.rest, last_rest: payload.last_rest, response })
 }
 
 /// Refuses bytes that do not hold a whole number of records.
@@ -273,6 +340,7 @@ mod tests {
             unbalanced: 1e-4,
             largest_load: 3.5,
             bears_load: true,
+            events: None,
         }
     }
 
@@ -283,6 +351,29 @@ mod tests {
         let restored = GrainState::<Discs>::from_bytes(&bytes, id, 2).unwrap();
         assert_eq!(restored.to_bytes(id), bytes);
         assert_eq!(restored, state());
+    }
+
+    #[test]
+    fn memory_of_the_event_driven_solver_is_restored_and_states_without_keep_their_bytes() {
+        let id = ContentId::of(b"definition");
+        let plain = state().to_bytes(id).len();
+        let response = StoredResponse {
+            pairs: Arc::new(vec![PairKey { origin: 0, end: 1, shift: [-1, 2] }]),
+            columns: Arc::new((0..18).map(|place| f64::from(place) / 7.0).collect()),
+            frame: [[0.0, -1.0], [1.0, 0.0]],
+            reach: 1e-3,
+        };
+        let memory = EventMemory { balance: -7, rest: 3, last_rest: 8, response: Some(response) };
+        let with = GrainState { events: Some(Box::new(memory.clone())), ..state() };
+        let bytes = with.to_bytes(id);
+        assert!(bytes.len() > plain);
+        assert_eq!(GrainState::from_bytes(&bytes, id, 2).unwrap(), with);
+        let mut damaged = memory;
+        if let Some(response) = &mut damaged.response {
+            response.columns = Arc::new(vec![0.0; 17]);
+        }
+        let bytes = GrainState { events: Some(Box::new(damaged)), ..state() }.to_bytes(id);
+        assert_eq!(GrainState::<Discs>::from_bytes(&bytes, id, 2).unwrap_err(), StateError::Response);
     }
 
     #[test]
@@ -318,6 +409,7 @@ mod tests {
             unbalanced: 0.0,
             largest_load: 0.0,
             bears_load: false,
+            events: None,
         };
         let id = ContentId::of(b"definition");
         let restored = GrainState::<Spheres>::from_bytes(&state.to_bytes(id), id, 1).unwrap();

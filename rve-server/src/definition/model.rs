@@ -74,6 +74,7 @@ impl GrainModel {
             unbalanced: 0.0,
             largest_load: 0.0,
             bears_load: true,
+            events: None,
         }
     }
 

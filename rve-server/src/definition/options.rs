@@ -92,6 +92,9 @@ pub enum SolverName {
     /// Ramp in small strain increments, damped explicit motion to equilibrium.
     #[default]
     Relaxation,
+    /// Small increments of discs by the linear response of the grains, checked with the exact contact forces; all others
+    /// by relaxation.
+    EventDriven,
 }
 
 impl SolverName {
@@ -150,6 +153,10 @@ pub struct RveOptions {
     /// false` in `[economy]` sets it.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub relax_zero_increments: bool,
+    /// Largest strain component of a trial that `solver = "event_driven"` answers itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0))]
+    pub largest_event_increment: Option<f64>,
     /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,
 }
@@ -173,6 +180,10 @@ impl RveOptions {
         positive("rve.strain_per_step", self.strain_per_step())?;
         positive("rve.tolerance", self.tolerance())?;
         positive("rve.largest_target", self.largest_target())?;
+        positive("rve.largest_event_increment", self.largest_event_increment())?;
+        if self.largest_event_increment.is_some() && self.solver != SolverName::EventDriven {
+            return Err(DefinitionError("rve.largest_event_increment needs solver = \"event_driven\"".into()));
+        }
         if self.local_damping.is_some() && self.damping != Damping::Local {
             return Err(DefinitionError("rve.local_damping needs damping = \"local\"".into()));
         }
@@ -258,6 +269,11 @@ impl RveOptions {
     /// Step cap in force.
     pub fn max_steps(&self) -> u32 {
         self.max_steps.unwrap_or(20_000)
+    }
+
+    /// Largest strain component of an event-driven trial in force.
+    pub fn largest_event_increment(&self) -> f64 {
+        self.largest_event_increment.unwrap_or(1e-5)
     }
 
     /// Limit of |H| in force.

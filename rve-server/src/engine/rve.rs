@@ -7,7 +7,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, GrainModel, RveOptions};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
-use crate::solver::{End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
+use crate::solver::{Course, End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
@@ -246,6 +246,12 @@ impl<S: SolverFor> GrainRve<S> {
         if solved.changed_damping {
             flags.insert(TrialFlags::DAMPING_CHANGED);
         }
+        flags.insert(match solved.course {
+            Course::Relaxed => TrialFlags::default(),
+            Course::Elastic => TrialFlags::ELASTIC_INCREMENT,
+            Course::Events => TrialFlags::EVENT_INCREMENT,
+            Course::HandedOver => TrialFlags::HANDED_OVER,
+        });
         let cost = Cost {
             force_evaluations: solved.force_evaluations,
             ramp_steps: u64::from(solved.ramp_steps),

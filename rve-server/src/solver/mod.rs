@@ -3,9 +3,11 @@
 //! [`GrainSolver`] is the seam. A second solver is a folder next to `relaxation`, a [`SolverName`], and an arm of
 //! `solver_of`; the key `[rve] solver` then chooses it.
 
+mod event_driven;
 pub mod kernel;
 mod relaxation;
 
+pub use event_driven::Course;
 pub(crate) use relaxation::descent_share;
 
 use crate::cell::{ContactNetwork, GrainState};
@@ -51,6 +53,8 @@ pub struct Solved {
     pub bears_load: bool,
     /// Whether the solver changed its damping because the grains did not come to rest with the one chosen.
     pub changed_damping: bool,
+    /// How the answer was found.
+    pub course: Course,
 }
 
 /// The end of a solve.
@@ -119,7 +123,10 @@ pub trait SolverFor: Space {
 
 impl SolverFor for Discs {
     fn solver(name: SolverName, contact: &ContactTable) -> Result<Box<dyn GrainSolver<Self>>, DefinitionError> {
-        solver_of(name, contact)
+        match name {
+            SolverName::EventDriven => event_driven::for_discs(contact),
+            SolverName::Relaxation => solver_of(name, contact),
+        }
     }
 }
 
@@ -129,9 +136,10 @@ impl SolverFor for Spheres {
     }
 }
 
-/// The registry of solvers.
+/// The registry of solvers for any grains.
 fn solver_of<S: Space>(name: SolverName, contact: &ContactTable) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
     match name {
         SolverName::Relaxation => relaxation::for_contact(contact),
+        SolverName::EventDriven => event_driven::for_others(contact),
     }
 }

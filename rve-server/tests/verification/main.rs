@@ -3,6 +3,7 @@
 
 mod contract;
 mod equilibrium;
+mod event_driven;
 mod impacts;
 mod invariances;
 mod large_shear;

@@ -42,7 +42,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 39] = [
+pub(crate) const COUNTERS: [Counter; 40] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -57,6 +57,7 @@ pub(crate) const COUNTERS: [Counter; 39] = [
     counter("stabilisation_evaluations", Harmless, "evaluation* in stabilisation"),
     counter("unfinished_trials", Harmless, "unfinished trial*"),
     counter("damping_changed", Harmless, "trial* with changed damping"),
+    counter("handed_over", Harmless, "trial* handed over to relaxation"),
     counter("sub_steps_of_points", Harmless, "sub-step* of points"),
     counter("tangent_fallback", Harmless, "singular tangent* replaced"),
     counter("tangent_regularised", Harmless, "regularised tangent*"),
@@ -85,10 +86,12 @@ pub(crate) const COUNTERS: [Counter; 39] = [
 ];
 
 /// Every counter of `skipped` in `summary.json`, with its label.
-pub(crate) const SKIPPED: [(&str, &str); 3] = [
+pub(crate) const SKIPPED: [(&str, &str); 5] = [
     ("unchanged_targets", "unchanged target*"),
     ("duplicate_trials", "duplicate trial*"),
     ("zero_increments", "zero increment*"),
+    ("elastic_increments", "increment* by a stored response"),
+    ("event_increments", "increment* by new responses"),
 ];
 
 /// Former names of counters, which `summary.json` still holds next to the new ones: table, former name, name.

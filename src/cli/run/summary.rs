@@ -106,7 +106,14 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
     let all = fallbacks.iter().map(|(name, count)| (name.as_str(), *count)).chain(others);
     let fallback_groups = grouped(all);
     add_deprecated("fallbacks", &mut fallbacks);
-    let skips = [statistics.skipped, pool.duplicates_skipped, statistics.flags.null_targets];
+    let flags = &statistics.flags;
+    let skips = [
+        statistics.skipped,
+        pool.duplicates_skipped,
+        flags.null_targets,
+        flags.elastic_increments,
+        flags.event_increments,
+    ];
     let mut skipped: BTreeMap<String, u64> =
         SKIPPED.into_iter().zip(skips).map(|((name, _), count)| (name.to_owned(), count)).collect();
     add_deprecated("skipped", &mut skipped);
@@ -191,6 +198,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("large_overlap", flags.large_overlap),
         ("no_load_bearing_contacts", flags.fluid),
         ("damping_changed", flags.damping_changed),
+        ("handed_over", flags.handed_over),
         ("tangent_floored", statistics.floored_tangents),
         ("secant_refused", statistics.secant_refusals),
         ("asymmetric_stresses", statistics.asymmetric_stresses),

@@ -140,6 +140,7 @@ impl FrameRve {
             unbalanced: 0.0,
             largest_load: 0.0,
             bears_load: true,
+            events: None,
         };
         let mut frame = Self {
             id: definition.to_protocol().id(),

@@ -29,6 +29,7 @@ use crate::definition::GrainModel;
 use crate::error::DefinitionError;
 use crate::simd::{Lanes, Real, Tuple};
 use crate::space::{Axial, Components, KernelSpace, Space};
+pub(super) use criterion::Imbalance;
 pub(crate) use damping::descent_share;
 
 use batch::{Batch, LaneContents, branch_of};
@@ -313,6 +314,7 @@ fn end_of<S: Space, C: ContactLaw<S::Kernel>>(
         unbalanced: solved.unbalanced,
         largest_load: run.largest_load(),
         bears_load: solved.bears_load,
+        events: None,
     };
     End { solved, state, slid }
 }

@@ -3,7 +3,7 @@
 //! Everything here is decided from the cell's own numbers, so its path does not depend on the other cells of the
 //! batch.
 
-use super::super::{Job, Solved};
+use super::super::{Course, Job, Solved};
 use super::batch::Batch;
 use super::convergence::{Advice, ConvergenceMonitor};
 use super::criterion::{ENERGY_HITS, Imbalance};
@@ -270,6 +270,7 @@ impl<S: Space> Run<S> {
             equilibrated,
             bears_load,
             changed_damping: self.damper.changes() > 0,
+            course: Course::Relaxed,
         }
     }
 

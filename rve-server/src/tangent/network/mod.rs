@@ -8,6 +8,7 @@ mod block_matrix;
 mod conjugate_gradients;
 mod elimination;
 mod factors;
+mod motions;
 mod operator;
 mod orderings;
 mod response;
@@ -16,6 +17,7 @@ mod solver;
 mod two_level;
 mod vectorised;
 
+pub(crate) use motions::{DiscMotions, DiscPair, disc_motions};
 pub(super) use operator::solve;
 #[cfg(test)]
 pub(super) use operator::solve_within;

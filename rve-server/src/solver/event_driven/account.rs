@@ -1,0 +1,90 @@
+//! Whether linear responses pay, decided from what they have cost and saved on the way to the state.
+
+use crate::cell::EventMemory;
+use crate::definition::RveOptions;
+use crate::space::Space;
+
+/// Force evaluations that take as long as one factorisation with its solutions.
+const OF_FACTORISATION: i32 = 25;
+
+/// Bound of the balance in either direction. At the lower one the solver rests.
+const BOUND: i32 = 400;
+
+/// Trials that relaxation answers then, at first and at most. Each rest is twice the last one, and after it half the bound may
+/// be lost again.
+const REST: [u32; 2] = [8, 512];
+
+/// Force evaluations that relaxation spends on each decade of the tolerance below 1e-3.
+const PER_DECADE: f64 = 30.0;
+
+/// Fewest force evaluations after a ramp.
+const AFTER_RAMP: f64 = 11.0;
+
+/// What one attempt has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Spent {
+    /// Contact-force evaluations.
+    pub(super) evaluations: i32,
+    /// Factorisations.
+    pub(super) factorisations: i32,
+}
+
+impl Spent {
+    /// In force evaluations.
+    fn in_evaluations(self) -> i32 {
+        self.evaluations + OF_FACTORISATION * self.factorisations
+    }
+}
+
+/// Force evaluations that relaxation would spend, roughly.
+fn of_relaxation(options: &RveOptions, ramp_steps: u32) -> i32 {
+    let decades = (1e-3 / options.tolerance()).log10().clamp(0.0, 10.0);
+    (f64::from(ramp_steps) + AFTER_RAMP + PER_DECADE * decades).min(f64::from(BOUND)) as i32
+}
+
+/// Books an attempt that has answered, or one in vain.
+pub(super) fn book<S: Space>(
+    memory: &mut EventMemory<S>,
+    spent: Spent,
+    answered: bool,
+    options: &RveOptions,
+    ramp_steps: u32,
+) {
+    let saved = if answered { of_relaxation(options, ramp_steps) } else { 0 };
+    memory.balance = (memory.balance + saved - spent.in_evaluations()).clamp(-BOUND, BOUND);
+    if memory.balance == -BOUND {
+        memory.balance = -BOUND / 2;
+        memory.rest = (2 * memory.last_rest).clamp(REST[0], REST[1]);
+        memory.last_rest = memory.rest;
+        memory.response = None;
+    } else if memory.balance >= 0 {
+        memory.last_rest = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::Discs;
+
+    #[test]
+    fn what_does_not_pay_rests_longer_and_longer_until_it_pays_again() {
+        let options = RveOptions::default();
+        let mut memory = EventMemory::<Discs>::default();
+        let dear = Spent { evaluations: 10, factorisations: 4 };
+        let mut rests = Vec::new();
+        for _ in 0..30 {
+            book(&mut memory, dear, false, &options, 5);
+            if memory.rest > 0 {
+                rests.push(memory.rest);
+                memory.rest = 0;
+            }
+        }
+        assert_eq!(rests[..4], [8, 16, 32, 64]);
+        let cheap = Spent { evaluations: 1, factorisations: 0 };
+        for _ in 0..100 {
+            book(&mut memory, cheap, true, &options, 5);
+        }
+        assert_eq!((memory.last_rest, memory.balance), (0, BOUND));
+    }
+}

@@ -1,0 +1,178 @@
+//! The event-driven solver: small increments by the linear response of the grains, with an exact check of every answer.
+//!
+//! Between two events (a contact opens, closes, begins or ceases to slide) the grains of an equilibrated cell answer a strain
+//! linearly. The response is found by one sparse factorisation, stored with the state, and used until it fails: an answer is
+//! accepted only if the exact contact forces after the increment are in balance. Where they are not, Newton's method finds
+//! the modes of the contacts at the end of the increment. Everything else is handed over to relaxation, which is the default
+//! solver: increments that are large, laws other than linear springs with friction, spheres, cells that carry no load, modes
+//! that are not found, and cells in which all this has cost more than it saved.
+
+mod account;
+mod attempt;
+mod course;
+mod evaluation;
+
+pub use course::Course;
+
+use super::{End, GrainSolver, Job, relaxation};
+use crate::cell::{ContactNetwork, EventMemory, GrainState};
+use crate::contact::{ContactTable, LawName, PlainLinear};
+use crate::definition::{Criterion, GrainModel};
+use crate::error::DefinitionError;
+use crate::space::{Discs, Space, largest_component};
+use account::{Spent, book};
+use attempt::{Workspace, attempt};
+use protocol::RveError;
+
+/// The solver with its working memory and the relaxation that it hands over to.
+#[derive(Debug)]
+struct EventDriven<S: Space> {
+    relaxation: Box<dyn GrainSolver<S>>,
+}
+
+/// The same for discs with linear springs and friction.
+#[derive(Debug)]
+struct EventDrivenDiscs {
+    relaxation: Box<dyn GrainSolver<Discs>>,
+    law: PlainLinear,
+    work: Workspace,
+}
+
+/// The event-driven solver for discs and the law that a table chooses.
+///
+/// # Errors
+/// A table that is not valid.
+pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Discs>>, DefinitionError> {
+    if contact.law != LawName::Linear || contact.is_extended() || !contact.has_tangential_springs() {
+        return for_others(contact);
+    }
+    let law = contact.plain_linear()?;
+    Ok(Box::new(EventDrivenDiscs { relaxation: relaxation::for_contact(contact)?, law, work: Workspace::default() }))
+}
+
+/// The solver for grains or laws without linear responses: it hands everything over, and says so.
+///
+/// # Errors
+/// A table that is not valid.
+pub(super) fn for_others<S: Space>(contact: &ContactTable) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
+    Ok(Box::new(EventDriven { relaxation: relaxation::for_contact(contact)? }))
+}
+
+/// Whether a job asks for a motion; others are mere evaluations.
+fn moves<S: Space>(job: &Job<'_, S>) -> bool {
+    job.ramp_steps > 0
+}
+
+/// Marks an answer of relaxation.
+fn handed_over<S: Space>(job: &Job<'_, S>, end: Result<End<S>, RveError>) -> Result<End<S>, RveError> {
+    end.map(|mut end| {
+        if moves(job) {
+            end.solved.course = Course::HandedOver;
+        }
+        end
+    })
+}
+
+impl<S: Space> GrainSolver<S> for EventDriven<S> {
+    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>> {
+        let ends = self.relaxation.solve(model, jobs);
+        jobs.iter().zip(ends).map(|(job, end)| handed_over(job, end)).collect()
+    }
+
+    fn network(&self, model: &GrainModel, end: &End<S>) -> ContactNetwork<S> {
+        self.relaxation.network(model, end)
+    }
+
+    fn elastic_energy(&self, model: &GrainModel, state: &GrainState<S>) -> f64 {
+        self.relaxation.elastic_energy(model, state)
+    }
+
+    fn use_lanes(&mut self, uses_lanes: bool) {
+        self.relaxation.use_lanes(uses_lanes);
+    }
+
+    fn new_instance(&self) -> Box<dyn GrainSolver<S>> {
+        Box::new(Self { relaxation: self.relaxation.new_instance() })
+    }
+}
+
+impl GrainSolver<Discs> for EventDrivenDiscs {
+    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, Discs>]) -> Vec<Result<End<Discs>, RveError>> {
+        let mut ends: Vec<Option<Result<End<Discs>, RveError>>> = Vec::with_capacity(jobs.len());
+        let (mut rest, mut memories) = (Vec::new(), Vec::new());
+        for job in jobs {
+            let mut memory = job.state.events.as_deref().cloned().unwrap_or_default();
+            let mut spent = Spent::default();
+            let answer = self.answer(model, job, &mut memory, &mut spent);
+            if answer.is_none() {
+                memory.response = None;
+                rest.push(*job);
+                memories.push((memory, spent));
+            }
+            ends.push(answer.map(Ok));
+        }
+        let mut relaxed = self.relaxation.solve(model, &rest).into_iter().zip(&rest).zip(memories);
+        for end in ends.iter_mut().filter(|end| end.is_none()) {
+            *end = relaxed.next().map(|((end, job), (memory, spent))| {
+                let end = handed_over(job, end);
+                end.map(|mut end| {
+                    end.solved.force_evaluations += u64::from(spent.evaluations.unsigned_abs());
+                    end.state.events = moves(job).then(|| Box::new(memory));
+                    end
+                })
+            });
+        }
+        ends.into_iter().flatten().collect()
+    }
+
+    fn network(&self, model: &GrainModel, end: &End<Discs>) -> ContactNetwork<Discs> {
+        self.relaxation.network(model, end)
+    }
+
+    fn elastic_energy(&self, model: &GrainModel, state: &GrainState<Discs>) -> f64 {
+        self.relaxation.elastic_energy(model, state)
+    }
+
+    fn use_lanes(&mut self, uses_lanes: bool) {
+        self.relaxation.use_lanes(uses_lanes);
+    }
+
+    fn new_instance(&self) -> Box<dyn GrainSolver<Discs>> {
+        Box::new(Self { relaxation: self.relaxation.new_instance(), law: self.law, work: Workspace::default() })
+    }
+}
+
+impl EventDrivenDiscs {
+    /// Answers a job, or leaves it to relaxation. `memory` becomes that of the state that follows in either case.
+    fn answer(
+        &mut self,
+        model: &GrainModel,
+        job: &Job<'_, Discs>,
+        memory: &mut EventMemory<Discs>,
+        spent: &mut Spent,
+    ) -> Option<End<Discs>> {
+        let applies = moves(job)
+            && job.state.bears_load
+            && !job.state.contacts.is_empty()
+            && model.options.criterion != Criterion::Energy
+            && largest_component(&job.strain) <= model.options.largest_event_increment();
+        if !applies {
+            return None;
+        }
+        if memory.rest > 0 {
+            memory.rest -= 1;
+            return None;
+        }
+        let answered = attempt(&mut self.work, model, &self.law, job, spent).ok();
+        memory.response = None;
+        let answer = answered.map(|answered| {
+            memory.response = Some(answered.response);
+            answered.end
+        });
+        book(memory, *spent, answer.is_some(), &model.options, job.ramp_steps);
+        answer.map(|mut end| {
+            end.state.events = Some(Box::new(memory.clone()));
+            end
+        })
+    }
+}
