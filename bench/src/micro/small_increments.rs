@@ -15,6 +15,7 @@ use rve_server::definition::{GrainDefinition, GrainModel, PackingFile, RveOption
 use rve_server::engine::GrainRve;
 use rve_server::solver::{Course, Job, SolverFor};
 use rve_server::space::Discs;
+use rve_server::tangent::network::NetworkResponses;
 use std::path::Path;
 
 type Plane = [[f64; 2]; 2];
@@ -62,6 +63,7 @@ impl Cell<'_> {
         let definition = self.definition(options);
         let model = GrainModel::new(&definition)?;
         let mut solver = Discs::solver(definition.options.solver, &definition.contact)?;
+        solver.use_responses(Box::new(NetworkResponses::default()));
         let mut driven =
             Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3], seconds: 0.0 };
         let begin = processor_time();

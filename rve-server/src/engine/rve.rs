@@ -9,6 +9,7 @@ use crate::homogenization::observation::{in_space, note_condition, observe, of_s
 use crate::homogenization::picture::CellPicture;
 use crate::solver::{Course, End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
+use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
     Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags,
@@ -114,6 +115,7 @@ impl<S: SolverFor> GrainRve<S> {
     pub(super) fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
         let model = GrainModel::new(definition)?;
         let mut solver = S::solver(definition.options.solver, &definition.contact).map_err(refused)?;
+        solver.use_responses(Box::new(NetworkResponses::default()));
         let given = model.initial_state(definition);
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
         let found = solver.evaluate_state(&model, &given).ok().filter(|end| end.solved.unbalanced.is_finite());

@@ -7,7 +7,7 @@ mod event_driven;
 pub mod kernel;
 mod relaxation;
 
-pub use event_driven::Course;
+pub use event_driven::{Course, DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::descent_share;
 
 use crate::cell::{ContactNetwork, GrainState};
@@ -88,6 +88,9 @@ pub trait GrainSolver<S: Space>: Debug + Send + Sync {
 
     /// Whether several jobs are solved side by side in lanes; a solver without lanes has no such choice.
     fn use_lanes(&mut self, _uses_lanes: bool) {}
+
+    /// Gives the solver the linear responses that it may use; a solver without such a use has no such choice.
+    fn use_responses(&mut self, _responses: Box<dyn LinearResponses>) {}
 
     /// A solver for the same law without any working memory.
     fn new_instance(&self) -> Box<dyn GrainSolver<S>>;

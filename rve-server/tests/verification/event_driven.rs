@@ -9,6 +9,7 @@ use rve_server::engine::GrainRve;
 use rve_server::solver::{Course, Job, SolverFor};
 use rve_server::space::Discs;
 use rve_server::space::plane::{self, Plane};
+use rve_server::tangent::network::NetworkResponses;
 
 fn definition(name: &str, options: RveOptions) -> GrainDefinition {
     GrainDefinition { packing: packing(name), contact: sand(), options }
@@ -42,6 +43,7 @@ fn run(name: &str, options: RveOptions, start: &GrainState, path: &[Plane]) -> (
     let definition = definition(name, options);
     let model = GrainModel::new(&definition).unwrap();
     let mut solver = Discs::solver(definition.options.solver, &definition.contact).unwrap();
+    solver.use_responses(Box::new(NetworkResponses::default()));
     let mut state = start.clone();
     let (mut counts, mut stresses) = (Counts::default(), Vec::new());
     for strain in path {

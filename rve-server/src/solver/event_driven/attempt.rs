@@ -8,14 +8,13 @@
 
 use super::account::Spent;
 use super::evaluation::{Evaluation, Motion, Start};
+use super::linear::{DiscMotions, LinearResponses};
 use crate::cell::{ContactRecord, GrainState, PairFinder, PairKey, StoredResponse};
 use crate::contact::{PlainLinear, Rotations};
 use crate::definition::GrainModel;
 use crate::solver::relaxation::Imbalance;
 use crate::solver::{Course, End, Job, Solved};
 use crate::space::{Discs, Tensor, norm, rotated, transpose};
-use crate::tangent::Orderings;
-use crate::tangent::network::{DiscMotions, disc_motions};
 use std::sync::Arc;
 
 /// Largest out-of-balance ratio of an answer, unless the tolerance is smaller. The error of the stress over the pressure is
@@ -50,7 +49,6 @@ pub(super) struct GivenUp;
 /// Working memory: nothing but speed depends on it.
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
-    orderings: Orderings,
     finder: PairFinder<Discs>,
 }
 
@@ -63,6 +61,7 @@ pub(super) struct Answered {
 /// Tries to answer a job; `spent` is counted up in any case.
 pub(super) fn attempt(
     work: &mut Workspace,
+    responses: &mut dyn LinearResponses,
     model: &GrainModel,
     law: &PlainLinear,
     job: &Job<'_, Discs>,
@@ -71,7 +70,7 @@ pub(super) fn attempt(
     let stored = job.state.events.as_deref().and_then(|events| events.response.as_ref());
     if let Some(stored) = stored {
         let trial = Trial::new(model, law, job, Arc::clone(&stored.pairs), stored.reach);
-        match trial.solved(work, Some(stored), spent) {
+        match trial.solved(responses, Some(stored), spent) {
             Err(Stopped::ListEnds) => {}
             Err(Stopped::GivenUp) => return Err(GivenUp),
             Ok(answered) => return Ok(answered),
@@ -81,7 +80,7 @@ pub(super) fn attempt(
     let mut pairs = Vec::new();
     work.finder.find(&job.state.cell, job.state.positions.iter().copied(), &model.radii, skin, &mut pairs);
     let trial = Trial::new(model, law, job, Arc::new(pairs), skin);
-    trial.solved(work, stored, spent).map_err(|_| GivenUp)
+    trial.solved(responses, stored, spent).map_err(|_| GivenUp)
 }
 
 /// Why a trial has no answer.
@@ -114,7 +113,7 @@ impl<'a> Trial<'a> {
 
     fn solved(
         &self,
-        work: &mut Workspace,
+        responses: &mut dyn LinearResponses,
         stored: Option<&StoredResponse<Discs>>,
         spent: &mut Spent,
     ) -> Result<Answered, Stopped> {
@@ -130,7 +129,7 @@ impl<'a> Trial<'a> {
                 // The response of the committed state, with its own forces out of balance.
                 let still = self.start.evaluate(&[[0.0; 2]; 2], &motion);
                 spent.evaluations += 1;
-                let found = self.motions(work, &still, spent)?;
+                let found = self.motions(responses, &still, spent)?;
                 step(&mut motion, &found, strains(&self.job.strain));
                 columns = Some(found);
                 self.evaluate(&mut motion, bound, spent)
@@ -148,7 +147,7 @@ impl<'a> Trial<'a> {
                 if idle >= MOST_IDLE || spent.factorisations >= MOST_FACTORISATIONS {
                     break;
                 }
-                let found = self.motions(work, &evaluation, spent)?;
+                let found = self.motions(responses, &evaluation, spent)?;
                 step(&mut motion, &found, [0.0; 3]);
                 columns = Some(found);
                 evaluation = self.evaluate(&mut motion, bound, spent);
@@ -194,7 +193,7 @@ impl<'a> Trial<'a> {
 
     fn motions(
         &self,
-        work: &mut Workspace,
+        responses: &mut dyn LinearResponses,
         evaluation: &Evaluation,
         spent: &mut Spent,
     ) -> Result<DiscMotions, Stopped> {
@@ -202,7 +201,7 @@ impl<'a> Trial<'a> {
         let pairs = self.start.linear_pairs(evaluation);
         let (model, loads) = (self.model, &evaluation.loads);
         let free = model.rotations == Rotations::Free;
-        let found = disc_motions(&mut work.orderings, &model.radii, model.friction, free, &pairs, loads);
+        let found = responses.motions(&model.radii, model.friction, free, &pairs, loads);
         found.ok_or(Stopped::GivenUp)
     }
 

@@ -11,8 +11,10 @@ mod account;
 mod attempt;
 mod course;
 mod evaluation;
+mod linear;
 
 pub use course::Course;
+pub use linear::{DiscMotions, DiscPair, LinearResponses};
 
 use super::{End, GrainSolver, Job, relaxation};
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
@@ -36,6 +38,8 @@ struct EventDrivenDiscs {
     relaxation: Box<dyn GrainSolver<Discs>>,
     law: PlainLinear,
     work: Workspace,
+    /// Without them everything is handed over.
+    responses: Option<Box<dyn LinearResponses>>,
 }
 
 /// The event-driven solver for discs and the law that a table chooses.
@@ -47,7 +51,8 @@ pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Di
         return for_others(contact);
     }
     let law = contact.plain_linear()?;
-    Ok(Box::new(EventDrivenDiscs { relaxation: relaxation::for_contact(contact)?, law, work: Workspace::default() }))
+    let relaxation = relaxation::for_contact(contact)?;
+    Ok(Box::new(EventDrivenDiscs { relaxation, law, work: Workspace::default(), responses: None }))
 }
 
 /// The solver for grains or laws without linear responses: it hands everything over, and says so.
@@ -137,8 +142,18 @@ impl GrainSolver<Discs> for EventDrivenDiscs {
         self.relaxation.use_lanes(uses_lanes);
     }
 
+    fn use_responses(&mut self, responses: Box<dyn LinearResponses>) {
+        self.responses = Some(responses);
+    }
+
     fn new_instance(&self) -> Box<dyn GrainSolver<Discs>> {
-        Box::new(Self { relaxation: self.relaxation.new_instance(), law: self.law, work: Workspace::default() })
+        let responses = self.responses.as_ref().map(|responses| responses.new_instance());
+        Box::new(Self {
+            relaxation: self.relaxation.new_instance(),
+            law: self.law,
+            work: Workspace::default(),
+            responses,
+        })
     }
 }
 
@@ -163,7 +178,8 @@ impl EventDrivenDiscs {
             memory.rest -= 1;
             return None;
         }
-        let answered = attempt(&mut self.work, model, &self.law, job, spent).ok();
+        let responses = self.responses.as_deref_mut()?;
+        let answered = attempt(&mut self.work, responses, model, &self.law, job, spent).ok();
         memory.response = None;
         let answer = answered.map(|answered| {
             memory.response = Some(answered.response);

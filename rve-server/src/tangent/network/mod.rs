@@ -17,7 +17,7 @@ mod solver;
 mod two_level;
 mod vectorised;
 
-pub(crate) use motions::{DiscMotions, DiscPair, disc_motions};
+pub use motions::NetworkResponses;
 pub(super) use operator::solve;
 #[cfg(test)]
 pub(super) use operator::solve_within;

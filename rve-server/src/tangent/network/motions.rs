@@ -10,6 +10,7 @@ use super::factors::Factors;
 use super::orderings::Orderings;
 use super::response::Response;
 use super::vectorised::{Vectorised, dispatch};
+use crate::solver::{DiscMotions, DiscPair, LinearResponses};
 use crate::tangent::link::Link;
 use crate::tangent::sliding::{ContactStiffness, Sliding, SlidingSet};
 
@@ -26,51 +27,35 @@ const UNKNOWNS: usize = 3;
 /// Right-hand sides: the strains 11, 22 and 12 (with 1/2 at both places), and the forces out of balance.
 const SIDES: usize = 4;
 
-/// Two discs that touch, or could soon.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct DiscPair {
-    /// Origin grain.
-    pub origin: usize,
-    /// End grain.
-    pub end: usize,
-    /// Whether they touch; others only have a place in the matrix.
-    pub touches: bool,
-    /// Branch vector, m.
-    pub branch: [f64; 2],
-    /// Its length, m.
-    pub length: f64,
-    /// Normal and tangential stiffness, N/m.
-    pub stiffness: [f64; 2],
-    /// Normal force, N; negative in compression.
-    pub normal_force: f64,
-    /// Tangential force along the tangent, N.
-    pub tangential_force: f64,
-    /// Whether the contact slides: its tangential force follows the Coulomb limit.
-    pub slides: bool,
+/// The responses by the equations of the network operators.
+#[derive(Debug, Default)]
+pub struct NetworkResponses {
+    orderings: Orderings,
 }
 
-/// Motion of each grain besides the affine one, m, `[unknown][right-hand side]`.
-pub(crate) type DiscMotions = Vec<[[f64; SIDES]; UNKNOWNS]>;
-
-/// The motions of all grains with these pairs, sorted by origin and end grain. `loads` are the forces out of balance on
-/// each grain and its moment over its radius, N. `None` where the equations have no finite solution.
-pub(crate) fn disc_motions(
-    orderings: &mut Orderings,
-    radii: &[f64],
-    friction: f64,
-    rotations_free: bool,
-    pairs: &[DiscPair],
-    loads: &[[f64; UNKNOWNS]],
-) -> Option<DiscMotions> {
-    if !pairs.iter().any(|pair| pair.touches) {
-        return None;
+impl LinearResponses for NetworkResponses {
+    fn motions(
+        &mut self,
+        radii: &[f64],
+        friction: f64,
+        rotations_free: bool,
+        pairs: &[DiscPair],
+        loads: &[[f64; UNKNOWNS]],
+    ) -> Option<DiscMotions> {
+        if !pairs.iter().any(|pair| pair.touches) {
+            return None;
+        }
+        let (matrix, columns) = assembled(radii, friction, rotations_free, pairs, loads);
+        let elimination = self.orderings.of(matrix.grains(), &matrix.pairs)?;
+        let symmetric = !pairs.iter().any(|pair| pair.slides);
+        let work = Motions { matrix: &matrix, columns: &columns, elimination: &elimination, symmetric };
+        let motions = dispatch(work);
+        motions.iter().flatten().flatten().all(|value| value.is_finite()).then_some(motions)
     }
-    let (matrix, columns) = assembled(radii, friction, rotations_free, pairs, loads);
-    let elimination = orderings.of(matrix.grains(), &matrix.pairs)?;
-    let symmetric = !pairs.iter().any(|pair| pair.slides);
-    let work = Motions { matrix: &matrix, columns: &columns, elimination: &elimination, symmetric };
-    let motions = dispatch(work);
-    motions.iter().flatten().flatten().all(|value| value.is_finite()).then_some(motions)
+
+    fn new_instance(&self) -> Box<dyn LinearResponses> {
+        Box::new(Self::default())
+    }
 }
 
 fn assembled(
