@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release -p grainspan-hosts --features network --example supply -- [CONNECTIONS] [KB_OF_STATE] [TRIALS] [JOBS_A_MESSAGE]`
 
+#![expect(clippy::print_stdout, reason = "a program for people")]
+
 use hosts::{DoorOptions, JoinedPort, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
