@@ -29,6 +29,10 @@ use report::Report;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// As in the program that is measured.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// One study.
 struct Study {
     /// Name on the command line and of the folder.

@@ -5,7 +5,7 @@ use crate::definition::RveOptions;
 use crate::space::Space;
 
 /// Force evaluations that take as long as one factorisation with its solutions.
-const OF_FACTORISATION: i32 = 25;
+const OF_FACTORISATION: i32 = 55;
 
 /// Bound of the balance in either direction. At the lower one the solver rests.
 const BOUND: i32 = 400;

@@ -8,8 +8,8 @@ use crate::space::{Components, Space, Tensor, add_scaled, apply, inverse, norm, 
 /// Most lists that are kept.
 const MOST_LISTS: usize = 64;
 
-/// Most pairs that are kept in all, some tens of megabytes.
-const MOST_PAIRS: usize = 1 << 20;
+/// Most pairs that are kept in all, some five megabytes with their positions.
+const MOST_PAIRS: usize = 1 << 18;
 
 /// A list is taken if this share of the skin at least is left for the motion to come.
 const SHARE_LEFT: f64 = 0.5;
