@@ -16,7 +16,7 @@ const SCENE: ShortScene =
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A run that begins without any agent. One joins; while the run is paused another joins and the first is asked to leave; the first comes
-/// back later. Same bytes, and nobody counts as lost.
+/// back later. Same bytes, and no agent counts as lost.
 ///
 /// # Errors
 /// What differs, what was counted instead, or that something hangs.

@@ -1,11 +1,13 @@
 //! What several hosts cost: the main scene on two workers of one host, and on two hosts with an agent of one worker each.
 //!
 //! Both sides run in turn, the order changing from pair to pair, and the medians over all pairs are compared. Every pair must have the
-//! same bytes. Wall times mean something on a quiet machine only; the processor time of all processes is less sensitive.
+//! same bytes. Wall times mean something on a quiet machine only, and what else the machine does changes the time that a trial takes. What
+//! the macro process and the agents take on a processor besides the workers, which do the same work on both sides, is the firmest figure.
 
 use crate::case::summary_of;
 use crate::compare;
 use crate::network::{Cable, HUB};
+use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -26,6 +28,8 @@ struct Cost {
     wall: f64,
     /// Processor time of all processes, s.
     processors: f64,
+    /// Processor time of macro process and agents alone, s.
+    besides: f64,
     /// Processor time of the machine that was not idle, s.
     machine: f64,
     /// Share of the workers' time outside grain solver and tangents.
@@ -33,8 +37,8 @@ struct Cost {
 }
 
 impl Cost {
-    fn values(&self) -> [f64; 5] {
-        [self.run, self.wall, self.processors, self.machine, 100.0 * self.outside]
+    fn values(&self) -> [f64; 6] {
+        [self.run, self.wall, self.processors, self.besides, self.machine, 100.0 * self.outside]
     }
 }
 
@@ -45,7 +49,7 @@ impl Cost {
 pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
     let cable = Cable::make()?;
     let (mut one, mut two) = (Vec::new(), Vec::new());
-    println!("pair  side         run_s   wall_s  processors_s  machine_s  outside_%");
+    println!("pair  side         run_s   wall_s  processors_s  besides_workers_s  machine_s  outside_%");
     for pair in 0..pairs {
         let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
         let places = [folder.path().join("one"), folder.path().join("two")];
@@ -55,10 +59,10 @@ pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
                 0 => on_one_host(&places[0], changes),
                 _ => on_two_agents(&cable, &places[1], changes),
             })?;
-            let [run, wall, processors, machine, outside] = cost.values();
+            let [run, wall, processors, besides, machine, outside] = cost.values();
             let name = ["one host", "two agents"][side];
             println!(
-                "{pair:>4}  {name:<10} {run:>7.2}  {wall:>7.2}  {processors:>12.2}  {machine:>9.2}  {outside:>9.2}"
+                "{pair:>4}  {name:<10} {run:>7.2}  {wall:>7.2}  {processors:>12.2}  {besides:>17.2}  {machine:>9.2}  {outside:>9.2}"
             );
             costs.into_iter().nth(side).map(|costs| costs.push(cost));
         }
@@ -67,7 +71,7 @@ pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
             println!("{}", traffic(&places[1]));
         }
     }
-    let names = ["run, s", "wall, s", "processors, s", "machine, s", "outside the solver, %"];
+    let names = ["run, s", "wall, s", "processors, s", "besides workers, s", "machine, s", "outside the solver, %"];
     println!("medians of {pairs} pairs: one host, two agents, median of the ratios of the pairs less 1 in %");
     for (place, name) in names.iter().enumerate() {
         let of = |costs: &[Cost]| costs.iter().map(|cost| cost.values()[place]).collect::<Vec<f64>>();
@@ -75,6 +79,11 @@ pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
         let ratios = one.iter().zip(&two).map(|(one, two)| 100.0 * (two / one - 1.0)).collect();
         println!("{name:<22} {:>8.2} {:>8.2} {:>+7.2}", median(one), median(two), median(ratios));
     }
+    let more = one.iter().zip(&two).map(|(one, two)| 100.0 * (two.besides - one.besides) / one.processors);
+    println!(
+        "what two agents take besides the workers, of all processor time of one host: {:+.2} %",
+        median(more.collect())
+    );
     Ok(())
 }
 
@@ -97,13 +106,15 @@ fn arguments(out: &Path, changes: &[String]) -> Vec<String> {
     words
 }
 
-fn on_one_host(out: &Path, changes: &[String]) -> Result<(), String> {
+/// Returns the processor time besides the workers, s.
+fn on_one_host(out: &Path, changes: &[String]) -> Result<f64, String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_grainspan"));
     command.args(arguments(out, changes)).args(["--workers", "2"]).current_dir(env!("CARGO_MANIFEST_DIR"));
     succeed("one host", command.stdin(Stdio::null()).stdout(Stdio::null()).spawn())
 }
 
-fn on_two_agents(cable: &Cable, out: &Path, changes: &[String]) -> Result<(), String> {
+/// Likewise.
+fn on_two_agents(cable: &Cable, out: &Path, changes: &[String]) -> Result<f64, String> {
     let mut words = arguments(out, changes);
     words.extend(["--workers", "0", "--listen", "0.0.0.0:0"].map(str::to_owned));
     for address in HUB {
@@ -118,21 +129,30 @@ fn on_two_agents(cable: &Cable, out: &Path, changes: &[String]) -> Result<(), St
     let words = ["agent", "--join", &join.display().to_string(), "--workers", "1"].map(str::to_owned);
     let agents = [1, 2].map(|host| cable.program(host, &words).stderr(Stdio::null()).spawn());
     let ended = succeed("the macro process", run);
-    agents.into_iter().try_for_each(|agent| succeed("an agent", agent))?;
-    ended
+    let agents = agents.map(|agent| succeed("an agent", agent));
+    let [one, two] = agents;
+    Ok(ended? + one? + two?)
 }
 
-fn succeed(name: &str, child: std::io::Result<Child>) -> Result<(), String> {
-    let status = child.and_then(|mut child| child.wait()).map_err(|error| format!("{name}: {error}"))?;
-    if status.success() { Ok(()) } else { Err(format!("{name} ended with {status}")) }
+/// Waits for the end; returns the processor time of the process itself, s.
+fn succeed(name: &str, child: std::io::Result<Child>) -> Result<f64, String> {
+    let mut child = child.map_err(|error| format!("{name}: {error}"))?;
+    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw).ok_or("no process number")?;
+    // The kernel knows the times of an ended process until it is waited for.
+    let ended = waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT);
+    ended.map_err(|error| format!("{name}: {error}"))?;
+    let seconds = seconds_of(&format!("/proc/{}/stat", child.id()), 11)?;
+    let status = child.wait().map_err(|error| format!("{name}: {error}"))?;
+    if status.success() { Ok(seconds) } else { Err(format!("{name} ended with {status}")) }
 }
 
-fn timed(out: &Path, work: impl FnOnce() -> Result<(), String>) -> Result<Cost, String> {
-    let before = (children_seconds()?, busy_seconds()?);
+fn timed(out: &Path, work: impl FnOnce() -> Result<f64, String>) -> Result<Cost, String> {
+    let children = || seconds_of("/proc/self/stat", 13);
+    let before = (children()?, busy_seconds()?);
     let begun = Instant::now();
-    work()?;
+    let besides = work()?;
     let wall = begun.elapsed().as_secs_f64();
-    let after = (children_seconds()?, busy_seconds()?);
+    let after = (children()?, busy_seconds()?);
     let summary = summary_of(out)?;
     let time = |name: &str| summary["time"][name].as_f64().unwrap_or(f64::NAN);
     let (inside, outside) = (time("rve_s") + time("tangent_s"), time("transport_s") + time("idle_s"));
@@ -140,6 +160,7 @@ fn timed(out: &Path, work: impl FnOnce() -> Result<(), String>) -> Result<Cost, 
         run: time("wall_s"),
         wall,
         processors: after.0 - before.0,
+        besides,
         machine: after.1 - before.1,
         outside: outside / (inside + outside),
     })
@@ -151,12 +172,13 @@ fn traffic(out: &Path) -> String {
     format!("trials {}, hosts {}", summary["rve_evaluations"], summary["hosts"])
 }
 
-/// Processor time of all ended and awaited descendants, s.
-fn children_seconds() -> Result<f64, String> {
-    let text = fs::read_to_string("/proc/self/stat").map_err(|error| error.to_string())?;
+/// Processor time in user and kernel mode from a file of a process, s: two fields after so many behind its name, 11 for the process itself
+/// and 13 for its descendants that have ended.
+fn seconds_of(file: &str, skip: usize) -> Result<f64, String> {
+    let text = fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
     // The name, in parentheses, may hold blanks.
     let rest = text.rsplit_once(')').map_or("", |(_, rest)| rest);
-    let ticks: Vec<f64> = rest.split_whitespace().skip(13).take(2).filter_map(|word| word.parse().ok()).collect();
+    let ticks: Vec<f64> = rest.split_whitespace().skip(skip).take(2).filter_map(|word| word.parse().ok()).collect();
     Ok(ticks.iter().sum::<f64>() / TICKS_PER_SECOND)
 }
 
