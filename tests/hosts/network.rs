@@ -83,11 +83,11 @@ impl Cable {
         let cable = Self { stem: format!("gs{}c", std::process::id()) };
         make_namespaces(&cable.stem)?;
         let hub = format!("{}{}", cable.stem, HOSTS[0]);
-        for spoke in 0..2 {
-            let name = format!("{}{}", cable.stem, HOSTS[spoke + 1]);
-            let near = format!("s{}", spoke + 1);
+        for (spoke, (here, there)) in (1..).zip(HUB.into_iter().zip(SPOKES)) {
+            let name = format!("{}{}", cable.stem, HOSTS[spoke]);
+            let near = format!("s{spoke}");
             ip(&["-n", &hub, "link", "add", &near, "type", "veth", "peer", "name", "hub", "netns", &name])?;
-            for (host, device, address) in [(&hub, near.as_str(), HUB[spoke]), (&name, "hub", SPOKES[spoke])] {
+            for (host, device, address) in [(&hub, near.as_str(), here), (&name, "hub", there)] {
                 ip(&["-n", host, "addr", "add", &format!("{address}/24"), "dev", device])?;
                 ip(&["-n", host, "link", "set", device, "up"])?;
                 ip(&["-n", host, "link", "set", "lo", "up"])?;

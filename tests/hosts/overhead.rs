@@ -54,7 +54,6 @@ pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
         let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
         let places = [folder.path().join("one"), folder.path().join("two")];
         for side in if pair % 2 == 0 { [0, 1] } else { [1, 0] } {
-            let costs = [&mut one, &mut two];
             let cost = timed(&places[side], || match side {
                 0 => on_one_host(&places[0], changes),
                 _ => on_two_agents(&cable, &places[1], changes),
@@ -64,7 +63,7 @@ pub fn measure(pairs: u64, changes: &[String]) -> Result<(), String> {
             println!(
                 "{pair:>4}  {name:<10} {run:>7.2}  {wall:>7.2}  {processors:>12.2}  {besides:>17.2}  {machine:>9.2}  {outside:>9.2}"
             );
-            costs.into_iter().nth(side).map(|costs| costs.push(cost));
+            if side == 0 { one.push(cost) } else { two.push(cost) }
         }
         compare::same(&places[1], &places[0])?;
         if pair + 1 == pairs {
