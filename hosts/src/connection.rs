@@ -1,10 +1,11 @@
 //! One connection: socket options, messages with their length in front, and the loop that moves them both ways.
 
+use crate::buffers::Buffers;
 use rustix::net::sockopt;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, BufWriter};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, BufReader, BufWriter};
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
@@ -15,6 +16,9 @@ pub(crate) type Outbox = UnboundedSender<Vec<u8>>;
 
 /// Room for small messages that are ready together, so that they travel in one piece.
 const BATCH: usize = 64 << 10;
+
+/// Bytes that are asked of the system at a time. The TLS library alone would ask for 4 kB.
+const READ_AHEAD: usize = 64 << 10;
 
 /// Most bytes that are reserved for a message before any of it has come. A stranger's are fewer: what it may say is shorter.
 const AT_ONCE: usize = 2 << 20;
@@ -64,6 +68,14 @@ pub(crate) fn prepare(socket: &TcpStream, limits: &Limits) -> io::Result<()> {
     Ok(())
 }
 
+/// What TLS reads from.
+pub(crate) type Socket = BufReader<TcpStream>;
+
+/// A socket that is read in large pieces; memory that nothing was read into costs nothing.
+pub(crate) fn read_ahead(socket: TcpStream) -> Socket {
+    BufReader::with_capacity(READ_AHEAD, socket)
+}
+
 /// The next message; `None` when the peer has closed in good order.
 ///
 /// # Errors
@@ -73,7 +85,7 @@ pub(crate) async fn read_message(
     longest: usize,
 ) -> io::Result<Option<Vec<u8>>> {
     let Some(length) = read_length(stream, longest).await? else { return Ok(None) };
-    read_body(stream, length).await.map(Some)
+    read_body(stream, length, &Buffers::none()).await.map(Some)
 }
 
 async fn read_length(stream: &mut (impl AsyncRead + Unpin), longest: usize) -> io::Result<Option<usize>> {
@@ -91,9 +103,10 @@ async fn read_length(stream: &mut (impl AsyncRead + Unpin), longest: usize) -> i
     Ok(Some(length))
 }
 
-async fn read_body(stream: &mut (impl AsyncRead + Unpin), length: usize) -> io::Result<Vec<u8>> {
+async fn read_body(stream: &mut (impl AsyncRead + Unpin), length: usize, buffers: &Buffers) -> io::Result<Vec<u8>> {
     // Beyond this it grows with what arrives: a length alone costs no memory.
-    let mut body = Vec::with_capacity(length.min(AT_ONCE));
+    let mut body = buffers.take(length).unwrap_or_else(|| Vec::with_capacity(length.min(AT_ONCE)));
+    body.clear();
     let got = stream.take(length as u64).read_to_end(&mut body).await?;
     if got < length { Err(io::ErrorKind::UnexpectedEof.into()) } else { Ok(body) }
 }
@@ -141,6 +154,7 @@ pub(crate) async fn pump<S: AsyncRead + AsyncWrite>(
     mut outbox: UnboundedReceiver<Vec<u8>>,
     limits: Limits,
     gate: Gate,
+    buffers: &Buffers,
     mut deliver: impl FnMut(Vec<u8>),
 ) -> String {
     let (mut input, output) = tokio::io::split(stream);
@@ -153,7 +167,7 @@ pub(crate) async fn pump<S: AsyncRead + AsyncWrite>(
                 Err(error) => return in_words(&error),
             };
             gate.enter(length).await;
-            match read_body(&mut input, length).await {
+            match read_body(&mut input, length, buffers).await {
                 Ok(message) => deliver(message),
                 Err(error) => return in_words(&error),
             }
@@ -163,6 +177,7 @@ pub(crate) async fn pump<S: AsyncRead + AsyncWrite>(
         while let Some(mut message) = outbox.recv().await {
             loop {
                 write_message(&mut output, &message).await?;
+                buffers.give(message);
                 match outbox.try_recv() {
                     Ok(next) => message = next,
                     Err(_) => break,

@@ -3,7 +3,8 @@
 //! Whoever does not prove to know the secret gets nothing but a failed handshake, costs at most a socket for some seconds, and is
 //! counted. Nothing that a stranger sends is read by more than the TLS library.
 
-use crate::connection::{Gate, Limits, Outbox, prepare, pump, read_message, write_message};
+use crate::buffers::Buffers;
+use crate::connection::{Gate, Limits, Outbox, prepare, pump, read_ahead, read_message, write_message};
 use crate::lock;
 use crate::message::{Admission, Join, LINK_VERSION, packed, unpacked};
 use crate::secret::Secret;
@@ -80,14 +81,24 @@ struct Board {
 }
 
 /// Between the door's thread and the port.
-#[derive(Default)]
 pub(crate) struct Shared {
     board: Mutex<Board>,
     changed: Condvar,
     pub(crate) figures: Figures,
+    /// Of all connections.
+    pub(crate) buffers: Buffers,
 }
 
 impl Shared {
+    fn new() -> Self {
+        Self {
+            board: Mutex::default(),
+            changed: Condvar::new(),
+            figures: Figures::default(),
+            buffers: Buffers::new(),
+        }
+    }
+
     fn push(&self, arrival: Arrival) {
         let bell = {
             let mut board = lock(&self.board);
@@ -164,7 +175,7 @@ impl Door {
             .enable_time()
             .build()
             .map_err(system("start the network threads"))?;
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared::new());
         let (closing, closed) = watch::channel(None);
         let hall = Arc::new(Hall {
             options,
@@ -268,7 +279,7 @@ async fn converse(
     };
     let proof = async {
         prepare(&socket, &options.limits).map_err(|error| error.to_string())?;
-        let mut stream = hall.acceptor.accept(socket).await.map_err(|error| error.to_string())?;
+        let mut stream = hall.acceptor.accept(read_ahead(socket)).await.map_err(|error| error.to_string())?;
         match read_message(&mut stream, JOIN_LENGTH).await {
             Ok(Some(bytes)) => unpacked::<Join>(&bytes).map(|join| (stream, join)).map_err(|error| error.to_string()),
             Ok(None) => Err("it said nothing".to_owned()),
@@ -313,8 +324,8 @@ async fn converse(
     let gate = Gate::new();
     let peer = Peer { number, host: join.host, state_bytes: join.state_bytes, outbox, gate: gate.clone() };
     shared.push(Arrival::Opened(peer));
-    let reason =
-        pump(stream, outgoing, options.limits, gate, |message| shared.push(Arrival::Message(number, message))).await;
+    let deliver = |message| shared.push(Arrival::Message(number, message));
+    let reason = pump(stream, outgoing, options.limits, gate, &shared.buffers, deliver).await;
     shared.push(Arrival::Closed(number, reason));
 }
 

@@ -12,6 +12,7 @@
 #![cfg(feature = "network")]
 
 pub mod agent;
+mod buffers;
 mod connection;
 mod door;
 mod join_file;

@@ -262,7 +262,10 @@ impl MacroPort for NetworkMacroPort {
         for arrival in arrivals {
             match arrival {
                 Arrival::Opened(peer) => self.open(peer),
-                Arrival::Message(number, bytes) => events += self.hear(number, &bytes, sink),
+                Arrival::Message(number, bytes) => {
+                    events += self.hear(number, &bytes, sink);
+                    self.door.shared.buffers.give(bytes);
+                }
                 Arrival::Closed(number, reason) => events += self.close(number, &reason, sink),
             }
         }
@@ -276,7 +279,8 @@ impl MacroPort for NetworkMacroPort {
         let (_, slot) = self.slot(worker)?;
         let outgoing = Outgoing::control(message);
         let length = outgoing.length_within(self.message_bytes)?;
-        self.post(worker, with_frame(slot, length, |out| outgoing.write(0, out)))
+        let message = with_frame(slot, length, &self.door.shared.buffers, |out| outgoing.write(0, out));
+        self.post(worker, message)
     }
 
     fn send_jobs(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) -> Result<(), TransportError> {
@@ -302,8 +306,11 @@ impl MacroPort for NetworkMacroPort {
         let outgoing = Outgoing::Jobs(&jobs);
         let length = outgoing.length_within(self.message_bytes)?;
         let fill = |out: &mut [u8]| outgoing.write(0, out);
-        let message =
-            if kept.is_empty() { with_frame(slot, length, fill) } else { with_jobs(slot, &kept, length, fill) };
+        let message = if kept.is_empty() {
+            with_frame(slot, length, &self.door.shared.buffers, fill)
+        } else {
+            with_jobs(slot, &kept, length, fill)
+        };
         self.post(worker, message)?;
         self.forget_surplus(number);
         Ok(())

@@ -3,6 +3,7 @@
 //! On the connection a message is its length (u32, little endian) and that many bytes: a kind, the number of the worker that it is
 //! about, and a body. Bodies are frames of the protocol between macro and workers, unchanged, or MessagePack.
 
+use crate::buffers::Buffers;
 use protocol::StateId;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use thiserror::Error;
@@ -144,10 +145,13 @@ impl<'a> Body<'a> {
     }
 }
 
-/// A frame with its head, made by `fill` in place.
-pub(crate) fn with_frame(slot: u32, length: usize, fill: impl FnOnce(&mut [u8])) -> Vec<u8> {
-    let mut bytes = head(FRAME, slot, HEAD + length);
+/// A frame with its head, made by `fill` in place, in used memory if there is some.
+pub(crate) fn with_frame(slot: u32, length: usize, buffers: &Buffers, fill: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let mut bytes = buffers.take(HEAD + length).unwrap_or_default();
+    // What an earlier message left there is overwritten, all of it.
     bytes.resize(HEAD + length, 0);
+    bytes[..4].copy_from_slice(&FRAME.to_le_bytes());
+    bytes[4..HEAD].copy_from_slice(&slot.to_le_bytes());
     fill(&mut bytes[HEAD..]);
     bytes
 }
@@ -211,6 +215,17 @@ mod tests {
         wild.extend_from_slice(&u32::MAX.to_le_bytes());
         assert!(Body::parse(&wild).is_err());
         assert_eq!(Body::parse(&[9, 0, 0, 0, 0, 0, 0, 0]), Err(MessageError::Kind(9)));
+    }
+
+    #[test]
+    fn nothing_of_the_message_before_is_left_in_used_memory() {
+        let buffers = Buffers::new();
+        for (slot, length) in [(1, 40_000), (2, 20_000), (3, 30_000)] {
+            let bytes = with_frame(slot, length, &buffers, |out| out.fill(slot as u8));
+            let expected = vec![slot as u8; length];
+            assert_eq!(Body::parse(&bytes), Ok((slot, Body::Frame(&expected))));
+            buffers.give(bytes);
+        }
     }
 
     #[test]

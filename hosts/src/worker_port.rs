@@ -1,6 +1,7 @@
 //! The other end of a connection: how an agent, or a single worker, reaches the macro's door.
 
-use crate::connection::{Gate, Limits, Outbox, prepare, pump, read_message, write_message};
+use crate::buffers::Buffers;
+use crate::connection::{Gate, Limits, Outbox, Socket, prepare, pump, read_ahead, read_message, write_message};
 use crate::join_file::Target;
 use crate::lock;
 use crate::message::{Admission, Body, Join, LINK_VERSION, ToAgent, packed, unpacked, with_frame};
@@ -91,6 +92,7 @@ pub(crate) struct Link {
     shared: Arc<Shared>,
     outbox: Option<Outbox>,
     gate: Gate,
+    pub(crate) buffers: Buffers,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -112,13 +114,14 @@ impl Link {
         let shared = Arc::new(Shared::default());
         lock(&shared.board).bell = bell;
         let (outbox, outgoing) = unbounded_channel();
-        let gate = Gate::new();
+        let (gate, buffers) = (Gate::new(), Buffers::new());
         let (decided, decision) = channel();
         let body = {
             let (shared, gate, endpoints) = (Arc::clone(&shared), gate.clone(), target.endpoints.clone());
+            let buffers = buffers.clone();
             move || {
                 let conversation =
-                    converse(&endpoints, config, state_bytes, limits, outgoing, gate, &shared, decided);
+                    converse(&endpoints, config, state_bytes, limits, outgoing, gate, &buffers, &shared, decided);
                 runtime.block_on(conversation);
                 runtime.shutdown_timeout(Duration::ZERO);
             }
@@ -126,7 +129,7 @@ impl Link {
         let thread = std::thread::Builder::new().name("host link".into()).spawn(body);
         let thread = thread.map_err(|error| unreachable(&error))?;
         let run = decision.recv().map_err(|error| unreachable(&error))??;
-        Ok(Self { run, shared, outbox: Some(outbox), gate, thread: Some(thread) })
+        Ok(Self { run, shared, outbox: Some(outbox), gate, buffers, thread: Some(thread) })
     }
 
     /// As [`Link::join`], again and again with growing pauses until `patience` is over or `go_on` says no. A refusal is final.
@@ -177,6 +180,11 @@ impl Link {
         Arrived { messages, closed: board.closed.clone() }
     }
 
+    /// Sends a frame of a worker.
+    pub(crate) fn send_frame(&self, slot: u32, outgoing: &Outgoing<'_>) -> bool {
+        self.send(with_frame(slot, outgoing.length(), &self.buffers, |out| outgoing.write(0, out)))
+    }
+
     /// Sends a message; one that is sent to a closed connection is lost, and [`Link::take`] reports the end.
     pub(crate) fn send(&self, message: Vec<u8>) -> bool {
         self.outbox.as_ref().is_some_and(|outbox| outbox.send(message).is_ok())
@@ -201,6 +209,7 @@ async fn converse(
     limits: Limits,
     outgoing: UnboundedReceiver<Vec<u8>>,
     gate: Gate,
+    buffers: &Buffers,
     shared: &Shared,
     decided: Sender<Result<String, JoinError>>,
 ) {
@@ -223,7 +232,7 @@ async fn converse(
                 return;
             }
             let deliver = |message| shared.change(|board| board.messages.push_back(message));
-            let reason = pump(stream, outgoing, limits, gate, deliver).await;
+            let reason = pump(stream, outgoing, limits, gate, buffers, deliver).await;
             shared.change(|board| board.closed = Some(reason));
         }
     }
@@ -235,7 +244,7 @@ async fn reach(
     config: Arc<ClientConfig>,
     state_bytes: u64,
     limits: &Limits,
-) -> Result<(String, TlsStream<TcpStream>), JoinError> {
+) -> Result<(String, TlsStream<Socket>), JoinError> {
     let unreachable =
         |error: &dyn std::fmt::Display| JoinError::Unreachable(format!("{endpoint} cannot be reached: {error}"));
     let untrusted = |error: &dyn std::fmt::Display| JoinError::Untrusted(endpoint.to_owned(), error.to_string());
@@ -243,7 +252,7 @@ async fn reach(
     prepare(&socket, limits).map_err(|error| unreachable(&error))?;
     let name = ServerName::try_from("grainspan").map_err(|error| unreachable(&error))?;
     let connector = TlsConnector::from(config);
-    let mut stream = connector.connect(name, socket).await.map_err(|error| untrusted(&error))?;
+    let mut stream = connector.connect(name, read_ahead(socket)).await.map_err(|error| untrusted(&error))?;
     let join = Join {
         link: LINK_VERSION,
         protocol: PROTOCOL_VERSION,
@@ -292,16 +301,13 @@ impl NetworkWorkerPort {
     /// # Errors
     /// As [`WorkerPort::send_control`].
     pub fn send_raw(&mut self, bytes: &[u8]) -> Result<(), TransportError> {
-        self.post(with_frame(0, bytes.len(), |out| out.copy_from_slice(bytes)))
+        let message = with_frame(0, bytes.len(), &self.link.buffers, |out| out.copy_from_slice(bytes));
+        if self.link.send(message) { Ok(()) } else { Err(TransportError::Gone(WorkerId(0))) }
     }
 
     fn send(&mut self, outgoing: &Outgoing<'_>) -> Result<(), TransportError> {
-        let length = outgoing.length_within(self.limits.message_bytes)?;
-        self.post(with_frame(0, length, |out| outgoing.write(0, out)))
-    }
-
-    fn post(&mut self, message: Vec<u8>) -> Result<(), TransportError> {
-        if self.link.send(message) { Ok(()) } else { Err(TransportError::Gone(WorkerId(0))) }
+        outgoing.length_within(self.limits.message_bytes)?;
+        if self.link.send_frame(0, outgoing) { Ok(()) } else { Err(TransportError::Gone(WorkerId(0))) }
     }
 }
 
@@ -327,6 +333,7 @@ impl WorkerPort for NetworkWorkerPort {
                 Ok(_) => tracing::warn!("dropped a message for another worker"),
                 Err(error) => tracing::warn!(%error, "dropped a message of the macro"),
             }
+            self.link.buffers.give(bytes);
         }
         if let Some(reason) = ended {
             self.told_lost = true;

@@ -11,8 +11,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// No case may take longer.
+/// No case may take longer. What passes while this program is held up, with all that it has started, does not count.
 const WATCHDOG: Duration = Duration::from_secs(120);
+
+/// Longest time between two looks at a case that counts, on a machine that is busy and not asleep.
+const LONGEST_TURN: Duration = Duration::from_secs(1);
 
 /// Silence after which a host counts as lost, s; short, so that cases are.
 const SILENCE: &str = "2";
@@ -96,19 +99,29 @@ impl References {
     pub fn prepare() -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
         for scene in SHORT_SCENES {
-            let mut command = Command::new(env!("CARGO_BIN_EXE_grainspan"));
-            command.args(arguments(&scene, &folder.path().join(scene.name))).args(["--workers", "2"]);
-            command.current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null()).stdout(Stdio::null());
-            let output = command.output().map_err(|error| error.to_string())?;
-            if !output.status.success() {
-                return Err(format!("{}: {}", scene.name, String::from_utf8_lossy(&output.stderr)));
-            }
+            undisturbed(&scene, &folder.path().join(scene.name))?;
         }
         Ok(Self { folder })
     }
 
     fn of(&self, scene: &ShortScene) -> PathBuf {
         self.folder.path().join(scene.name)
+    }
+}
+
+/// Runs a scene on one host.
+///
+/// # Errors
+/// The run fails.
+pub fn undisturbed(scene: &ShortScene, out: &Path) -> Result<(), String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_grainspan"));
+    command.args(arguments(scene, out)).args(["--workers", "2"]);
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null()).stdout(Stdio::null());
+    let output = command.output().map_err(|error| error.to_string())?;
+    if output.status.success() {
+        Ok(())
+    } else {
+        Err(format!("{}: {}", scene.name, String::from_utf8_lossy(&output.stderr)))
     }
 }
 
@@ -122,26 +135,28 @@ fn arguments(scene: &ShortScene, out: &Path) -> Vec<String> {
 }
 
 /// A process of the case, ended with it.
-struct Process {
-    child: Child,
+pub struct Process {
+    pub child: Child,
     log: PathBuf,
 }
 
 impl Process {
-    fn start(mut command: Command, log: PathBuf) -> Result<Self, String> {
+    /// What it says on standard error goes to `log`.
+    pub fn start(mut command: Command, log: PathBuf) -> Result<Self, String> {
         let file = fs::OpenOptions::new().create(true).append(true).open(&log).map_err(|error| error.to_string())?;
         let child = command.stderr(file).spawn().map_err(|error| error.to_string())?;
         Ok(Self { child, log })
     }
 
-    fn signal(&self, signal: Signal) {
+    pub fn signal(&self, signal: Signal) {
         // `ip netns exec` becomes the program, so this is its process.
         if let Some(pid) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
             let _ = kill_process(pid, signal);
         }
     }
 
-    fn said(&self) -> String {
+    /// Its last lines.
+    pub fn said(&self) -> String {
         let text = fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = text.lines().collect();
         lines[lines.len().saturating_sub(12)..].join("\n")
@@ -164,7 +179,6 @@ struct Case<'a> {
     /// Host of the macro.
     macro_host: usize,
     agents: [Option<Process>; 2],
-    silence: &'static str,
     /// What is done later: when, and what.
     later: Vec<(Instant, Later)>,
 }
@@ -193,20 +207,11 @@ pub fn run(
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let macro_log = folder.path().join("macro.stderr");
     let run = Process::start(macro_command(network, 0, &scene, folder.path(), false), macro_log)?;
-    let mut case = Case {
-        network,
-        scene,
-        folder,
-        run,
-        macro_host: 0,
-        agents: [None, None],
-        silence: SILENCE,
-        later: Vec::new(),
-    };
+    let mut case = Case { network, scene, folder, run, macro_host: 0, agents: [None, None], later: Vec::new() };
     for spoke in 1..=2 {
         case.start_agent(spoke)?;
     }
-    let begun = Instant::now();
+    let (mut spent, mut turn) = (Duration::ZERO, Instant::now());
     let first = KINDS[(number % KINDS.len() as u64) as usize];
     let more = draw.below(3);
     let mut kinds: Vec<Kind> = std::iter::once(first).chain((0..more).map(|_| draw.pick(&KINDS))).collect();
@@ -226,7 +231,9 @@ pub fn run(
                 break;
             }
         }
-        if begun.elapsed() > WATCHDOG {
+        spent += turn.elapsed().min(LONGEST_TURN);
+        turn = Instant::now();
+        if spent > WATCHDOG {
             let said: Vec<String> = case.agents.iter().flatten().map(Process::said).collect();
             return Err(format!(
                 "{}: it hangs: {}\nagents: {}",
@@ -251,8 +258,7 @@ pub fn run(
 
 /// Adds the counters of the run's summary.
 fn count(out: &Path, tally: &mut Tally) {
-    let Ok(text) = fs::read(out.join("summary.json")) else { return };
-    let Ok(summary) = serde_json::from_slice::<serde_json::Value>(&text) else { return };
+    let Ok(summary) = summary_of(out) else { return };
     for name in ["agents_joined", "agents_left", "agents_lost", "strangers_refused", "states_kept"] {
         *tally.counted.entry(name.to_owned()).or_default() += summary["hosts"][name].as_u64().unwrap_or(0);
     }
@@ -262,7 +268,24 @@ fn count(out: &Path, tally: &mut Tally) {
     *tally.counted.entry("reissued_jobs".to_owned()).or_default() += summary["reissued_jobs"].as_u64().unwrap_or(0);
 }
 
-fn macro_command(network: &Network, host: usize, scene: &ShortScene, folder: &Path, resume: bool) -> Command {
+/// The summary of a run.
+///
+/// # Errors
+/// It is missing or cannot be read.
+pub fn summary_of(out: &Path) -> Result<serde_json::Value, String> {
+    let text = fs::read(out.join("summary.json")).map_err(|error| format!("no summary: {error}"))?;
+    serde_json::from_slice(&text).map_err(|error| format!("the summary cannot be read: {error}"))
+}
+
+/// An agent with one worker on a spoke, for the run in `folder`.
+pub fn agent_command(network: &Network, spoke: usize, folder: &Path) -> Command {
+    let join = folder.join("out/join").display().to_string();
+    let words = ["agent", "--join", &join, "--workers", "1", "--timeout", "100", "--silence", SILENCE];
+    network.program(spoke, &words.map(str::to_owned))
+}
+
+/// The run of a case on a host, which waits for agents.
+pub fn macro_command(network: &Network, host: usize, scene: &ShortScene, folder: &Path, resume: bool) -> Command {
     let mut words = arguments(scene, &folder.join("out"));
     let own = ["--workers", "0", "--listen", "0.0.0.0:0", "--silence", SILENCE, "--set", "checkpoint.steps=1"];
     words.extend(own.map(str::to_owned));
@@ -278,9 +301,7 @@ fn macro_command(network: &Network, host: usize, scene: &ShortScene, folder: &Pa
 
 impl Case<'_> {
     fn start_agent(&mut self, spoke: usize) -> Result<(), String> {
-        let join = self.folder.path().join("out/join").display().to_string();
-        let words = ["agent", "--join", &join, "--workers", "1", "--timeout", "100", "--silence", self.silence];
-        let command = self.network.program(spoke, &words.map(str::to_owned));
+        let command = agent_command(self.network, spoke, self.folder.path());
         let log = self.folder.path().join(format!("agent{spoke}.stderr"));
         self.agents[spoke - 1] = Some(Process::start(command, log)?);
         Ok(())

@@ -6,7 +6,8 @@
 //! same run on one host without any fault.
 //!
 //! Without arguments a fast selection runs. `cargo test --release --features hosts --test hosts -- --cases 200 --seed 7` is a campaign;
-//! `--case K` repeats one case, `--jobs N` runs N at a time. Needs root, `ip netns`, `/dev/net/tun` and python3; says SKIPPED otherwise.
+//! `--case K` repeats one case, `--jobs N` runs N at a time. `--overhead N` measures instead what two agents cost against one host, N
+//! times on the main scene, with `--set KEY=VALUE` for both sides. Needs root, `ip netns`, `/dev/net/tun` and python3; says SKIPPED otherwise.
 #![allow(clippy::print_stdout, unreachable_pub, dead_code, reason = "a program of its own that reports to people")]
 
 mod case;
@@ -14,7 +15,9 @@ mod case;
 mod compare;
 #[path = "../faults/draw.rs"]
 mod draw;
+mod elastic;
 mod network;
+mod overhead;
 #[path = "../harness/short_scenes.rs"]
 mod short_scenes;
 
@@ -46,6 +49,17 @@ fn main() -> ExitCode {
         let place = words.iter().position(|word| word == name)?;
         words.get(place + 1)?.parse::<u64>().ok()
     };
+    if let Some(pairs) = number("--overhead") {
+        let changes: Vec<String> =
+            words.windows(2).filter(|pair| pair[0] == "--set").map(|pair| pair[1].clone()).collect();
+        return match overhead::measure(pairs, &changes) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(reason) => {
+                println!("{reason}");
+                ExitCode::FAILURE
+            }
+        };
+    }
     let (cases, seed) = (number("--cases").unwrap_or(FAST), number("--seed").unwrap_or(1));
     let numbers: Vec<u64> = number("--case").map_or_else(|| (0..cases).collect(), |case| vec![case]);
     let jobs = number("--jobs").unwrap_or(JOBS).clamp(1, 16).min(numbers.len() as u64);
@@ -57,6 +71,13 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    if number("--case").is_none() {
+        if let Err(reason) = Network::make(jobs, seed).and_then(|network| elastic::check(&network)) {
+            println!("agents that come late and go early: {reason}");
+            return ExitCode::FAILURE;
+        }
+        println!("agents that come late and go early: same bytes");
+    }
     let next = AtomicUsize::new(0);
     let outcome = Mutex::new((Tally::default(), Vec::new()));
     std::thread::scope(|scope| {

@@ -38,6 +38,76 @@ pub fn missing() -> Option<String> {
     None
 }
 
+fn make_namespaces(stem: &str) -> Result<(), String> {
+    for host in HOSTS {
+        let name = format!("{stem}{host}");
+        let _ = Command::new("ip").args(["netns", "del", &name]).stderr(Stdio::null()).status();
+        ip(&["netns", "add", &name])?;
+    }
+    Ok(())
+}
+
+fn remove_namespaces(stem: &str) {
+    for host in HOSTS {
+        let name = format!("{stem}{host}");
+        let _ = Command::new("ip").args(["netns", "del", &name]).stderr(Stdio::null()).status();
+    }
+}
+
+fn ip(words: &[&str]) -> Result<(), String> {
+    match Command::new("ip").args(words).status() {
+        Ok(status) if status.success() => Ok(()),
+        _ => Err(format!("`ip {}` failed", words.join(" "))),
+    }
+}
+
+/// The program in a namespace.
+fn program_in(namespace: &str, arguments: &[String]) -> Command {
+    let mut command = Command::new("ip");
+    command.args(["netns", "exec", namespace]);
+    command.arg(env!("CARGO_BIN_EXE_grainspan")).args(arguments);
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("RUST_LOG");
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    command
+}
+
+/// The same hosts with the same addresses, joined by the kernel's own pairs of devices: nothing is lost, and no other program carries
+/// the packets. For measurements.
+pub struct Cable {
+    stem: String,
+}
+
+impl Cable {
+    /// Makes namespaces and devices.
+    pub fn make() -> Result<Self, String> {
+        let cable = Self { stem: format!("gs{}c", std::process::id()) };
+        make_namespaces(&cable.stem)?;
+        let hub = format!("{}{}", cable.stem, HOSTS[0]);
+        for (spoke, (here, there)) in (1..).zip(HUB.into_iter().zip(SPOKES)) {
+            let name = format!("{}{}", cable.stem, HOSTS[spoke]);
+            let near = format!("s{spoke}");
+            ip(&["-n", &hub, "link", "add", &near, "type", "veth", "peer", "name", "hub", "netns", &name])?;
+            for (host, device, address) in [(&hub, near.as_str(), here), (&name, "hub", there)] {
+                ip(&["-n", host, "addr", "add", &format!("{address}/24"), "dev", device])?;
+                ip(&["-n", host, "link", "set", device, "up"])?;
+                ip(&["-n", host, "link", "set", "lo", "up"])?;
+            }
+        }
+        Ok(cable)
+    }
+
+    /// The program on a host: 0 is the hub, 1 and 2 its spokes.
+    pub fn program(&self, host: usize, arguments: &[String]) -> Command {
+        program_in(&format!("{}{}", self.stem, HOSTS[host]), arguments)
+    }
+}
+
+impl Drop for Cable {
+    fn drop(&mut self) {
+        remove_namespaces(&self.stem);
+    }
+}
+
 /// Namespaces and links of one case; removed in the end.
 pub struct Network {
     stem: String,
@@ -49,14 +119,7 @@ impl Network {
     /// Makes them. `lane` tells those of cases apart that run at the same time.
     pub fn make(lane: u64, seed: u64) -> Result<Self, String> {
         let stem = format!("gs{}x{lane}", std::process::id());
-        for host in HOSTS {
-            let name = format!("{stem}{host}");
-            let _ = Command::new("ip").args(["netns", "del", &name]).stderr(Stdio::null()).status();
-            let made = Command::new("ip").args(["netns", "add", &name]).status();
-            if !made.is_ok_and(|status| status.success()) {
-                return Err(format!("namespace {name} could not be made"));
-            }
-        }
+        make_namespaces(&stem)?;
         let mut link = Command::new("python3")
             .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/hosts/link.py"))
             .args(HOSTS.map(|host| format!("{stem}{host}")))
@@ -80,12 +143,7 @@ impl Network {
 
     /// The program on a host: 0 is the hub, 1 and 2 its spokes.
     pub fn program(&self, host: usize, arguments: &[String]) -> Command {
-        let mut command = Command::new("ip");
-        command.args(["netns", "exec", &self.name(host)]);
-        command.arg(env!("CARGO_BIN_EXE_grainspan")).args(arguments);
-        command.current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("RUST_LOG");
-        command.stdin(Stdio::null()).stdout(Stdio::null());
-        command
+        program_in(&self.name(host), arguments)
     }
 
     /// Sets the share of packets that spoke 1 or 2 loses, and the mean delay of the others, s.
@@ -99,9 +157,6 @@ impl Drop for Network {
     fn drop(&mut self) {
         let _ = self.link.kill();
         let _ = self.link.wait();
-        for host in HOSTS {
-            let name = format!("{}{host}", self.stem);
-            let _ = Command::new("ip").args(["netns", "del", &name]).stderr(Stdio::null()).status();
-        }
+        remove_namespaces(&self.stem);
     }
 }

@@ -9,7 +9,7 @@ mod member;
 
 use crate::connection::Limits;
 use crate::join_file::Target;
-use crate::message::{Body, FromAgent, ToAgent, unpacked, with_control, with_frame};
+use crate::message::{Body, FromAgent, ToAgent, unpacked, with_control};
 use crate::worker_port::{JoinError, Link};
 use kept_states::KeptStates;
 use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
@@ -235,7 +235,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
     fn pass_on(&mut self, slot: u32, outgoing: &Outgoing<'_>) {
         if let Some(link) = &self.link {
             self.states.count_message();
-            link.send(with_frame(slot, outgoing.length(), |out| outgoing.write(0, out)));
+            link.send_frame(slot, outgoing);
         }
     }
 
@@ -253,7 +253,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                     if let (Some(slot), Some(link)) = (members.slot(worker), link.as_ref()) {
                         let outgoing = Outgoing::control(&other);
                         states.count_message();
-                        link.send(with_frame(slot, outgoing.length(), |out| outgoing.write(0, out)));
+                        link.send_frame(slot, &outgoing);
                     }
                 }
             },
@@ -267,7 +267,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                         states.count_message();
                         states.take_replies(replies);
                         let outgoing = Outgoing::Replies(replies);
-                        link.send(with_frame(slot, outgoing.length(), |out| outgoing.write(0, out)));
+                        link.send_frame(slot, &outgoing);
                     }
                 } else {
                     figures.stale_replies += replies.len() as u64;
@@ -315,7 +315,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
     /// Takes what the macro has sent; returns why the agent ends, if it does.
     fn hear_macro(&mut self) -> Result<Option<AgentEnd>, AgentError> {
         let Some(link) = &self.link else { return Ok(None) };
-        let arrived = link.take(Duration::ZERO);
+        let (arrived, buffers) = (link.take(Duration::ZERO), link.buffers.clone());
         for bytes in arrived.messages {
             match Body::parse(&bytes) {
                 Ok((slot, Body::Frame(frame))) => self.hear_frame(slot, frame, &[]),
@@ -332,6 +332,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                 },
                 Err(error) => self.refuse(&error.to_string()),
             }
+            buffers.give(bytes);
         }
         if let Some(reason) = arrived.closed {
             if self.dismissed {
