@@ -199,6 +199,7 @@
       drawEdges(true);
       drawSolid(context, grains, lines, onScreen, zoom, widthOf);
       drawEdges(false);
+      Grainspan.drawAxes(context, turn, height);
     } else {
       for (const { place, r, rattler } of grains) {
         context.beginPath();

@@ -133,6 +133,29 @@ Grainspan.turned = ([x, y, z], turn) => {
   return [across, cp * z + sp * back, sp * z - cp * back];
 };
 
+// The three axes at the lower left of a canvas.
+Grainspan.drawAxes = (context, turn, height) => {
+  const [x0, y0, length] = [26, height - 22, 18];
+  context.font = "11px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.lineWidth = 1.2;
+  // Readable also in front of a body.
+  context.fillStyle = "rgba(255,255,255,.8)";
+  context.beginPath();
+  context.arc(x0 + 4, y0 - 8, 26, 0, 2 * Math.PI);
+  context.fill();
+  context.strokeStyle = context.fillStyle = "#59636e";
+  [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, number) => {
+    const [across, up] = Grainspan.turned(axis, turn);
+    context.beginPath();
+    context.moveTo(x0, y0);
+    context.lineTo(x0 + length * across, y0 - length * up);
+    context.stroke();
+    context.fillText("xyz"[number], x0 + 1.45 * length * across, y0 - 1.45 * length * up);
+  });
+};
+
 // Lets a canvas turn its picture by dragging.
 Grainspan.turnable = (canvas, turn, isSolid, draw) => {
   let last = null;

@@ -11,6 +11,36 @@
 
   const node = (index, scale) => [0, 1, 2].map((axis) => mesh.nodes[3 * index + axis] + scale * (current?.displacement[3 * index + axis] ?? 0));
 
+  // Of each outline of a solid, whether its nodes go around as seen from outside (1) or from inside (-1).
+  let facing = [];
+  const faces = () => {
+    const middles = new Map();
+    for (const [of, weights] of mesh.points) {
+      const sum = middles.get(of) ?? [0, 0, 0, 0];
+      for (const [index, weight] of weights) for (const axis of [0, 1, 2]) sum[axis] += weight * mesh.nodes[3 * index + axis];
+      sum[3] += 1;
+      middles.set(of, sum);
+    }
+    return mesh.outlines.map((outline, number) => {
+      const places = outline.map((index) => [0, 1, 2].map((axis) => mesh.nodes[3 * index + axis]));
+      const middle = middles.get(mesh.of[number]);
+      const out = [0, 1, 2].map((axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length - middle[axis] / middle[3]);
+      const normal = [0, 0, 0];
+      places.forEach((a, i) => {
+        const b = places[(i + 1) % places.length];
+        for (const axis of [0, 1, 2]) normal[axis] += a[(axis + 1) % 3] * b[(axis + 2) % 3] - a[(axis + 2) % 3] * b[(axis + 1) % 3];
+      });
+      return normal[0] * out[0] + normal[1] * out[1] + normal[2] * out[2] < 0 ? -1 : 1;
+    });
+  };
+
+  // Whether the viewer is in front of a face; its neighbours hide it otherwise.
+  const isInFront = (number, seen) => {
+    const places = mesh.outlines[number].map((index) => seen[index]);
+    const area = places.reduce((sum, a, i) => { const b = places[(i + 1) % places.length]; return sum + a[0] * b[1] - b[0] * a[1]; }, 0);
+    return facing[number] * area > 0;
+  };
+
   // The largest displacement drawn at an eighth of the body.
   const automatic = () => {
     const size = Math.max(...[0, 1, 2].map((axis) => { const found = extent(mesh.nodes.filter((_, i) => i % 3 === axis)); return found[1] - found[0]; }));
@@ -59,7 +89,7 @@
     let order = mesh.outlines.map((_, index) => index);
     if (isSolid()) {
       const depth = mesh.outlines.map((outline) => outline.reduce((sum, index) => sum + seen[index][2], 0) / outline.length);
-      order.sort((a, b) => depth[a] - depth[b]);
+      order = order.filter((index) => isInFront(index, seen)).sort((a, b) => depth[a] - depth[b]);
     }
     context.lineWidth = mesh.outlines.length > 3000 ? 0.25 : 0.7;
     context.strokeStyle = "rgba(30,30,30,.6)";
@@ -73,6 +103,7 @@
       context.stroke();
     }
     drawPoints(context, all, onScreen, values);
+    if (isSolid()) Grainspan.drawAxes(context, turn, height);
     bar(name);
     note();
   };
@@ -105,12 +136,18 @@
     const strip = make("div", null, { class: "strip" });
     strip.style.background = Grainspan.gradient;
     const ticks = make("div", null, { class: "ticks" });
-    for (const part of [0, 0.25, 0.5, 0.75, 1]) ticks.append(make("span", number((range.low + part * (range.high - range.low)) * scale.factor, 3)));
+    const size = Math.max(Math.abs(range.low), Math.abs(range.high)), spread = (range.high - range.low) / size;
+    // As many digits as tell the ticks apart.
+    const digits = spread > 0 ? Math.min(Math.max(Math.ceil(Math.log10(4 / spread)) + 1, 3), 8) : 3;
+    for (const part of [0, 0.25, 0.5, 0.75, 1]) ticks.append(make("span", number((range.low + part * (range.high - range.low)) * scale.factor, digits)));
     holder.append(strip, ticks, make("div", words(name) + (scale.unit ? `, ${scale.unit}` : ", \u2013"), { class: "name" }));
+    if (spread < 0.02) holder.append(make("div", `All values lie within ${number(100 * spread, 2)} %.`, { class: "note" }));
   };
 
   const note = () => {
-    const parts = [`${mesh.points.length} Gauss points${Grainspan.state?.live || cells.size ? "; click one to see its grains" : ""}.`];
+    const sides = [0, 1, 2].map((axis) => extent(mesh.nodes.filter((_, i) => i % 3 === axis))).map(([low, high]) => high - low).slice(0, mesh.dimension);
+    const length = scaled("m", Math.max(...sides));
+    const parts = [`${sides.map((side) => number(side * length.factor)).join(" \u00d7 ")} ${length.unit}, ${mesh.points.length} Gauss points${Grainspan.state?.live || cells.size ? "; click one to see its grains" : ""}.`];
     if (isSolid()) parts.push("Drag to turn.");
     if (!current) parts.unshift("No fields were written: the mesh as given.");
     const cellsLeft = Grainspan.state?.cells_left_out;
@@ -157,7 +194,11 @@
   };
 
   Grainspan.mesh = {
-    async load() { mesh = await Grainspan.get("mesh"); draw(); },
+    async load() {
+      mesh = await Grainspan.get("mesh");
+      facing = isSolid() && !mesh.problem ? faces() : [];
+      draw();
+    },
     count: () => mesh?.points?.length ?? 0,
     // Steps that have fields and Gauss points that have cells.
     async update(state) {

@@ -21,7 +21,7 @@
       const elapsed = Date.now() / 1000 - live.begun;
       texts.push(`step ${live.step}, ${number(100 * live.load, 3)} % of the load`, `${number(live.evaluations)} evaluations`, `for ${seconds(elapsed)}`);
     } else if (state.figures.steps !== undefined) {
-      texts.push(`${state.figures.steps} steps`, `${number(state.figures.gauss_points)} Gauss points`, `${number(state.figures.rve_evaluations)} evaluations`);
+      texts.push(`${state.figures.steps} ${state.figures.steps === 1 ? "step" : "steps"}`, `${number(state.figures.gauss_points)} Gauss points`, `${number(state.figures.rve_evaluations)} evaluations`);
       if (state.figures.time) texts.push(seconds(state.figures.time.wall_s));
     }
     element("progress-text").textContent = texts.join(" \u00b7 ");

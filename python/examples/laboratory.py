@@ -3,7 +3,9 @@
 The test is OE12 of the database of Wichtmann and Triantafyllidis, "An experimental database for the development, calibration and
 verification of constitutive models for sand with focus to cyclic loading", Acta Geotechnica 11 (2016) 739-774, two parts,
 doi 10.1007/s11440-015-0402-z: a quartz sand of 0.14 mm, void ratio 0.722 before loading. data/karlsruhe-fine-sand-oe12.csv has its first
-loading from 26 to 407 kPa, which is fitted, and the unloading after it, which is not: it shows what the fit is worth.
+loading from 26 to 407 kPa, which is fitted, and the unloading after it, which is not: it shows what the fit is worth. Its rows equal
+those of two public conversions of the authors' files (one is https://github.com/scigem/constitutive-models); void ratio and compression
+agree with each other to 2e-5, and the void ratio before loading gives the relative density that is published for the test, 0.88.
 
     python laboratory.py
 """

@@ -6,15 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import ElementTestStopped
+from .errors import ElementTestStopped, TrialRefused
 from .history import History, with_invariants
 
 if TYPE_CHECKING:
     from .result import TrialResult
     from .rve import Rve
 
-#: Most trials of one increment.
+#: Most trials of one search, and how often an increment is halved when its search fails.
 _MOST_TRIALS = 30
+_MOST_HALVINGS = 6
+
+#: Largest distance of the mean stress from its target, relative to it, at which a cell that snaps across the target is accepted.
+_LARGEST_JUMP = 0.05
 
 #: Observables that rows of an element test have.
 _OBSERVABLES = ("coordination_number_no_rattlers", "fabric", "sliding_fraction", "energy")
@@ -33,30 +37,50 @@ _SCALARS = (
 def follow_mean_stress(cell: Rve, pressure: float, axial_strain: float, increments: int, tolerance: float) -> History:
     """Shortens a cell in its initial state along its axis while the mean stress is kept, in equal logarithmic strains.
 
-    An increment of no axial strain comes first where the packing has another mean stress.
+    An increment of no axial strain comes first where the packing has another mean stress. An increment whose search fails is taken in
+    halves; at the smallest part the nearest state is accepted where the cell snaps across the target (``stress_jumps`` in the counts).
     """
     dimension = cell.dimension
     deformation = np.eye(dimension)
     rows = [_row(0, deformation, _trial(cell, np.zeros(dimension), 0), 0)]
-    steps = [np.log1p(-axial_strain) / increments] * increments
-    begin = 0
-    if abs(cell.initial_pressure - pressure) > tolerance * pressure:
+    counts = {"rows": 1, "trials": 1, "dem_steps": 0, "stress_jumps": 0, "cut_increments": 0}
+    steps: list[float | None] = [np.log1p(-axial_strain) / increments] * increments
+    begin, reached = 0, cell.initial_pressure
+    if abs(reached - pressure) > tolerance * pressure:
+        # The packing changes its size alone, then its axis is shortened.
         steps.insert(0, None)
         begin = 1
     lateral = 0.0
     for axial in steps:
-        # The packing changes its size alone, then its axis is shortened.
-        found = _increment(cell, pressure, axial, lateral, tolerance)
-        if found is None:
-            message = f"increment {len(rows)}: the mean stress {pressure:.6e} Pa was not kept; use more increments"
-            raise ElementTestStopped(message, _table(rows, dimension, begin))
-        gradient, lateral, result, cost = found
-        cell.commit()
-        deformation = (np.eye(dimension) + np.diag(gradient)) @ deformation
+        done, part, cost, start = 0.0, 1.0, 0, reached
+        while done < 1.0:
+            aim = start + (done + part) * (pressure - start)
+            is_smallest = part <= 0.5**_MOST_HALVINGS
+            strain = None if axial is None else part * axial
+            found = _increment(cell, aim, strain, part * lateral, tolerance, is_smallest, counts)
+            if found is None:
+                if is_smallest:
+                    message = (
+                        f"increment {len(rows)}: the mean stress {aim:.6e} Pa was not kept, as the cell snaps across it; "
+                        "use more increments, or a packing of more grains"
+                    )
+                    raise ElementTestStopped(message, _table(rows, dimension, begin, counts))
+                cell.rollback()
+                part *= 0.5
+                continue
+            gradient, change, result, spent = found
+            cell.commit()
+            deformation = (np.eye(dimension) + np.diag(gradient)) @ deformation
+            # An increment without axial strain says nothing about those with one.
+            lateral = 0.0 if axial is None else change / part
+            done += part
+            cost += spent
+        counts["cut_increments"] += part < 1.0
+        reached = pressure
         rows.append(_row(len(rows), deformation, result, cost))
-        if axial is None:
-            lateral = 0.0
-    return _table(rows, dimension, begin)
+        counts["rows"] += 1
+        counts["dem_steps"] += cost
+    return _table(rows, dimension, begin, counts)
 
 
 def _trial(cell: Rve, gradient: np.ndarray, ramp_steps: int) -> TrialResult:
@@ -70,15 +94,29 @@ def _gradient(dimension: int, axial: float | None, lateral: float) -> np.ndarray
     return np.expm1(strains)
 
 
-def _increment(cell: Rve, pressure: float, axial: float | None, lateral: float, tolerance: float):
-    """Newton's method by the tangent, then secants; the bracket is kept once there is one."""
+def _increment(
+    cell: Rve,
+    pressure: float,
+    axial: float | None,
+    lateral: float,
+    tolerance: float,
+    is_last_resort: bool,
+    counts: dict[str, int],
+):
+    """Newton's method by the tangent, then secants; the bracket is kept once there is one. ``None`` if the search has failed."""
     dimension = cell.dimension
     direction = _gradient(dimension, None if axial is None else 0.0, 1.0) != 0.0
     samples: list[tuple[float, float]] = []
     ramp_steps, cost = 0, 0
-    for _ in range(_MOST_TRIALS):
+    while len(samples) < _MOST_TRIALS:
         gradient = _gradient(dimension, axial, lateral)
-        result = _trial(cell, gradient, ramp_steps)
+        try:
+            result = _trial(cell, gradient, ramp_steps)
+        except TrialRefused as refused:
+            if not refused.curable:
+                raise
+            break
+        counts["trials"] += 1
         # The first trial chooses the ramp for all: the stress would jump with its length otherwise.
         ramp_steps = ramp_steps or int(result.ramp_steps[0])
         cost += int(result.force_evaluations[0])
@@ -87,7 +125,15 @@ def _increment(cell: Rve, pressure: float, axial: float | None, lateral: float, 
             return gradient, lateral, result, cost
         samples.append((lateral, error))
         lateral = _next(samples, _slope(result, gradient, direction))
-    return None
+    if not (is_last_resort and samples):
+        return None
+    lateral, error = min(samples, key=lambda sample: abs(sample[1]))
+    if abs(error) > _LARGEST_JUMP * pressure:
+        return None
+    counts["stress_jumps"] += 1
+    gradient = _gradient(dimension, axial, lateral)
+    result = _trial(cell, gradient, ramp_steps)
+    return gradient, lateral, result, cost + int(result.force_evaluations[0])
 
 
 def _slope(result: TrialResult, gradient: np.ndarray, direction: np.ndarray) -> float:
@@ -127,6 +173,8 @@ def _row(number: int, deformation: np.ndarray, result: TrialResult, cost: int) -
     return row
 
 
-def _table(rows: list[dict[str, float]], dimension: int, begin: int) -> History:
+def _table(rows: list[dict[str, float]], dimension: int, begin: int, counts: dict[str, int]) -> History:
     lengths = [begin] * (begin > 0) + [len(rows) - 1 - begin]
-    return with_invariants(History(rows), dimension, begin, lengths)
+    table = with_invariants(History(rows), dimension, begin, lengths)
+    table.attrs["counts"] = dict(counts)
+    return table

@@ -134,6 +134,9 @@ def calibrate(
                 rows = test(cell)
             except ElementTestStopped as stopped:
                 rows = stopped.history
+            absent = [name for name in (x, *columns) if name not in rows]
+            if absent:
+                raise InputError(f"the test gives no column {', '.join(absent)}")
             # The last row may lie a rounding before the end of the target.
             reached = places <= rows[x].iloc[-1] + 1e-9 * np.ptp(places)
             return np.array([np.where(reached, np.interp(places, rows[x], rows[name]), np.nan) for name in columns])

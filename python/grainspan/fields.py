@@ -28,7 +28,7 @@ class Fields:
         Time of the step.
     points : pandas.DataFrame
         One row per node (or grain): coordinates ``x``, ``y``, ``z``, and its fields. Components of vectors and tensors are columns
-        ``name_0``, ``name_1`` ...
+        ``name_x``, ``name_y``, ``name_z`` and ``name_xx``, ``name_xy`` ...
     elements : pandas.DataFrame
         One row per element, empty for grains.
     """
@@ -128,8 +128,17 @@ def _columns(data: ElementTree.Element | None) -> pd.DataFrame:
         if width == 1:
             columns[name] = numbers
         else:
-            columns |= {f"{name}_{k}": part for k, part in enumerate(numbers.reshape(-1, width).T)}
+            columns |= {f"{name}_{part}": of for part, of in zip(_components(width), numbers.reshape(-1, width).T)}
     return pd.DataFrame(columns)
+
+
+def _components(width: int) -> list[str]:
+    """Names of the components of a vector, a tensor (row by row), or anything else."""
+    if width == 3:
+        return list("xyz")
+    if width == 9:
+        return [a + b for a in "xyz" for b in "xyz"]
+    return [str(number) for number in range(width)]
 
 
 def _numbers(array: ElementTree.Element | None) -> np.ndarray:

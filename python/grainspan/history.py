@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,39 @@ import pandas as pd
 from .errors import InputError
 
 _AXES = "xyz"
+
+#: Columns of element tests that have a unit, by how their names begin; all others are numbers without one.
+_UNITS = {
+    "sigma_": "Pa",
+    "C_": "Pa",
+    "axial_stress": "Pa",
+    "shear_stress": "Pa",
+    "p": "Pa",
+    "q": "Pa",
+    "deviator": "Pa",
+    "elastic_energy": "J/m3",
+    "frictional_dissipation": "J/m3",
+}
+
+#: Columns that pictures show in per cent.
+_PER_CENT = {"axial_compression", "volume_change", "shear"}
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def unit_of(column: str) -> str:
+    """Unit of a column of an element test; ``-`` for numbers without one."""
+    return next((unit for name, unit in _UNITS.items() if column == name or (name[-1] == "_" and column.startswith(name))), "-")
+
+
+def _shown(values: pd.Series, unit: str) -> tuple[pd.Series, str]:
+    """Values as a picture shows them, and their label."""
+    words = str(values.name).replace("_", " ")
+    if unit == "-":
+        return (100.0 * values, f"{words}, %") if values.name in _PER_CENT else (values, words)
+    largest = float(values.abs().max())
+    size, prefix = next(((size, prefix) for size, prefix in _PREFIXES if largest >= size), (1.0, ""))
+    return values / size, f"{words}, {prefix}{unit}"
 
 
 class _Plot(pd.DataFrame.plot):  # type: ignore[misc, name-defined, valid-type]
@@ -27,7 +61,10 @@ class _Plot(pd.DataFrame.plot):  # type: ignore[misc, name-defined, valid-type]
 
 
 class History(pd.DataFrame):
-    """A data frame of a test or a run; ``attrs`` hold counts of the test. ``plot()`` without arguments draws its curves."""
+    """A data frame of a test or a run; ``plot()`` without arguments draws the curves of a test.
+
+    ``attrs`` hold ``units`` (column to unit, ``-`` for numbers without one; SI) and, of a test, ``counts``.
+    """
 
     @property
     def _constructor(self):
@@ -40,7 +77,7 @@ class History(pd.DataFrame):
 
 
 def draw(history: pd.DataFrame, axes=None):
-    """Draws the curves of a test: one diagram for each pair of columns in ``history.attrs["curves"]``.
+    """Draws the curves of a test: one diagram for each pair of columns in ``history.attrs["curves"]``, with units.
 
     Parameters
     ----------
@@ -57,15 +94,16 @@ def draw(history: pd.DataFrame, axes=None):
     try:
         import matplotlib.pyplot as plt
     except ImportError as error:
-        raise ImportError("drawing needs matplotlib: pip install 'grainspan[plot]'") from error
-    curves = history.attrs["curves"]
+        raise ImportError("drawing needs matplotlib: pip install matplotlib") from error
+    curves, units = history.attrs["curves"], history.attrs.get("units", {})
     if axes is None:
         _, axes = plt.subplots(1, len(curves), figsize=(4.5 * len(curves), 3.4), squeeze=False, layout="constrained")
     axes = np.ravel(axes)
     for ax, (x, y) in zip(axes, curves):
-        ax.plot(history[x], history[y])
-        ax.set_xlabel(x.replace("_", " "))
-        ax.set_ylabel(y.replace("_", " "))
+        (across, across_label), (up, up_label) = (_shown(history[name], units.get(name, unit_of(name))) for name in (x, y))
+        ax.plot(across, up)
+        ax.set_xlabel(across_label)
+        ax.set_ylabel(up_label)
         ax.grid(True, linewidth=0.3)
     return axes
 
@@ -81,13 +119,17 @@ def read_history(path: str | os.PathLike[str]) -> History:
     Returns
     -------
     History
-        One row per accepted step; numbers have the bits of the file.
+        One row per accepted step; numbers have the bits of the file. Units of the columns are in ``attrs["units"]``.
     """
     place = Path(path)
-    if place.is_dir():
+    is_run = place.is_dir()
+    if is_run:
         place = place / "history.csv"
     try:
-        return parse(place.read_bytes())
+        rows = parse(place.read_bytes())
+        if is_run and (place.parent / "units.json").exists():
+            rows.attrs["units"] |= json.loads((place.parent / "units.json").read_text(encoding="utf-8"))["history"]
+        return rows
     except OSError as error:
         raise InputError(f"cannot read the history {place}: {error}") from error
 
@@ -96,7 +138,13 @@ def parse(text: bytes) -> History:
     """Rows from CSV; numbers have the bits that were written."""
     names, *rows = [*csv.reader(io.StringIO(text.decode("utf-8")))] or [[]]
     columns = zip(*rows) if rows else ([] for _ in names)
-    return History({name: _column(list(values)) for name, values in zip(names, columns)})
+    # A header may hold units: `top_force [N/m]`.
+    plain = [name.split(" [")[0] for name in names]
+    table = History({name: _column(list(values)) for name, values in zip(plain, columns)})
+    table.attrs["units"] = {
+        short: name[len(short) + 2 : -1] if name != short else unit_of(short) for short, name in zip(plain, names)
+    }
+    return table
 
 
 def _column(values: list[str]) -> np.ndarray | list[str]:
@@ -137,6 +185,7 @@ def with_invariants(rows: History, dimension: int, begin: int, lengths: list[int
     rows["q"] = np.sqrt(factor * np.einsum("nij,nij->n", deviation, deviation))
     rows["deviator"] = lateral - stress[:, -1, -1]
     rows["stress_ratio"] = rows["q"] / rows["p"].where(rows["p"] != 0)
+    rows.attrs["units"] = {name: unit_of(name) for name in (*rows.columns, "axial_stress", "shear_stress")}
     return rows
 
 

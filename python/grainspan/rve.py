@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -213,7 +213,7 @@ class Rve:
             As for :meth:`path`.
         """
         segments = [isotropic_segment(self.dimension, one, increments) for one in np.atleast_1d(pressure)]
-        return self._curves(self.path(segments, **options), ("p", "volume_change"), ("p", "void_ratio"))
+        return self._test(segments, 0, [("p", "volume_change"), ("p", "void_ratio")], options)
 
     def triaxial(
         self,
@@ -245,11 +245,11 @@ class Rve:
         else:
             lateral = lateral_stresses(self.dimension, pressure, self.initial_stress)
             segments.append(axial_segment(self.dimension, -axial_strain, lateral, increments))
-        begin = len(segments) - 1
-        history = self.path(segments, begin=begin, **options)
         if constant_volume:
-            return self._curves(history, ("axial_compression", "q"), ("p", "q"))
-        return self._curves(history, ("axial_compression", "stress_ratio"), ("axial_compression", "volume_change"))
+            curves = [("axial_compression", "q"), ("p", "q")]
+        else:
+            curves = [("axial_compression", "stress_ratio"), ("axial_compression", "volume_change")]
+        return self._test(segments, len(segments) - 1, curves, options)
 
     def undrained(self, axial_strain: float = 0.05, **options: Any) -> History:
         """Triaxial compression at constant volume, see :meth:`triaxial`."""
@@ -280,10 +280,8 @@ class Rve:
             raise InputError("give either the axial stresses or the axial strain")
         stresses = None if stress is None else np.atleast_1d(stress)
         segments = oedometric_segments(self.dimension, stresses, axial_strain, increments)
-        history = self.path(segments, **options)
-        axis = "xyz"[self.dimension - 1]
-        history["axial_stress"] = -history[f"sigma_{axis}{axis}"]
-        return self._curves(history, ("axial_stress", "axial_compression"), ("axial_stress", "void_ratio"))
+        curves = [("axial_stress", "axial_compression"), ("axial_stress", "void_ratio")]
+        return self._test(segments, 0, curves, options)
 
     def simple_shear(
         self,
@@ -313,9 +311,7 @@ class Rve:
         segments = self._consolidation(normal_stress)
         axial = self.initial_stress[-1, -1] if normal_stress is None else -normal_stress
         segments.append(shear_segment(self.dimension, shear_strain, None if constant_volume else axial, increments))
-        history = self.path(segments, begin=len(segments) - 1, **options)
-        history["shear_stress"] = history[f"sigma_x{'xyz'[self.dimension - 1]}"]
-        return self._curves(history, ("shear", "shear_stress"), ("shear", "volume_change"))
+        return self._test(segments, len(segments) - 1, [("shear", "shear_stress"), ("shear", "volume_change")], options)
 
     direct_shear = simple_shear
 
@@ -329,7 +325,9 @@ class Rve:
     ) -> History:
         """Triaxial compression at constant mean stress; both lateral strains of spheres are equal.
 
-        The columns are those of the other tests but for the anisotropies of the forces (``a_c``, ``a_n``, ``a_t``).
+        The columns are those of the other tests but for the anisotropies of the forces (``a_c``, ``a_n``, ``a_t``). Increments that fail
+        are taken in parts, and where a cell snaps across the mean stress the nearest state is accepted, up to 5 % away; both are in
+        ``attrs["counts"]``.
 
         Parameters
         ----------
@@ -349,8 +347,8 @@ class Rve:
         """
         cell = Rve(self._packing, self._contact, rve=self._table)
         target = self.initial_pressure if pressure is None else pressure
-        history = follow_mean_stress(cell, target, axial_strain, increments, stress_tolerance)
-        return self._curves(history, ("axial_compression", "stress_ratio"), ("axial_compression", "volume_change"))
+        curves = [("axial_compression", "stress_ratio"), ("axial_compression", "volume_change")]
+        return self._finished(lambda: follow_mean_stress(cell, target, axial_strain, increments, stress_tolerance), curves)
 
     def cyclic(
         self,
@@ -387,16 +385,33 @@ class Rve:
         axial = self.initial_stress[-1, -1] if pressure is None else -pressure
         lateral = lateral_stresses(self.dimension, pressure, self.initial_stress)
         segments += cyclic_segments(self.dimension, amplitude, cycles, increments, shear, constant_volume, axial, lateral)
-        history = self.path(segments, begin=begin, **options)
-        if shear:
-            history["shear_stress"] = history[f"sigma_x{'xyz'[self.dimension - 1]}"]
-            return self._curves(history, ("shear", "shear_stress"), ("p", "shear_stress"))
-        return self._curves(history, ("axial_compression", "deviator"), ("p", "deviator"))
+        abscissa, ordinate = ("shear", "shear_stress") if shear else ("axial_compression", "deviator")
+        return self._test(segments, begin, [(abscissa, ordinate), ("p", ordinate)], options)
 
     def _consolidation(self, pressure: float | None) -> list[Segment]:
         """The segment to an isotropic pressure; none without one."""
         return [] if pressure is None else [isotropic_segment(self.dimension, pressure, _CONSOLIDATION)]
 
-    def _curves(self, history: History, *curves: tuple[str, str]) -> History:
+    def _test(
+        self, segments: Sequence[Segment], begin: int, curves: Sequence[tuple[str, str]], options: Mapping[str, Any]
+    ) -> History:
+        """A path with the columns and curves of its test."""
+        return self._finished(lambda: self.path(segments, begin=begin, **options), curves)
+
+    def _finished(self, test: Callable[[], History], curves: Sequence[tuple[str, str]]) -> History:
+        """The rows of a test with the columns that its curves need; also those of a test that stops before its end."""
+        try:
+            return self._with_curves(test(), curves)
+        except ElementTestStopped as stopped:
+            self._with_curves(stopped.history, curves)
+            raise
+
+    def _with_curves(self, history: History, curves: Sequence[tuple[str, str]]) -> History:
+        axis = "xyz"[self.dimension - 1]
+        needed = {name for curve in curves for name in curve}
+        if not history.empty and "axial_stress" in needed:
+            history["axial_stress"] = -history[f"sigma_{axis}{axis}"]
+        if not history.empty and "shear_stress" in needed:
+            history["shear_stress"] = history[f"sigma_x{axis}"]
         history.attrs["curves"] = list(curves)
         return history

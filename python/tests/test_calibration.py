@@ -63,3 +63,22 @@ def test_bad_requests_are_refused():
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.9, 0.1)}, biaxial)
     with pytest.raises(grainspan.InputError, match="no column colour"):
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, columns=["colour"])
+    with pytest.raises(grainspan.InputError, match="the test gives no column stress_ratio"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, lambda rve: biaxial(rve)[["axial_compression"]])
+
+
+def test_a_test_that_stops_counts_up_to_there():
+    """Its rows are compared as far as they go; the rest counts as a difference of the size of the curve."""
+    target = grainspan.Rve(DISCS, CONTACT, accuracy="draft").oedometer([2e5, 4e5], increments=5)
+    # No cell bears ten gigapascals.
+    found = grainspan.calibrate(
+        DISCS,
+        {"modulus": 1e8, "stiffness_ratio": 0.5},
+        target,
+        {"friction": (0.5, 0.1, 0.9)},
+        lambda rve: rve.oedometer([2e5, 1e10], increments=2),
+        x="axial_stress",
+        columns=["axial_compression"],
+        most_evaluations=1,
+    )
+    assert found.error > 0.3 and len(found.curve) == len(target)

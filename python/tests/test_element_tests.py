@@ -4,7 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import CONTACT, DISCS
+from conftest import CONTACT, DISCS, SPHERES
 
 import grainspan
 
@@ -90,6 +90,18 @@ def test_mean_stress_is_kept(rve, spheres):
         assert rows["stress_ratio"].iloc[-1] > 0.2
 
 
+def test_mean_stress_is_kept_where_cells_snap():
+    """Loose discs and Hertzian spheres past the peak: increments are taken in parts, and jumps are counted."""
+    hertz = {"law": "hertz_mindlin", "shear_modulus": 2.9e9, "poisson_ratio": 0.2, "friction": 0.5}
+    for packing, contact in ((SPHERES, hertz), (DISCS, {**CONTACT, "friction": 0.3})):
+        cell = grainspan.Rve(packing, contact, accuracy="draft")
+        rows = cell.constant_mean_stress(0.03, pressure=1e5, increments=40)
+        np.testing.assert_allclose(rows["p"].iloc[1:], 1e5, rtol=0.05)
+        counts = rows.attrs["counts"]
+        assert len(rows) == counts["rows"] and counts["trials"] > 40
+        assert {"stress_jumps", "cut_increments"} <= set(counts)
+
+
 def test_cycles_return_and_dissipate(rve):
     rows = rve.cyclic(1e-3, 2, increments=3)
     assert len(rows) == 1 + 3 * 8
@@ -107,6 +119,12 @@ def test_a_path_that_cannot_be_followed_keeps_its_rows(rve):
     with pytest.raises(grainspan.ElementTestStopped, match="use more increments") as stopped:
         rve.path([{"increments": 2, "strain": {"yy": -1e-4}}, far])
     assert len(stopped.value.history) == 3
+    # A test by name has its own columns up to there, so that what was reached can be drawn and fitted.
+    with pytest.raises(grainspan.ElementTestStopped) as stopped:
+        rve.oedometer([2e5, 4e9], increments=4)
+    reached = stopped.value.history
+    assert reached["axial_stress"].iloc[4] == pytest.approx(2e5, rel=2e-3)
+    assert len(reached.plot()) == 2
 
 
 def test_input_errors_name_key_and_remedy(rve):
@@ -155,5 +173,8 @@ def test_the_tangent_by_the_gradient_is_the_derivative(rve):
 def test_curves_are_drawn(rve):
     rows = rve.triaxial(1e-3, increments=2)
     axes = rows.plot()
-    assert len(axes) == 2 and axes[0].get_xlabel() == "axial compression"
+    assert [ax.get_xlabel() for ax in axes] == ["axial compression, %"] * 2
+    assert [ax.get_ylabel() for ax in axes] == ["stress ratio", "volume change, %"]
+    assert axes[0].get_lines()[0].get_xdata()[-1] == pytest.approx(0.1)
+    assert rve.oedometer([1.2e5], increments=2).plot()[0].get_xlabel() == "axial stress, kPa"
     assert rows.plot(x="axial_compression", y="q") is not None

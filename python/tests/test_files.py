@@ -51,6 +51,7 @@ def test_a_run_reports_its_steps(finished):
     assert [step["step"] for step in steps] == [0, 1, 2, 3]
     assert run.summary["status"] == "done" and len(run.history) == 4
     assert run.history["axial_compression"].iloc[-1] == pytest.approx(1e-3, rel=1e-6)
+    assert run.history.attrs["units"]["top_force"] == "N/m" and run.history.attrs["units"]["stress_ratio"] == "-"
     assert run.events[-1]["event"] == "finished" or any(event.get("event") == "finished" for event in run.events)
 
 
@@ -59,7 +60,7 @@ def test_fields_and_grains_are_read(finished):
     fields = run.fields()
     assert len(fields.points) == 15 and len(fields.elements) == 8
     # Means of the elements: four Gauss points each, all elements of one size.
-    stress = fields.elements["stress_4"].mean()
+    stress = fields.elements["stress_yy"].mean()
     force = run.history["top_force"].iloc[-1]
     assert stress * 0.05 == pytest.approx(force, rel=1e-3)
     grains = run.grains()

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import CONTACT, DISCS, SPHERES
+from conftest import CONTACT, DISCS, ROOT, SPHERES
 
 import grainspan
 
@@ -181,7 +181,7 @@ except KeyboardInterrupt:
 
 def test_ctrl_c_ends_a_call_and_not_the_pool():
     text = textwrap.dedent(INTERRUPTED.format(discs=str(DISCS), contact=CONTACT))
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, cwd=ROOT)
     assert done.stdout.strip() == "stopped and in service", done.stderr
 
 
@@ -193,7 +193,7 @@ def test_workers_end_with_the_pool_and_with_the_process():
     assert_gone(workers)
     text = f"import grainspan, os; p = grainspan.Pool({str(DISCS)!r}, {CONTACT!r}, workers=1)\n"
     text += "print(p.workers[0], flush=True); os.kill(os.getpid(), 9)"
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, cwd=ROOT)
     assert_gone([int(done.stdout)])
 
 

@@ -111,10 +111,14 @@ def python_of(host: Host) -> str:
         if not run([base, "-m", "venv", "--clear", *(["--without-pip"] if serves else []), str(folder)], log):
             raise Missing(f"no environment can be made; see {log}")
         pip = [base, "-m", "pip", "--python", str(python)] if serves else [str(python), "-m", "pip"]
-        packages = [*host.packages, *(map(str, wheels[-1:]) if host.needs_wheel else ())]
+        packages = [*host.packages, *(("numpy", "pandas") if host.needs_wheel else ())]
         # Without byte code: most of what is installed is never imported.
-        if packages and not run([*pip, "install", "--quiet", "--no-compile", *packages], log):
+        quiet = [*pip, "install", "--quiet", "--no-compile"]
+        if packages and not run([*quiet, *packages], log):
             raise Missing(f"{', '.join(packages)} cannot be installed; see {log}")
+        # Of the packages that the wheel depends on, those for drawing are left out.
+        if host.needs_wheel and not run([*quiet, "--no-deps", str(wheels[-1])], log):
+            raise Missing(f"{wheels[-1]} cannot be installed; see {log}")
         done.write_text(stamp, encoding="utf-8")
     return str(python)
 
