@@ -107,3 +107,11 @@ def test_toml_survives(tmp_path):
     (tmp_path / "t.toml").write_text(_toml.write(table))
     del table["none"]
     assert _toml.read(tmp_path / "t.toml") == table
+
+
+def test_headers_with_units_read_as_plain_names(tmp_path):
+    out = tmp_path / "out"
+    run = grainspan.run(SCENE, out=out, workers=1, set={"loading.increments": 2, "output.units": True}, progress=False)
+    header = (out / "history.csv").read_text().splitlines()[0]
+    assert ",top_force [N/m]," in header and ",stress_ratio," in header and header.startswith("step,time [s],")
+    assert "top_force" in run.history and run.history.attrs["units"]["top_force"] == "N/m"

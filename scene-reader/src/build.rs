@@ -120,6 +120,7 @@ impl Scene {
             gauss_points: file.output.gauss_points,
             observables,
             accuracy: false,
+            units_in_headers: file.output.units.then_some(problem.mesh.dimension),
         };
         let fault = |fault| document.fault(&fault);
         let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;

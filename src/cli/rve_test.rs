@@ -61,6 +61,9 @@ pub(crate) struct Arguments {
     /// Tests of a sweep that run at the same time [default: one per core]
     #[arg(long, value_name = "N", requires = "sweeps")]
     jobs: Option<NonZeroUsize>,
+    /// Put units into the header: `sigma_xx [Pa]`
+    #[arg(long, conflicts_with = "replay")]
+    units: bool,
     /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
@@ -90,6 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             overrides: &arguments.overrides,
             tangent: arguments.tangent,
             out: arguments.out.as_deref(),
+            units: arguments.units,
             jobs: arguments.jobs,
             quiet: arguments.quiet,
         };
@@ -162,7 +166,8 @@ struct Rows {
 impl Rows {
     fn new(arguments: &Arguments, buffer: &Rc<RefCell<Vec<u8>>>) -> Result<Self, Failure> {
         let csv = ElementCsv::new(SharedBuffer(Rc::clone(buffer)), arguments.tangent)
-            .map_err(|error| Failure::new(Exit::BadInput, error))?;
+            .map_err(|error| Failure::new(Exit::BadInput, error))?
+            .with_units(arguments.units);
         Ok(Self { buffer: Rc::clone(buffer), csv, streams: arguments.out.is_none(), failure: None })
     }
 

@@ -36,6 +36,9 @@ pub(crate) struct Arguments {
     /// Override a key of the test
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
+    /// Put units into the header: `sigma_xx [Pa]`
+    #[arg(long)]
+    units: bool,
     /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
@@ -100,7 +103,8 @@ impl Output {
             .expect("the template is a constant");
         bar.set_style(style);
         Ok(Self {
-            csv: SpecimenCsv::new(Vec::new()).map_err(|error| Failure::new(Exit::BadInput, error))?,
+            csv: SpecimenCsv::new(Vec::new(), arguments.units)
+                .map_err(|error| Failure::new(Exit::BadInput, error))?,
             pictures: arguments.pictures.as_deref().map(Pictures::create).transpose()?,
             bar,
             before,

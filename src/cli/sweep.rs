@@ -71,6 +71,7 @@ pub(super) struct Common<'a> {
     pub(super) overrides: &'a [String],
     pub(super) tangent: TangentKind,
     pub(super) out: Option<&'a Path>,
+    pub(super) units: bool,
     pub(super) jobs: Option<NonZeroUsize>,
     pub(super) quiet: bool,
 }
@@ -186,7 +187,7 @@ fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, 
     let (test, packing) = read_element_test(&document)?;
     let mut csv = Vec::new();
     let bad = |error: csv::Error| Failure::new(Exit::BadInput, error);
-    let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?;
+    let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?.with_units(common.units);
     let mut written = Ok(());
     let ended = run_element_on(&test, packing, common.tangent, &mut |row| {
         written = encoder.write(row);

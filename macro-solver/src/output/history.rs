@@ -6,9 +6,11 @@
 
 use super::OutputError;
 use super::appended::{AppendedFile, csv_line, number};
+use super::units::headed;
 use crate::material::error_estimate::ErrorEstimate;
 use crate::observer::StepAccuracy;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Columns that every history has, in order; probes follow.
@@ -50,6 +52,8 @@ pub struct HistoryRow {
 /// Columns of a history in addition to those that every history has.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HistoryLayout {
+    /// Units that the header shows behind the names, by column; none for plain names.
+    pub headings: BTreeMap<String, &'static str>,
     /// A column for each probe.
     pub probes: Vec<String>,
     /// Names of the stages; a column `stage` behind the probes tells them apart where there are several.
@@ -101,7 +105,7 @@ impl HistoryLayout {
         let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
         let names = names.chain(self.tells_stages().then_some("stage")).chain(LAST_COLUMNS);
         let names = names.chain(ACCURACY_COLUMNS.into_iter().filter(|_| self.accuracy));
-        csv_line(path, names.map(str::to_owned))
+        csv_line(path, names.map(|name| headed(name, &self.headings)))
     }
 
     fn line(&self, path: &Path, row: &HistoryRow) -> Result<Vec<u8>, OutputError> {
@@ -149,6 +153,7 @@ mod tests {
             probes: vec!["plain".to_owned(), "with, comma".to_owned()],
             stages: vec!["squeeze".to_owned(), "shear".to_owned()],
             accuracy: true,
+            ..HistoryLayout::default()
         };
         let mut history = HistoryWriter::create(&path, layout).unwrap();
         let values = vec![0.1 + 0.2, -1.234_567_890_123_456_7e-300];
@@ -178,6 +183,16 @@ mod tests {
         assert_eq!((&row[8], &row[9]), ("2", "17"));
         assert_eq!([10, 11].map(|column| &headers[column]), ["strain_per_step", "estimated_error"]);
         assert_eq!((&row[10], &row[11]), ("1e-6", ""), "what is not known is left empty");
+    }
+
+    #[test]
+    fn a_header_may_hold_units() {
+        let probes = vec!["force".to_owned(), "ratio".to_owned()];
+        let headings = [("force", "N/m"), ("ratio", "-"), ("time", "s")].map(|(name, unit)| (name.to_owned(), unit));
+        let layout = HistoryLayout { headings: headings.into(), probes, ..HistoryLayout::default() };
+        let header = layout.header(Path::new("history.csv")).unwrap();
+        let expected = "step,time [s],load,iterations,evaluations,force [N/m],ratio,cut_backs,stabilised\n";
+        assert_eq!(String::from_utf8(header).unwrap(), expected);
     }
 
     #[test]

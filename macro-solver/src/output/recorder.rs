@@ -3,9 +3,10 @@
 use super::frames::{write_frame, write_point_frame};
 use super::points::point_columns;
 use super::table::{TableFile, TableRow};
-use super::units::write_units;
+use super::units::{Units, headed, history_units, own, point_unit, write_units};
 use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe, Profile, References};
 use crate::checkpoint::{Archive, CheckpointError};
+use crate::mesh::Dimension;
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
 use crate::problem::Problem;
 use protocol::Observables;
@@ -29,6 +30,8 @@ pub struct RecordPlan {
     pub observables: Observables,
     /// Whether the error of the stresses is estimated, and so has its columns.
     pub accuracy: bool,
+    /// Headers of tables hold units, `top_force [N/m]`, in this dimension; `None` leaves names alone.
+    pub units_in_headers: Option<Dimension>,
 }
 
 /// What is written of one stage.
@@ -64,8 +67,14 @@ impl RecordPlan {
     }
 
     /// Columns behind the fixed ones, and the names behind the numbers of stages.
+    /// Units of the history's columns, as its header shows them.
+    fn headings(&self) -> Units {
+        self.units_in_headers.map(|dimension| history_units(self, dimension)).unwrap_or_default()
+    }
+
     fn layout(&self) -> HistoryLayout {
         HistoryLayout {
+            headings: self.headings(),
             probes: self.probes.iter().map(|probe| probe.name.clone()).collect(),
             stages: self.stages.iter().map(|stage| stage.name.clone()).collect(),
             accuracy: self.accuracy,
@@ -187,10 +196,18 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
     let mut tables = Vec::new();
     for profile in &plan.profiles {
         let path = folder.join(format!("profiles/{}.csv", profile.name));
-        tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(str::to_owned))?);
+        let unit = plan.units_in_headers.map(|dimension| profile.probe.unit(dimension));
+        let units = unit.map(|unit| Units::from([("time", "s"), ("coordinate", "m"), ("value", unit)].map(own)));
+        let headings = units.unwrap_or_default();
+        tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(|name| headed(name, &headings)))?);
     }
     let columns: Vec<String> = point_columns(plan.observables).into_iter().map(|column| column.name).collect();
     let columns = [vec!["time".to_owned()], columns].concat();
+    let units = |name: &String| Units::from([(name.clone(), point_unit(name))]);
+    let columns: Vec<String> = match plan.units_in_headers {
+        Some(_) => columns.iter().map(|name| headed(name, &units(name))).collect(),
+        None => columns,
+    };
     for number in &plan.points {
         tables.push(TableFile::create(&folder.join(format!("points/point-{number:04}.csv")), &columns)?);
     }
@@ -200,7 +217,8 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
 /// Creates the table of the estimated errors of the probes, if there are any.
 fn error_table(folder: &Path, plan: &RecordPlan) -> Result<Option<TableFile>, OutputError> {
     let of_stresses = plan.probes.iter().filter(|probe| probe.quantity.has_error());
-    let columns: Vec<String> = of_stresses.map(|probe| probe.name.clone()).collect();
+    let headings = plan.headings();
+    let columns: Vec<String> = of_stresses.map(|probe| headed(&probe.name, &headings)).collect();
     let wanted = plan.accuracy && !columns.is_empty();
     wanted.then(|| TableFile::create(&folder.join("probe_errors.csv"), &columns)).transpose()
 }

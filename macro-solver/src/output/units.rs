@@ -1,4 +1,5 @@
-//! `units.json`: the units of everything that a run writes, for people and pictures. Column names stay free of units.
+//! `units.json`: the units of everything that a run writes, for people and pictures. Column names stay free of units, unless
+//! `output.units` asks for headers such as `top_force [N/m]`.
 
 use super::points::point_columns;
 use super::{OutputError, RecordPlan, write_atomically};
@@ -8,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Units of the columns of one kind of file by their names; `-` marks numbers without a unit.
-type Units = BTreeMap<String, &'static str>;
+pub(super) type Units = BTreeMap<String, &'static str>;
 
 /// What `units.json` holds, by kind of file.
 #[derive(Debug, Serialize)]
@@ -30,9 +31,7 @@ struct UnitsFile {
 /// # Errors
 /// [`OutputError`].
 pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) -> Result<(), OutputError> {
-    let own = |(name, unit): (&str, &'static str)| (name.to_owned(), unit);
-    let mut history: Units = HISTORY.into_iter().map(own).collect();
-    history.extend(plan.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))));
+    let history = history_units(plan, dimension);
     let names = point_columns(plan.observables).into_iter().map(|column| column.name);
     let points = names
         .map(|name| {
@@ -53,6 +52,26 @@ pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) 
     };
     let text = serde_json::to_vec_pretty(&file).map_err(|reason| OutputError::encode(path, reason))?;
     write_atomically(path, &text)
+}
+
+/// Units of the columns of `history.csv` and `probe_errors.csv`.
+pub(super) fn history_units(plan: &RecordPlan, dimension: Dimension) -> Units {
+    let mut history: Units = HISTORY.into_iter().map(own).collect();
+    history.extend(plan.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))));
+    history
+}
+
+/// A column's name with its unit, `top_force [N/m]`; the name alone where there is none.
+pub(super) fn headed(name: &str, units: &Units) -> String {
+    match units.get(name) {
+        None | Some(&"-") => name.to_owned(),
+        Some(unit) => format!("{name} [{unit}]"),
+    }
+}
+
+/// An entry of [`Units`].
+pub(super) fn own((name, unit): (&str, &'static str)) -> (String, &'static str) {
+    (name.to_owned(), unit)
 }
 
 /// Unit of a force: in the plane per metre of thickness.
@@ -129,7 +148,7 @@ const GRAINS: [(&str, &str); 10] = [
 ];
 
 /// Unit of a column of `points/*.csv`.
-fn point_unit(name: &str) -> &'static str {
+pub(super) fn point_unit(name: &str) -> &'static str {
     match name.split('_').next() {
         _ if name == "time" => "s",
         Some("sigma") => "Pa",

@@ -22,8 +22,9 @@ pub(super) struct Table {
 impl Table {
     pub(super) fn of(text: &str) -> Self {
         let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
-        let names: Vec<String> =
-            reader.headers().map(|row| row.iter().map(str::to_owned).collect()).unwrap_or_default();
+        // A header may hold units: `top_force [N/m]`.
+        let plain = |name: &str| name.split(" [").next().unwrap_or_default().to_owned();
+        let names: Vec<String> = reader.headers().map(|row| row.iter().map(plain).collect()).unwrap_or_default();
         let mut columns = vec![Vec::new(); names.len()];
         for row in reader.records().flatten().filter(|row| row.len() == names.len()) {
             columns.iter_mut().zip(row.iter()).for_each(|(column, cell)| column.push(cell.to_owned()));
@@ -100,9 +101,9 @@ mod tests {
         let found = read(&[
             (
                 "history.csv",
-                "step,time,u,F,stage,cut_backs,estimated_error\n0,0,0,NaN,a,0,\n1,0.5,1e-3,2,a,0,1e-2\n2,0.75,2",
+                "step,time [s],u [m],F [N/m],stage,cut_backs,estimated_error\n0,0,0,NaN,a,0,\n1,0.5,1e-3,2,a,0,1e-2\n2,0.75,2",
             ),
-            ("probe_errors.csv", "step,F\n0,NaN\n1,0.25\n"),
+            ("probe_errors.csv", "step,F [N/m]\n0,NaN\n1,0.25\n"),
             ("units.json", r#"{"history":{"u":"m","F":"N/m","time":"s"}}"#),
         ]);
         let column = |name: &str| {

@@ -25,6 +25,8 @@ pub(crate) struct OutputTable {
     /// Optional results of every Gauss point.
     #[schemars(extend("x-default" = "all"))]
     pub(crate) observables: Vec<Observable>,
+    /// Whether headers of tables hold units: `top_force [N/m]` in place of `top_force`. The units are in `units.json` in any case.
+    pub(crate) units: bool,
     /// Whether `history.svg` is written.
     pub(crate) plot: bool,
     /// Horizontal axis of the plot and of the first curve of `grainspan report`: a probe, "time" or "load".
@@ -46,6 +48,7 @@ impl Default for OutputTable {
             cells: true,
             points: Vec::new(),
             observables: Observable::ALL.to_vec(),
+            units: false,
             plot: true,
             plot_x: None,
             plot_y: None,

@@ -22,6 +22,7 @@ pub struct ElementCsv<W: Write> {
     writer: csv::Writer<W>,
     tangent: TangentKind,
     has_header: bool,
+    has_units: bool,
 }
 
 impl<W: Write> ElementCsv<W> {
@@ -31,7 +32,13 @@ impl<W: Write> ElementCsv<W> {
     /// # Errors
     /// Errors of the output.
     pub fn new(output: W, tangent: TangentKind) -> csv::Result<Self> {
-        Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false })
+        Ok(Self { writer: csv::Writer::from_writer(output), tangent, has_header: false, has_units: false })
+    }
+
+    /// Whether the header holds units, `sigma_xx [Pa]`.
+    #[must_use]
+    pub fn with_units(self, has_units: bool) -> Self {
+        Self { has_units, ..self }
     }
 
     fn write_header(&mut self, row: &ElementRow) -> csv::Result<()> {
@@ -54,6 +61,9 @@ impl<W: Write> ElementCsv<W> {
             names.extend(["a_c", "a_n", "a_t"].map(str::to_owned));
         }
         self.has_header = true;
+        if self.has_units {
+            names.iter_mut().for_each(|name| *name = headed(name));
+        }
         self.writer.write_record(&names)
     }
 
@@ -95,6 +105,15 @@ impl<W: Write> ElementCsv<W> {
         self.writer.write_record(&fields)?;
         self.writer.flush()?;
         Ok(())
+    }
+}
+
+/// A column's name with its unit.
+fn headed(name: &str) -> String {
+    match name.split('_').next() {
+        Some("sigma" | "C") => format!("{name} [Pa]"),
+        Some("elastic" | "frictional") => format!("{name} [J/m3]"),
+        _ => name.to_owned(),
     }
 }
 

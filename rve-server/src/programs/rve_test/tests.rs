@@ -142,6 +142,12 @@ fn table_has_the_documented_columns_and_equal_bytes() {
          coordination_number_no_rattlers,fabric_anisotropy,sliding_fraction,unbalanced_force_ratio,max_overlap_ratio,\
          dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t"
     );
+    let mut bytes = Vec::new();
+    let mut csv = ElementCsv::new(&mut bytes, TangentKind::None).unwrap().with_units(true);
+    csv.write(&rows_of(path, TangentKind::None).unwrap()[0]).unwrap();
+    drop(csv);
+    let header = String::from_utf8(bytes).unwrap();
+    assert!(header.contains("F_yy,sigma_xx [Pa],") && header.contains(",elastic_energy [J/m3],"), "{header}");
     // The three directions of the lattice carry equal forces.
     let last: Vec<f64> = text.lines().last().unwrap().split(',').map(|field| field.parse().unwrap()).collect();
     assert!((last[19] - 0.5).abs() < 1e-3 && last[20].abs() < 1e-3 && last[22].abs() < 1e-3, "{last:?}");

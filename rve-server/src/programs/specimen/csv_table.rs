@@ -34,19 +34,32 @@ const NAMES: [&str; 28] = [
     "missing_energy",
 ];
 
+/// Unit of a column that has one.
+fn unit(name: &str) -> Option<&'static str> {
+    match name.rsplit('_').next() {
+        Some("time") => Some("s"),
+        Some("energy" | "work") => Some("J"),
+        _ if name.contains("sigma_") => Some("Pa"),
+        _ => None,
+    }
+}
+
 /// Writes the header and then one line per row.
 pub struct SpecimenCsv<W: Write> {
     writer: csv::Writer<W>,
 }
 
 impl<W: Write> SpecimenCsv<W> {
-    /// Starts a table.
+    /// Starts a table whose header may hold units, `sigma_xx [Pa]`.
     ///
     /// # Errors
     /// Errors of the output.
-    pub fn new(output: W) -> csv::Result<Self> {
+    pub fn new(output: W, has_units: bool) -> csv::Result<Self> {
         let mut writer = csv::Writer::from_writer(output);
-        writer.write_record(NAMES)?;
+        writer.write_record(NAMES.map(|name| match unit(name) {
+            Some(unit) if has_units => format!("{name} [{unit}]"),
+            _ => name.to_owned(),
+        }))?;
         Ok(Self { writer })
     }
 
