@@ -14,6 +14,7 @@ use crate::newton::case::side_by_side;
 use case::{Grains, Loading, Solution, cells, solution};
 use protocol::Tensor2;
 use rve_server::definition::RveOptions;
+use std::time::Instant;
 
 /// Load steps of 1e-3.
 const STEPS: usize = 40;
@@ -66,27 +67,31 @@ impl Setting {
     }
 }
 
-/// Measures all cells, paths and settings.
+/// Measures all cells, paths and settings, or the cells that the command line names. Tables are written anew after each cell, so that
+/// a study that is interrupted leaves the cells it has finished.
 ///
 /// # Errors
 /// A packing cannot be made, a worker ends early, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let (cells, steps) = (cells(effort.quick)?, effort.choose(STEPS, 5));
+    let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
     let settings = Setting::all();
-    let each = Loading::ALL.len() * settings.len();
-    let solved = side_by_side(cells.len() * each, |piece| {
-        let (cell, rest) = (piece / each, piece % each);
-        let (loading, setting) = (Loading::ALL[rest / settings.len()], settings[rest % settings.len()]);
-        let options = setting.options();
-        solution(&cells[cell], loading, &options, steps, setting != Setting::Tight)
-    });
-    let solved = solved.into_iter().collect::<anyhow::Result<Vec<Solution>>>()?;
     let mut cases = Vec::new();
-    for (place, solutions) in solved.chunks(settings.len()).enumerate() {
-        let (cell, loading) = (&cells[place / Loading::ALL.len()], Loading::ALL[place % Loading::ALL.len()]);
-        for (setting, solution) in settings.iter().zip(solutions).skip(1) {
-            cases.push(Case::new(cell, loading, *setting, &solutions[0], solution));
+    for cell in cells.iter().filter(|cell| effort.includes(&cell.name, &names)) {
+        let begin = Instant::now();
+        let solved = side_by_side(Loading::ALL.len() * settings.len(), |piece| {
+            let (loading, setting) = (Loading::ALL[piece / settings.len()], settings[piece % settings.len()]);
+            solution(cell, loading, &setting.options(), steps, setting != Setting::Tight)
+        });
+        let solved = solved.into_iter().collect::<anyhow::Result<Vec<Solution>>>()?;
+        for (loading, solutions) in Loading::ALL.into_iter().zip(solved.chunks(settings.len())) {
+            for (setting, solution) in settings.iter().zip(solutions).skip(1) {
+                cases.push(Case::new(cell, loading, *setting, &solutions[0], solution));
+            }
         }
+        report.raw("cases", &table(&cases))?;
+        report.raw("settings", &by_setting(&cases, &settings))?;
+        report.note(&format!("{}: done in {:.0} s", cell.name, begin.elapsed().as_secs_f64()))?;
     }
     report.table("cases", "true and estimated error of every cell, path and setting", &table(&cases))?;
     report.table("settings", "over all cells and paths, by setting", &by_setting(&cases, &settings))?;
