@@ -68,7 +68,7 @@ impl Setting {
     }
 }
 
-/// Measures all cells, paths and settings, or the cells that the command line names. Tables are written anew after each cell, so that
+/// Measures all cells, paths and settings, or the cells that the command line names. Tables are written again after each cell, so that
 /// a study that is interrupted leaves the cells it has finished.
 ///
 /// # Errors
