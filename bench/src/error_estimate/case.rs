@@ -143,15 +143,26 @@ impl Loading {
     }
 }
 
+/// What is compared at the end of a load step of full size.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    /// Number of the load step, from 1.
+    pub(super) step: usize,
+    /// Cauchy stress of the first Gauss point, Pa.
+    pub(super) stress: Tensor2,
+    /// Estimated error; NaN without an estimate.
+    pub(super) estimate: f64,
+}
+
 /// One solution of a cell along its path.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solution {
-    /// Cauchy stress of the first Gauss point after each step, Pa.
-    pub(super) stresses: Vec<Tensor2>,
-    /// Estimated error after each step.
-    pub(super) estimates: Vec<f64>,
-    /// Strain per ramp step of each step.
-    pub(super) strains_per_step: Vec<f64>,
+    /// Load steps of the whole path.
+    pub(super) steps: usize,
+    /// Ends of load steps, in their order. After a step that was cut back some may be missing.
+    pub(super) marks: Vec<Mark>,
+    /// Share of the path that was followed.
+    pub(super) load: f64,
     /// Force evaluations of the points and of the replicas.
     pub(super) force_evaluations: [u64; 2],
     /// Whether the whole path was followed.
@@ -160,10 +171,11 @@ pub(super) struct Solution {
 
 impl Observer for Solution {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        if report.step > 0 {
-            self.stresses.push(fields.points[0].stress);
-            self.estimates.push(report.accuracy.estimate.map_or(f64::NAN, |estimate| estimate.rms));
-            self.strains_per_step.push(report.accuracy.strain_per_step);
+        let place = report.load * self.steps as f64;
+        self.load = report.load;
+        if report.step > 0 && (place - place.round()).abs() < 1e-6 {
+            let estimate = report.accuracy.estimate.map_or(f64::NAN, |estimate| estimate.rms);
+            self.marks.push(Mark { step: place.round() as usize, stress: fields.points[0].stress, estimate });
         }
         Ok(())
     }
@@ -205,7 +217,7 @@ pub(super) fn solution(
         let settings = PoolSettings::new("error-estimate");
         let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, definitions, &made_of);
         pool.gather(1)?;
-        let mut solution = Solution::default();
+        let mut solution = Solution { steps, ..Solution::default() };
         let dimension = usize::try_from(grains.packing.dimension())?;
         let mut estimator = ErrorEstimator::new(&mut pool, dimension, &plans);
         let run = solve(&problem, &mut estimator, &mut solution);

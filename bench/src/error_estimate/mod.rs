@@ -2,8 +2,9 @@
 //!
 //! Every cell is solved along two paths to a strain well past the peak of most: tightly (the reference), at fixed strains per ramp
 //! step, and with `rve.error`. The true error is the difference of the stress from the reference over the largest mean pressure so
-//! far; error and estimate are root mean squares over the steps. Work is counted in force evaluations, so a busy machine changes
-//! no figure.
+//! far, at equal strains; error and estimate are root mean squares over the steps up to the peak of the reference, and over those
+//! past it, where cells snap and any two solutions are members of an ensemble. Work is counted in force evaluations, so a busy
+//! machine changes no figure.
 
 mod case;
 
@@ -11,12 +12,13 @@ use super::Effort;
 use super::report::Report;
 use super::table::Table;
 use crate::newton::case::side_by_side;
-use case::{Grains, Loading, Solution, cells, solution};
+use case::{Grains, Loading, Mark, Solution, cells, solution};
 use protocol::Tensor2;
 use rve_server::definition::RveOptions;
+use std::time::Instant;
 
 /// Load steps of 1e-3.
-const STEPS: usize = 40;
+const STEPS: usize = 24;
 
 /// Strain per ramp step and tolerance of the reference.
 const TIGHT: (f64, f64) = (2e-7, 1e-6);
@@ -66,42 +68,91 @@ impl Setting {
     }
 }
 
-/// Measures all cells, paths and settings.
+/// Measures all cells, paths and settings, or the cells that the command line names. Tables are written again after each cell, so that
+/// a study that is interrupted leaves the cells it has finished.
 ///
 /// # Errors
 /// A packing cannot be made, a worker ends early, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let (cells, steps) = (cells(effort.quick)?, effort.choose(STEPS, 5));
+    let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
     let settings = Setting::all();
-    let each = Loading::ALL.len() * settings.len();
-    let solved = side_by_side(cells.len() * each, |piece| {
-        let (cell, rest) = (piece / each, piece % each);
-        let (loading, setting) = (Loading::ALL[rest / settings.len()], settings[rest % settings.len()]);
-        let options = setting.options();
-        solution(&cells[cell], loading, &options, steps, setting != Setting::Tight)
-    });
-    let solved = solved.into_iter().collect::<anyhow::Result<Vec<Solution>>>()?;
     let mut cases = Vec::new();
-    for (place, solutions) in solved.chunks(settings.len()).enumerate() {
-        let (cell, loading) = (&cells[place / Loading::ALL.len()], Loading::ALL[place % Loading::ALL.len()]);
-        for (setting, solution) in settings.iter().zip(solutions).skip(1) {
-            cases.push(Case::new(cell, loading, *setting, &solutions[0], solution));
+    let mut by_step = Table::new(["cell", "path", "setting", "step", "stress_ratio", "true", "estimated"]);
+    for cell in cells.iter().filter(|cell| effort.includes(&cell.name, &names)) {
+        let begin = Instant::now();
+        let solved = side_by_side(Loading::ALL.len() * settings.len(), |piece| {
+            let (loading, setting) = (Loading::ALL[piece / settings.len()], settings[piece % settings.len()]);
+            solution(cell, loading, &setting.options(), steps, setting != Setting::Tight)
+        });
+        let solved = solved.into_iter().collect::<anyhow::Result<Vec<Solution>>>()?;
+        for (loading, solutions) in Loading::ALL.into_iter().zip(solved.chunks(settings.len())) {
+            let peak = peak(&solutions[0]);
+            for (setting, solution) in settings.iter().zip(solutions).skip(1) {
+                let errors = errors(&solutions[0], solution);
+                for error in &errors {
+                    by_step.row([
+                        cell.name.as_str().into(),
+                        loading.name().into(),
+                        setting.name().into(),
+                        error.step.into(),
+                        error.ratio.into(),
+                        error.truth.into(),
+                        error.estimate.into(),
+                    ]);
+                }
+                for part in Part::ALL {
+                    let errors: Vec<StepError> =
+                        errors.iter().copied().filter(|error| part == Part::of(error.step, peak)).collect();
+                    if !errors.is_empty() {
+                        cases.push(Case::new(cell, loading, part, *setting, &errors, solution));
+                    }
+                }
+            }
         }
+        report.raw("steps", &by_step)?;
+        report.raw("cases", &table(&cases))?;
+        report.raw("settings", &by_setting(&cases, &settings))?;
+        report.note(&format!("{}: done in {:.0} s", cell.name, begin.elapsed().as_secs_f64()))?;
     }
     report.table("cases", "true and estimated error of every cell, path and setting", &table(&cases))?;
     report.table("settings", "over all cells and paths, by setting", &by_setting(&cases, &settings))?;
     report.note(
-        "ratio: estimated over true error, root mean squares over the steps. work: force evaluations per load step; replicas: those of \
-         the second solution over them. best_fixed: work over that of the cheapest fixed strain per step of the same cell and path \
-         whose true error is not larger; empty if none is as accurate.",
+        "part: up to the peak of the stress ratio of the reference, or past it. ratio: estimated over true error, root mean squares \
+         over the steps. work: force evaluations per load step of the whole path; replicas: those of the second solution over them. \
+         best_fixed: work over that of the cheapest fixed strain per step of the same cell, path and part whose true error is not \
+         larger; empty if none is as accurate.",
     )?;
     Ok(())
 }
 
-/// Figures of one cell, path and setting.
+/// Part of a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    ToThePeak,
+    Past,
+}
+
+impl Part {
+    const ALL: [Self; 2] = [Self::ToThePeak, Self::Past];
+
+    fn of(step: usize, peak: usize) -> Self {
+        if step <= peak { Self::ToThePeak } else { Self::Past }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::ToThePeak => "to the peak",
+            Self::Past => "past it",
+        }
+    }
+}
+
+/// Figures of one cell, path, part and setting.
 struct Case {
     cell: String,
     loading: Loading,
+    part: Part,
     setting: Setting,
     truth: f64,
     estimate: f64,
@@ -112,19 +163,25 @@ struct Case {
 }
 
 impl Case {
-    fn new(cell: &Grains, loading: Loading, setting: Setting, reference: &Solution, solution: &Solution) -> Self {
-        let errors = errors(&reference.stresses, &solution.stresses);
-        let steps = errors.len();
+    fn new(
+        cell: &Grains,
+        loading: Loading,
+        part: Part,
+        setting: Setting,
+        errors: &[StepError],
+        solution: &Solution,
+    ) -> Self {
         let [own, replicas] = solution.force_evaluations.map(|count| count as f64);
         Self {
             cell: cell.name.clone(),
             loading,
+            part,
             setting,
-            truth: root_mean_square(&errors),
-            estimate: root_mean_square(&solution.estimates[..steps]),
-            work: own / solution.stresses.len().max(1) as f64,
+            truth: root_mean_square(errors.iter().map(|error| error.truth)),
+            estimate: root_mean_square(errors.iter().map(|error| error.estimate)),
+            work: own / (solution.load * solution.steps as f64),
             replicas: replicas / own,
-            steps,
+            steps: errors.len(),
             is_complete: solution.is_complete,
         }
     }
@@ -133,7 +190,7 @@ impl Case {
     fn over_best_fixed(&self, all: &[Self]) -> f64 {
         let rival = |other: &&Self| {
             matches!(other.setting, Setting::Fixed(_))
-                && (&other.cell, other.loading) == (&self.cell, self.loading)
+                && (&other.cell, other.loading, other.part) == (&self.cell, self.loading, self.part)
                 && other.truth <= self.truth
         };
         let cheapest = all.iter().filter(rival).map(|other| other.work).fold(f64::INFINITY, f64::min);
@@ -141,33 +198,72 @@ impl Case {
     }
 }
 
-/// Stress differences over the largest pressure so far, step by step, as far as both paths reach.
-fn errors(reference: &[Tensor2], found: &[Tensor2]) -> Vec<f64> {
-    let mut pressure = 0.0_f64;
-    reference
-        .iter()
-        .zip(found)
-        .map(|(reference, found)| {
-            pressure = pressure.max(-0.5 * (reference.get(0, 0) + reference.get(1, 1)));
-            let squares = reference.0.iter().zip(&found.0).map(|(one, other)| (one - other).powi(2));
-            squares.sum::<f64>().sqrt() / pressure
-        })
-        .collect()
+/// Errors at the end of one load step.
+#[derive(Clone, Copy, Debug)]
+struct StepError {
+    step: usize,
+    /// Stress ratio of the reference.
+    ratio: f64,
+    truth: f64,
+    estimate: f64,
 }
 
-fn root_mean_square(values: &[f64]) -> f64 {
-    let known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+/// Difference of the normal stresses over their sum.
+fn stress_ratio(stress: &Tensor2) -> f64 {
+    ((stress.get(0, 0) - stress.get(1, 1)) / (stress.get(0, 0) + stress.get(1, 1))).abs()
+}
+
+/// Load step with the largest stress ratio.
+fn peak(reference: &Solution) -> usize {
+    let ratio = |mark: &&Mark| stress_ratio(&mark.stress);
+    let largest = reference.marks.iter().max_by(|one, other| ratio(one).total_cmp(&ratio(other)));
+    largest.map_or(0, |mark| mark.step)
+}
+
+/// Stress differences over the largest pressure so far, at the ends of the load steps that both solutions have.
+fn errors(reference: &Solution, found: &Solution) -> Vec<StepError> {
+    let mut pressure = 0.0_f64;
+    let mut errors = Vec::new();
+    for mark in &reference.marks {
+        pressure = pressure.max(-0.5 * (mark.stress.get(0, 0) + mark.stress.get(1, 1)));
+        let Some(other) = found.marks.iter().find(|other| other.step == mark.step) else { continue };
+        let squares = mark.stress.0.iter().zip(&other.stress.0).map(|(one, other)| (one - other).powi(2));
+        errors.push(StepError {
+            step: mark.step,
+            ratio: stress_ratio(&mark.stress),
+            truth: squares.sum::<f64>().sqrt() / pressure,
+            estimate: other.estimate,
+        });
+    }
+    errors
+}
+
+fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    let known: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     (known.iter().map(|value| value * value).sum::<f64>() / known.len().max(1) as f64).sqrt()
 }
 
 fn table(cases: &[Case]) -> Table {
-    let heads =
-        ["cell", "path", "setting", "true", "estimated", "ratio", "work", "replicas", "best_fixed", "steps", "end"];
+    let heads = [
+        "cell",
+        "path",
+        "part",
+        "setting",
+        "true",
+        "estimated",
+        "ratio",
+        "work",
+        "replicas",
+        "best_fixed",
+        "steps",
+        "end",
+    ];
     let mut table = Table::new(heads);
     for case in cases {
         table.row([
             case.cell.as_str().into(),
             case.loading.name().into(),
+            case.part.name().into(),
             case.setting.name().into(),
             case.truth.into(),
             case.estimate.into(),
@@ -184,6 +280,7 @@ fn table(cases: &[Case]) -> Table {
 
 fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
     let heads = [
+        "part",
         "setting",
         "cases",
         "median_true",
@@ -191,26 +288,33 @@ fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
         "within_2",
         "within_3",
         "smallest_ratio",
+        "median_ratio",
         "largest_ratio",
         "median_work",
+        "median_best_fixed",
     ];
     let mut table = Table::new(heads);
-    for setting in settings.iter().skip(1) {
-        let of_setting: Vec<&Case> = cases.iter().filter(|case| case.setting == *setting).collect();
-        let ratios = sorted(of_setting.iter().map(|case| case.estimate / case.truth));
+    for (part, setting) in Part::ALL.into_iter().flat_map(|part| settings.iter().skip(1).map(move |one| (part, one)))
+    {
+        let chosen: Vec<&Case> = cases.iter().filter(|case| (case.part, case.setting) == (part, *setting)).collect();
+        let ratios = sorted(chosen.iter().map(|case| case.estimate / case.truth));
         let within = |factor: f64| ratios.iter().filter(|ratio| (1.0 / factor..=factor).contains(*ratio)).count();
-        let errors = sorted(of_setting.iter().map(|case| case.truth));
-        let work = sorted(of_setting.iter().map(|case| case.work));
+        let errors = sorted(chosen.iter().map(|case| case.truth));
+        let work = sorted(chosen.iter().map(|case| case.work));
+        let best = sorted(chosen.iter().map(|case| case.over_best_fixed(cases)).filter(|ratio| ratio.is_finite()));
         table.row([
+            part.name().into(),
             setting.name().into(),
-            of_setting.len().into(),
+            chosen.len().into(),
             middle(&errors).into(),
             errors.last().copied().unwrap_or(f64::NAN).into(),
             within(2.0).into(),
             within(3.0).into(),
             ratios.first().copied().unwrap_or(f64::NAN).into(),
+            middle(&ratios).into(),
             ratios.last().copied().unwrap_or(f64::NAN).into(),
             middle(&work).into(),
+            middle(&best).into(),
         ]);
     }
     table

@@ -43,7 +43,7 @@ pub(super) fn run_all(
 /// The run, made now or earlier.
 fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Result<Finished, Failure> {
     let identity = identity(run, inputs)?;
-    if let Some(earlier) = Finished::read(&run.name, folder, &folder.with_extension(MARK))
+    if let Some(earlier) = Finished::read(&run.name, folder, &next_to(folder, MARK))
         && earlier.identity() == identity
         && !arguments.fresh
     {
@@ -53,7 +53,7 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
         return Err(ReproduceError::Missing(folder.to_owned()).into());
     }
     std::fs::create_dir_all(folder).map_err(|source| macro_solver::output::OutputError::write(folder, source))?;
-    let begun = folder.with_extension(BEGUN);
+    let begun = next_to(folder, BEGUN);
     let resume = !arguments.fresh && std::fs::read_to_string(&begun).is_ok_and(|earlier| earlier == identity);
     write_atomically(&begun, identity.as_bytes())?;
     let clock = Instant::now();
@@ -69,8 +69,16 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
         return Err(ReproduceError::Run { name: run.name.clone(), code, folder: folder.to_owned() }.into());
     };
     let finished = Finished::new(&run.name, folder, identity, code, said, clock.elapsed().as_secs_f64());
-    write_atomically(&folder.with_extension(MARK), finished.to_json().as_bytes())?;
+    write_atomically(&next_to(folder, MARK), finished.to_json().as_bytes())?;
     Ok(finished)
+}
+
+/// A file next to the folder of a run, named after it. Names of runs contain dots (`friction-0.2`), so the ending is not an extension.
+fn next_to(folder: &Path, ending: &str) -> PathBuf {
+    let mut name = folder.file_name().unwrap_or_default().to_owned();
+    name.push(".");
+    name.push(ending);
+    folder.with_file_name(name)
 }
 
 /// What runs, in full: the input with its size and settings, and the command.
@@ -112,4 +120,16 @@ fn execute(
         command.stdin(process::Stdio::null()).stdout(process::Stdio::null()).stderr(process::Stdio::piped());
     let output = started.output().map_err(|source| ReproduceError::Start { program, source })?;
     Ok((output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_whose_names_have_dots_keep_their_own_marks() {
+        let mark = |name: &str| next_to(&Path::new("runs").join(name), MARK);
+        assert_eq!(mark("friction-0.2"), Path::new("runs/friction-0.2.finished.json"));
+        assert_ne!(mark("friction-0.2"), mark("friction-0.4"));
+    }
 }
