@@ -66,12 +66,12 @@ impl RecordPlan {
         References::of_stages(of_probes.chain(self.profiles.iter().filter_map(|profile| profile.probe.reference)))
     }
 
-    /// Columns behind the fixed ones, and the names behind the numbers of stages.
     /// Units of the history's columns, as its header shows them.
     fn headings(&self) -> Units {
         self.units_in_headers.map(|dimension| history_units(self, dimension)).unwrap_or_default()
     }
 
+    /// Columns behind the fixed ones, and the names behind the numbers of stages.
     fn layout(&self) -> HistoryLayout {
         HistoryLayout {
             headings: self.headings(),
