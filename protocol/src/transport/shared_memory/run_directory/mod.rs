@@ -33,6 +33,9 @@ const BIRTH: Duration = Duration::from_secs(10);
 /// Root and prefix end up in the address of a Unix socket (108 bytes with iceoryx2's own part).
 const ADDRESS_LIMIT: usize = 64;
 
+/// Times in a row that other processes may remove the directory of all runs under our hands.
+const MOST_REMOVALS: usize = 1000;
+
 /// The directory of a run that this process has begun. Dropping it removes the directory and every segment of the run.
 #[derive(Debug)]
 pub struct RunDirectory {
@@ -50,6 +53,11 @@ impl RunDirectory {
     pub fn create(name: &str, limits: ChannelLimits) -> Result<Self, RunError> {
         check_name(name)?;
         check_room(BASE_ROOM + 2 * WORKER_ROOM)?;
+        despite_removal(|| Self::begin(name, limits))
+    }
+
+    /// Makes the directory of a run, whose name is a good one.
+    fn begin(name: &str, limits: ChannelLimits) -> Result<Self, RunError> {
         let base = base_directory()?;
         let directory = base.join(name);
         let root = directory.join("i");
@@ -127,7 +135,7 @@ impl RunDirectory {
     /// [`RunError::Unknown`] without such a run, [`RunError::Version`] if it was started by another version.
     pub fn open(name: &str) -> Result<Option<RunRecord>, RunError> {
         check_name(name)?;
-        let listing = look_at(&base_directory()?, name);
+        let listing = look_at(&despite_removal(base_directory)?, name);
         match listing.record {
             Some(record) if listing.alive => {
                 check_version(&record)?;
@@ -161,11 +169,12 @@ impl RunDirectory {
     /// # Errors
     /// The system's refusal to read the directory.
     pub fn list() -> Result<Vec<RunListing>, RunError> {
-        let base = base_directory()?;
-        let mut names: Vec<String> = fs::read_dir(&base)
-            .map_err(system("read", &base))?
-            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-            .collect();
+        let (base, entries) = despite_removal(|| {
+            let base = base_directory()?;
+            let entries = fs::read_dir(&base).map_err(system("read", &base))?;
+            Ok((base, entries))
+        })?;
+        let mut names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
         names.sort();
         Ok(names.iter().map(|name| look_at(&base, name)).collect())
     }
@@ -180,7 +189,7 @@ impl RunDirectory {
         static SWEEPING: Mutex<()> = Mutex::new(());
         let _alone = SWEEPING.lock().unwrap_or_else(PoisonError::into_inner);
         check_name(name)?;
-        let base = base_directory()?;
+        let base = despite_removal(base_directory)?;
         let listing = look_at(&base, name);
         if !listing.alive {
             sweep(&base.join(name), listing.record.as_ref().map(|record| record.prefix.as_str()));
@@ -273,6 +282,17 @@ fn check_name(name: &str) -> Result<(), RunError> {
 
 fn base_path() -> PathBuf {
     Path::new(SHARED_MEMORY).join(format!("grainspan-{}", rustix::process::getuid().as_raw()))
+}
+
+/// Does what needs the directory of all runs, which goes with the last of them at any moment until somebody's run is in it.
+fn despite_removal<T>(act: impl Fn() -> Result<T, RunError>) -> Result<T, RunError> {
+    for _ in 0..MOST_REMOVALS {
+        match act() {
+            Err(RunError::System { source, .. }) if source.kind() == ErrorKind::NotFound => {}
+            result => return result,
+        }
+    }
+    act()
 }
 
 /// The directory of all runs of this user; refused when somebody else has made it.

@@ -149,3 +149,18 @@ fn unusable_names_are_refused() {
         assert!(matches!(error, RunError::Name { .. }), "{error}");
     }
 }
+
+/// The folder of all runs is removed with the last of them, at any moment, and another process may be about to make its own in it.
+#[test]
+fn runs_begin_while_others_end_and_take_the_folder_of_all_runs_with_them() {
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                for _ in 0..250 {
+                    drop(RunDirectory::create(&name(), ChannelLimits::default()).unwrap());
+                    RunDirectory::list().unwrap();
+                }
+            });
+        }
+    });
+}
