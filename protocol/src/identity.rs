@@ -6,6 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::io::{self, Read};
 
 /// 128-bit XXH3 of the named bytes, little endian. Guards against accidents, not against forgery.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable, Serialize, Deserialize)]
@@ -25,6 +26,21 @@ impl ContentId {
     /// Names `bytes`.
     pub fn of(bytes: &[u8]) -> Self {
         Self(xxhash_rust::xxh3::xxh3_128(bytes).to_le_bytes())
+    }
+
+    /// Names what a reader gives, in pieces: nothing large is held in memory.
+    ///
+    /// # Errors
+    /// Those of the reader.
+    pub fn of_reader(mut reader: impl Read) -> io::Result<Self> {
+        let mut state = xxhash_rust::xxh3::Xxh3Default::new();
+        let mut piece = vec![0; 1 << 16];
+        loop {
+            match reader.read(&mut piece)? {
+                0 => return Ok(Self(state.digest128().to_le_bytes())),
+                length => state.update(&piece[..length]),
+            }
+        }
     }
 }
 
@@ -57,5 +73,13 @@ mod tests {
         assert_eq!(ContentId::of(&bytes), ContentId::of(&other));
         other[31_415] ^= 1;
         assert_ne!(ContentId::of(&bytes), ContentId::of(&other));
+    }
+
+    #[test]
+    fn what_is_read_in_pieces_has_the_same_name() {
+        for length in [0, 1, 65_536, 200_001] {
+            let bytes: Vec<u8> = (0..length).map(|place| (place % 251) as u8).collect();
+            assert_eq!(ContentId::of_reader(bytes.as_slice()).unwrap(), ContentId::of(&bytes), "{length}");
+        }
     }
 }

@@ -65,6 +65,9 @@ impl Scene {
         }
         self.problem.strain_per_step = self.definition().options().strain_per_step();
         self.problem.error_control = None;
+        for (stage, tolerances) in self.problem.stages.iter_mut().zip(&self.tolerances_without_error) {
+            stage.tolerances = *tolerances;
+        }
     }
 }
 
@@ -92,6 +95,31 @@ mod tests {
         }
         let named = main_scene(&["rve.error=2e-3"]);
         assert!(!named.keeps_default_error && named.problem.error_control.is_some());
+    }
+
+    fn tolerances(scene: &Scene) -> Vec<[f64; 2]> {
+        scene.problem.stages.iter().map(|stage| [stage.tolerances.force, stage.tolerances.displacement]).collect()
+    }
+
+    /// A scene that names neither an accuracy nor tolerances.
+    fn brick(more: &[&str]) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/single-hexahedron-shear.toml");
+        Scene::load(&path, &more.iter().map(|&given| given.to_owned()).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn tolerances_follow_the_error_where_they_are_not_written() {
+        let of = |more: &[&str]| tolerances(&brick(more));
+        assert_eq!(of(&[]), [[1e-2, 5e-2]]);
+        assert_eq!(of(&["rve.error=2e-3"]), [[4e-3, 2e-2]]);
+        assert_eq!(of(&["rve.error=5e-2"]), [[1e-2, 5e-2]], "not weaker than where steps stagnate");
+        assert_eq!(of(&["rve.error=2e-3", "solver.force_tolerance=7e-4"]), [[7e-4, 2e-2]]);
+        let criteria = "solver.criteria=[\"force_over_reactions\"]";
+        assert_eq!(of(&["rve.error=2e-3", criteria]), [[1e-3, 1e-2]], "other measures");
+        assert_eq!(of(&["rve.accuracy=default"]), [[1e-3, 1e-2]]);
+        let mut given_up = brick(&[]);
+        given_up.give_up_default_error();
+        assert_eq!(tolerances(&given_up), [[1e-3, 1e-2]]);
     }
 
     #[test]

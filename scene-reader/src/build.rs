@@ -12,7 +12,7 @@ use super::probes::{ProbeContext, probes, profiles};
 use super::recording::{observables, plot, points};
 use super::sets::Sets;
 use super::solving::equations;
-use super::stages::{Given, stages};
+use super::stages::{Given, stages as read_stages};
 use super::supervision::PoolKeys;
 use super::tables::{PoolRunKeys, SceneFile};
 use keys::Located;
@@ -53,6 +53,8 @@ pub struct Scene {
     pub cells: bool,
     /// Whether the run keeps to an error that the scene does not name itself.
     pub keeps_default_error: bool,
+    /// What the stages are held to where it does not.
+    pub(super) tolerances_without_error: Vec<Tolerances>,
     /// Gauss points whose error is estimated.
     pub error_estimate: ErrorEstimateSettings,
     /// Columns of the plot, x and y; `None` = no plot.
@@ -100,8 +102,11 @@ impl Scene {
         let profiles = profiles(&context)?;
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
-        let given = Given { densities: &materials.densities(&mesh), cell_dimension: materials.cell_dimension() };
-        let (mut stages, outputs) = stages(&document, &sets, &file, &given)?;
+        let densities = materials.densities(&mesh);
+        let given =
+            Given { densities: &densities, cell_dimension: materials.cell_dimension(), error: file.rve.error };
+        let (mut stages, outputs) = read_stages(&document, &sets, &file, &given)?;
+        let without_error = read_stages(&document, &sets, &file, &Given { error: None, ..given })?.0;
         for stage in &mut stages {
             stage.strategy.keep_unchanged &= file.economy.unchanged_targets;
         }
@@ -144,6 +149,7 @@ impl Scene {
             grains,
             cells: file.output.cells,
             keeps_default_error,
+            tolerances_without_error: without_error.into_iter().map(|stage| stage.tolerances).collect(),
             error_estimate,
             plot,
             checkpoint,

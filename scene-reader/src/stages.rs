@@ -11,7 +11,7 @@ use super::solving::{loading, refuse_equations, solver};
 use super::tables::{LoadingTable, ProcedureKeyword, SceneFile, SolverTable, StageTable};
 use keys::{Key, Located, Table};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{NamedStrategy, Procedure, Stage};
+use macro_solver::problem::{NamedStrategy, Procedure, Stage, Tolerances};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -21,6 +21,8 @@ pub(super) struct Given<'a> {
     pub(super) densities: &'a Densities,
     /// 2 for discs, 3 for spheres.
     pub(super) cell_dimension: usize,
+    /// Error of the stresses that the run keeps to, and what the tolerances of implicit stages follow.
+    pub(super) error: Option<f64>,
 }
 
 /// The stages of a scene and what is written of each.
@@ -39,7 +41,7 @@ pub(super) fn stages(
     };
     let mut conditions = Conditions::default();
     conditions.add(document, sets, &ConditionTables::from(file))?;
-    let base = base(document, file, given.cell_dimension)?;
+    let base = |procedure| base(document, file, given, procedure);
     let mut stages: Vec<Stage> = Vec::new();
     let mut outputs = Vec::new();
     for table in &file.stage {
@@ -50,7 +52,8 @@ pub(super) fn stages(
         }
         conditions.remove(document, &table.remove)?;
         conditions.add(document, sets, &ConditionTables::from(table))?;
-        let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base.clone() };
+        let base = base(table.procedure.unwrap_or(file.procedure))?;
+        let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base };
         let number = stages.len().to_string();
         let place = ["stage", number.as_str()];
         change(document, &mut stage, &place, table)?;
@@ -62,6 +65,7 @@ pub(super) fn stages(
         outputs.push(StageOutput { name, fields_every });
     }
     if stages.is_empty() {
+        let base = base(file.procedure)?;
         stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
@@ -97,12 +101,24 @@ fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure])
     Ok(())
 }
 
-/// What the tables at the top say about every stage.
-fn base(document: &Document, file: &SceneFile, cell_dimension: usize) -> Result<Stage, InputError> {
+/// What the tables at the top say about every stage with a procedure.
+fn base(
+    document: &Document,
+    file: &SceneFile,
+    given: &Given<'_>,
+    procedure: ProcedureKeyword,
+) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
+    // Tolerances of other criteria mean something else.
+    if procedure == ProcedureKeyword::Implicit
+        && !file.solver.has("criteria")
+        && let Some(error) = given.error
+    {
+        stage.tolerances = Tolerances::within(error);
+    }
     // A tangent operator or a path control that is named belongs to Newton's method.
     if !file.solver.has("tangent") && !file.loading.has("control") {
-        stage.strategy = NamedStrategy::default_of(cell_dimension).preset();
+        stage.strategy = NamedStrategy::default_of(given.cell_dimension).preset();
     }
     loading(document, &mut stage, &[], &file.loading)?;
     solver(document, &mut stage, &[], &file.solver)?;

@@ -122,17 +122,33 @@ pub struct ConvergenceMeasures {
     pub energy: f64,
 }
 
+/// Tolerance of forces over the error of the stresses that a run keeps to.
+const FORCE_OVER_ERROR: f64 = 2.0;
+
+/// Tolerance of displacements over the error of the stresses that a run keeps to.
+const DISPLACEMENT_OVER_ERROR: f64 = 10.0;
+
 /// Tolerances and which of them count: keys of `[solver]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Tolerances {
     /// Largest out-of-balance force over reactions and loads.
     #[serde(rename = "force_tolerance")]
-    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit relaxation"))]
+    #[schemars(extend(
+        "x-unit" = "-",
+        "exclusiveMinimum" = 0,
+        "x-procedures" = "implicit relaxation",
+        "x-default" = "0.001; implicit stages that keep to `rve.error`: twice that error, at most 0.01"
+    ))]
     pub force: f64,
     /// Largest correction that the accepted state would still get, over the displacement of a full step.
     #[serde(rename = "displacement_tolerance")]
-    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
+    #[schemars(extend(
+        "x-unit" = "-",
+        "exclusiveMinimum" = 0,
+        "x-procedures" = "implicit",
+        "x-default" = "0.01; stages that keep to `rve.error`: ten times that error, at most 0.05"
+    ))]
     pub displacement: f64,
     /// Out-of-balance force up to which a step is accepted whose iterations no longer make progress, as where cells snap and no state
     /// within `force_tolerance` lies next to the last one; the next step restores the whole balance. Counted as
@@ -175,6 +191,17 @@ impl Tolerances {
             energy: false,
         };
         Self { force, displacement, stagnated_force: 0.0, stagnated_displacement: 0.0, energy: 1e-6, criteria }
+    }
+
+    /// What steps are held to whose stresses may be off by `error`, relative to the pressure. Tighter tolerances cost evaluations and do
+    /// not lower the error of the stresses: measured in `docs/lab-book/error-estimate.md`. Never weaker than [`Self::stagnated`].
+    pub fn within(error: f64) -> Self {
+        let default = Self::default();
+        Self {
+            force: (FORCE_OVER_ERROR * error).min(default.stagnated_force),
+            displacement: (DISPLACEMENT_OVER_ERROR * error).min(default.stagnated_displacement),
+            ..default
+        }
     }
 
     /// What a step is held to whose iterations make no more progress; never less than what any step is held to.

@@ -8,7 +8,7 @@ use macro_solver::output::{RunStatus, Summary, write_atomically};
 use protocol::ContentId;
 use scene_reader::changes;
 use serde::{Deserialize, Serialize};
-use std::fs;
+use std::fs::{self, File};
 use std::path::Path;
 
 const SECTION: &str = "run";
@@ -59,8 +59,9 @@ impl RunDescription {
 /// Version and content of this executable: only the same one promises the same bits.
 fn this_program() -> String {
     let content = std::env::current_exe()
-        .and_then(fs::read)
-        .map_or("unknown".to_owned(), |bytes| ContentId::of(&bytes).to_string());
+        .and_then(File::open)
+        .and_then(ContentId::of_reader)
+        .map_or("unknown".to_owned(), |content| content.to_string());
     format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
 }
 

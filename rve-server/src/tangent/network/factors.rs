@@ -8,6 +8,10 @@
 
 use super::block_matrix::{BlockMatrix, Columns};
 use super::elimination::{Elimination, Supernode};
+use std::ops::Range;
+
+/// Blocks of discs that are updated at a time.
+const AT_ONCE: usize = 3;
 
 /// `A = L U` in the order of an [`Elimination`], `L` with unit diagonal.
 pub(super) struct Factors<'a, const B: usize, const P: usize, const SYMMETRIC: bool> {
@@ -183,21 +187,10 @@ impl<'a, const B: usize, const P: usize, const SYMMETRIC: bool> Factors<'a, B, P
                 let weights_lower = &upper_panel[left * size..(left + 1) * size];
                 let weights_upper = &lower_panel[left * size..(left + 1) * size];
                 let column = target_start + B * (rows[left] - target_node.first);
-                for right in left..rows.len() {
-                    let place = column + work.positions[right] * target_size;
-                    let source = right * size..(right + 1) * size;
-                    subtract_product::<B, P>(
-                        &mut lower_rest[place..place + B],
-                        &lower_panel[source.clone()],
-                        weights_lower,
-                    );
-                    if !SYMMETRIC && right > left {
-                        subtract_product::<B, P>(
-                            &mut upper_rest[place..place + B],
-                            &upper_panel[source],
-                            weights_upper,
-                        );
-                    }
+                let place = |right: usize| column + work.positions[right] * target_size;
+                subtract_products::<B, P>(lower_rest, place, left..rows.len(), lower_panel, weights_lower);
+                if !SYMMETRIC {
+                    subtract_products::<B, P>(upper_rest, place, left + 1..rows.len(), upper_panel, weights_upper);
                 }
             }
             group = group_end;
@@ -333,24 +326,56 @@ fn subtract<const N: usize>(target: &mut [f64; N], factor: f64, values: &[f64; N
     }
 }
 
-/// `target[c][lane] -= sum_k source[k][lane] * weights[k][c]`: one block, summed in registers.
+/// Subtracts the products of the rows `rights` of a panel from the blocks at their places, several at a time while there are so many:
+/// a broadcast weight then serves several sums, and more sums are under way than a multiplication takes cycles.
 #[inline(always)]
-fn subtract_product<const B: usize, const P: usize>(
-    target: &mut [[f64; P]],
-    source: &[[f64; P]],
+fn subtract_products<const B: usize, const P: usize>(
+    targets: &mut [[f64; P]],
+    place: impl Fn(usize) -> usize,
+    rights: Range<usize>,
+    panel: &[[f64; P]],
     weights: &[[f64; P]],
 ) {
-    let mut sum = [[0.0; P]; B];
-    for (values, weight) in source.iter().zip(weights) {
-        for column in 0..B {
-            for lane in 0..P {
-                sum[column][lane] = values[lane].mul_add(weight[column], sum[column][lane]);
+    let mut right = rights.start;
+    // Nine vectors of sums for discs; the twelve of one block of spheres leave no room for another.
+    if B * P < 24 {
+        while right + AT_ONCE <= rights.end {
+            let places = std::array::from_fn(|one| place(right + one));
+            subtract_block_products::<B, P, AT_ONCE>(targets, places, right, panel, weights);
+            right += AT_ONCE;
+        }
+    }
+    for right in right..rights.end {
+        subtract_block_products::<B, P, 1>(targets, [place(right)], right, panel, weights);
+    }
+}
+
+/// `target[c][lane] -= sum_k source[k][lane] * weights[k][c]` for `N` blocks, summed in registers; sums do not depend on `N`.
+#[inline(always)]
+fn subtract_block_products<const B: usize, const P: usize, const N: usize>(
+    targets: &mut [[f64; P]],
+    places: [usize; N],
+    first: usize,
+    panel: &[[f64; P]],
+    weights: &[[f64; P]],
+) {
+    let size = weights.len();
+    let sources: [&[[f64; P]]; N] = std::array::from_fn(|one| &panel[(first + one) * size..(first + one + 1) * size]);
+    let mut sums = [[[0.0; P]; B]; N];
+    for (k, weight) in weights.iter().enumerate() {
+        for (sum, source) in sums.iter_mut().zip(&sources) {
+            for column in 0..B {
+                for lane in 0..P {
+                    sum[column][lane] = source[k][lane].mul_add(weight[column], sum[column][lane]);
+                }
             }
         }
     }
-    for (target, sum) in target.iter_mut().zip(&sum) {
-        for lane in 0..P {
-            target[lane] -= sum[lane];
+    for (sum, place) in sums.iter().zip(places) {
+        for (target, sum) in targets[place..place + B].iter_mut().zip(sum) {
+            for lane in 0..P {
+                target[lane] -= sum[lane];
+            }
         }
     }
 }
