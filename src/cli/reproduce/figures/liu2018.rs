@@ -11,6 +11,8 @@ pub(super) struct Biaxial {
     pub(super) volume: Curve,
     /// Contacts per grain.
     pub(super) contacts: Curve,
+    /// Major over minor principal value of the contact fabric of the body, minus 1.
+    pub(super) anisotropy: Curve,
 }
 
 /// The curves of a run of `scenes/liu2018/biaxial.toml`.
@@ -29,5 +31,6 @@ pub(super) fn biaxial(run: &Finished) -> Result<Biaxial, ReproduceError> {
         ratio: over(table.column("stress_ratio")?.into_iter().map(liu_ratio).collect()),
         volume: over(volume.iter().map(|change| (1.0 + change) / (1.0 + volume_first) - 1.0).collect()),
         contacts: over(table.column("coordination_number")?),
+        anisotropy: over(table.column("fabric_anisotropy")?),
     })
 }

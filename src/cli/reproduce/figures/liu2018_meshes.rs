@@ -1,13 +1,14 @@
-//! [Liu2018] Fig. 4: meshes against a simulation of all grains. Part of J-1.
+//! [Liu2018] Figs. 4, 5 and 7: meshes against a simulation of all grains. Part of J-1.
 
 use super::liu2018::biaxial;
+use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Finished;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-meshes",
-    source: "[Liu2018] Fig. 4",
-    shows: "stress ratio over strain for meshes from 1 x 1 on, against all grains of the specimen",
+    source: "[Liu2018] Figs. 4, 5, 7",
+    shows: "stress ratio, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains of the specimen",
     run_time: ("2 min", "20 min"),
     runs,
     evaluate,
@@ -35,12 +36,17 @@ fn runs(size: Size) -> Vec<Run> {
 }
 
 fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
-    let (x, y) = ("axial compression", "|(s11 - s22) / (s11 + s22)|");
-    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", (x, Scale::Linear), (y, Scale::Linear));
+    let x = ("axial compression", Scale::Linear);
+    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", x, ("|(s11 - s22) / (s11 + s22)|", Scale::Linear));
+    let mut contacts = Chart::new("[Liu2018] Fig. 5a: meshes", x, ("contacts per grain", Scale::Linear));
+    let mut anisotropy = Chart::new("[Liu2018] Fig. 5b: meshes", x, ("anisotropy of the contacts", Scale::Linear));
+    let mut panels = Vec::new();
     let mut comparisons = Vec::new();
     let mut curves = Vec::new();
     for &mesh in meshes(size) {
-        let curve = biaxial(results.run(&name(mesh))?)?.ratio;
+        let run = results.run(&name(mesh))?;
+        let biaxial = biaxial(run)?;
+        let curve = biaxial.ratio;
         let top = peak(&curve)?;
         let label = format!("{} x {} elements", mesh.0, mesh.1);
         comparisons.push(Comparison::new(
@@ -52,6 +58,12 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Absolute(0.03),
         ));
         comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
+        contacts.curve(&label, biaxial.contacts);
+        anisotropy.curve(&label, biaxial.anisotropy);
+        let last = Fields::steps(run).last().copied().unwrap_or(0);
+        let fields = Fields::read(run, last)?;
+        let patches = fields.outlines()?.into_iter().zip(fields.element_values("shear_strain")?).collect();
+        panels.push(Panel { name: format!("{} x {}", mesh.0, mesh.1), patches });
         chart.curve(&label, curve.clone());
         curves.push(curve);
     }
@@ -75,7 +87,17 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     ));
     chart.curve("all grains, smooth walls", grains);
     chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    let map = Map {
+        title: "[Liu2018] Fig. 7: meshes at the end".to_owned(),
+        quantity: "shear strain since the start".to_owned(),
+        panels,
+    };
+    Ok(Outcome {
+        charts: vec![("", chart), ("contacts", contacts), ("anisotropy", anisotropy)],
+        maps: vec![("map", map)],
+        comparisons,
+        notes: results.notes(),
+    })
 }
 
 /// Largest difference between two curves at the same strain up to 5 %.
