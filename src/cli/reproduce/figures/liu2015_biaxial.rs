@@ -46,6 +46,7 @@ fn runs(size: Size) -> Vec<Run> {
 
 /// What the run of one mesh says.
 struct Told {
+    mesh: (usize, usize),
     label: String,
     /// Size of a brick, mm.
     brick: f64,
@@ -82,6 +83,7 @@ fn told(run: &Finished, mesh: (usize, usize), step: usize) -> Result<Told, Repro
         false => Vec::new(),
     };
     Ok(Told {
+        mesh,
         brick: 1e3 * WIDTH / mesh.0 as f64,
         mean_ratio: running_mean(&ratio, WINDOW),
         ratio,
@@ -118,14 +120,17 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         let title = format!("[Liu2015] Fig. {}: {kind}, three meshes", figures[0]);
         let mut chart = Chart::new(&title, x, ("stress ratio", Scale::Linear));
         // The coarsest mesh has one run for both kinds.
-        let own = if kind == "local" { &told[..] } else { &told[1..] };
-        for mesh in own {
+        let own: Vec<&Told> = told.iter().filter(|mesh| kind == "local" || mesh.mesh != MESHES[0]).collect();
+        for mesh in &own {
             widths.curve(&format!("{kind}, {}", mesh.label), mesh.width.clone());
         }
         for mesh in &told {
             chart.curve(&mesh.label, mesh.ratio.clone());
         }
         outcome.charts.push((parts[0], chart));
+        if told.is_empty() {
+            continue;
+        }
         let end = told.iter().map(|mesh| reach(&mesh.ratio)).fold(f64::INFINITY, f64::min);
         outcome.maps.push((
             parts[1],
@@ -135,7 +140,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
                 panels: told.iter().map(|mesh| mesh.field.clone()).collect(),
             },
         ));
-        outcome.comparisons.extend(of_meshes(kind, own, end)?);
+        outcome.comparisons.extend(of_meshes(kind, &own, end)?);
         let [before, past] = apart(&told, end)?;
         spreads.push(past);
         let label = format!("{kind}: spread of the meshes");
@@ -204,7 +209,7 @@ fn last_common_step(results: &Results) -> Result<usize, ReproduceError> {
 }
 
 /// Stress ratio and band of each mesh; the end is the last fifth of the run.
-fn of_meshes(kind: &str, told: &[Told], end: f64) -> Result<Vec<Comparison>, ReproduceError> {
+fn of_meshes(kind: &str, told: &[&Told], end: f64) -> Result<Vec<Comparison>, ReproduceError> {
     let mut rows = Vec::new();
     for mesh in told {
         let label = format!("{kind}, {}", mesh.label);
