@@ -48,7 +48,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         rest.push([points, assembly]);
         published.push([points, theirs[1]]);
         comparisons.push(Comparison::new(
-            format!("{elements} elements: cells and their transport"),
+            format!("{elements} elements: cells, tangents and transport"),
             "%",
             Theirs::Value(theirs[0]),
             "[Argilaga2018] Table 2; band of J-2: above 99 %",
