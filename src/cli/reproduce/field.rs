@@ -47,24 +47,48 @@ impl Fields {
     /// # Errors
     /// The mesh cannot be read.
     pub(super) fn centres(&self) -> Result<Vec<[f64; 3]>, ReproduceError> {
+        let points = self.points()?;
+        let mean = |own: &Vec<usize>, axis: usize| {
+            own.iter().map(|node| points[3 * node + axis]).sum::<f64>() / own.len() as f64
+        };
+        Ok(self.nodes()?.iter().map(|own| [0, 1, 2].map(|axis| mean(own, axis))).collect())
+    }
+
+    /// First four corners of the elements in the plane of x and y, displaced, m: of bricks of one layer the whole outline.
+    ///
+    /// # Errors
+    /// The mesh or the displacements cannot be read.
+    pub(super) fn outlines(&self) -> Result<Vec<[[f64; 2]; 4]>, ReproduceError> {
+        let points = self.points()?;
+        let moved = self.values(&self.grid.data.point, "displacement")?;
+        let nodes = self.nodes()?;
+        if nodes.iter().any(|own| own.len() < 4) || moved.len() != points.len() {
+            return Err(unusable(&self.file, &"elements without four corners"));
+        }
+        let place = |node: usize| [0, 1].map(|axis| points[3 * node + axis] + moved[3 * node + axis]);
+        Ok(nodes.iter().map(|own| [0, 1, 2, 3].map(|corner| place(own[corner]))).collect())
+    }
+
+    /// Coordinates of the nodes at the start, m, three each.
+    fn points(&self) -> Result<Vec<f64>, ReproduceError> {
         let points = self.grid.points.clone().cast_into::<f64>();
-        let points = points.ok_or_else(|| unusable(&self.file, &"points are no numbers"))?;
+        points.ok_or_else(|| unusable(&self.file, &"points are no numbers"))
+    }
+
+    /// Nodes of the elements.
+    fn nodes(&self) -> Result<Vec<Vec<usize>>, ReproduceError> {
         let (nodes, ends) = match &self.grid.cells.cell_verts {
             VertexNumbers::XML { connectivity, offsets } => (connectivity, offsets),
             VertexNumbers::Legacy { .. } => return Err(unusable(&self.file, &"an old form of elements")),
         };
         let mut begin = 0;
-        let mut centres = Vec::new();
+        let mut found = Vec::new();
         for end in ends {
             let end = *end as usize;
-            let own = &nodes[begin..end];
-            let mean = |axis: usize| {
-                own.iter().map(|node| points[3 * *node as usize + axis]).sum::<f64>() / own.len() as f64
-            };
-            centres.push([mean(0), mean(1), mean(2)]);
+            found.push(nodes[begin..end].iter().map(|node| *node as usize).collect());
             begin = end;
         }
-        Ok(centres)
+        Ok(found)
     }
 
     /// A field of the elements: its numbers, element after element.
@@ -72,8 +96,11 @@ impl Fields {
     /// # Errors
     /// There is no such field.
     pub(super) fn element_values(&self, name: &str) -> Result<Vec<f64>, ReproduceError> {
-        let found = self.grid.data.cell.iter().find(|attribute| attribute.name() == name);
-        match found {
+        self.values(&self.grid.data.cell, name)
+    }
+
+    fn values(&self, fields: &[Attribute], name: &str) -> Result<Vec<f64>, ReproduceError> {
+        match fields.iter().find(|attribute| attribute.name() == name) {
             Some(Attribute::DataArray(array)) => array
                 .data
                 .clone()

@@ -3,7 +3,7 @@
 use super::comparison::Comparison;
 use super::error::ReproduceError;
 use super::results::Results;
-use charts::Chart;
+use charts::{Chart, Map};
 
 /// Size of the calculation behind a figure.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,6 +90,8 @@ pub(super) struct Figure {
 pub(super) struct Outcome {
     /// Pictures, each with the part of its file name behind that of the figure; empty for the main one.
     pub(super) charts: Vec<(&'static str, Chart)>,
+    /// Meshes coloured by a quantity, each with the part of its file name.
+    pub(super) maps: Vec<(&'static str, Map)>,
     /// Their numbers and ours.
     pub(super) comparisons: Vec<Comparison>,
     /// Remarks: runs that stopped early and why.

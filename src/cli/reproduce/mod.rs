@@ -19,7 +19,7 @@ mod prelude {
     pub(super) use super::error::ReproduceError;
     pub(super) use super::figure::{Command, Figure, Outcome, Run, Size};
     pub(super) use super::results::Results;
-    pub(super) use charts::{Chart, Scale};
+    pub(super) use charts::{Chart, Map, Panel, Scale};
 }
 
 use crate::exit::{Exit, Failure};
@@ -152,11 +152,15 @@ struct Provenance<'a> {
 }
 
 fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &Outcome) -> Result<(), Failure> {
+    let file = |part: &str| {
+        out.join(if part.is_empty() { format!("{}.svg", figure.name) } else { format!("{}-{part}.svg", figure.name) })
+    };
     for (part, chart) in &outcome.charts {
-        let file =
-            if part.is_empty() { format!("{}.svg", figure.name) } else { format!("{}-{part}.svg", figure.name) };
         let text = chart.to_svg().map_err(ReproduceError::Chart)?;
-        write_atomically(&out.join(file), text.as_bytes())?;
+        write_atomically(&file(part), text.as_bytes())?;
+    }
+    for (part, map) in &outcome.maps {
+        write_atomically(&file(part), map.to_svg().as_bytes())?;
     }
     write_atomically(&out.join(format!("{}.csv", figure.name)), &comparison_csv(&outcome.comparisons)?)?;
     let provenance = Provenance {

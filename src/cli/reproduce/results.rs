@@ -64,6 +64,18 @@ impl Finished {
         (self.exit_code != 0).then(|| line().trim_start_matches("error: ").to_owned())
     }
 
+    /// A number of `summary.json`, by the path to it, such as `["fallbacks", "steps_stabilised"]`.
+    ///
+    /// # Errors
+    /// The summary cannot be read, or has no such number.
+    pub(super) fn summary(&self, path: &[&str]) -> Result<f64, ReproduceError> {
+        let file = self.folder.join("summary.json");
+        let text = std::fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
+        let all: serde_json::Value = serde_json::from_str(&text).map_err(|error| unusable(&file, &error))?;
+        let found = path.iter().try_fold(&all, |value, key| value.get(key)).and_then(serde_json::Value::as_f64);
+        found.ok_or_else(|| unusable(&file, &format!("there is no number '{}'", path.join("."))))
+    }
+
     /// `history.csv` of a scene, or the rows of an element test or a specimen.
     ///
     /// # Errors

@@ -111,6 +111,10 @@ impl Integrator {
         }
         self.find_reactions(specimen, axes);
         self.monitor.step(path, &before, &self.forces, self.kinetic_energy(axes));
+        // Dashpots store nothing: what they have taken since the stage began.
+        if let HourglassControl::Viscous { .. } = specimen.problem.hourglass {
+            self.hourglass_energy = self.monitor.balance.hourglass;
+        }
         Ok(())
     }
 
@@ -123,10 +127,9 @@ impl Integrator {
         });
         let positions = specimen.body.positions(&specimen.body.zero());
         let loads = specimen.loads.force(&positions, self.moment(specimen, self.time()));
-        self.hourglass_energy = match specimen.problem.hourglass {
-            HourglassControl::Stiffness { .. } => elements.hourglass_energy,
-            HourglassControl::Viscous { .. } => 0.0,
-        };
+        if let HourglassControl::Stiffness { .. } = specimen.problem.hourglass {
+            self.hourglass_energy = elements.hourglass_energy;
+        }
         self.forces = Forces {
             internal: elements.internal,
             hourglass: elements.hourglass,

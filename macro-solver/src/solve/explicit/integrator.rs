@@ -267,7 +267,7 @@ impl Integrator {
         &self.forces.loads
     }
 
-    /// Energy of hourglass springs, J.
+    /// Energy in hourglass springs, or taken by hourglass dashpots since the stage began, J.
     pub(crate) fn hourglass_energy(&self) -> f64 {
         self.hourglass_energy
     }

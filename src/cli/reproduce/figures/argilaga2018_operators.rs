@@ -152,7 +152,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Absolute(1e-3),
         ),
     ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
 }
 
 fn uko_printed(printed: &Operator) -> f64 {

@@ -109,5 +109,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     }
     charts.push(("steps", chart));
     let notes = vec!["every run stops at its studied step, whose tolerance cannot be met".to_owned()];
-    Ok(Outcome { charts, comparisons, notes })
+    Ok(Outcome { charts, comparisons, notes, ..Outcome::default() })
 }

@@ -44,5 +44,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         bound("largest pressure inside over outside", "ring that yields everywhere", &strength, law, top[1], 0.1),
         Comparison::reported("growth there, over the radius", "-", top[0]),
     ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
 }

@@ -86,5 +86,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         Comparison::reported("lowest pressure, loose", "kPa", least),
     ];
     let charts = vec![("", mobilisation), ("rest", at_rest), ("constant-volume", undrained), ("cyclic", cyclic)];
-    Ok(Outcome { charts, comparisons, notes: results.notes() })
+    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }

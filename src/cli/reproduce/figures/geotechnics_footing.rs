@@ -41,5 +41,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         bound("largest load over surcharge", "Prandtl", &strength, law, top[1], 0.2),
         Comparison::reported("settlement there, over the half width", "-", top[0]),
     ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
 }

@@ -67,5 +67,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         }
         charts.push((part, chart));
     }
-    Ok(Outcome { charts, comparisons, notes: results.notes() })
+    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }

@@ -83,5 +83,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let mut third = Chart::new("[Liu2015] Fig. 8d: element 9", milliseconds, ("contacts per grain", Scale::Linear));
     third.curve("contacts per grain", contacts);
     let charts = vec![("", first_picture), ("porosity", second), ("contacts", third)];
-    Ok(Outcome { charts, comparisons, notes: results.notes() })
+    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }

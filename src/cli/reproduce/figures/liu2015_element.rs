@@ -60,7 +60,12 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     comparisons.push(Comparison::reported("largest shear stress", "kPa", peak(&ours)?[1]));
     shear.curve("one element", ours);
     shear.reference("its cell alone", alone);
-    Ok(Outcome { charts: vec![("biaxial", biaxial), ("shear", shear)], comparisons, notes: results.notes() })
+    Ok(Outcome {
+        charts: vec![("biaxial", biaxial), ("shear", shear)],
+        comparisons,
+        notes: results.notes(),
+        ..Outcome::default()
+    })
 }
 
 /// Largest difference of two curves, over the largest value.

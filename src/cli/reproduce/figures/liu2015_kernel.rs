@@ -53,5 +53,5 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         Comparison::reported("share of the run that it reaches", "-", ended("bell")?),
         Comparison::holds("Wendland's kernel reaches the end", source, results.run("wendland")?.stopped().is_none()),
     ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
 }

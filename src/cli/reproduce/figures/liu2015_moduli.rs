@@ -91,7 +91,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Relative(0.005),
         ),
     ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
 }
 
 /// Bulk modulus of Hertzian spheres that all deform alike, MPa: `[C^2 phi^2 G^2 p / (18 pi^2 (1 - nu)^2)]^(1/3)`.

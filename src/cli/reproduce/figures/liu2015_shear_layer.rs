@@ -119,7 +119,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     }
     let charts =
         vec![("", stress), ("mean-pressure", mean), ("voids", voids), ("contacts", contacts), ("profile", rows)];
-    Ok(Outcome { charts, comparisons, notes: results.notes() })
+    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }
 
 #[cfg(test)]

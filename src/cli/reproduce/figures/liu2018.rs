@@ -7,10 +7,14 @@ use crate::cli::reproduce::results::Finished;
 pub(super) struct Biaxial {
     /// `|(s11 - s22) / (s11 + s22)|`.
     pub(super) ratio: Curve,
+    /// Standard deviation of that of the points.
+    pub(super) deviation: Curve,
     /// `(det F - det F_ic) / det F_ic`.
     pub(super) volume: Curve,
     /// Contacts per grain.
     pub(super) contacts: Curve,
+    /// Major over minor principal value of the contact fabric of the body, minus 1.
+    pub(super) anisotropy: Curve,
 }
 
 /// The curves of a run of `scenes/liu2018/biaxial.toml`.
@@ -27,7 +31,9 @@ pub(super) fn biaxial(run: &Finished) -> Result<Biaxial, ReproduceError> {
     };
     Ok(Biaxial {
         ratio: over(table.column("stress_ratio")?.into_iter().map(liu_ratio).collect()),
+        deviation: over(table.column("stress_ratio_deviation")?),
         volume: over(volume.iter().map(|change| (1.0 + change) / (1.0 + volume_first) - 1.0).collect()),
         contacts: over(table.column("coordination_number")?),
+        anisotropy: over(table.column("fabric_anisotropy")?),
     })
 }

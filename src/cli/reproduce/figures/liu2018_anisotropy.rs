@@ -59,5 +59,10 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     comparisons.push(Comparison::holds("peak falls with the initial anisotropy", source, strengths));
     comparisons.push(Comparison::holds("peak comes earlier with the initial anisotropy", source, strains));
     comparisons.push(Comparison::holds("compaction falls with the initial anisotropy", source, falls(contractions)));
-    Ok(Outcome { charts: vec![("", stress), ("volume", volume)], comparisons, notes: results.notes() })
+    Ok(Outcome {
+        charts: vec![("", stress), ("volume", volume)],
+        comparisons,
+        notes: results.notes(),
+        ..Outcome::default()
+    })
 }

@@ -39,7 +39,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let mut contractions = Vec::new();
     let mut numbers = Vec::new();
     for (friction, (mean, deviation)) in FRICTIONS.into_iter().zip(CELLS) {
-        let Biaxial { ratio, volume: change, contacts: number } = biaxial(results.run(&name(friction))?)?;
+        let Biaxial { ratio, volume: change, contacts: number, .. } = biaxial(results.run(&name(friction))?)?;
         let label = format!("friction {friction}");
         let top = peak(&ratio)?;
         comparisons.push(Comparison::new(
@@ -77,7 +77,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         falls(&numbers),
     ));
     let charts = vec![("", stress), ("volume", volume), ("contacts", contacts)];
-    Ok(Outcome { charts, comparisons, notes: results.notes() })
+    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }
 
 /// The paper's own numbers, which are for friction 0.4.

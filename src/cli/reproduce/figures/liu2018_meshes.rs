@@ -1,13 +1,14 @@
-//! [Liu2018] Fig. 4: meshes against a simulation of all grains. Part of J-1.
+//! [Liu2018] Figs. 4 to 7: meshes against a simulation of all grains. Part of J-1.
 
 use super::liu2018::biaxial;
+use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Finished;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-meshes",
-    source: "[Liu2018] Fig. 4",
-    shows: "stress ratio over strain for meshes from 1 x 1 on, against all grains of the specimen",
+    source: "[Liu2018] Figs. 4 to 7",
+    shows: "stress ratio, its spread over the points, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
     run_time: ("2 min", "20 min"),
     runs,
     evaluate,
@@ -35,12 +36,20 @@ fn runs(size: Size) -> Vec<Run> {
 }
 
 fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
-    let (x, y) = ("axial compression", "|(s11 - s22) / (s11 + s22)|");
-    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", (x, Scale::Linear), (y, Scale::Linear));
+    let x = ("axial compression", Scale::Linear);
+    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", x, ("|(s11 - s22) / (s11 + s22)|", Scale::Linear));
+    let mut contacts = Chart::new("[Liu2018] Fig. 5a: meshes", x, ("contacts per grain", Scale::Linear));
+    let mut anisotropy = Chart::new("[Liu2018] Fig. 5b: meshes", x, ("anisotropy of the contacts", Scale::Linear));
+    let y = ("standard deviation over the points", Scale::Linear);
+    let mut deviation = Chart::new("[Liu2018] Fig. 6: spread of |(s11 - s22) / (s11 + s22)|", x, y);
+    let mut panels = Vec::new();
+    let mut deviations = Vec::new();
     let mut comparisons = Vec::new();
     let mut curves = Vec::new();
     for &mesh in meshes(size) {
-        let curve = biaxial(results.run(&name(mesh))?)?.ratio;
+        let run = results.run(&name(mesh))?;
+        let biaxial = biaxial(run)?;
+        let curve = biaxial.ratio;
         let top = peak(&curve)?;
         let label = format!("{} x {} elements", mesh.0, mesh.1);
         comparisons.push(Comparison::new(
@@ -52,6 +61,11 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Absolute(0.03),
         ));
         comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
+        contacts.curve(&label, biaxial.contacts);
+        anisotropy.curve(&label, biaxial.anisotropy);
+        deviation.curve(&label, biaxial.deviation.clone());
+        deviations.push(biaxial.deviation);
+        panels.push(last_strain(run, mesh)?);
         chart.curve(&label, curve.clone());
         curves.push(curve);
     }
@@ -63,6 +77,22 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
         spread(&curves) / 0.39,
         Tolerance::Absolute(0.03),
     ));
+    for (&mesh, own) in meshes(size).iter().zip(&deviations) {
+        comparisons.push(Comparison::reported(
+            format!("spread of the stress ratio over the points, 5 to 10 % strain, {} x {} elements", mesh.0, mesh.1),
+            "-",
+            mean_between(own, 0.05, 0.1),
+        ));
+    }
+    if let [.., coarse, fine] = &deviations[..]
+        && size == Size::Paper
+    {
+        comparisons.push(Comparison::holds(
+            "the spread over the points is larger on 4 x 8 elements than on 2 x 4",
+            "[Liu2018] section 4.2",
+            mean_between(fine, 0.0, 0.1) > mean_between(coarse, 0.0, 0.1),
+        ));
+    }
     let grains = grains(results.run("grains")?)?;
     let top = peak(&grains)?;
     comparisons.push(Comparison::new(
@@ -75,7 +105,27 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     ));
     chart.curve("all grains, smooth walls", grains);
     chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes() })
+    anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
+    let map = Map {
+        title: "[Liu2018] Fig. 7: meshes, elements and compression".to_owned(),
+        quantity: "shear strain since the start".to_owned(),
+        panels,
+    };
+    Ok(Outcome {
+        charts: vec![("", chart), ("contacts", contacts), ("anisotropy", anisotropy), ("spread", deviation)],
+        maps: vec![("map", map)],
+        comparisons,
+        notes: results.notes(),
+    })
+}
+
+/// The strain of the elements at the last step with fields, by the mesh and the compression of that step.
+fn last_strain(run: &Finished, mesh: (usize, usize)) -> Result<Panel, ReproduceError> {
+    let last = Fields::steps(run).last().copied().unwrap_or(0);
+    let compression = value_at(&run.table()?.curve("step", "axial_compression")?, last as f64);
+    let fields = Fields::read(run, last)?;
+    let patches = fields.outlines()?.into_iter().zip(fields.element_values("shear_strain")?).collect();
+    Ok(Panel { name: format!("{} x {}, {:.1} %", mesh.0, mesh.1, 100.0 * compression), patches })
 }
 
 /// Largest difference between two curves at the same strain up to 5 %.

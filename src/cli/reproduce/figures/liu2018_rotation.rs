@@ -71,5 +71,10 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     anisotropy.published("[Liu2018]: 0.27 free, 0.33 inner grains blocked", [[0.073, 0.27], [0.073, 0.33]]);
     let notes =
         [vec!["rotations of all grains are blocked, those of the paper's inner grains".to_owned()], results.notes()];
-    Ok(Outcome { charts: vec![("", stress), ("anisotropy", anisotropy)], comparisons, notes: notes.concat() })
+    Ok(Outcome {
+        charts: vec![("", stress), ("anisotropy", anisotropy)],
+        comparisons,
+        notes: notes.concat(),
+        ..Outcome::default()
+    })
 }

@@ -3,6 +3,7 @@
 mod argilaga2018_iterations;
 mod argilaga2018_operators;
 mod argilaga2018_residuals;
+mod argilaga2018_shares;
 mod geotechnics;
 mod geotechnics_cavity;
 mod geotechnics_cells;
@@ -33,6 +34,7 @@ pub(super) const ALL: &[&Figure] = &[
     &argilaga2018_operators::FIGURE,
     &argilaga2018_residuals::FIGURE,
     &argilaga2018_iterations::FIGURE,
+    &argilaga2018_shares::FIGURE,
     &liu2018_meshes::FIGURE,
     &liu2018_friction::FIGURE,
     &liu2018_rotation::FIGURE,

@@ -162,6 +162,7 @@ fn hourglass_modes_are_damped_or_held() {
     let (first, last) = (damped.instants[0].energy, damped.last().energy);
     assert!(last.kinetic < 1e-3 * first.kinetic, "{last:?}");
     assert!((last.hourglass / first.kinetic - 1.0).abs() < 0.02, "{last:?}");
+    assert_eq!(damped.last().hourglass_energy, last.hourglass);
     assert!(last.largest_relative_residual() < 1e-2);
     let sprung = run(HourglassControl::Stiffness { coefficient: 0.01 });
     let stored = sprung.instants.iter().map(|instant| instant.hourglass_energy).fold(0.0, f64::max);
