@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import ElementTestStopped, TrialRefused
-from .history import History, with_invariants
+from .history import History, warn_of, with_invariants
+from .result import DAMPING_CHANGED, FLUID, LARGE_OVERLAP, NOT_EQUILIBRATED, TANGENT_FALLBACK, TANGENT_REGULARISED
 
 if TYPE_CHECKING:
     from .result import TrialResult
@@ -19,6 +20,16 @@ _MOST_HALVINGS = 6
 
 #: Largest distance of the mean stress from its target, relative to it, at which a cell that snaps across the target is accepted.
 _LARGEST_JUMP = 0.05
+
+#: What an accepted trial may fall short of, by the names of the counts of other tests.
+_FLAGGED = {
+    "not_equilibrated": NOT_EQUILIBRATED,
+    "no_load": FLUID,
+    "large_overlap": LARGE_OVERLAP,
+    "damping_changed": DAMPING_CHANGED,
+    "tangent_fallbacks": TANGENT_FALLBACK,
+    "tangents_regularised": TANGENT_REGULARISED,
+}
 
 #: Observables that rows of an element test have.
 _OBSERVABLES = ("coordination_number_no_rattlers", "fabric", "sliding_fraction", "energy")
@@ -43,7 +54,8 @@ def follow_mean_stress(cell: Rve, pressure: float, axial_strain: float, incremen
     dimension = cell.dimension
     deformation = np.eye(dimension)
     rows = [_row(0, deformation, _trial(cell, np.zeros(dimension), 0), 0)]
-    counts = {"rows": 1, "trials": 1, "dem_steps": 0, "stress_jumps": 0, "cut_increments": 0}
+    counts = dict.fromkeys(("rows", "trials", "dem_steps", "stress_jumps", "cut_increments", *_FLAGGED), 0)
+    counts |= {"rows": 1, "trials": 1}
     steps: list[float | None] = [np.log1p(-axial_strain) / increments] * increments
     begin, reached = 0, cell.initial_pressure
     if abs(reached - pressure) > tolerance * pressure:
@@ -79,7 +91,9 @@ def follow_mean_stress(cell: Rve, pressure: float, axial_strain: float, incremen
         reached = pressure
         rows.append(_row(len(rows), deformation, result, cost))
         counts["rows"] += 1
-        counts["dem_steps"] += cost
+        for name, flags in _FLAGGED.items():
+            counts[name] += bool(result.has(flags)[0])
+    warn_of(counts)
     return _table(rows, dimension, begin, counts)
 
 
@@ -117,6 +131,7 @@ def _increment(
                 raise
             break
         counts["trials"] += 1
+        counts["dem_steps"] += int(result.force_evaluations[0])
         # The first trial chooses the ramp for all: the stress would jump with its length otherwise.
         ramp_steps = ramp_steps or int(result.ramp_steps[0])
         cost += int(result.force_evaluations[0])
@@ -133,6 +148,8 @@ def _increment(
     counts["stress_jumps"] += 1
     gradient = _gradient(dimension, axial, lateral)
     result = _trial(cell, gradient, ramp_steps)
+    counts["trials"] += 1
+    counts["dem_steps"] += int(result.force_evaluations[0])
     return gradient, lateral, result, cost + int(result.force_evaluations[0])
 
 

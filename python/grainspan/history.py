@@ -6,6 +6,8 @@ import csv
 import io
 import json
 import os
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,22 @@ _UNITS = {
 _PER_CENT = {"axial_compression", "volume_change", "shear"}
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+#: Counts of a test that its user has to know of.
+_FALLS_SHORT = {
+    "not_equilibrated": "whose grains did not come to rest",
+    "stress_jumps": "in which the cell snaps across the stress that is kept",
+    "no_load": "without load-bearing contacts",
+    "large_overlap": "with overlaps above 10 %",
+}
+
+
+def warn_of(counts: Mapping[str, int]) -> None:
+    """Warns of what a test fell short of."""
+    found = [f"{counts[name]} {words}" for name, words in _FALLS_SHORT.items() if counts.get(name)]
+    if found:
+        warnings.warn(f"increments {', '.join(found)}; attrs['counts'] has all counts", RuntimeWarning, stacklevel=2)
 
 
 def unit_of(column: str) -> str:

@@ -23,7 +23,7 @@ from ._paths import (
 )
 from ._servo import follow_mean_stress
 from .errors import ElementTestStopped, InputError
-from .history import History, parse, with_invariants
+from .history import History, parse, warn_of, with_invariants
 from .result import TrialResult, assembled
 
 #: Increments of a change of the isotropic stress before a test.
@@ -179,7 +179,7 @@ class Rve:
         -------
         History
             The rows of ``grainspan element``, and ``segment``, ``axial_compression``, ``shear``, ``volume_change``, ``p``, ``q``,
-            ``deviator`` and ``stress_ratio``; counts in ``attrs["counts"]``.
+            ``deviator`` and ``stress_ratio``; counts in ``attrs["counts"]``, and a ``RuntimeWarning`` for those that matter.
 
         Raises
         ------
@@ -195,9 +195,10 @@ class Rve:
             csv, counts, stopped = _native.element_test(test, os.getcwd(), tangent)
         lengths = [int(segment["increments"]) * int(segment.get("repeat", 1)) for segment in segments]
         rows = with_invariants(parse(csv), self.dimension, sum(lengths[:begin]), lengths)
-        rows.attrs["counts"] = dict(counts)
+        rows.attrs["counts"] = counts = dict(counts)
         if stopped is not None:
             raise ElementTestStopped(stopped, rows)
+        warn_of(counts)
         return rows
 
     def isotropic(self, pressure: float | Sequence[float], *, increments: int = 50, **options: Any) -> History:

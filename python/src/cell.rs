@@ -136,7 +136,9 @@ pub(crate) fn element_test<'py>(
             ("not_equilibrated", summary.not_equilibrated),
             ("no_load", summary.no_load),
             ("large_overlap", summary.large_overlap),
+            ("damping_changed", summary.damping_changed),
             ("tangent_fallbacks", summary.tangent_fallbacks),
+            ("tangents_regularised", summary.tangent_regularised),
         ]
     });
     Ok((PyBytes::new(py, &outcome.csv), counts, outcome.stopped.map(|error| error.to_string())))

@@ -1,6 +1,7 @@
 """Element tests: the same bytes as the program, and the conditions that each test promises."""
 
 import subprocess
+import warnings
 
 import numpy as np
 import pytest
@@ -95,10 +96,17 @@ def test_mean_stress_is_kept_where_cells_snap():
     hertz = {"law": "hertz_mindlin", "shear_modulus": 2.9e9, "poisson_ratio": 0.2, "friction": 0.5}
     for packing, contact in ((SPHERES, hertz), (DISCS, {**CONTACT, "friction": 0.3})):
         cell = grainspan.Rve(packing, contact, accuracy="draft")
-        rows = cell.constant_mean_stress(0.03, pressure=1e5, increments=40)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            rows = cell.constant_mean_stress(0.03, pressure=1e5, increments=40)
         np.testing.assert_allclose(rows["p"].iloc[1:], 1e5, rtol=0.05)
         counts = rows.attrs["counts"]
         assert len(rows) == counts["rows"] and counts["trials"] > 40
+        assert counts["dem_steps"] >= rows["dem_steps"].sum(), "trials of searches that failed count too"
+        # Whoever is not looking at the counts is told.
+        said = " ".join(str(warning.message) for warning in caught)
+        assert ("snaps across" in said) == (counts["stress_jumps"] > 0)
+        assert ("come to rest" in said) == (counts["not_equilibrated"] > 0)
         assert {"stress_jumps", "cut_increments"} <= set(counts)
 
 

@@ -1,6 +1,7 @@
 //! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
 //! folder is made or any process started.
 
+use super::accuracy::{choose, error_control, error_estimate};
 use super::document::{Document, Kind, explain_command};
 use super::engines::EnginePlan;
 use super::initial::initial_state;
@@ -18,8 +19,8 @@ use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::output::RecordPlan;
-use macro_solver::problem::{ErrorControl, Problem, ProblemError, Tolerances};
-use rve_server::definition::{AnyDefinition, Packing, RveOptions};
+use macro_solver::problem::{Problem, ProblemError, Tolerances};
+use rve_server::definition::{AnyDefinition, Packing};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
@@ -50,6 +51,8 @@ pub struct Scene {
     pub grains: Vec<usize>,
     /// Whether the last states of all Gauss points are written for the page.
     pub cells: bool,
+    /// Whether the run keeps to an error that the scene does not name itself.
+    pub keeps_default_error: bool,
     /// Gauss points whose error is estimated.
     pub error_estimate: ErrorEstimateSettings,
     /// Columns of the plot, x and y; `None` = no plot.
@@ -84,6 +87,7 @@ impl Scene {
         let document = Document::read_in_size(path, size, overrides)?;
         document.expect(Kind::Scene)?;
         let mut file: SceneFile = document.deserialize()?;
+        let keeps_default_error = choose(&document, &mut file)?;
         file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
         let mesh = mesh(&document, &file.mesh)?;
@@ -139,6 +143,7 @@ impl Scene {
             record,
             grains,
             cells: file.output.cells,
+            keeps_default_error,
             error_estimate,
             plot,
             checkpoint,
@@ -147,27 +152,6 @@ impl Scene {
         };
         Ok(scene)
     }
-}
-
-/// The table `[error_estimate]`.
-///
-/// # Errors
-/// A share that is none; an estimate that is switched off although `rve.error` needs it.
-fn error_estimate(document: &Document, file: &SceneFile) -> Result<ErrorEstimateSettings, InputError> {
-    let given = file.error_estimate.over(&ErrorEstimateSettings::default());
-    let settings = given.map_err(|fault| document.fault(&fault))?;
-    if !settings.enabled && file.rve.error.is_some() {
-        return Err(document
-            .error_at_key(&["error_estimate", "enabled"], "rve.error needs the estimate of the error")
-            .hint("remove one of the two keys"));
-    }
-    Ok(settings)
-}
-
-/// What the key `rve.error` asks of the strain per ramp step.
-fn error_control(options: &RveOptions) -> Option<ErrorControl> {
-    let [smallest, largest] = options.strain_per_step_bounds();
-    options.error.map(|error| ErrorControl { error, smallest, largest })
 }
 
 /// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.

@@ -1,6 +1,7 @@
 //! Input files of Grainspan: from TOML text to a checked problem, the definition of the grains behind it, and what to
 //! record. Every error names its file and line, or the `--set` argument that caused it, and the remedy.
 
+mod accuracy;
 mod build;
 mod cell;
 mod changes;

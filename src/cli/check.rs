@@ -37,7 +37,7 @@ pub(crate) struct Arguments {
 /// The first thing that a run would refuse.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
-    let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
+    let (scene, assignment) = EngineAssignment::of(scene, arguments.engine.as_deref())?;
     let packing = PackingState::of(scene.definition())?;
     print(overview(&scene, &assignment, &packing).as_bytes())?;
     Ok(Exit::Done)
@@ -48,6 +48,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     let problem = &scene.problem;
     let options = scene.definition().options();
     let points = problem.point_count();
+    let error = options.error.map_or(String::new(), |error| format!("error {error:e}: to begin with "));
     let quasi_static = problem.stages.iter().filter(|stage| !matches!(stage.procedure, Procedure::Dynamic(_)));
     let steps: usize = quasi_static.map(|stage| stage.control.increments).sum();
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
@@ -82,7 +83,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
         (
             "grain solver",
             format!(
-                "{}, strain per step {:e}, tolerance {:e} ({})",
+                "{}, {error}strain per step {:e}, tolerance {:e} ({})",
                 options.damping.keyword(),
                 options.strain_per_step(),
                 options.tolerance(),

@@ -116,6 +116,19 @@ impl EngineAssignment {
         PoolDefinitions { definitions, engines, made_of }
     }
 
+    /// As [`EngineAssignment::assemble`], for a run or what is told of it: a scene whose error cannot be estimated does not keep to one
+    /// by default.
+    ///
+    /// # Errors
+    /// As [`EngineAssignment::assemble`].
+    pub(crate) fn of(mut scene: Scene, requested: Option<&str>) -> Result<(Scene, Self), Failure> {
+        let assignment = Self::assemble(&scene, requested)?;
+        if assignment.replicated_kinds(&scene.materials).iter().all(Option::is_none) {
+            scene.give_up_default_error();
+        }
+        Ok((scene, assignment))
+    }
+
     /// For each point the kind of its cell; `None` where an external engine solves it, which has no replicas.
     pub(crate) fn replicated_kinds(&self, materials: &Materials) -> Vec<Option<usize>> {
         let kind = |(point, &material): (usize, &usize)| self.is_built_in(point).then_some(material);

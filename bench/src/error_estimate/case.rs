@@ -104,18 +104,27 @@ impl Grains {
 pub(super) enum Loading {
     /// Compression at constant volume, all strains prescribed.
     Isochoric,
-    /// Compression at constant lateral stress: the lateral strain answers to the error of the stress.
+    /// Simple shear, all strains prescribed.
+    Shear,
+    /// Compression at constant lateral stress: the lateral strain answers to the error of the stress, and what the balance of forces
+    /// leaves is part of it.
     Drained,
 }
 
 impl Loading {
-    pub(super) const ALL: [Self; 2] = [Self::Isochoric, Self::Drained];
+    pub(super) const ALL: [Self; 3] = [Self::Isochoric, Self::Shear, Self::Drained];
 
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Isochoric => "isochoric",
+            Self::Shear => "shear",
             Self::Drained => "drained",
         }
+    }
+
+    /// Whether no strain answers to the stress.
+    pub(super) fn prescribes_strains(self) -> bool {
+        self != Self::Drained
     }
 
     fn conditions(self, strain: f64, pressure: f64) -> Vec<Condition> {
@@ -125,21 +134,24 @@ impl Loading {
             axis,
             displacement,
         };
-        let mut conditions = vec![platen("bottom", Axis::Y, 0.0), platen("top", Axis::Y, -strain)];
-        match self {
+        let heads = [platen("bottom", Axis::Y, 0.0), platen("top", Axis::Y, -strain)];
+        let others = match self {
             Self::Isochoric => {
                 let widening = 1.0 / (1.0 - strain) - 1.0;
-                conditions.extend([platen("left", Axis::X, 0.0), platen("right", Axis::X, widening)]);
+                vec![platen("left", Axis::X, 0.0), platen("right", Axis::X, widening)]
+            }
+            // A shear angle of 1.5 times the compression of the other paths.
+            Self::Shear => {
+                let [bottom, top] = ["bottom", "top"].map(|nodes| Condition::fixed(nodes, Axis::Y));
+                return vec![bottom, top, platen("bottom", Axis::X, 0.0), platen("top", Axis::X, 1.5 * strain)];
             }
             Self::Drained => {
-                conditions.push(Condition::fixed("bottom_left", Axis::X));
-                for sides in ["left", "right"] {
-                    let kind = PressureKind::Dead;
-                    conditions.push(Condition::Pressure { sides: sides.into(), value: pressure, kind });
-                }
+                let kind = PressureKind::Dead;
+                let side = |sides: &str| Condition::Pressure { sides: sides.into(), value: pressure, kind };
+                vec![Condition::fixed("bottom_left", Axis::X), side("left"), side("right")]
             }
-        }
-        conditions
+        };
+        heads.into_iter().chain(others).collect()
     }
 }
 
@@ -192,7 +204,7 @@ pub(super) fn solution(
     steps: usize,
     estimates: bool,
 ) -> anyhow::Result<Solution> {
-    let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q8).mesh()?;
+    let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh()?;
     let points = mesh.point_count();
     let mut problem = Problem::new(mesh, loading.conditions(STEP * steps as f64, grains.pressure));
     problem.stages[0].control.increments = steps;

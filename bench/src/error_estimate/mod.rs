@@ -1,6 +1,6 @@
 //! The estimated error of the stresses against the true one, and what it costs to keep to an error.
 //!
-//! Every cell is solved along two paths to a strain well past the peak of most: tightly (the reference), at fixed strains per ramp
+//! Every cell is solved along three paths to a strain well past the peak of most: tightly (the reference), at fixed strains per ramp
 //! step, and with `rve.error`. The true error is the difference of the stress from the reference over the largest mean pressure so
 //! far, at equal strains; error and estimate are root mean squares over the steps up to the peak of the reference, and over those
 //! past it, where cells snap and any two solutions are members of an ensemble. Work is counted in force evaluations, so a busy
@@ -118,7 +118,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     report.table("cases", "true and estimated error of every cell, path and setting", &table(&cases))?;
     report.table("settings", "over all cells and paths, by setting", &by_setting(&cases, &settings))?;
     report.note(
-        "part: up to the peak of the stress ratio of the reference, or past it. ratio: estimated over true error, root mean squares \
+        "strains: prescribed, or found so that forces are in balance, whose tolerance is then part of the true error. part: up to the peak of the stress ratio of the reference, or past it. ratio: estimated over true error, root mean squares \
          over the steps. work: force evaluations per load step of the whole path; replicas: those of the second solution over them. \
          best_fixed: work over that of the cheapest fixed strain per step of the same cell, path and part whose true error is not \
          larger; empty if none is as accurate.",
@@ -208,9 +208,10 @@ struct StepError {
     estimate: f64,
 }
 
-/// Difference of the normal stresses over their sum.
+/// Difference of the principal stresses in the plane over their sum.
 fn stress_ratio(stress: &Tensor2) -> f64 {
-    ((stress.get(0, 0) - stress.get(1, 1)) / (stress.get(0, 0) + stress.get(1, 1))).abs()
+    let deviator = (stress.get(0, 0) - stress.get(1, 1)).hypot(stress.get(0, 1) + stress.get(1, 0));
+    (deviator / (stress.get(0, 0) + stress.get(1, 1))).abs()
 }
 
 /// Load step with the largest stress ratio.
@@ -280,6 +281,7 @@ fn table(cases: &[Case]) -> Table {
 
 fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
     let heads = [
+        "strains",
         "part",
         "setting",
         "cases",
@@ -294,15 +296,22 @@ fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
         "median_best_fixed",
     ];
     let mut table = Table::new(heads);
-    for (part, setting) in Part::ALL.into_iter().flat_map(|part| settings.iter().skip(1).map(move |one| (part, one)))
+    for ((prescribed, part), setting) in [true, false]
+        .into_iter()
+        .flat_map(|prescribed| Part::ALL.map(|part| (prescribed, part)))
+        .flat_map(|group| settings.iter().skip(1).map(move |one| (group, one)))
     {
-        let chosen: Vec<&Case> = cases.iter().filter(|case| (case.part, case.setting) == (part, *setting)).collect();
+        let belongs = |case: &&Case| {
+            (case.loading.prescribes_strains(), case.part, case.setting) == (prescribed, part, *setting)
+        };
+        let chosen: Vec<&Case> = cases.iter().filter(belongs).collect();
         let ratios = sorted(chosen.iter().map(|case| case.estimate / case.truth));
         let within = |factor: f64| ratios.iter().filter(|ratio| (1.0 / factor..=factor).contains(*ratio)).count();
         let errors = sorted(chosen.iter().map(|case| case.truth));
         let work = sorted(chosen.iter().map(|case| case.work));
         let best = sorted(chosen.iter().map(|case| case.over_best_fixed(cases)).filter(|ratio| ratio.is_finite()));
         table.row([
+            if prescribed { "prescribed" } else { "in balance" }.into(),
             part.name().into(),
             setting.name().into(),
             chosen.len().into(),

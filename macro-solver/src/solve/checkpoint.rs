@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 15;
+const VERSION: u32 = 16;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -40,6 +40,8 @@ struct Record {
     pairs: Vec<Pair>,
     /// Of the next step.
     strain_per_step: f64,
+    /// Of the last step that kept to the error that was asked for.
+    kept_strain_per_step: Option<f64>,
 }
 
 impl Solver<'_> {
@@ -88,6 +90,7 @@ impl Checkpointed for Solver<'_> {
             kept_matrix: if self.tangents.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
             strain_per_step: self.points.strain_per_step(),
+            kept_strain_per_step: self.kept_strain_per_step,
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -102,6 +105,7 @@ impl Checkpointed for Solver<'_> {
         }
         self.points.restore(SECTION, record.points)?;
         self.points.set_strain_per_step(record.strain_per_step);
+        self.kept_strain_per_step = record.kept_strain_per_step;
         self.last_increment = record.last_increment;
         (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);

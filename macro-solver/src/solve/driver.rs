@@ -113,6 +113,8 @@ pub(super) struct Solver<'a> {
     pub(super) statistics: Statistics,
     /// Of the last accepted step.
     pub(super) accuracy: StepAccuracy,
+    /// Strain per ramp step of the last step whose estimated error was not above the one that was asked for.
+    pub(super) kept_strain_per_step: Option<f64>,
 }
 
 impl<'a> Solver<'a> {
@@ -156,6 +158,7 @@ impl<'a> Solver<'a> {
             step_size: 1.0 / first.control.increments as f64,
             statistics,
             accuracy: StepAccuracy::default(),
+            kept_strain_per_step: None,
         })
     }
 

@@ -66,7 +66,11 @@ impl Solver<'_> {
         if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate)
             && estimate.points > 0
         {
-            self.points.set_strain_per_step(control.next_strain_per_step(strain_per_step, estimate.rms));
+            let next = control.next_strain_per_step(strain_per_step, self.kept_strain_per_step, estimate.rms);
+            if control.is_kept(estimate.rms) {
+                self.kept_strain_per_step = Some(strain_per_step);
+            }
+            self.points.set_strain_per_step(next);
         }
     }
 

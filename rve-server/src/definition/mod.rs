@@ -213,13 +213,19 @@ impl AnyDefinition {
 
     /// The same cell, solved to half the tolerance.
     pub fn with_half_tolerance(&self) -> Self {
-        let mut finer = self.clone();
-        let options = match &mut finer {
+        self.with_options(RveOptions::with_half_tolerance)
+    }
+
+    /// The same cell with other solver options.
+    #[must_use]
+    pub fn with_options(&self, change: impl FnOnce(&RveOptions) -> RveOptions) -> Self {
+        let mut changed = self.clone();
+        let options = match &mut changed {
             Self::Discs(definition) => &mut definition.options,
             Self::Spheres(definition) => &mut definition.options,
         };
-        *options = options.with_half_tolerance();
-        finer
+        *options = change(options);
+        changed
     }
 
     /// Solver options.

@@ -115,8 +115,8 @@ fn worker_count(text: &str) -> Result<usize, String> {
 /// Bad input, an output folder that cannot be written, workers that cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
+    let (scene, assignment) = EngineAssignment::of(scene, arguments.engine.as_deref())?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
-    let assignment = EngineAssignment::assemble(&scene, arguments.engine.as_deref())?;
     if arguments.workers == Some(0) && arguments.listen.is_none() {
         let problem = "--workers 0: a run needs at least one worker; leave --workers out for one per core, or let agents of other \
                        hosts join with --listen";

@@ -1,0 +1,109 @@
+//! How accurately the cells of a scene are solved: what its keys say, or an error that the run keeps to.
+
+use super::build::Scene;
+use super::document::Document;
+use super::input_error::InputError;
+use super::tables::{ProcedureKeyword, SceneFile};
+use macro_solver::material::error_estimate::ErrorEstimateSettings;
+use macro_solver::problem::ErrorControl;
+use rve_server::definition::{RveOptions, SolverName};
+
+/// Error of the stress over the pressure that a scene keeps to which names no accuracy; the reasons are in
+/// docs/lab-book/error-estimate.md.
+const DEFAULT_ERROR: f64 = 5e-3;
+
+/// Keys of `[rve]` that name an accuracy.
+const KEYS: [&str; 4] = ["accuracy", "error", "strain_per_step", "tolerance"];
+
+/// Chooses the accuracy where the scene leaves it open, and whether it did so. An error is kept to in implicit stages only: explicit ones
+/// cut their time steps, and with them the strain increments, for stability.
+///
+/// # Errors
+/// Those of [`error_estimate`].
+pub(super) fn choose(document: &Document, file: &mut SceneFile) -> Result<bool, InputError> {
+    let is_estimated = error_estimate(document, file)?.enabled;
+    let is_named = KEYS.iter().any(|key| document.is_written(&["rve", key]));
+    let own = file.stage.iter().filter_map(|stage| stage.get_ref().procedure);
+    let is_implicit = own.chain([file.procedure]).all(|procedure| procedure == ProcedureKeyword::Implicit);
+    let is_open = is_estimated && !is_named && is_implicit && file.rve.solver == SolverName::Relaxation;
+    if is_open {
+        file.rve.error = Some(DEFAULT_ERROR);
+    }
+    Ok(is_open)
+}
+
+/// The table `[error_estimate]`.
+///
+/// # Errors
+/// A share that is none; an estimate that is switched off although `rve.error` needs it.
+pub(super) fn error_estimate(document: &Document, file: &SceneFile) -> Result<ErrorEstimateSettings, InputError> {
+    let given = file.error_estimate.over(&ErrorEstimateSettings::default());
+    let settings = given.map_err(|fault| document.fault(&fault))?;
+    if !settings.enabled && file.rve.error.is_some() {
+        return Err(document
+            .error_at_key(&["error_estimate", "enabled"], "rve.error needs the estimate of the error")
+            .hint("remove one of the two keys"));
+    }
+    Ok(settings)
+}
+
+/// What the key `rve.error` asks of the strain per ramp step.
+pub(super) fn error_control(options: &RveOptions) -> Option<ErrorControl> {
+    let [smallest, largest] = options.strain_per_step_bounds();
+    options.error.map(|error| ErrorControl { error, smallest, largest })
+}
+
+impl Scene {
+    /// For runs that cannot estimate the error: an error that the scene does not name itself gives way to the accuracy
+    /// `default`.
+    pub fn give_up_default_error(&mut self) {
+        if !std::mem::take(&mut self.keeps_default_error) {
+            return;
+        }
+        for definition in &mut self.materials.definitions {
+            *definition = definition.with_options(|options| RveOptions { error: None, ..options.clone() });
+        }
+        self.problem.strain_per_step = self.definition().options().strain_per_step();
+        self.problem.error_control = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// A scene that names no accuracy.
+    fn main_scene(more: &[&str]) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/biaxial.toml");
+        Scene::load(&path, &more.iter().map(|&given| given.to_owned()).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn a_scene_without_an_accuracy_keeps_to_an_error() {
+        let scene = main_scene(&[]);
+        assert!(scene.keeps_default_error);
+        assert_eq!(scene.problem.error_control.map(|control| control.error), Some(DEFAULT_ERROR));
+        for more in
+            ["rve.accuracy=default", "rve.strain_per_step=1e-6", "rve.tolerance=1e-3", "error_estimate.enabled=false"]
+        {
+            let scene = main_scene(&[more]);
+            assert!(!scene.keeps_default_error && scene.problem.error_control.is_none(), "{more}");
+        }
+        let named = main_scene(&["rve.error=2e-3"]);
+        assert!(!named.keeps_default_error && named.problem.error_control.is_some());
+    }
+
+    #[test]
+    fn without_an_estimate_the_accuracy_is_the_default_one() {
+        let mut open = main_scene(&[]);
+        let named = main_scene(&["rve.accuracy=default"]);
+        open.give_up_default_error();
+        assert_eq!(open.definition().to_protocol(), named.definition().to_protocol());
+        assert_eq!(open.problem.strain_per_step, named.problem.strain_per_step);
+        assert_eq!(open.problem.error_control, None);
+        let mut named = main_scene(&["rve.error=2e-3"]);
+        named.give_up_default_error();
+        assert!(named.problem.error_control.is_some(), "what a scene names itself stays");
+    }
+}
