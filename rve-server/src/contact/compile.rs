@@ -9,7 +9,7 @@ use super::springs::Springs;
 use super::table::{ContactTable, LawName, TangentialUnloading};
 use super::unloading::Unloading;
 use crate::error::DefinitionError;
-use crate::space::KernelSpace;
+use crate::space::{Discs, KernelSpace, Spheres};
 
 /// Work to be done with the law of a table, compiled once per law.
 pub trait LawVisitor<K: KernelSpace> {
@@ -20,22 +20,49 @@ pub trait LawVisitor<K: KernelSpace> {
     fn visit<C: ContactLaw<K>>(self, law: C) -> Self::Output;
 }
 
+/// The laws of grains of a dimension: work is compiled for these and no others.
+pub trait LawfulSpace: KernelSpace {
+    /// Passes the springs of Hertz and Mindlin to `visitor` where grains have them.
+    ///
+    /// # Errors
+    /// As [`compile`](ContactTable::compile); discs have no such springs.
+    fn visit_hertz_mindlin<V: LawVisitor<Self>>(
+        table: &ContactTable,
+        visitor: V,
+    ) -> Result<V::Output, DefinitionError>;
+}
+
+impl LawfulSpace for Discs {
+    fn visit_hertz_mindlin<V: LawVisitor<Self>>(table: &ContactTable, _: V) -> Result<V::Output, DefinitionError> {
+        Err(table.no_law_of_discs())
+    }
+}
+
+impl LawfulSpace for Spheres {
+    fn visit_hertz_mindlin<V: LawVisitor<Self>>(
+        table: &ContactTable,
+        visitor: V,
+    ) -> Result<V::Output, DefinitionError> {
+        let springs = table.hertz_springs()?;
+        Ok(if table.is_extended() {
+            visitor.visit::<ExtendedHertzMindlin>(table.composed(springs))
+        } else {
+            visitor.visit::<PlainHertzMindlin>(table.composed(springs))
+        })
+    }
+}
+
 impl ContactTable {
     /// Passes the law of a validated table to `visitor`: one compiled kernel per kind of springs, with and without the parts
     /// that most scenes do without. The key `law` decides which springs are used, not the numbers that are given.
     ///
     /// # Errors
-    /// A number that the springs need is missing or out of its range.
-    pub fn compile<K: KernelSpace, V: LawVisitor<K>>(&self, visitor: V) -> Result<V::Output, DefinitionError> {
+    /// A number that the springs need is missing or out of its range; springs that grains of this dimension do not have.
+    pub fn compile<K: LawfulSpace, V: LawVisitor<K>>(&self, visitor: V) -> Result<V::Output, DefinitionError> {
         Ok(match (self.law, self.is_extended()) {
             (LawName::Linear, false) => visitor.visit::<PlainLinear>(self.plain_linear()?),
             (LawName::Linear, true) => visitor.visit::<ExtendedLinear>(self.composed(self.linear_springs()?)),
-            (LawName::HertzMindlin, false) => {
-                visitor.visit::<PlainHertzMindlin>(self.composed(self.hertz_springs()?))
-            }
-            (LawName::HertzMindlin, true) => {
-                visitor.visit::<ExtendedHertzMindlin>(self.composed(self.hertz_springs()?))
-            }
+            (LawName::HertzMindlin, _) => K::visit_hertz_mindlin(self, visitor)?,
         })
     }
 
@@ -79,7 +106,6 @@ impl ContactTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::Spheres;
 
     struct TypeName;
 
@@ -105,5 +131,19 @@ mod tests {
         assert_eq!(name(&both), Ok(std::any::type_name::<PlainLinear>()));
         let incomplete = ContactTable { poisson_ratio: None, ..spheres };
         assert!(name(&incomplete).is_err_and(|error| error.to_string().contains("poisson_ratio")));
+    }
+
+    struct Nothing;
+
+    impl LawVisitor<Discs> for Nothing {
+        type Output = ();
+
+        fn visit<C: ContactLaw<Discs>>(self, _: C) {}
+    }
+
+    #[test]
+    fn discs_have_no_springs_of_spheres() {
+        let spheres = ContactTable::hertz_mindlin(2.9e10, 0.15, 0.5);
+        assert_eq!(spheres.compile::<Discs, _>(Nothing), spheres.validate_for(2));
     }
 }

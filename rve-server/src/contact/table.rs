@@ -228,11 +228,17 @@ impl ContactTable {
     /// Hertz-Mindlin spheres in a plane.
     pub fn validate_for(&self, dimension: usize) -> Result<(), DefinitionError> {
         if self.law == LawName::HertzMindlin && dimension != 3 {
-            return Err(DefinitionError(
-                "contact.law = \"hertz_mindlin\" is a law of spheres and the packing holds discs; use law = \"linear\"".into(),
-            ));
+            return Err(self.no_law_of_discs());
         }
         Ok(())
+    }
+
+    /// Why discs cannot have this law.
+    pub(super) fn no_law_of_discs(&self) -> DefinitionError {
+        let name = self.law.keyword();
+        DefinitionError(format!(
+            "contact.law = \"{name}\" is a law of spheres and the packing holds discs; use law = \"linear\""
+        ))
     }
 
     /// The normal stiffness rule.

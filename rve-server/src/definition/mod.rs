@@ -16,6 +16,7 @@ use crate::contact::ContactTable;
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, Spheres, Tensor};
 use protocol::Definition;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// All that this engine needs to build an RVE.
@@ -29,6 +30,48 @@ pub struct GrainDefinition<S: Space = Discs> {
     /// Solver options.
     #[serde(default)]
     pub options: RveOptions,
+}
+
+/// Grains whose definitions travel as bytes. The methods are not generic, unlike what they call: readers and writers are compiled
+/// in this crate, and not again in every program that builds a cell.
+pub trait DefinedSpace: Space {
+    /// A definition as MessagePack.
+    fn definition_to_bytes(definition: &GrainDefinition<Self>) -> Vec<u8>;
+
+    /// The definition in these bytes, unchecked.
+    ///
+    /// # Errors
+    /// Bytes that are not a definition.
+    fn definition_from_bytes(bytes: &[u8]) -> Result<GrainDefinition<Self>, DefinitionError>;
+}
+
+impl DefinedSpace for Discs {
+    fn definition_to_bytes(definition: &GrainDefinition) -> Vec<u8> {
+        to_bytes(definition)
+    }
+
+    fn definition_from_bytes(bytes: &[u8]) -> Result<GrainDefinition, DefinitionError> {
+        from_bytes(bytes)
+    }
+}
+
+impl DefinedSpace for Spheres {
+    fn definition_to_bytes(definition: &GrainDefinition<Self>) -> Vec<u8> {
+        to_bytes(definition)
+    }
+
+    fn definition_from_bytes(bytes: &[u8]) -> Result<GrainDefinition<Self>, DefinitionError> {
+        from_bytes(bytes)
+    }
+}
+
+fn to_bytes<S: Space>(definition: &GrainDefinition<S>) -> Vec<u8> {
+    rmp_serde::to_vec_named(definition).expect("writing MessagePack to memory cannot fail")
+}
+
+fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DefinitionError> {
+    rmp_serde::from_slice(bytes)
+        .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))
 }
 
 impl<S: Space> GrainDefinition<S> {
@@ -49,7 +92,9 @@ impl<S: Space> GrainDefinition<S> {
         let solid: f64 = self.packing.grains.iter().map(|grain| S::grain_measure(S::radius(grain))).sum();
         self.contact.density * solid / self.packing.periodicity.determinant().abs()
     }
+}
 
+impl<S: DefinedSpace> GrainDefinition<S> {
     /// The bytes that travel to workers. Equal definitions give equal bytes; the packing's provenance is left out so
     /// that a comment cannot change an identity.
     pub fn to_protocol(&self) -> Definition {
@@ -57,8 +102,7 @@ impl<S: Space> GrainDefinition<S> {
             packing: PackingFile { provenance: serde_json::Value::Null, ..self.packing.clone() },
             ..self.clone()
         };
-        let bytes = rmp_serde::to_vec_named(&bare).expect("writing MessagePack to memory cannot fail");
-        Definition { bytes }
+        Definition { bytes: S::definition_to_bytes(&bare) }
     }
 
     /// Reads and checks a definition.
@@ -66,9 +110,7 @@ impl<S: Space> GrainDefinition<S> {
     /// # Errors
     /// Bytes that are not a definition, or the first defect in it.
     pub fn from_protocol(definition: &Definition) -> Result<Self, DefinitionError> {
-        let parsed: Self = rmp_serde::from_slice(&definition.bytes)
-            .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))?;
-        parsed.validate()
+        S::definition_from_bytes(&definition.bytes)?.validate()
     }
 }
 
@@ -122,8 +164,7 @@ impl AnyDefinition {
         struct DimensionOnly {
             packing: PackingDimension,
         }
-        let only: DimensionOnly = rmp_serde::from_slice(&definition.bytes)
-            .map_err(|error| DefinitionError(format!("these bytes are not a definition of grains: {error}")))?;
+        let only: DimensionOnly = from_bytes(&definition.bytes)?;
         match only.packing.dimension {
             3 => GrainDefinition::from_protocol(definition).map(Self::Spheres),
             _ => GrainDefinition::from_protocol(definition).map(Self::Discs),

@@ -1,7 +1,7 @@
 //! The grains of a stored state, for pictures.
 
 use super::snapshot::opened;
-use crate::definition::GrainDefinition;
+use crate::definition::{DefinedSpace, GrainDefinition};
 use crate::space::{Discs, Space};
 use protocol::{Definition, RveError};
 
@@ -22,7 +22,7 @@ pub struct Grains<S: Space = Discs> {
 ///
 /// # Errors
 /// [`RveError::Definition`] or [`RveError::Snapshot`].
-pub fn grains_of_snapshot<S: Space>(definition: &Definition, bytes: &[u8]) -> Result<Grains<S>, RveError> {
+pub fn grains_of_snapshot<S: DefinedSpace>(definition: &Definition, bytes: &[u8]) -> Result<Grains<S>, RveError> {
     let parsed =
         GrainDefinition::<S>::from_protocol(definition).map_err(|error| RveError::Definition(error.to_string()))?;
     grains(&parsed, definition, bytes)

@@ -11,8 +11,8 @@ pub use event_driven::{Course, DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::descent_share;
 
 use crate::cell::{ContactNetwork, GrainState};
-use crate::contact::ContactTable;
-use crate::definition::{GrainModel, SolverName};
+use crate::contact::{ContactTable, LawfulSpace};
+use crate::definition::{DefinedSpace, GrainModel, SolverName};
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, Spheres, Tensor, largest_component};
 use protocol::RveError;
@@ -116,7 +116,7 @@ impl<S: Space> dyn GrainSolver<S> + '_ {
 
 /// Spaces whose grains can be solved for. The method is not generic, unlike what it calls: the kernels are compiled once per
 /// space, in this crate, and not again in every program that uses it.
-pub trait SolverFor: Space {
+pub trait SolverFor: DefinedSpace {
     /// The solver of this name for a contact law.
     ///
     /// # Errors
@@ -140,7 +140,10 @@ impl SolverFor for Spheres {
 }
 
 /// The registry of solvers for any grains.
-fn solver_of<S: Space>(name: SolverName, contact: &ContactTable) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
+fn solver_of<S: Space<Kernel: LawfulSpace>>(
+    name: SolverName,
+    contact: &ContactTable,
+) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
     match name {
         SolverName::Relaxation => relaxation::for_contact(contact),
         SolverName::EventDriven => event_driven::for_others(contact),

@@ -62,17 +62,27 @@ pub fn run_element_on(
     requests: impl Into<RowRequests>,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
+    run_requested(test, packing, requests.into(), on_row)
+}
+
+/// Not generic, unlike the function above: the cells are compiled in this crate, and not again in every program that uses it.
+fn run_requested(
+    test: &ElementTest,
+    packing: Packing,
+    requests: RowRequests,
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+) -> Result<ElementSummary, ElementError> {
     match packing {
         Packing::Discs(packing) => match &test.frame {
             Some(options) => run_frame_element(test, options, packing, &mut |row| {
                 let _ = on_row(row);
             }),
-            None => run_in_space(test, packing, requests.into(), on_row),
+            None => run_in_space(test, packing, requests, on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {
             Err(ElementError::Test("frame: boundary-particle frames are for plane packings; remove the table".into()))
         }
-        Packing::Spheres(packing) => run_in_space(test, packing, requests.into(), on_row),
+        Packing::Spheres(packing) => run_in_space(test, packing, requests, on_row),
     }
 }
 

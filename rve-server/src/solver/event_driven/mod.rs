@@ -18,7 +18,7 @@ pub use linear::{DiscMotions, DiscPair, LinearResponses};
 
 use super::{End, GrainSolver, Job, relaxation};
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
-use crate::contact::{ContactTable, LawName, PlainLinear};
+use crate::contact::{ContactTable, LawName, LawfulSpace, PlainLinear};
 use crate::definition::{Criterion, GrainModel};
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, largest_component};
@@ -59,7 +59,9 @@ pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Di
 ///
 /// # Errors
 /// A table that is not valid.
-pub(super) fn for_others<S: Space>(contact: &ContactTable) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
+pub(super) fn for_others<S: Space<Kernel: LawfulSpace>>(
+    contact: &ContactTable,
+) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
     Ok(Box::new(EventDriven { relaxation: relaxation::for_contact(contact)? }))
 }
 

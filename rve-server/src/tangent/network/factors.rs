@@ -8,6 +8,7 @@
 
 use super::block_matrix::{BlockMatrix, Columns};
 use super::elimination::{Elimination, Supernode};
+use super::vectorised::{Vectorised, dispatch};
 use std::ops::Range;
 
 /// Blocks of discs that are updated at a time.
@@ -30,8 +31,17 @@ pub(super) struct Factors<'a, const B: usize, const P: usize, const SYMMETRIC: b
 
 impl<'a, const B: usize, const P: usize, const SYMMETRIC: bool> Factors<'a, B, P, SYMMETRIC> {
     /// Factorizes `matrix`. A zero pivot shows as values that are not finite.
-    #[inline(always)]
     pub(super) fn of(matrix: &BlockMatrix<B>, elimination: &'a Elimination) -> Self {
+        dispatch(Factorization::<B, P, SYMMETRIC> { matrix, elimination })
+    }
+
+    /// Solves for several right-hand sides at once.
+    pub(super) fn solve<const R: usize>(&self, loads: &[Columns<B, R>]) -> Vec<Columns<B, R>> {
+        dispatch(Substitution { factors: self, loads })
+    }
+
+    #[inline(always)]
+    fn factorized(matrix: &BlockMatrix<B>, elimination: &'a Elimination) -> Self {
         let (mut starts, mut dense_starts) = (vec![0], vec![0]);
         for (index, supernode) in elimination.supernodes.iter().enumerate() {
             let size = B * supernode.width;
@@ -197,9 +207,8 @@ impl<'a, const B: usize, const P: usize, const SYMMETRIC: bool> Factors<'a, B, P
         }
     }
 
-    /// Solves for several right-hand sides at once.
     #[inline(always)]
-    pub(super) fn solve<const R: usize>(&self, loads: &[Columns<B, R>]) -> Vec<Columns<B, R>> {
+    fn solved<const R: usize>(&self, loads: &[Columns<B, R>]) -> Vec<Columns<B, R>> {
         let elimination = self.elimination;
         let mut work: Vec<[f64; R]> = elimination.grain_at.iter().flat_map(|&grain| loads[grain]).collect();
         for (index, supernode) in elimination.supernodes.iter().enumerate() {
@@ -264,6 +273,40 @@ impl<'a, const B: usize, const P: usize, const SYMMETRIC: bool> Factors<'a, B, P
             answers[grain] = std::array::from_fn(|lane| values[lane]);
         }
         answers
+    }
+}
+
+/// The factorization as work that is dispatched.
+struct Factorization<'m, 'a, const B: usize, const P: usize, const SYMMETRIC: bool> {
+    matrix: &'m BlockMatrix<B>,
+    elimination: &'a Elimination,
+}
+
+impl<'a, const B: usize, const P: usize, const SYMMETRIC: bool> Vectorised
+    for Factorization<'_, 'a, B, P, SYMMETRIC>
+{
+    type Output = Factors<'a, B, P, SYMMETRIC>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        Factors::factorized(self.matrix, self.elimination)
+    }
+}
+
+/// Forward and backward substitution, likewise.
+struct Substitution<'m, 'a, const B: usize, const P: usize, const R: usize, const SYMMETRIC: bool> {
+    factors: &'m Factors<'a, B, P, SYMMETRIC>,
+    loads: &'m [Columns<B, R>],
+}
+
+impl<const B: usize, const P: usize, const R: usize, const SYMMETRIC: bool> Vectorised
+    for Substitution<'_, '_, B, P, R, SYMMETRIC>
+{
+    type Output = Vec<Columns<B, R>>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        self.factors.solved(self.loads)
     }
 }
 

@@ -30,16 +30,24 @@ pub(in crate::tangent) struct NetworkOperator {
 /// cost per sphere.
 const MOST_DIRECT_SPHERES: usize = 150;
 
+/// Cells of this dimension.
+struct Cells<const D: usize>;
+
+impl<const D: usize> Cells<D> {
+    /// Whether large ones are solved by iteration. Factors of discs hardly fill up; the iterations are not compiled for them.
+    const ITERATE: bool = D == 3;
+}
+
 /// Linearises `network`: every grain finds its own translation and spin. `None` when no solution was found.
 pub(in crate::tangent) fn solve<const D: usize, const B: usize, const P: usize>(
     orderings: &mut Orderings,
     network: &LinkedGrains<D>,
     sliding: Sliding,
 ) -> Option<NetworkOperator> {
-    solve_within::<D, B, P>(orderings, network, sliding, if D == 2 { usize::MAX } else { MOST_DIRECT_SPHERES })
+    solve_within::<D, B, P>(orderings, network, sliding, MOST_DIRECT_SPHERES)
 }
 
-/// As [`solve`]; networks of more than `most_direct` load-carrying grains are solved by iteration.
+/// As [`solve`]; networks of more than `most_direct` load-carrying spheres are solved by iteration.
 pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: usize>(
     orderings: &mut Orderings,
     network: &LinkedGrains<D>,
@@ -56,14 +64,14 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
         / bearing.contacts.len() as f64;
     let mut system = dispatch(Assembly::<D, B, P> { network, bearing: &bearing, stiffness: &stiffness, typical });
     let mut regularised = bearing.spin_held_against_load;
-    let iterate = bearing.radii.len() > most_direct;
+    let iterate = Cells::<D>::ITERATE && bearing.radii.len() > most_direct;
     let mut answer = |system: &System<D, B, P>| {
-        if iterate {
-            iterated(system, &bearing, network, typical, sliding)
-        } else {
-            let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
-            answers.map(Answers::exact)
+        // The constant by itself keeps the iterations from being compiled.
+        if Cells::<D>::ITERATE && iterate {
+            return iterated(system, &bearing, network, typical, sliding);
         }
+        let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
+        answers.map(Answers::exact)
     };
     let answers = match answer(&system) {
         Some(answers) => answers,

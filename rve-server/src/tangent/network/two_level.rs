@@ -86,8 +86,17 @@ pub(super) struct TwoLevel<'a, const B: usize, const P: usize> {
 
 impl<'a, const B: usize, const P: usize> TwoLevel<'a, B, P> {
     /// Prepares the inverse of the matrix of `problem`.
-    #[inline(always)]
     pub(super) fn of(problem: Problem<'a, B, P>) -> Self {
+        dispatch(Preparation(problem))
+    }
+
+    /// `result` = about `typical * inverse(matrix) * given`.
+    pub(super) fn apply(&self, given: &[SingleColumns<B, P>], result: &mut [SingleColumns<B, P>]) {
+        dispatch(Application { inverse: self, given, result });
+    }
+
+    #[inline(always)]
+    fn prepared(problem: Problem<'a, B, P>) -> Self {
         let Problem { matrix, groups, typical, .. } = problem;
         let aggregates = &groups.aggregates;
         let mut order: Vec<usize> = (0..matrix.grains()).collect();
@@ -117,9 +126,8 @@ impl<'a, const B: usize, const P: usize> TwoLevel<'a, B, P> {
         }
     }
 
-    /// `result` = about `typical * inverse(matrix) * given`.
     #[inline(always)]
-    pub(super) fn apply(&self, given: &[SingleColumns<B, P>], result: &mut [SingleColumns<B, P>]) {
+    fn applied(&self, given: &[SingleColumns<B, P>], result: &mut [SingleColumns<B, P>]) {
         self.sweep(given, result);
         if let Some(coarse) = &self.coarse {
             self.move_groups(coarse, given, result);
@@ -181,6 +189,34 @@ impl<'a, const B: usize, const P: usize> TwoLevel<'a, B, P> {
         for ((result, motions), group) in result.iter_mut().zip(&self.motions).zip(&self.group_of) {
             add_product(result, motions, &moves[*group]);
         }
+    }
+}
+
+/// The preparation as work that is dispatched.
+struct Preparation<'a, const B: usize, const P: usize>(Problem<'a, B, P>);
+
+impl<'a, const B: usize, const P: usize> Vectorised for Preparation<'a, B, P> {
+    type Output = TwoLevel<'a, B, P>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        TwoLevel::prepared(self.0)
+    }
+}
+
+/// One use of the inverse, likewise.
+struct Application<'m, 'a, const B: usize, const P: usize> {
+    inverse: &'m TwoLevel<'a, B, P>,
+    given: &'m [SingleColumns<B, P>],
+    result: &'m mut [SingleColumns<B, P>],
+}
+
+impl<const B: usize, const P: usize> Vectorised for Application<'_, '_, B, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.inverse.applied(self.given, self.result);
     }
 }
 

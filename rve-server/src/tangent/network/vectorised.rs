@@ -12,18 +12,25 @@ pub(super) trait Vectorised {
     fn run(self) -> Self::Output;
 }
 
-/// Does `work` with the widest instructions that this processor has and the program knows of.
+/// Does `work` with the widest instructions that this processor has and the program knows of. What several algorithms need is
+/// dispatched by itself: written into each of them, it would be compiled again for every place of use.
 pub(super) fn dispatch<T: Vectorised>(work: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
         #[expect(unsafe_code, reason = "the features that the function needs have just been detected")]
         return unsafe { with_avx2(work) };
     }
+    plain(work)
+}
+
+#[inline(never)]
+fn plain<T: Vectorised>(work: T) -> T::Output {
     work.run()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
+#[inline(never)]
 fn with_avx2<T: Vectorised>(work: T) -> T::Output {
     work.run()
 }
