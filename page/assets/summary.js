@@ -33,8 +33,9 @@
     element("control-note").textContent = pending.length ? `${pending.join(", ")} requested: acts after the current step` : "";
     const concerns = (state.counters ?? []).filter((one) => !one.harmless).map((one) => one.text);
     const accuracy = element("accuracy");
-    const error = state.figures.accuracy?.estimated_error_of_mean;
-    const about = error === undefined || error === null ? "" : ` Estimated error of the mean stress: ${number(100 * error, 2)} % of the pressure.`;
+    const errors = [[state.figures.accuracy?.estimated_error_of_mean, "by the strain per step"], [state.figures.balance?.error_of_mean, "by the balance of forces"]];
+    const known = errors.filter(([error]) => error !== undefined && error !== null).map(([error, cause]) => `${number(100 * error, 2)} % of the pressure ${cause}`);
+    const about = known.length ? ` Estimated error of the mean stress: ${known.join(", ")}.` : "";
     accuracy.className = concerns.length ? "bad" : "";
     accuracy.textContent = state.counters === null ? "" : concerns.length ? `Accuracy: ${concerns.join(", ")}.${about}` : `Accuracy: no warnings.${about}`;
   };

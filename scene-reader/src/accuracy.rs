@@ -116,6 +116,8 @@ mod tests {
         assert_eq!(of(&["rve.error=2e-3", "solver.force_tolerance=7e-4"]), [[7e-4, 2e-2]]);
         let criteria = "solver.criteria=[\"force_over_reactions\"]";
         assert_eq!(of(&["rve.error=2e-3", criteria]), [[1e-3, 1e-2]], "other measures");
+        let stages = "stage=[{ name = 'a', solver = { criteria = ['force'] } }, { name = 'b' }]";
+        assert_eq!(of(&["rve.error=2e-3", stages]), [[1e-3, 1e-2], [4e-3, 2e-2]], "other measures in one stage");
         assert_eq!(of(&["rve.accuracy=default"]), [[1e-3, 1e-2]]);
         let mut given_up = brick(&[]);
         given_up.give_up_default_error();

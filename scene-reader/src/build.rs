@@ -106,7 +106,11 @@ impl Scene {
         let given =
             Given { densities: &densities, cell_dimension: materials.cell_dimension(), error: file.rve.error };
         let (mut stages, outputs) = read_stages(&document, &sets, &file, &given)?;
-        let without_error = read_stages(&document, &sets, &file, &Given { error: None, ..given })?.0;
+        let without_error = if keeps_default_error {
+            read_stages(&document, &sets, &file, &Given { error: None, ..given })?.0
+        } else {
+            Vec::new()
+        };
         for stage in &mut stages {
             stage.strategy.keep_unchanged &= file.economy.unchanged_targets;
         }

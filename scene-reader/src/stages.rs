@@ -41,7 +41,7 @@ pub(super) fn stages(
     };
     let mut conditions = Conditions::default();
     conditions.add(document, sets, &ConditionTables::from(file))?;
-    let base = |procedure| base(document, file, given, procedure);
+    let base = |procedure, own| base(document, file, given, procedure, own);
     let mut stages: Vec<Stage> = Vec::new();
     let mut outputs = Vec::new();
     for table in &file.stage {
@@ -52,7 +52,7 @@ pub(super) fn stages(
         }
         conditions.remove(document, &table.remove)?;
         conditions.add(document, sets, &ConditionTables::from(table))?;
-        let base = base(table.procedure.unwrap_or(file.procedure))?;
+        let base = base(table.procedure.unwrap_or(file.procedure), Some(&table.solver))?;
         let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base };
         let number = stages.len().to_string();
         let place = ["stage", number.as_str()];
@@ -65,7 +65,7 @@ pub(super) fn stages(
         outputs.push(StageOutput { name, fields_every });
     }
     if stages.is_empty() {
-        let base = base(file.procedure)?;
+        let base = base(file.procedure, None)?;
         stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
@@ -101,17 +101,19 @@ fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure])
     Ok(())
 }
 
-/// What the tables at the top say about every stage with a procedure.
+/// What the tables at the top say about every stage with a procedure; `own` is the table `[solver]` of the stage itself.
 fn base(
     document: &Document,
     file: &SceneFile,
     given: &Given<'_>,
     procedure: ProcedureKeyword,
+    own: Option<&keys::Given<SolverTable>>,
 ) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
     // Tolerances of other criteria mean something else.
     if procedure == ProcedureKeyword::Implicit
         && !file.solver.has("criteria")
+        && !own.is_some_and(|solver| solver.has("criteria"))
         && let Some(error) = given.error
     {
         stage.tolerances = Tolerances::within(error);

@@ -3,13 +3,37 @@
 use crate::material::error_estimate::ErrorEstimate;
 use serde::{Deserialize, Serialize};
 
+/// Change of the stresses that the next correction of Newton's method would bring by the tangents at hand: what an accepted step
+/// leaves of an error because forces balance within a tolerance only. Relative to the largest mean pressure of the body so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BalanceError {
+    /// Root mean square over the Gauss points (Frobenius norm).
+    pub rms: f64,
+    /// Norm of the mean over the points.
+    pub of_mean: f64,
+}
+
 /// Accuracy of an accepted step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepAccuracy {
     /// Strain per ramp step that the step was solved with; 0 for materials without a ramp.
     pub strain_per_step: f64,
-    /// Estimated error of the committed stresses; `None` if nothing estimates it, or not yet.
+    /// Error of the committed stresses by the strain per ramp step; `None` if nothing estimates it, or not yet.
     pub estimate: Option<ErrorEstimate>,
+    /// Error by the balance of forces; `None` for procedures that know no correction.
+    pub balance: Option<BalanceError>,
+}
+
+impl StepAccuracy {
+    /// The estimate with the error by the balance of forces, the two taken as independent.
+    pub fn combined(&self) -> Option<ErrorEstimate> {
+        let balance = self.balance.unwrap_or_default();
+        self.estimate.map(|estimate| ErrorEstimate {
+            rms: estimate.rms.hypot(balance.rms),
+            of_mean: estimate.of_mean.hypot(balance.of_mean),
+            ..estimate
+        })
+    }
 }
 
 /// Accuracy over all accepted steps of a run.
@@ -27,6 +51,10 @@ pub struct AccuracyFigures {
     pub missed_steps: u64,
     /// Smallest and largest strain per ramp step.
     pub strain_per_step: [f64; 2],
+    /// Error by the balance of forces in the last step that knows it.
+    pub balance: Option<BalanceError>,
+    /// Largest errors by the balance of forces of any step.
+    pub largest_balance: BalanceError,
 }
 
 impl AccuracyFigures {
@@ -35,6 +63,11 @@ impl AccuracyFigures {
         let [smallest, largest] = &mut self.strain_per_step;
         *smallest = if *largest == 0.0 { step.strain_per_step } else { smallest.min(step.strain_per_step) };
         *largest = largest.max(step.strain_per_step);
+        if let Some(balance) = step.balance {
+            self.balance = Some(balance);
+            self.largest_balance.rms = self.largest_balance.rms.max(balance.rms);
+            self.largest_balance.of_mean = self.largest_balance.of_mean.max(balance.of_mean);
+        }
         let Some(estimate) = step.estimate.filter(|estimate| estimate.points > 0) else { return };
         self.estimated_steps += 1;
         self.last = estimate;
@@ -46,5 +79,21 @@ impl AccuracyFigures {
     /// Root mean square over the steps.
     pub fn rms(&self) -> f64 {
         (self.squares / self.estimated_steps.max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_errors_of_a_step_add_as_independent_ones_do() {
+        let estimate = ErrorEstimate { points: 4, rms: 3e-3, largest: 5e-3, of_mean: 0.0 };
+        let balance = BalanceError { rms: 4e-3, of_mean: 1e-3 };
+        let step = StepAccuracy { strain_per_step: 1e-5, estimate: Some(estimate), balance: Some(balance) };
+        let combined = step.combined().unwrap();
+        assert!((combined.rms - 5e-3).abs() < 1e-15 && (combined.of_mean - 1e-3).abs() < 1e-15);
+        assert_eq!(StepAccuracy { balance: None, ..step }.combined(), Some(estimate));
+        assert_eq!(StepAccuracy { estimate: None, ..step }.combined(), None, "half an estimate is none");
     }
 }

@@ -7,7 +7,7 @@ mod accuracy;
 mod energy;
 pub mod trial_costs;
 
-pub use accuracy::{AccuracyFigures, StepAccuracy};
+pub use accuracy::{AccuracyFigures, BalanceError, StepAccuracy};
 pub use energy::EnergyBalance;
 
 use crate::checkpoint::{Archive, CheckpointError};
@@ -324,6 +324,12 @@ pub struct Statistics {
     pub cut_backs: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].
     pub stagnated_steps: u64,
+    /// Largest mean pressure of the body in an accepted step of Newton's method, Pa.
+    pub largest_pressure: f64,
+    /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].
+    pub largest_force_ratio: f64,
+    /// Largest displacement ratio of an accepted step, see [`StepReport::displacement_ratio`].
+    pub largest_displacement_ratio: f64,
     /// Steps that reached equilibrium by viscous stabilisation, see [`Stabilised`].
     pub stabilised_steps: u64,
     /// Committed increments of viscous stabilisation, none of them in balance but the last of each stabilised step. Like the

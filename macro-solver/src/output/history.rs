@@ -20,7 +20,8 @@ const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluat
 const LAST_COLUMNS: [&str; 2] = ["cut_backs", "stabilised"];
 
 /// Columns behind them in runs whose error is estimated.
-const ACCURACY_COLUMNS: [&str; 3] = ["strain_per_step", "estimated_error", "estimated_error_of_mean"];
+const ACCURACY_COLUMNS: [&str; 5] =
+    ["strain_per_step", "estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];
 
 /// One accepted step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -130,6 +131,8 @@ impl HistoryLayout {
             number(row.accuracy.strain_per_step),
             of_estimate(|estimate| estimate.rms),
             of_estimate(|estimate| estimate.of_mean),
+            row.accuracy.balance.map_or(String::new(), |balance| number(balance.rms)),
+            row.accuracy.balance.map_or(String::new(), |balance| number(balance.of_mean)),
         ];
         let accuracy = accuracy.into_iter().filter(|_| self.accuracy);
         let probes = row.probes.iter().copied().map(number);
@@ -168,7 +171,7 @@ mod tests {
                 probes: values.clone(),
                 cut_backs: 2,
                 stabilised: 17,
-                accuracy: StepAccuracy { strain_per_step: 1e-6, estimate: None },
+                accuracy: StepAccuracy { strain_per_step: 1e-6, ..StepAccuracy::default() },
                 probe_errors: Vec::new(),
             })
             .unwrap();

@@ -31,7 +31,7 @@ pub use probe::{
     References, Statistic, StressMeasure,
 };
 pub use recorder::{RecordPlan, Recorder, StageOutput};
-pub use summary::{AccuracySummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
+pub use summary::{AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -165,7 +165,7 @@ impl Recorder {
     }
 
     fn probe_errors(&self, report: &StepReport, view: &FieldsView<'_>) -> Vec<Option<f64>> {
-        let Some(estimate) = &report.accuracy.estimate else { return Vec::new() };
+        let Some(estimate) = &report.accuracy.combined() else { return Vec::new() };
         self.plan.probes.iter().map(|probe| probe.quantity.error(view, estimate)).collect()
     }
 
@@ -233,7 +233,7 @@ fn error_row(plan: &RecordPlan, row: &HistoryRow) -> TableRow {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;

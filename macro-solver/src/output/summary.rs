@@ -89,6 +89,24 @@ pub struct AccuracySummary {
     pub share_of_force_evaluations: f64,
 }
 
+/// How far forces were from balance in the accepted steps, and what that leaves of an error of the stresses: the change that the next
+/// correction would bring, relative to the largest mean pressure of the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BalanceSummary {
+    /// Largest out-of-balance force of a step over reactions and loads.
+    pub largest_force_ratio: f64,
+    /// Largest correction that an accepted state would still have got, over the displacement of a full step.
+    pub largest_displacement_ratio: f64,
+    /// Root mean square over the points, after the last step.
+    pub error: f64,
+    /// The same of the mean stress of the points.
+    pub error_of_mean: f64,
+    /// Largest root mean square of a step.
+    pub largest_of_a_step: f64,
+    /// Largest error of the mean stress in a step.
+    pub largest_of_mean: f64,
+}
+
 /// A shortcut of `[economy]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Shortcut {
@@ -162,6 +180,9 @@ pub struct Summary {
     /// Estimated error of the stresses; left out of runs that do not estimate it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<AccuracySummary>,
+    /// Balance of forces; left out of runs without steps of Newton's method.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceSummary>,
     /// Energies at the end, J, by name.
     pub energy: BTreeMap<String, f64>,
     /// Figures of dynamic stages by name: the last time step (s), mass of the body and added mass (kg, in the plane per metre of
@@ -219,6 +240,7 @@ mod tests {
             deprecated_names: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
+            balance: Some(BalanceSummary { error_of_mean: 2e-3, ..BalanceSummary::default() }),
             accuracy: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),

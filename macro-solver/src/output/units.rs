@@ -90,7 +90,7 @@ pub(super) fn energy(dimension: Dimension) -> &'static str {
     }
 }
 
-const HISTORY: [(&str, &str); 11] = [
+const HISTORY: [(&str, &str); 13] = [
     ("step", "-"),
     ("time", "s"),
     ("load", "-"),
@@ -102,6 +102,8 @@ const HISTORY: [(&str, &str); 11] = [
     ("strain_per_step", "-"),
     ("estimated_error", "-"),
     ("estimated_error_of_mean", "-"),
+    ("balance_error", "-"),
+    ("balance_error_of_mean", "-"),
 ];
 
 /// Fields whose unit is not that of a force.

@@ -237,6 +237,7 @@ impl<'a> Solver<'a> {
                 iterations: 0,
                 force_ratio: ratio,
                 displacement_ratio: 0.0,
+                correction: None,
                 stagnated: false,
             }
         } else {
@@ -339,7 +340,12 @@ impl<'a> Solver<'a> {
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
         self.statistics.stagnated_steps += u64::from(converged.stagnated);
-        self.note_accuracy(session);
+        let statistics = &mut self.statistics;
+        statistics.largest_force_ratio = statistics.largest_force_ratio.max(converged.force_ratio);
+        statistics.largest_displacement_ratio =
+            statistics.largest_displacement_ratio.max(converged.displacement_ratio);
+        let balance = converged.correction.as_ref().and_then(|correction| self.balance_error(correction));
+        self.note_accuracy(balance, session);
         let mut reactions = self.committed_balance.residual();
         for (dof, reaction) in reactions.iter_mut().enumerate() {
             if self.constraints.is_unloaded(dof) {

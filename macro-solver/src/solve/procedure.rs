@@ -60,6 +60,8 @@ pub(super) struct Converged {
     pub(super) force_ratio: f64,
     /// Displacement ratio reached.
     pub(super) displacement_ratio: f64,
+    /// Correction that the state would still get, m, by degree of freedom; `None` for procedures that know none.
+    pub(super) correction: Option<Vec<f64>>,
     /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
     pub(super) stagnated: bool,
 }

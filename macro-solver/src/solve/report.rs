@@ -3,7 +3,9 @@
 use super::driver::{Session, Solver};
 use crate::formulation::tensor::tensor;
 use crate::model::body::by_node;
-use crate::observer::{DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepAccuracy, StepReport};
+use crate::observer::{
+    BalanceError, DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepAccuracy, StepReport,
+};
 use nalgebra::Matrix3;
 
 /// Counters at the start of a step, and what happened before it was accepted.
@@ -58,10 +60,10 @@ pub(super) struct AcceptedState<'a> {
 
 impl Solver<'_> {
     /// Takes note of the accuracy of a committed step and chooses the strain per ramp step of the next one.
-    pub(super) fn note_accuracy(&mut self, session: &Session<'_>) {
+    pub(super) fn note_accuracy(&mut self, balance: Option<BalanceError>, session: &Session<'_>) {
         let strain_per_step = self.points.strain_per_step();
         let control = self.problem.error_control;
-        self.accuracy = StepAccuracy { strain_per_step, estimate: session.material.error_estimate() };
+        self.accuracy = StepAccuracy { strain_per_step, estimate: session.material.error_estimate(), balance };
         self.statistics.accuracy.add(&self.accuracy, control.map(|control| control.error));
         if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate)
             && estimate.points > 0

@@ -10,8 +10,8 @@ const FIXED: [&str; 6] = ["step", "time", "load", "iterations", "evaluations", "
 /// Columns that tell how a step was reached.
 const SOLVER: [&str; 3] = ["cut_backs", "stabilised", "strain_per_step"];
 
-/// Columns of the estimated error.
-const ERRORS: [&str; 2] = ["estimated_error", "estimated_error_of_mean"];
+/// Columns of the estimated errors.
+const ERRORS: [&str; 4] = ["estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];
 
 /// A table: names and, column by column, cells; incomplete rows are left out.
 pub(super) struct Table {

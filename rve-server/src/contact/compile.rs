@@ -21,7 +21,7 @@ pub trait LawVisitor<K: KernelSpace> {
 }
 
 /// The laws of grains of a dimension: work is compiled for these and no others.
-pub trait LawfulSpace: KernelSpace {
+pub trait ContactLaws: KernelSpace {
     /// Passes the springs of Hertz and Mindlin to `visitor` where grains have them.
     ///
     /// # Errors
@@ -32,13 +32,13 @@ pub trait LawfulSpace: KernelSpace {
     ) -> Result<V::Output, DefinitionError>;
 }
 
-impl LawfulSpace for Discs {
+impl ContactLaws for Discs {
     fn visit_hertz_mindlin<V: LawVisitor<Self>>(table: &ContactTable, _: V) -> Result<V::Output, DefinitionError> {
         Err(table.no_law_of_discs())
     }
 }
 
-impl LawfulSpace for Spheres {
+impl ContactLaws for Spheres {
     fn visit_hertz_mindlin<V: LawVisitor<Self>>(
         table: &ContactTable,
         visitor: V,
@@ -58,7 +58,7 @@ impl ContactTable {
     ///
     /// # Errors
     /// A number that the springs need is missing or out of its range; springs that grains of this dimension do not have.
-    pub fn compile<K: LawfulSpace, V: LawVisitor<K>>(&self, visitor: V) -> Result<V::Output, DefinitionError> {
+    pub fn compile<K: ContactLaws, V: LawVisitor<K>>(&self, visitor: V) -> Result<V::Output, DefinitionError> {
         Ok(match (self.law, self.is_extended()) {
             (LawName::Linear, false) => visitor.visit::<PlainLinear>(self.plain_linear()?),
             (LawName::Linear, true) => visitor.visit::<ExtendedLinear>(self.composed(self.linear_springs()?)),

@@ -19,7 +19,7 @@ mod tests;
 pub mod two_body;
 mod unloading;
 
-pub use compile::{LawVisitor, LawfulSpace};
+pub use compile::{ContactLaws, LawVisitor};
 pub use composed::{ComposedLaw, ExtendedHertzMindlin, ExtendedLinear, PlainHertzMindlin, PlainLinear};
 pub use hertz_mindlin::HertzSprings;
 pub use law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse, Viscous};

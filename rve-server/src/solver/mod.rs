@@ -11,7 +11,7 @@ pub use event_driven::{Course, DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::descent_share;
 
 use crate::cell::{ContactNetwork, GrainState};
-use crate::contact::{ContactTable, LawfulSpace};
+use crate::contact::{ContactLaws, ContactTable};
 use crate::definition::{DefinedSpace, GrainModel, SolverName};
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, Spheres, Tensor, largest_component};
@@ -140,7 +140,7 @@ impl SolverFor for Spheres {
 }
 
 /// The registry of solvers for any grains.
-fn solver_of<S: Space<Kernel: LawfulSpace>>(
+fn solver_of<S: Space<Kernel: ContactLaws>>(
     name: SolverName,
     contact: &ContactTable,
 ) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {

@@ -18,7 +18,7 @@ use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity}
 use measure::{Word, bare_measure, measure};
 
 /// Columns that every history has, that of a run with several stages, and those of a run with an estimated error.
-const TAKEN: [&str; 11] = [
+const TAKEN: [&str; 13] = [
     "step",
     "time",
     "load",
@@ -30,6 +30,8 @@ const TAKEN: [&str; 11] = [
     "strain_per_step",
     "estimated_error",
     "estimated_error_of_mean",
+    "balance_error",
+    "balance_error_of_mean",
 ];
 
 /// What probes refer to.

@@ -3,7 +3,7 @@
 use super::counters::{Concern, in_words};
 use crate::cli::start_state::MISMATCH;
 use macro_solver::observer::Outcome;
-use macro_solver::output::{AccuracySummary, CheckpointSummary, Summary};
+use macro_solver::output::{AccuracySummary, BalanceSummary, CheckpointSummary, Summary};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -30,6 +30,18 @@ fn accuracy(accuracy: &AccuracySummary) -> String {
         percent(accuracy.estimated_error),
         percent(accuracy.estimated_error_of_mean),
         percent(accuracy.share_of_force_evaluations),
+    )
+}
+
+/// How far forces were from balance, and what that leaves of an error.
+fn balance(balance: &BalanceSummary) -> String {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    format!(
+        "out-of-balance force up to {} of reactions and loads; it leaves {} of the pressure at a point, {} of the mean stress (at most {})",
+        percent(balance.largest_force_ratio),
+        percent(balance.error),
+        percent(balance.error_of_mean),
+        percent(balance.largest_of_mean),
     )
 }
 
@@ -63,6 +75,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
             ),
         ),
         ("accuracy", summary.accuracy.as_ref().map_or_else(|| "error not estimated".to_owned(), accuracy)),
+        ("balance", summary.balance.as_ref().map_or_else(|| "not known".to_owned(), balance)),
         ("worker time", worker_time(summary)),
         (
             "macro time",

@@ -6,7 +6,9 @@ use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
 use macro_solver::material::error_estimate::ReplicaFigures;
 use macro_solver::observer::{AccuracyFigures, Outcome, Run, Statistics};
-use macro_solver::output::{AccuracySummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
+use macro_solver::output::{
+    AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares,
+};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
@@ -161,6 +163,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
             resumed: inputs.checkpoints.resumed,
         },
         accuracy,
+        balance: balance(statistics),
         energy: inputs.energy,
         dynamics: inputs.dynamics,
         hosts: inputs.hosts,
@@ -245,6 +248,19 @@ fn accuracy(figures: &AccuracyFigures, inputs: &SummaryInputs, force_evaluations
         smallest_strain_per_step: figures.strain_per_step[0],
         largest_strain_per_step: figures.strain_per_step[1],
         share_of_force_evaluations: inputs.replicas.force_evaluations as f64 / force_evaluations.max(1) as f64,
+    })
+}
+
+/// Balance of forces in the accepted steps; `None` where no step knew its next correction.
+fn balance(statistics: &Statistics) -> Option<BalanceSummary> {
+    let figures = &statistics.accuracy;
+    figures.balance.map(|last| BalanceSummary {
+        largest_force_ratio: statistics.largest_force_ratio,
+        largest_displacement_ratio: statistics.largest_displacement_ratio,
+        error: last.rms,
+        error_of_mean: last.of_mean,
+        largest_of_a_step: figures.largest_balance.rms,
+        largest_of_mean: figures.largest_balance.of_mean,
     })
 }
 

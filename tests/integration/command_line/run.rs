@@ -88,11 +88,14 @@ fn check_history(out: &Path) {
     assert_eq!(
         lines.next(),
         Some(
-            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,strain_per_step,estimated_error,estimated_error_of_mean"
+            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,strain_per_step,estimated_error,estimated_error_of_mean,balance_error,balance_error_of_mean"
         )
     );
-    let rows: Vec<Vec<f64>> =
-        lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| {
+            line.split(',').map(|field| if field.is_empty() { f64::NAN } else { field.parse().unwrap() }).collect()
+        })
+        .collect();
     assert_eq!(rows.len(), 6);
     let (first, last) = (&rows[0], &rows[5]);
     assert!((first[6] - 1.0).abs() < 1e-4, "the packing starts isotropic");
@@ -111,6 +114,10 @@ fn check_summary(out: &Path) {
     let workers = time("rve_s") + time("tangent_s") + time("transport_s") + time("idle_s");
     assert!(workers > time("wall_s"), "two workers account for more than one wall time");
     assert!(time("rve_s") > 0.0 && time("tangent_s") > 0.0);
+    let balance = |key: &str| summary["balance"][key].as_f64().unwrap();
+    let ratio = balance("largest_force_ratio");
+    assert!(ratio > 0.0 && ratio <= 1e-3, "within the tolerance of forces: {ratio}");
+    assert!(balance("error_of_mean") <= balance("error") && balance("error") < 1e-2);
     let energy = |key: &str| summary["energy"][key].as_f64().unwrap();
     let balance = energy("external_work") - (energy("elastic") - energy("elastic_initial"));
     // Measured 0.42 against 0.43 J: the rest is the trapezium rule over five steps and the damping of the grains.

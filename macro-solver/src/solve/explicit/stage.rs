@@ -76,7 +76,7 @@ impl Solver<'_> {
         let load = integrator.load(self.stage());
         let step_size = load - self.load;
         self.load = load;
-        self.note_accuracy(session);
+        self.note_accuracy(None, session);
         let dimension = self.body.mesh().dimension.count();
         let (added_mass, mass) = integrator.added_mass();
         let state = AcceptedState {

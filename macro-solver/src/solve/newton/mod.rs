@@ -119,13 +119,21 @@ impl Attempt {
         distance <= 2.0 * nearest
     }
 
-    fn converged(&self, iterations: usize, measures: &ConvergenceMeasures, stagnated: bool) -> Converged {
+    /// The step at the evaluated iterate, whose next correction is `correction`.
+    fn converged(
+        &self,
+        iterations: usize,
+        measures: &ConvergenceMeasures,
+        correction: Vec<f64>,
+        stagnated: bool,
+    ) -> Converged {
         Converged {
             increment: self.iterate.clone(),
             load: self.load,
             iterations,
             force_ratio: measures.force,
             displacement_ratio: measures.displacement,
+            correction: Some(correction),
             stagnated,
         }
     }
@@ -179,7 +187,7 @@ impl Solver<'_> {
             if is_converged
                 || (attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures)) && crawls)
             {
-                return Ok(attempt.converged(iteration, &measures, !is_converged));
+                return Ok(attempt.converged(iteration, &measures, correction, !is_converged));
             }
             last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
             if tolerances.criteria.energy {
@@ -216,7 +224,7 @@ impl Solver<'_> {
         let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
         report.displacement_ratio = Some(measures.displacement);
         session.observer.iterated(&report);
-        Ok(attempt.converged(report.iteration, &measures, true))
+        Ok(attempt.converged(report.iteration, &measures, correction, true))
     }
 
     /// First iterate of an attempt, and the points prepared for it.

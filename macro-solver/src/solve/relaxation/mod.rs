@@ -86,6 +86,7 @@ impl Solver<'_> {
                     iterations: iteration,
                     force_ratio,
                     displacement_ratio,
+                    correction: None,
                     stagnated: false,
                 });
             }

@@ -155,6 +155,7 @@ impl Solver<'_> {
                     iterations: iteration,
                     force_ratio: measures.force,
                     displacement_ratio: measures.displacement,
+                    correction: Some(correction),
                     stagnated: strict.excess(&measures).iter().any(|excess| *excess > 1.0),
                 });
             }

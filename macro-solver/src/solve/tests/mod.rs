@@ -1,6 +1,7 @@
 //! Checks of the implicit solver on closed-form materials.
 
 mod answers;
+mod balance_error;
 mod bending;
 mod continued;
 mod convergence;

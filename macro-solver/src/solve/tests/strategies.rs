@@ -6,7 +6,7 @@ use crate::problem::{Criteria, NamedStrategy, Platen, Strategy, TangentUpdate};
 use protocol::TangentKind;
 
 /// A block pressed between rough platens; not linear.
-fn pressed() -> Problem {
+pub(super) fn pressed() -> Problem {
     let platen = |nodes: &str, displacement| Condition::Platen {
         nodes: nodes.into(),
         contact: Platen::Rough,

@@ -7,7 +7,7 @@ use super::error::SpecimenError;
 use super::results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
 use super::test_file::{SpecimenTest, Stage};
 use super::wall::{Wall, WallDrive};
-use crate::contact::{ContactLaw, LawVisitor, LawfulSpace, Rotations};
+use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
 use crate::definition::PackingFile;
 use crate::simd::Tuple;
 use crate::space::{Discs, Spheres};
@@ -74,7 +74,7 @@ impl SpecimenFor for Spheres {
     }
 }
 
-fn run_stages<S: Joinable + LawfulSpace>(
+fn run_stages<S: Joinable + ContactLaws>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),

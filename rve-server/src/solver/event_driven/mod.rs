@@ -18,7 +18,7 @@ pub use linear::{DiscMotions, DiscPair, LinearResponses};
 
 use super::{End, GrainSolver, Job, relaxation};
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
-use crate::contact::{ContactTable, LawName, LawfulSpace, PlainLinear};
+use crate::contact::{ContactLaws, ContactTable, LawName, PlainLinear};
 use crate::definition::{Criterion, GrainModel};
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, largest_component};
@@ -59,7 +59,7 @@ pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Di
 ///
 /// # Errors
 /// A table that is not valid.
-pub(super) fn for_others<S: Space<Kernel: LawfulSpace>>(
+pub(super) fn for_others<S: Space<Kernel: ContactLaws>>(
     contact: &ContactTable,
 ) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
     Ok(Box::new(EventDriven { relaxation: relaxation::for_contact(contact)? }))

@@ -24,7 +24,7 @@ mod tests;
 use super::kernel::{Contact, Grain, Steering, StepSums, Wanted};
 use super::{End, GrainSolver, Job, Solved};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
-use crate::contact::{AT_LIMIT, ContactLaw, ContactTable, LawVisitor, LawfulSpace, Rotations};
+use crate::contact::{AT_LIMIT, ContactLaw, ContactLaws, ContactTable, LawVisitor, Rotations};
 use crate::definition::GrainModel;
 use crate::error::DefinitionError;
 use crate::simd::{Lanes, Real, Tuple};
@@ -62,7 +62,7 @@ pub(crate) struct RelaxationSolver<S: Space, C: ContactLaw<S::Kernel>> {
 ///
 /// # Errors
 /// A table that is not valid.
-pub(super) fn for_contact<S: Space<Kernel: LawfulSpace>>(
+pub(super) fn for_contact<S: Space<Kernel: ContactLaws>>(
     contact: &ContactTable,
 ) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
     contact.compile::<S::Kernel, _>(ForLaw(PhantomData))
