@@ -59,6 +59,7 @@ pub(super) fn stages(
         change(document, &mut stage, &place, table)?;
         let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
+        stabilise_soon(&mut stage);
         refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
@@ -66,7 +67,9 @@ pub(super) fn stages(
     }
     if stages.is_empty() {
         let base = base(file.procedure, None)?;
-        stages.push(Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base });
+        let mut stage = Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base };
+        stabilise_soon(&mut stage);
+        stages.push(stage);
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
     refuse_unused(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
@@ -125,6 +128,16 @@ fn base(
     loading(document, &mut stage, &[], &file.loading)?;
     solver(document, &mut stage, &[], &file.solver)?;
     Ok(stage)
+}
+
+/// Where the scene does not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
+/// docs/lab-book/strategies.md.
+fn stabilise_soon(stage: &mut Stage) {
+    if stage.is_driven_by_supports()
+        && let Some(settings) = &mut stage.control.stabilisation
+    {
+        settings.after = settings.after.or(Some(1));
+    }
 }
 
 fn change(document: &Document, stage: &mut Stage, place: &[&str], table: &StageTable) -> Result<(), InputError> {
@@ -279,14 +292,18 @@ mod tests {
         };
         let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
         let early = Stabilisation { after: Some(3), ..by_default };
-        assert_eq!(told(&[]), [Some(by_default); 2]);
+        // Loads grow in the first stage, supports move under constant loads in the second.
+        let at_once = Stabilisation { after: Some(1), ..by_default };
+        assert_eq!(told(&[]), [Some(by_default), Some(at_once)]);
+        let late = Stabilisation { after: Some(0), ..by_default };
+        assert_eq!(told(&["loading.stabilise_after=0"]), [Some(late); 2]);
         assert_eq!(told(&["loading.stabilise=false"]), [None; 2]);
         // A stage adds to what the top says, and may switch it off or on for itself.
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
         assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
         assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
-        let slow = Stabilisation { viscosity: 0.3, ..by_default };
-        assert_eq!(told(&["loading.stabilise_viscosity=0.3"]), [Some(slow); 2]);
+        let slow = |settings: Stabilisation| Some(Stabilisation { viscosity: 0.3, ..settings });
+        assert_eq!(told(&["loading.stabilise_viscosity=0.3"]), [slow(by_default), slow(at_once)]);
         let error = stages(&["loading.stabilise_viscosity=0"]).unwrap_err();
         assert!(error.contains("loading.stabilise_viscosity") && error.contains("above 0"), "{error}");
         let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];

@@ -85,6 +85,43 @@ impl Applied {
     }
 }
 
+/// What a condition prescribes over a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// A support that moves.
+    MovingSupport,
+    /// A load that changes.
+    ChangingLoad,
+    /// Something that stays as it is, supports at rest among them.
+    Constant,
+}
+
+impl Applied {
+    /// What it does over the stage.
+    pub fn action(&self) -> Action {
+        let changes = match self.history {
+            Amplitude::Constant => false,
+            Amplitude::Ramp { from, to } => from != to,
+            Amplitude::Table(_) | Amplitude::Sine { .. } => true,
+        };
+        let kept = Action::Constant;
+        match &self.condition {
+            Condition::Pressure { value, .. } if changes && *value != 0.0 => Action::ChangingLoad,
+            Condition::Traction { value, .. } | Condition::BodyForce { value, .. }
+                if changes && *value != [0.0; 3] =>
+            {
+                Action::ChangingLoad
+            }
+            Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => kept,
+            // A displacement of constant factor is reached in the first step, by a motion too.
+            Condition::Displacement { value, .. } if *value != 0.0 => Action::MovingSupport,
+            Condition::Platen { displacement, .. } if *displacement != 0.0 => Action::MovingSupport,
+            Condition::MultiPointConstraint(constraint) if constraint.moves() => Action::MovingSupport,
+            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => kept,
+        }
+    }
+}
+
 impl From<Condition> for Applied {
     /// A pressure is constant, everything else ramps up from 0.
     fn from(condition: Condition) -> Self {
@@ -151,5 +188,39 @@ impl Condition {
     /// Holds one displacement component of a node set.
     pub fn fixed(nodes: impl Into<String>, axis: Axis) -> Self {
         Self::Displacement { nodes: nodes.into(), axis, value: 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn supports_that_move_and_loads_that_change_are_told_apart() {
+        let pressure = |value| Condition::Pressure { sides: "s".into(), value, kind: PressureKind::Follower };
+        let platen = |displacement| Condition::Platen {
+            nodes: "n".into(),
+            contact: Platen::Smooth,
+            axis: Axis::Y,
+            displacement,
+        };
+        let action = |condition: Condition, history: &Amplitude| Applied::new(condition, history.clone()).action();
+        let (constant, ramp) = (Amplitude::Constant, Amplitude::RAMP);
+        assert_eq!(action(pressure(1e5), &constant), Action::Constant);
+        assert_eq!(action(pressure(1e5), &Amplitude::Ramp { from: 1.0, to: 1.0 }), Action::Constant);
+        assert_eq!(action(pressure(1e5), &ramp), Action::ChangingLoad);
+        assert_eq!(action(pressure(0.0), &ramp), Action::Constant);
+        let weight = Condition::BodyForce { elements: "all".into(), value: [0.0, -2e4, 0.0] };
+        assert_eq!(action(weight.clone(), &ramp), Action::ChangingLoad);
+        assert_eq!(action(weight, &constant), Action::Constant);
+        assert_eq!(action(platen(-1e-3), &ramp), Action::MovingSupport);
+        assert_eq!(action(platen(0.0), &ramp), Action::Constant);
+        assert_eq!(action(Condition::fixed("n", Axis::X), &ramp), Action::Constant);
+        let jump = |x| {
+            let (from, to) = ("left".into(), "right".into());
+            Condition::MultiPointConstraint(MultiPointConstraint::Periodic { from, to, jump: [x, Some(0.0), None] })
+        };
+        assert_eq!(action(jump(Some(1e-3)), &ramp), Action::MovingSupport);
+        assert_eq!(action(jump(None), &ramp), Action::Constant);
     }
 }

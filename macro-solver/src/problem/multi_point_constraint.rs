@@ -80,6 +80,17 @@ impl MultiPointConstraint {
         }
     }
 
+    /// Whether it prescribes a motion.
+    pub(super) fn moves(&self) -> bool {
+        let any = |values: &[Option<f64>]| values.iter().flatten().any(|value| *value != 0.0);
+        match self {
+            Self::RigidBody { displacement, rotation, .. } => any(displacement) || any(rotation),
+            Self::TiltingPlaten { displacement, .. } => any(&[*displacement]),
+            Self::Periodic { jump, .. } => any(jump),
+            Self::Sum { value, .. } => *value != 0.0,
+        }
+    }
+
     /// The same with every value 0 and what was free still free: how it holds on in later stages.
     #[must_use]
     pub fn held(&self) -> Self {

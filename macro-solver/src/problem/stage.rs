@@ -1,5 +1,6 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
+use super::condition::Action;
 use super::{Applied, Moment, PathControl, Strategy, Tolerances};
 use crate::problem::dynamics::DynamicSettings;
 use crate::problem::relaxation::RelaxationSettings;
@@ -63,6 +64,13 @@ impl Stage {
         }
     }
 
+    /// Whether supports move while all loads stay as they are. Then a body that gives way reaches another equilibrium further on; under
+    /// loads that grow it need not, and the load it carries is what smaller and smaller steps find.
+    pub fn is_driven_by_supports(&self) -> bool {
+        let does = |action| self.conditions.iter().any(|applied| applied.action() == action);
+        does(Action::MovingSupport) && !does(Action::ChangingLoad)
+    }
+
     /// The moment at a share of the stage.
     pub fn moment(&self, load: f64) -> Moment {
         Moment { load, time: load * self.duration }
@@ -111,7 +119,7 @@ pub struct StepControl {
 /// stages that prescribe the load factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stabilisation {
-    /// After n failed attempts at a step; in any case after one with the smallest step.
+    /// After n failed attempts at a step; in any case after one with the smallest step, and with 0 or `None` only then.
     pub after: Option<usize>,
     /// A body that has not reached equilibrium within this number of increments with supports and loads at rest does not count as
     /// stabilised.
@@ -129,9 +137,9 @@ struct StabilisationKeys {
     /// unknown.
     #[schemars(extend("x-procedures" = "implicit"))]
     stabilise: bool,
-    /// Failed attempts after which a step is stabilised before it has been cut back to the smallest size. Refused where `stabilise`
-    /// is false.
-    #[schemars(range(min = 1), extend("x-default" = "none", "x-procedures" = "implicit"))]
+    /// Failed attempts after which a step is stabilised before it has been cut back to the smallest size; 0: only where the smallest
+    /// step has failed. Refused where `stabilise` is false.
+    #[schemars(extend("x-default" = "1 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium, and the run ends. Refused
     /// where `stabilise` is false.
@@ -183,7 +191,7 @@ mod stabilisation_keys {
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Self { after: None, most_increments: 100, viscosity: 0.1 }
+        Self { after: None, most_increments: 300, viscosity: 0.1 }
     }
 }
 

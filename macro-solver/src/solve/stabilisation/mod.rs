@@ -24,8 +24,9 @@ use path::StabilisedPath;
 /// Growth of the out-of-balance force at which an increment is rejected and made smaller.
 const LARGEST_GROWTH: f64 = 2.0;
 
-/// Times that an increment is rejected: a jump of the material does not get smaller with the increment.
-const MAX_BACKTRACKS: usize = 3;
+/// Times that increments are rejected before the out-of-balance force has fallen: a jump of the material does not get smaller with the
+/// increment, and increments that end before it only postpone it.
+const MAX_REJECTIONS: usize = 3;
 
 /// Share of the cap by which the response at fixed loads may strain the body while supports and loads move.
 const LARGEST_LAG: f64 = 0.5;
@@ -55,7 +56,7 @@ impl Solver<'_> {
         let is_smallest = from * control.cut < control.min;
         control
             .stabilisation
-            .filter(|settings| is_smallest || settings.after.is_some_and(|after| failed >= after))
+            .filter(|settings| is_smallest || settings.after.is_some_and(|after| after > 0 && failed >= after))
             .filter(|_| self.constraint.is_none() && method.can_be_stabilised())
     }
 
@@ -182,7 +183,7 @@ impl Solver<'_> {
         let norms = match self.evaluate(&trial.increment, trial.to, session) {
             Err(Failure::Attempt(reason)) => {
                 self.reject(report, session);
-                if path.backtracks >= MAX_BACKTRACKS {
+                if path.backtracks >= MAX_REJECTIONS {
                     return Err(Failure::Attempt(reason));
                 }
                 self.drop_trial(path, session);
@@ -197,7 +198,7 @@ impl Solver<'_> {
         let tolerances = &self.stage().tolerances;
         let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
         (report.evaluations, report.force_ratio) = (norms.evaluations, force_ratio);
-        if growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.backtracks < MAX_BACKTRACKS {
+        if growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.rejections < MAX_REJECTIONS {
             self.reject(report, session);
             self.drop_trial(path, session);
             return Ok(force_ratio);
@@ -225,7 +226,6 @@ impl Solver<'_> {
         let gradients = self.settle(&trial.increment);
         let loads_moved = trial.to > path.stage_fraction;
         path.stage_fraction = trial.to;
-        path.backtracks = 0;
         path.adapt(growth, dot(&trial.residual, after) < 0.0, loads_moved);
         path.add(&trial.increment, &gradients, self.body.formulation());
         path.event.work += work;

@@ -32,6 +32,8 @@ pub(super) struct StabilisedPath {
     pub(super) viscous_blocks: Vec<Block>,
     /// Rejected increments in a row.
     pub(super) backtracks: usize,
+    /// Rejected increments since the out-of-balance force last fell markedly.
+    pub(super) rejections: usize,
     /// Share of the stage's path that supports and loads have reached.
     pub(super) stage_fraction: f64,
     /// Change of the displacements so far, m, by degree of freedom.
@@ -59,6 +61,7 @@ impl StabilisedPath {
             step_factor: 1.0,
             viscous_blocks: first_stiffness(body, moduli),
             backtracks: 0,
+            rejections: 0,
             stage_fraction,
             increment: body.zero(),
             gradients: vec![Matrix3::zeros(); points],
@@ -69,6 +72,7 @@ impl StabilisedPath {
     /// Makes the next increment smaller after one that was rejected.
     pub(super) fn backtrack(&mut self) {
         self.backtracks += 1;
+        self.rejections += 1;
         self.viscosity = (BACKTRACK_FACTOR * self.viscosity).max(self.first_viscosity);
         self.step_factor = 1.0;
     }
@@ -83,12 +87,19 @@ impl StabilisedPath {
     /// it; `loads_moved` if supports and loads moved in it.
     ///
     /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
-    /// short: neither requires more viscosity.
+    /// short: neither requires more viscosity. What rejected increments have added to the first one is taken back then, or the
+    /// body would stand still.
     pub(super) fn adapt(&mut self, left: f64, reversed: bool, loads_moved: bool) {
+        self.backtracks = 0;
+        if left < SLOW {
+            self.rejections = 0;
+        }
         if reversed {
             self.viscosity = (2.0 * self.viscosity).max(LEAST_VISCOSITY * self.first_viscosity);
         } else if left < 1.0 {
             self.viscosity *= (0.5 * left).max(0.2);
+        } else if self.viscosity > self.first_viscosity {
+            self.viscosity = (self.viscosity / BACKTRACK_FACTOR).max(self.first_viscosity);
         }
         let is_slow = !reversed && !loads_moved && left > SLOW;
         self.step_factor = if is_slow { (2.0 * self.step_factor).min(LARGEST_STEP_FACTOR) } else { 1.0 };
