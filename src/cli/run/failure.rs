@@ -22,10 +22,10 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
                     format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
                 }
                 None => format!(
-                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, a smaller \
-                     loading.smallest_increment, or look at the last fields; if a force exceeds the capacity, prescribe a \
-                     displacement instead",
-                    run.load
+                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, {}, or look at \
+                     the last fields; if a force exceeds the capacity, prescribe a displacement instead",
+                    run.load,
+                    smaller_steps(scene, run)
                 ),
             };
             Failure::new(Exit::NotConverged, text)
@@ -54,6 +54,16 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
         Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
         Outcome::CheckpointRefused(error) => Failure::new(Exit::BadInput, error),
     })
+}
+
+/// How steps become smaller than they were.
+fn smaller_steps(scene: &Scene, run: &Run) -> &'static str {
+    let stabilisation = scene.problem.stages.get(run.stage).and_then(|stage| stage.control.stabilisation);
+    if stabilisation.is_some_and(|settings| settings.after.is_some_and(|after| after > 0)) {
+        "loading.stabilise_after = 0 (failed steps are cut back first)"
+    } else {
+        "a smaller loading.smallest_increment"
+    }
 }
 
 /// Explanation of a failure in step 0, before any load was changed: more increments cannot help there. `None` for a later failure,
