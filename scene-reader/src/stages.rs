@@ -59,7 +59,7 @@ pub(super) fn stages(
         change(document, &mut stage, &place, table)?;
         let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
-        stabilise_soon(&mut stage);
+        stabilise_soon(&mut stage, &[&file.loading, &table.loading]);
         refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
@@ -68,7 +68,7 @@ pub(super) fn stages(
     if stages.is_empty() {
         let base = base(file.procedure, None)?;
         let mut stage = Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base };
-        stabilise_soon(&mut stage);
+        stabilise_soon(&mut stage, &[&file.loading]);
         stages.push(stage);
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
@@ -130,13 +130,20 @@ fn base(
     Ok(stage)
 }
 
-/// Where the scene does not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
+/// Increments of stabilisation where supports drive the stage: a body that softens as a whole takes more than a snap does. Under loads that
+/// change, a body that takes so many has collapsed.
+const MOST_INCREMENTS: usize = 300;
+
+/// Where its tables do not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
 /// docs/lab-book/strategies.md.
-fn stabilise_soon(stage: &mut Stage) {
+fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingTable>]) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {
         settings.after = settings.after.or(Some(1));
+        if !tables.iter().any(|table| table.has("stabilise_increments")) {
+            settings.most_increments = MOST_INCREMENTS;
+        }
     }
 }
 
@@ -291,12 +298,13 @@ mod tests {
             stages.iter().map(|stage| stage.control.stabilisation).collect::<Vec<_>>()
         };
         let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
-        let early = Stabilisation { after: Some(3), ..by_default };
         // Loads grow in the first stage, supports move under constant loads in the second.
-        let at_once = Stabilisation { after: Some(1), ..by_default };
+        let at_once = Stabilisation { after: Some(1), most_increments: 300, ..by_default };
+        let early = Stabilisation { after: Some(3), ..by_default };
+        let early_here = Stabilisation { after: Some(3), ..at_once };
         assert_eq!(told(&[]), [Some(by_default), Some(at_once)]);
-        let late = Stabilisation { after: Some(0), ..by_default };
-        assert_eq!(told(&["loading.stabilise_after=0"]), [Some(late); 2]);
+        let late = |settings: Stabilisation| Some(Stabilisation { after: Some(0), ..settings });
+        assert_eq!(told(&["loading.stabilise_after=0"]), [late(by_default), late(at_once)]);
         assert_eq!(told(&["loading.stabilise=false"]), [None; 2]);
         // A stage adds to what the top says, and may switch it off or on for itself.
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
@@ -307,11 +315,11 @@ mod tests {
         let error = stages(&["loading.stabilise_viscosity=0"]).unwrap_err();
         assert!(error.contains("loading.stabilise_viscosity") && error.contains("above 0"), "{error}");
         let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
-        assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early)]);
+        assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early_here)]);
         let one_arc = format!("stage.1.{arc}");
         assert_eq!(told(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
         let back = "stage.1.loading.control=load";
-        assert_eq!(told(&[arc, back, on[1]]), [Some(by_default), Some(early)]);
+        assert_eq!(told(&[arc, back, on[1]]), [Some(by_default), Some(early_here)]);
 
         let refused = |more: &[&str], place: &str, said: [&str; 2]| {
             let error = stages(more).err().unwrap_or_else(|| panic!("{more:?} were accepted"));

@@ -143,7 +143,7 @@ struct StabilisationKeys {
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium, and the run ends. Refused
     /// where `stabilise` is false.
-    #[schemars(range(min = 1), extend("x-procedures" = "implicit"))]
+    #[schemars(range(min = 1), extend("x-default" = "300 where supports move and all loads are constant, else 100", "x-procedures" = "implicit"))]
     stabilise_increments: usize,
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
@@ -191,7 +191,7 @@ mod stabilisation_keys {
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Self { after: None, most_increments: 300, viscosity: 0.1 }
+        Self { after: None, most_increments: 100, viscosity: 0.1 }
     }
 }
 
