@@ -147,7 +147,7 @@ pub struct Summary {
     pub worker_restarts: u64,
     /// Jobs given out a second time.
     pub reissued_jobs: u64,
-    /// Steps tried again with a smaller increment.
+    /// Attempts at a step that failed: it was repeated with a smaller increment, or stabilised.
     pub cutbacks: u64,
     /// Out-of-balance force of the stress that the run started with, over the reactions or loads.
     #[serde(default)]

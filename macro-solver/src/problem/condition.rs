@@ -87,7 +87,7 @@ impl Applied {
 
 /// What a condition prescribes over a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
+pub(super) enum Action {
     /// A support that moves.
     MovingSupport,
     /// A load that changes.
@@ -98,13 +98,15 @@ pub enum Action {
 
 impl Applied {
     /// What it does over the stage.
-    pub fn action(&self) -> Action {
+    pub(super) fn action(&self) -> Action {
         let changes = match self.history {
             Amplitude::Constant => false,
             Amplitude::Ramp { from, to } => from != to,
             Amplitude::Table(_) | Amplitude::Sine { .. } => true,
         };
         let kept = Action::Constant;
+        // Back to where a node stood when the run began, 0 is a motion like any other value.
+        let moves = |values: &[f64]| self.origin == Origin::Run || values.iter().any(|value| *value != 0.0);
         match &self.condition {
             Condition::Pressure { value, .. } if changes && *value != 0.0 => Action::ChangingLoad,
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. }
@@ -114,8 +116,8 @@ impl Applied {
             }
             Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => kept,
             // A displacement of constant factor is reached in the first step, by a motion too.
-            Condition::Displacement { value, .. } if *value != 0.0 => Action::MovingSupport,
-            Condition::Platen { displacement, .. } if *displacement != 0.0 => Action::MovingSupport,
+            Condition::Displacement { value, .. } if moves(&[*value]) => Action::MovingSupport,
+            Condition::Platen { displacement, .. } if moves(&[*displacement]) => Action::MovingSupport,
             Condition::MultiPointConstraint(constraint) if constraint.moves() => Action::MovingSupport,
             Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => kept,
         }
@@ -216,6 +218,8 @@ mod tests {
         assert_eq!(action(platen(-1e-3), &ramp), Action::MovingSupport);
         assert_eq!(action(platen(0.0), &ramp), Action::Constant);
         assert_eq!(action(Condition::fixed("n", Axis::X), &ramp), Action::Constant);
+        let back = Applied { condition: platen(0.0), history: ramp.clone(), origin: Origin::Run };
+        assert_eq!(back.action(), Action::MovingSupport);
         let jump = |x| {
             let (from, to) = ("left".into(), "right".into());
             Condition::MultiPointConstraint(MultiPointConstraint::Periodic { from, to, jump: [x, Some(0.0), None] })

@@ -80,7 +80,7 @@ pub(crate) const COUNTERS: [Counter; 40] = [
     counter("agents_faulty", Harmless, "agent* faulty"),
     counter("agents_refused", Harmless, "agent* refused"),
     counter("strangers_refused", Harmless, "stranger* refused"),
-    counter("cutbacks", Harmless, "cut-back*"),
+    counter("cutbacks", Harmless, "failed attempt*"),
     counter("worker_restarts", Harmless, "worker restart*"),
     counter("reissued_jobs", Harmless, "reissued job*"),
 ];
@@ -119,7 +119,7 @@ pub(crate) fn concern(name: &str) -> Concern {
     COUNTERS.iter().find(|counter| counter.name == name).map_or(LookAtThis, |counter| counter.concern)
 }
 
-/// A count in words: `2 cut-backs`. Counters that are not known read like their names.
+/// A count in words: `2 failed attempts`. Counters that are not known read like their names.
 pub(crate) fn in_words(name: &str, count: u64) -> String {
     let label = COUNTERS.iter().find(|counter| counter.name == name).map(|counter| counter.label);
     let label = label.or_else(|| SKIPPED.iter().find(|(known, _)| *known == name).map(|(_, label)| *label));
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn counts_read_as_words() {
         assert_eq!(in_words("tangent_floored", 3531), "3531 tangents with eigenvalue floor");
-        assert_eq!(in_words("cutbacks", 1), "1 cut-back");
+        assert_eq!(in_words("cutbacks", 1), "1 failed attempt");
         assert_eq!(in_words("zero_increments", 128), "128 zero increments");
         assert_eq!(in_words("a_new_one", 2), "a new one 2");
     }

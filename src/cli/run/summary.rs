@@ -338,7 +338,7 @@ mod tests {
         let (_, text) = ended(Outcome::Completed, good, &PoolStatistics::default());
         assert!(text.contains("  warnings         none\n"), "{text}");
         let fallbacks =
-            "  fallbacks        2 cut-backs, 3531 tangents with eigenvalue floor (no effect on accuracy, ";
+            "  fallbacks        2 failed attempts, 3531 tangents with eigenvalue floor (no effect on accuracy, ";
         assert!(text.contains(fallbacks), "{text}");
         assert!(text.contains("  skipped          1 unchanged target\n"), "{text}");
         let mut doubtful = Statistics::default();

@@ -135,3 +135,60 @@ fn first_stiffness(body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block
     };
     body.mesh().elements.iter().enumerate().map(of_element).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path() -> StabilisedPath {
+        let event = Stabilised {
+            step: 1,
+            load: 1.0,
+            increments: 0,
+            evaluations: 0,
+            largest_imbalance: 0.0,
+            work: 0.0,
+            reason: String::new(),
+        };
+        StabilisedPath {
+            first_viscosity: 0.1,
+            viscosity: 0.1,
+            step_factor: 1.0,
+            viscous_blocks: Vec::new(),
+            backtracks: 0,
+            rejections: 0,
+            stage_fraction: 0.0,
+            increment: Vec::new(),
+            gradients: Vec::new(),
+            event,
+        }
+    }
+
+    /// An increment that ends just before a jump of the material brings nothing: what was rejected there still counts.
+    #[test]
+    fn rejected_increments_count_until_the_force_has_fallen_by_half() {
+        let mut path = path();
+        path.backtrack();
+        path.adapt(0.98, false, false);
+        path.backtrack();
+        assert_eq!((path.backtracks, path.rejections), (1, 2));
+        path.adapt(0.3, false, false);
+        assert_eq!((path.backtracks, path.rejections), (0, 0));
+    }
+
+    #[test]
+    fn viscosity_that_rejected_increments_have_added_does_not_stay() {
+        let mut path = path();
+        for _ in 0..8 {
+            path.backtrack();
+        }
+        assert!(path.viscosity > 1e3);
+        // The force stays as it is, as it does where the body stands still.
+        let increments = (0..100).take_while(|_| {
+            path.adapt(1.0, false, false);
+            path.viscosity > 0.1
+        });
+        assert!(increments.count() < 10);
+        assert_eq!(path.viscosity, 0.1);
+    }
+}
