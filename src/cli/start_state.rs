@@ -203,6 +203,10 @@ impl PointMaterial for AsGiven<'_> {
     }
 
     fn rollback(&mut self) {}
+
+    fn mark(&mut self) {}
+
+    fn return_to_mark(&mut self) {}
 }
 
 /// The initial loads and the free faces, set by set, with the pressure of the packing on each.

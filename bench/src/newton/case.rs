@@ -93,10 +93,9 @@ impl Observer for Recorder {
     }
 }
 
-/// A step that has failed three times is stabilised: the cost of a variant at instabilities is then bounded, and all variants reach
-/// the end.
+/// As in scenes whose supports move under constant loads: a step that fails is stabilised at once.
 pub(crate) const STABILISATION: Option<Stabilisation> =
-    Some(Stabilisation { after: Some(3), most_increments: 100, viscosity: 0.1 });
+    Some(Stabilisation { after: Some(1), most_increments: 300, viscosity: 0.1 });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;

@@ -70,6 +70,7 @@ struct State {
 pub struct DamageMaterial {
     laws: Vec<DamageLaw>,
     committed: Vec<State>,
+    marked: Vec<State>,
     trials: Vec<Option<State>>,
 }
 
@@ -77,7 +78,7 @@ impl DamageMaterial {
     /// Undeformed points, each with its law.
     pub fn new(laws: Vec<DamageLaw>) -> Self {
         let start = State { strain: Matrix3::zeros(), largest: 0.0 };
-        Self { committed: vec![start; laws.len()], trials: vec![None; laws.len()], laws }
+        Self { committed: vec![start; laws.len()], marked: Vec::new(), trials: vec![None; laws.len()], laws }
     }
 
     /// Share of the stiffness that a point has left.
@@ -138,6 +139,15 @@ impl PointMaterial for DamageMaterial {
 
     fn rollback(&mut self) {
         self.trials.fill(None);
+    }
+
+    fn mark(&mut self) {
+        self.marked.clone_from(&self.committed);
+    }
+
+    fn return_to_mark(&mut self) {
+        self.committed.clone_from(&self.marked);
+        self.rollback();
     }
 
     fn save(&self, archive: &mut Archive) {

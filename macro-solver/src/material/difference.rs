@@ -139,6 +139,15 @@ impl PointMaterial for DifferenceTangents<'_> {
         self.material.rollback();
     }
 
+    fn mark(&mut self) {
+        self.material.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.kept.clear();
+        self.material.return_to_mark();
+    }
+
     fn save(&self, archive: &mut Archive) {
         self.material.save(archive);
     }

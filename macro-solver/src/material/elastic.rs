@@ -41,6 +41,7 @@ pub struct ElasticMaterial {
     initial_stress: Vec<Matrix3<f64>>,
     largest_target: Option<f64>,
     committed: Vec<Matrix3<f64>>,
+    marked: Vec<Matrix3<f64>>,
     trials: Vec<Option<Matrix3<f64>>>,
 }
 
@@ -65,6 +66,7 @@ impl ElasticMaterial {
             initial_stress: vec![Matrix3::zeros(); points],
             largest_target: None,
             committed: vec![Matrix3::identity(); points],
+            marked: Vec::new(),
             trials: vec![None; points],
         }
     }
@@ -204,6 +206,15 @@ impl PointMaterial for ElasticMaterial {
 
     fn rollback(&mut self) {
         self.trials.fill(None);
+    }
+
+    fn mark(&mut self) {
+        self.marked.clone_from(&self.committed);
+    }
+
+    fn return_to_mark(&mut self) {
+        self.committed.clone_from(&self.marked);
+        self.rollback();
     }
 
     fn save(&self, archive: &mut Archive) {

@@ -89,6 +89,12 @@ pub trait PointMaterial {
     /// Forgets all trials.
     fn rollback(&mut self);
 
+    /// Remembers the committed states, in place of those that it remembered before.
+    fn mark(&mut self);
+
+    /// Makes the remembered states the committed ones again and forgets all trials. Counts of work stay.
+    fn return_to_mark(&mut self);
+
     /// Estimated error of the committed stresses, of a material that estimates it.
     fn error_estimate(&self) -> Option<ErrorEstimate> {
         None

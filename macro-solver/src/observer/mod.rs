@@ -332,12 +332,14 @@ pub struct Statistics {
     pub largest_displacement_ratio: f64,
     /// Steps that reached equilibrium by viscous stabilisation, see [`Stabilised`].
     pub stabilised_steps: u64,
+    /// Times that viscous stabilisation found no equilibrium and the body was returned to the state before the step.
+    pub stabilisations_taken_back: u64,
     /// Committed increments of viscous stabilisation, none of them in balance but the last of each stabilised step. Like the
-    /// next two they include attempts that did not reach equilibrium.
+    /// evaluations they include attempts that did not reach equilibrium.
     pub stabilisation_increments: u64,
     /// Point evaluations of viscous stabilisation, those of rejected increments included.
     pub stabilisation_evaluations: u64,
-    /// Viscous work of stabilisation, J, in the plane per metre.
+    /// Viscous work of stabilised steps, J, in the plane per metre.
     pub stabilisation_work: f64,
     /// Secant corrections applied to point tangents.
     pub secant_corrections: u64,

@@ -440,6 +440,14 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
         self.coordinator.points.rollback();
     }
 
+    fn mark(&mut self) {
+        self.coordinator.points.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.coordinator.points.return_to_mark();
+    }
+
     fn save(&self, archive: &mut Archive) {
         checkpoint::save(&self.coordinator, archive);
     }

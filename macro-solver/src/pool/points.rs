@@ -62,6 +62,8 @@ pub(super) struct PointTable {
     /// For each definition, the group of workers that solves it.
     pub(super) groups: Vec<usize>,
     pub(super) records: Vec<PointRecord>,
+    /// Committed states to which the points may be returned, by point; empty before [`PointTable::mark`].
+    marked: Vec<PointState>,
 }
 
 impl PointTable {
@@ -75,7 +77,12 @@ impl PointTable {
                 PointRecord { definition, committed: initial.clone(), trial: None, cost_model: CostModel::default() }
             })
             .collect();
-        Self { definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(), groups, records }
+        Self {
+            definitions: definitions.into_iter().map(|one| (one.id(), one)).collect(),
+            groups,
+            records,
+            marked: Vec::new(),
+        }
     }
 
     /// Adds points in the initial state of a definition and returns the number of the first.
@@ -96,6 +103,19 @@ impl PointTable {
     /// Forgets all trials.
     pub(super) fn rollback(&mut self) {
         for record in &mut self.records {
+            record.trial = None;
+        }
+    }
+
+    /// Remembers the committed states of all points.
+    pub(super) fn mark(&mut self) {
+        self.marked = self.records.iter().map(|record| record.committed.clone()).collect();
+    }
+
+    /// Makes the remembered states the committed ones and forgets all trials.
+    pub(super) fn return_to_mark(&mut self) {
+        for (record, marked) in self.records.iter_mut().zip(&self.marked) {
+            record.committed.clone_from(marked);
             record.trial = None;
         }
     }

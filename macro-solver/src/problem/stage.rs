@@ -141,8 +141,8 @@ struct StabilisationKeys {
     /// step has failed. Refused where `stabilise` is false.
     #[schemars(extend("x-default" = "1 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
     stabilise_after: Option<usize>,
-    /// Increments with supports and loads at rest after which the body counts as having no equilibrium, and the run ends. Refused
-    /// where `stabilise` is false.
+    /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to
+    /// the state before the step, which is cut back. Refused where `stabilise` is false.
     #[schemars(range(min = 1), extend("x-default" = "300 where supports move and all loads are constant, else 100", "x-procedures" = "implicit"))]
     stabilise_increments: usize,
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.

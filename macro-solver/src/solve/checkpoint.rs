@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 17;
+const VERSION: u32 = 18;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -28,6 +28,7 @@ struct Record {
     last_load_change: f64,
     step: u64,
     size: f64,
+    stabilised_in_vain: bool,
     statistics: Statistics,
     /// Whether the equations of the stage have been analysed and that is counted.
     analysed: bool,
@@ -82,6 +83,7 @@ impl Checkpointed for Solver<'_> {
             last_load_change: self.last_load_change,
             step: self.step as u64,
             size: self.step_size,
+            stabilised_in_vain: self.stabilised_in_vain,
             statistics: self.statistics.clone(),
             analysed: self.linear.is_analysed(),
             integrator: self.integrator.as_ref().map(Integrator::record),
@@ -108,6 +110,7 @@ impl Checkpointed for Solver<'_> {
         self.kept_strain_per_step = record.kept_strain_per_step;
         self.last_increment = record.last_increment;
         (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
+        self.stabilised_in_vain = record.stabilised_in_vain;
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);
         let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));
         (self.step, self.stage) = (number(record.step)?, number(record.stage)?);

@@ -13,6 +13,7 @@ use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::{Converged, LoadStepMethod, StageMethod};
 use super::report::{AcceptedState, Counters};
+use super::stabilisation::Stabilised;
 use super::stage::Equations;
 use crate::checkpoint::{CheckpointStore, NoCheckpoints, Progress};
 use crate::material::PointMaterial;
@@ -32,8 +33,8 @@ use std::time::Instant;
 ///
 /// Step 0 is the equilibrium at load 0 of the first stage with whatever stress the material starts with; it is iterated only if that
 /// stress is out of balance. The material is left with the last accepted state committed, however the run ends, with one exception:
-/// viscous stabilisation commits each of its increments. If it is interrupted or finds no equilibrium, the material is left with the
-/// state after its last increment, which is not in balance; reports and checkpoints are those of the last accepted step.
+/// viscous stabilisation commits each of its increments. If it is interrupted, the material is left with the state after its last
+/// increment, which is not in balance; reports and checkpoints are those of the last accepted step.
 pub fn solve(problem: &Problem, material: &mut dyn PointMaterial, observer: &mut dyn Observer) -> Run {
     solve_with_checkpoints(problem, material, observer, &mut NoCheckpoints)
 }
@@ -110,6 +111,8 @@ pub(super) struct Solver<'a> {
     pub(super) carried_velocity: Option<Vec<f64>>,
     /// Share of the stage that the next step tries.
     pub(super) step_size: f64,
+    /// A step has been stabilised in vain, and none of full size has been accepted since.
+    pub(super) stabilised_in_vain: bool,
     pub(super) statistics: Statistics,
     /// Of the last accepted step.
     pub(super) accuracy: StepAccuracy,
@@ -156,6 +159,7 @@ impl<'a> Solver<'a> {
             integrator: None,
             carried_velocity: None,
             step_size: 1.0 / first.control.increments as f64,
+            stabilised_in_vain: false,
             statistics,
             accuracy: StepAccuracy::default(),
             kept_strain_per_step: None,
@@ -268,22 +272,26 @@ impl<'a> Solver<'a> {
                     return Ok(converged.iterations);
                 }
                 Err(Failure::Run(outcome)) => return Err(outcome),
-                Err(Failure::Attempt(reason)) => {
+                Err(Failure::Attempt(mut reason)) => {
+                    self.statistics.cut_backs += 1;
                     session.material.rollback();
                     self.points.forget_trials();
                     self.points.forget_corrections();
                     let from = target - self.stage_fraction;
                     if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
                         let counters = Counters { cut_backs: cut_backs + 1, ..counters };
-                        self.stabilise(settings, target, reason, &counters, session)?;
-                        *size = first_size;
-                        return Ok(1);
+                        match self.stabilise(settings, target, &reason, &counters, session)? {
+                            Stabilised::Accepted => {
+                                *size = first_size;
+                                return Ok(1);
+                            }
+                            Stabilised::TakenBack(why) => reason = why,
+                        }
                     }
                     *size = from * control.cut;
                     if *size < control.min {
                         return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
                     }
-                    self.statistics.cut_backs += 1;
                     session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, reason });
                 }
             }
@@ -337,6 +345,7 @@ impl<'a> Solver<'a> {
             self.last_increment = is_regular.then(|| (converged.increment.clone(), step_size));
             self.last_load_change = load - self.load;
             self.statistics.steps += 1;
+            self.stabilised_in_vain &= self.full_step(stage_fraction) > 1.0 + 1e-9;
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
         self.statistics.stagnated_steps += u64::from(converged.stagnated);

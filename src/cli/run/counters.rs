@@ -42,7 +42,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 40] = [
+pub(crate) const COUNTERS: [Counter; 41] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -55,6 +55,7 @@ pub(crate) const COUNTERS: [Counter; 40] = [
     counter("error_above_wanted", LookAtThis, "step* with an estimated error above rve.error"),
     counter("replicas_lost", LookAtThis, "replica* given up"),
     counter("stabilisation_evaluations", Harmless, "evaluation* in stabilisation"),
+    counter("stabilisations_taken_back", Harmless, "stabilisation* taken back"),
     counter("unfinished_trials", Harmless, "unfinished trial*"),
     counter("damping_changed", Harmless, "trial* with changed damping"),
     counter("handed_over", Harmless, "trial* handed over to relaxation"),

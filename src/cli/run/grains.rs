@@ -74,6 +74,15 @@ impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
         self.pool.rollback();
     }
 
+    fn mark(&mut self) {
+        self.pool.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.pool.return_to_mark();
+        self.record();
+    }
+
     fn save(&self, archive: &mut Archive) {
         self.pool.save(archive);
     }

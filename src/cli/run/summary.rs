@@ -208,6 +208,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("sub_steps_of_points", statistics.sub_steps),
         ("stagnated_steps", statistics.stagnated_steps),
         ("steps_stabilised", statistics.stabilised_steps),
+        ("stabilisations_taken_back", statistics.stabilisations_taken_back),
         ("stabilisation_increments", statistics.stabilisation_increments),
         ("stabilisation_evaluations", statistics.stabilisation_evaluations),
         ("rejected_iterates", statistics.rejected),

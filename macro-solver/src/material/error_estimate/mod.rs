@@ -94,6 +94,8 @@ pub struct ErrorEstimator<'a> {
     replica_of: Vec<Option<usize>>,
     estimate: Option<ErrorEstimate>,
     figures: ReplicaFigures,
+    /// States of the replicas and the estimate that a step may return to.
+    marked: (Vec<State>, Option<ErrorEstimate>),
 }
 
 impl<'a> ErrorEstimator<'a> {
@@ -107,7 +109,15 @@ impl<'a> ErrorEstimator<'a> {
         let replicas = plans.iter().map(|&plan| Replica { plan, latest: None, state: State::new() }).collect();
         // Points and replicas start alike.
         let estimate = (!plans.is_empty()).then(ErrorEstimate::default);
-        Self { material, axes, replicas, replica_of, estimate, figures: ReplicaFigures::default() }
+        Self {
+            material,
+            axes,
+            replicas,
+            replica_of,
+            estimate,
+            figures: ReplicaFigures::default(),
+            marked: Default::default(),
+        }
     }
 
     /// What the replicas have cost so far.
@@ -263,6 +273,20 @@ impl PointMaterial for ErrorEstimator<'_> {
     fn rollback(&mut self) {
         self.replicas.iter_mut().for_each(|replica| replica.latest = None);
         self.material.rollback();
+    }
+
+    fn mark(&mut self) {
+        self.marked = (self.replicas.iter().map(|replica| replica.state.clone()).collect(), self.estimate);
+        self.material.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        let (states, estimate) = &self.marked;
+        for (replica, state) in self.replicas.iter_mut().zip(states) {
+            (replica.state, replica.latest) = (state.clone(), None);
+        }
+        self.estimate = *estimate;
+        self.material.return_to_mark();
     }
 
     fn error_estimate(&self) -> Option<ErrorEstimate> {

@@ -7,6 +7,7 @@ use protocol::{Cost, Observed, RveError, Scalars, TrialFlags};
 /// Pressure in all directions, so that nothing but the size of the error is under test.
 struct Hardening {
     committed: Vec<f64>,
+    marked: Vec<f64>,
     trial: Vec<Option<f64>>,
     /// Refuses trials of this point.
     refuses: Option<PointId>,
@@ -19,7 +20,13 @@ const START: f64 = -1e5;
 
 impl Hardening {
     fn new(points: usize) -> Self {
-        Self { committed: vec![START; points], trial: vec![None; points], refuses: None, evaluations: 0 }
+        Self {
+            committed: vec![START; points],
+            marked: Vec::new(),
+            trial: vec![None; points],
+            refuses: None,
+            evaluations: 0,
+        }
     }
 }
 
@@ -63,6 +70,15 @@ impl PointMaterial for Hardening {
 
     fn rollback(&mut self) {
         self.trial.fill(None);
+    }
+
+    fn mark(&mut self) {
+        self.marked.clone_from(&self.committed);
+    }
+
+    fn return_to_mark(&mut self) {
+        self.committed.clone_from(&self.marked);
+        self.rollback();
     }
 }
 
@@ -120,6 +136,24 @@ fn points_answer_and_are_committed_as_without_replicas() {
     estimator.commit().unwrap();
     assert_eq!(estimator.figures().evaluations, 3);
     assert_eq!(with.committed[..2], without.committed[..]);
+}
+
+/// What a step that is taken back has committed reaches neither points nor replicas; what it has cost stays counted.
+#[test]
+fn points_and_replicas_return_to_the_mark() {
+    let (mut returned, mut straight) = (Hardening::new(3), Hardening::new(3));
+    let estimates = [(&mut returned, 2), (&mut straight, 0)].map(|(material, in_vain)| {
+        let mut estimator = ErrorEstimator::new(material, 2, &PLAN);
+        loaded(&mut estimator, 3, 1e-5, 1);
+        estimator.mark();
+        loaded(&mut estimator, in_vain, 1e-4, 4);
+        estimator.return_to_mark();
+        loaded(&mut estimator, 3, 1e-4, 4);
+        (estimator.error_estimate(), estimator.figures().evaluations)
+    });
+    assert_eq!(estimates[0].0, estimates[1].0);
+    assert_eq!(estimates[0].1, estimates[1].1 + 2);
+    assert_eq!(returned.committed, straight.committed);
 }
 
 #[test]

@@ -170,6 +170,15 @@ impl Points {
         }
     }
 
+    /// Returns to an earlier state, of which `before` is a copy; what evaluations have cost since then stays counted.
+    pub(crate) fn return_to(&mut self, before: Self) {
+        let later = std::mem::replace(self, before);
+        for (point, later) in self.points.iter_mut().zip(later.points) {
+            (point.step_evaluations, point.evaluations) = (later.step_evaluations, later.evaluations);
+            (point.step_cost, point.cost) = (later.step_cost, later.cost);
+        }
+    }
+
     /// Starts the counters of a new step.
     pub(crate) fn start_step(&mut self) {
         for point in &mut self.points {

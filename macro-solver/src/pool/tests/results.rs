@@ -42,6 +42,26 @@ fn answers_and_states_do_not_depend_on_workers_arrival_slices_or_caches() {
     }
 }
 
+/// Steps that are taken back leave no trace, and workers that hold their states do not bring them in again.
+#[test]
+fn points_return_to_the_states_that_were_marked() {
+    let walk = |in_vain: u32| {
+        let mut pool = Stage::new(4).hire(64, &[]).hire(64, &[]).open(POINTS);
+        pool.evaluate(&questions(POINTS, 0)).unwrap();
+        pool.commit().unwrap();
+        pool.mark();
+        for step in 0..in_vain {
+            pool.evaluate(&questions(POINTS / 2, 100 + step)).unwrap();
+            pool.commit().unwrap();
+        }
+        pool.evaluate(&questions(POINTS, 7)).unwrap();
+        pool.return_to_mark();
+        assert!((0..POINTS).all(|point| !pool.has_trial(point)));
+        journey(&mut pool)
+    };
+    assert_eq!(walk(3), walk(0));
+}
+
 /// Check A-1 under fire: any mixture of faults, as long as somebody is left to do the work.
 #[test]
 fn answers_and_states_do_not_depend_on_faults() {

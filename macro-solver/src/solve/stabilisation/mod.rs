@@ -7,17 +7,22 @@
 //! half the cap. Increments are linearly implicit (`(K + viscosity C) du = -R`), each evaluated once and **committed** though it
 //! is not in balance, because the material depends on its history: a restart from the old state would meet the same jump again.
 //! The viscosity falls with the out-of-balance force and rises when that changes direction, so that the last increments are
-//! Newton's. The state that is accepted in the end fulfils the criteria of every other step, without viscosity.
+//! Newton's. The state that is accepted in the end fulfils the criteria of every other step, without viscosity. If there is none,
+//! the body is returned to the state before the step, which is cut back to its smallest size before it is stabilised once more.
 
 mod path;
 
 use super::driver::{Session, Solver};
 use super::linear_solver::{LinearSolverError, norm};
 use super::newton::largest_component;
+use super::newton::tangent_update::TangentUpdater;
 use super::procedure::{Converged, LoadStepMethod};
 use super::report::Counters;
+use crate::model::assembly::balance::Balance;
+use crate::model::body::Body;
 use crate::model::failure::{Failure, failure};
-use crate::observer::{Outcome, Stabilised};
+use crate::model::points::Points;
+use crate::observer::{Outcome, Stabilised as Event};
 use crate::problem::Stabilisation;
 use path::StabilisedPath;
 
@@ -49,14 +54,34 @@ struct Trial {
     residual: Vec<f64>,
 }
 
+/// How viscous stabilisation of a step ended.
+pub(super) enum Stabilised {
+    /// In equilibrium; the step has been accepted.
+    Accepted,
+    /// Without equilibrium, for this reason; the body is in the state before it again.
+    TakenBack(String),
+}
+
+/// The state before a stabilised step. The material keeps its own.
+struct StateBefore {
+    body: Body,
+    points: Points,
+    committed_balance: Balance,
+    stabilisation_work: f64,
+}
+
 impl Solver<'_> {
-    /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now.
+    /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now. Where a larger step has
+    /// been stabilised in vain, smaller ones are tried without it first.
     pub(super) fn stabilises(&self, method: &dyn LoadStepMethod, failed: usize, from: f64) -> Option<Stabilisation> {
         let control = &self.stage().control;
         let is_smallest = from * control.cut < control.min;
+        let is_soon = |settings: &Stabilisation| {
+            settings.after.is_some_and(|after| after > 0 && failed >= after) && !self.stabilised_in_vain
+        };
         control
             .stabilisation
-            .filter(|settings| is_smallest || settings.after.is_some_and(|after| after > 0 && failed >= after))
+            .filter(|settings| is_smallest || is_soon(settings))
             .filter(|_| self.constraint.is_none() && method.can_be_stabilised())
     }
 
@@ -66,12 +91,12 @@ impl Solver<'_> {
         &mut self,
         settings: Stabilisation,
         target: f64,
-        reason: String,
+        reason: &str,
         before: &Counters,
         session: &mut Session<'_>,
-    ) -> Result<(), Outcome> {
-        self.statistics.cut_backs += 1;
-        let mut path = self.stabilised_path(settings.viscosity, target, reason);
+    ) -> Result<Stabilised, Outcome> {
+        let state = self.state_before(session);
+        let mut path = self.stabilised_path(settings.viscosity, target, reason.to_owned());
         // Viscous forces are no part of the pairs that quasi-Newton updates are made of.
         let mut memory = self.memory.take();
         let followed = self.follow(&mut path, settings, target, session);
@@ -79,22 +104,48 @@ impl Solver<'_> {
             memory.begin_attempt(true);
         }
         self.memory = memory;
-        let converged = followed.map_err(|failure| match failure {
-            Failure::Run(outcome) => outcome,
-            Failure::Attempt(lost) => {
-                let first = self.explained(target, &path.event.reason);
-                Outcome::DidNotConverge { reason: format!("{first}; stabilised: {lost}") }
+        let converged = match followed {
+            Ok(converged) => converged,
+            Err(Failure::Run(outcome)) => return Err(outcome),
+            Err(Failure::Attempt(lost)) => {
+                self.return_to(state, session);
+                return Ok(Stabilised::TakenBack(format!("{reason}; stabilised: {lost}")));
             }
-        })?;
+        };
         self.statistics.stabilised_steps += 1;
         session.observer.stabilised(&path.event);
         let before = Counters { stabilisation_increments: path.event.increments, ..*before };
-        self.accept(&converged, target, &path.gradients, &before, session)
+        self.accept(&converged, target, &path.gradients, &before, session)?;
+        Ok(Stabilised::Accepted)
+    }
+
+    /// Keeps the committed state, of the material too.
+    fn state_before(&self, session: &mut Session<'_>) -> StateBefore {
+        session.material.mark();
+        StateBefore {
+            body: self.body.clone(),
+            points: self.points.clone(),
+            committed_balance: self.committed_balance.clone(),
+            stabilisation_work: self.statistics.stabilisation_work,
+        }
+    }
+
+    /// Takes a stabilised step back. What it has cost stays counted.
+    fn return_to(&mut self, before: StateBefore, session: &mut Session<'_>) {
+        session.material.return_to_mark();
+        self.points.return_to(before.points);
+        (self.body, self.committed_balance) = (before.body, before.committed_balance);
+        self.statistics.stabilisation_work = before.stabilisation_work;
+        self.statistics.stabilisations_taken_back += 1;
+        self.stabilised_in_vain = true;
+        // Factors of a viscous body predict nothing.
+        let strategy = &self.stage().strategy;
+        self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
     }
 
     /// A path that begins at the committed state.
     fn stabilised_path(&self, viscosity: f64, target: f64, reason: String) -> StabilisedPath {
-        let event = Stabilised {
+        let event = Event {
             step: self.step,
             load: target,
             increments: 0,

@@ -33,6 +33,14 @@ impl PointMaterial for Twisted {
     fn rollback(&mut self) {
         self.0.rollback();
     }
+
+    fn mark(&mut self) {
+        self.0.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.0.return_to_mark();
+    }
 }
 
 #[test]

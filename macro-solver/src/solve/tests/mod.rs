@@ -112,6 +112,14 @@ impl PointMaterial for Spy {
         self.trials[self.commits].clear();
         self.inner.rollback();
     }
+
+    fn mark(&mut self) {
+        self.inner.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.inner.return_to_mark();
+    }
 }
 
 const TIGHT: Tolerances = Tolerances::both(1e-9, 1e-9);

@@ -46,6 +46,14 @@ impl PointMaterial for Noisy {
     fn rollback(&mut self) {
         self.inner.rollback();
     }
+
+    fn mark(&mut self) {
+        self.inner.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.inner.return_to_mark();
+    }
 }
 
 /// Whatever the noise, through the peak, the snap and the softening after it the run ends in the state that exact tangents give,

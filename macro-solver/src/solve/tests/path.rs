@@ -51,6 +51,14 @@ impl PointMaterial for Graded {
     fn rollback(&mut self) {
         self.inner.rollback();
     }
+
+    fn mark(&mut self) {
+        self.inner.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.inner.return_to_mark();
+    }
 }
 
 /// `cells` squares on top of each other; the node set `joint` lies on the lowest.

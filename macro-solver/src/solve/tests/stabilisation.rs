@@ -137,7 +137,36 @@ fn a_collapse_is_told_from_a_snap() {
     let taken_back = stabilised.iter().filter(|report| report.rejected).count() as u64;
     assert_eq!(statistics.stabilisation_increments + taken_back, 100);
     assert_eq!(statistics.stabilisation_evaluations, stabilised.iter().map(|report| report.evaluations).sum::<u64>());
-    assert!(statistics.stabilisation_work > 0.0, "{}", statistics.stabilisation_work);
+    assert_eq!((statistics.stabilisations_taken_back, statistics.stabilisation_work), (1, 0.0));
+}
+
+/// A force that the column carries in part: stabilised at once, the first step beyond that is taken back, and cutting back finds
+/// the same states as if it had never been tried.
+#[test]
+fn a_step_that_is_stabilised_in_vain_is_taken_back_and_cut_back() {
+    let traction = Condition::Traction { sides: "top".into(), value: [0.0, 1.1 * 3.0e7 * THRESHOLD, 0.0] };
+    let carried = |after: Option<usize>| {
+        let mut problem = softening_column(traction.clone());
+        problem.stages[0].control.stabilisation = Some(Stabilisation { after, ..Stabilisation::default() });
+        let mut material = weak_at_the_bottom();
+        let (run, recorder) = run(&problem, &mut material);
+        let Outcome::DidNotConverge { reason } = &run.outcome else { panic!("{:?}", run.outcome) };
+        assert!(reason.contains("the smallest step") && reason.contains("stabilised: no equilibrium"), "{reason}");
+        // However the run ends, the material is in the last accepted state.
+        assert!(material.largest_strain(0) <= THRESHOLD, "{}", material.largest_strain(0));
+        (run, recorder)
+    };
+    let (last, at_once) = (carried(None), carried(Some(1)));
+    assert_eq!(last.0.statistics.stabilisations_taken_back, 1);
+    assert_eq!(at_once.0.statistics.stabilisations_taken_back, 2);
+    assert_eq!(at_once.0.statistics.cut_backs, last.0.statistics.cut_backs);
+    let loads = |recorder: &Recorder| recorder.steps.iter().map(|step| step.load).collect::<Vec<f64>>();
+    assert_eq!(loads(&at_once.1), loads(&last.1));
+    assert_eq!(at_once.0.load, last.0.load);
+    for (one, other) in at_once.1.points.iter().zip(&last.1.points) {
+        assert_eq!(one.stress, other.stress);
+        assert!(one.evaluations > other.evaluations, "{} {}", one.evaluations, other.evaluations);
+    }
 }
 
 /// Refuses targets beyond a limit, and counts how often.
@@ -166,6 +195,14 @@ impl PointMaterial for Timid {
 
     fn rollback(&mut self) {
         self.inner.rollback();
+    }
+
+    fn mark(&mut self) {
+        self.inner.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.inner.return_to_mark();
     }
 }
 

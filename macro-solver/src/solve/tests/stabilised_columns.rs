@@ -33,6 +33,7 @@ struct State {
 /// component of any target that was committed.
 struct Plastic {
     committed: Vec<State>,
+    marked: Vec<State>,
     trials: Vec<Option<(State, f64)>>,
     largest: f64,
 }
@@ -40,7 +41,7 @@ struct Plastic {
 impl Plastic {
     fn new(points: usize) -> Self {
         let start = State { stress: Matrix3::zeros(), plastic: 0.0, lost: 0.0 };
-        Self { committed: vec![start; points], trials: vec![None; points], largest: 0.0 }
+        Self { committed: vec![start; points], marked: Vec::new(), trials: vec![None; points], largest: 0.0 }
     }
 
     fn answer(&mut self, trial: &PointTrial) -> TrialResult {
@@ -90,6 +91,15 @@ impl PointMaterial for Plastic {
 
     fn rollback(&mut self) {
         self.trials.fill(None);
+    }
+
+    fn mark(&mut self) {
+        self.marked.clone_from(&self.committed);
+    }
+
+    fn return_to_mark(&mut self) {
+        self.committed.clone_from(&self.marked);
+        self.rollback();
     }
 }
 

@@ -33,6 +33,14 @@ impl PointMaterial for Timid {
         self.inner.rollback();
     }
 
+    fn mark(&mut self) {
+        self.inner.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.inner.return_to_mark();
+    }
+
     fn save(&self, archive: &mut Archive) {
         self.inner.save(archive);
     }
