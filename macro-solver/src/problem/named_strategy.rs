@@ -29,6 +29,12 @@ pub enum TangentUpdate {
         /// Share of the out-of-balance force, between 0 and 1.
         contraction: f64,
     },
+    /// The same from the second iterate of every attempt on: the first is judged and corrected by the tangents of the step before,
+    /// unless that was slow or failed.
+    SecondIterateOrSlow {
+        /// Share of the out-of-balance force, between 0 and 1.
+        contraction: f64,
+    },
     /// At the start, and after a failed attempt.
     Once,
 }
@@ -39,6 +45,9 @@ impl TangentUpdate {
 
     /// What full Newton needs and no more: the last iterate of a step, which is only checked, gets no tangents of its own.
     pub const EACH_STEP_OR_SLOW: Self = Self::EachStepOrSlow { contraction: 0.5 };
+
+    /// Less than that: steps whose first iterate is in balance get no tangents at all.
+    pub const SECOND_ITERATE_OR_SLOW: Self = Self::SecondIterateOrSlow { contraction: 0.5 };
 
     /// Whether a factorization outlives the iterate that it was made at.
     pub fn keeps(self) -> bool {
@@ -53,7 +62,7 @@ pub(super) struct TangentUpdateKeys {
     /// When points are asked for tangents.
     #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
     tangent_update: TangentUpdateWord,
-    /// Of "when_slow" and "each_step_or_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
+    /// Of "when_slow", "each_step_or_slow" and "second_iterate_or_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"), range(max = 1.0))]
     tangent_update_contraction: f64,
     /// Of "when_slow": iterations for which tangents serve at most.
@@ -75,6 +84,9 @@ enum TangentUpdateWord {
     /// At the first iterate of every attempt; at every further one after an iteration that leaves more than
     /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt.
     EachStepOrSlow,
+    /// As `"each_step_or_slow"`, but from the second iterate on: the first is judged and corrected by the tangents of the step before,
+    /// unless that was slow or failed.
+    SecondIterateOrSlow,
     /// At the start, and after a failed attempt.
     Once,
 }
@@ -97,6 +109,9 @@ impl From<TangentUpdateKeys> for TangentUpdate {
             TangentUpdateWord::EachStepOrSlow => {
                 Self::EachStepOrSlow { contraction: keys.tangent_update_contraction }
             }
+            TangentUpdateWord::SecondIterateOrSlow => {
+                Self::SecondIterateOrSlow { contraction: keys.tangent_update_contraction }
+            }
             TangentUpdateWord::Once => Self::Once,
         }
     }
@@ -115,6 +130,9 @@ impl From<TangentUpdate> for TangentUpdateKeys {
             TangentUpdate::EachStep => with(TangentUpdateWord::EachStep),
             TangentUpdate::EachStepOrSlow { contraction } => {
                 Self { tangent_update_contraction: contraction, ..with(TangentUpdateWord::EachStepOrSlow) }
+            }
+            TangentUpdate::SecondIterateOrSlow { contraction } => {
+                Self { tangent_update_contraction: contraction, ..with(TangentUpdateWord::SecondIterateOrSlow) }
             }
             TangentUpdate::Once => with(TangentUpdateWord::Once),
         }
@@ -187,8 +205,8 @@ pub enum NamedStrategy {
     Newton,
     /// Modified Newton: the same tangent, kept until it converges slowly.
     ModifiedNewton,
-    /// Newton with the tangent whose sliding contacts are those of the evaluation's own ramp, once per step and again where it
-    /// converges slowly.
+    /// Newton with the tangent whose sliding contacts are those of the evaluation's own ramp: none in steps whose first iterate is in
+    /// balance, one in others, and more where it converges slowly.
     SlipNewton,
     /// The same with a rank-one secant correction of each point's tangent.
     SlipSecant,
@@ -250,7 +268,7 @@ impl NamedStrategy {
         match self {
             Self::Newton => plain,
             Self::ModifiedNewton => Strategy { tangent_update: TangentUpdate::WHEN_SLOW, ..plain },
-            Self::SlipNewton => Strategy { tangent_update: TangentUpdate::EACH_STEP_OR_SLOW, ..slip },
+            Self::SlipNewton => Strategy { tangent_update: TangentUpdate::SECOND_ITERATE_OR_SLOW, ..slip },
             Self::SlipSecant => Strategy { secant: Some(SecantGates::default()), ..slip },
             Self::PointSecant => Strategy {
                 tangent_update: TangentUpdate::Once,

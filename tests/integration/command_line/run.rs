@@ -315,12 +315,17 @@ fn follower_and_dead_pressure_give_one_stress_ratio_to_five_percent() {
         ];
         let output = run(&out, "1", &more);
         assert!(output.status.success(), "{}", text(&output.stderr));
-        let ratio = *numbers(&out, "stress_ratio").last().unwrap();
-        (ratio, *numbers(&out, "top_force").last().unwrap())
+        ["stress_ratio", "top_force", "axial_compression"].map(|name| numbers(&out, name))
     });
-    assert!((dead.0 / follower.0 - 1.0).abs() < 0.02, "{} {}", dead.0, follower.0);
-    let force = dead.1 / follower.1 - 1.0;
-    assert!((0.03..0.08).contains(&force), "the force grows with the pressure: {force}");
+    let quotients =
+        |column: usize| dead[column].iter().zip(&follower[column]).map(|(dead, follower)| dead / follower);
+    let mean = quotients(0).sum::<f64>() / dead[0].len() as f64 - 1.0;
+    // Past the peak the two take different branches: single steps differ by up to 13 %.
+    assert!(mean.abs() < 0.02, "{mean}");
+    for ((force, ratio), strain) in quotients(1).zip(quotients(0)).zip(&follower[2]) {
+        let by_pressure = force / ratio * (1.0 - strain.abs());
+        assert!((by_pressure - 1.0).abs() < 0.01, "the force grows with the pressure: {by_pressure} at {strain}");
+    }
 }
 
 /// Every scene is sound in every size; element tests and specimens have commands of their own, their keys are read here.

@@ -107,13 +107,16 @@ impl Observer for Ratios {
     }
 }
 
-/// Two elements between rough heads are shortened by half of `strain` in one step, and the heads stand still in the next: its first
+/// Stress over strain of the cell, about, Pa.
+const STIFFNESS: f64 = 6e7;
+
+/// Two elements are pressed by half of what shortens them by about `strain` in one step, and the load stays in the next: its first
 /// iterate, the first step again, is far from balance. Returns the out-of-balance ratios from there.
 fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
     let mesh = Block::plane([1.0, 1.0], [1, 2], ElementKind::Q4).mesh().unwrap();
     let pressure =
         |sides: &str| Condition::Pressure { sides: sides.into(), value: 1e5, kind: PressureKind::Follower };
-    let shortened = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -strain };
+    let pressed = Condition::Traction { sides: "top".into(), value: [0.0, -STIFFNESS * strain, 0.0] };
     let mut problem = Problem::new(
         mesh,
         vec![
@@ -122,12 +125,13 @@ fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
             Condition::fixed("top", Axis::X),
             pressure("left"),
             pressure("right"),
+            pressure("top"),
         ],
     );
     problem.strain_per_step = RAMP;
     let stage = &mut problem.stages[0];
     let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.5]]);
-    stage.conditions.push(Applied::new(shortened, halt));
+    stage.conditions.push(Applied::new(pressed, halt));
     stage.control.increments = 2;
     stage.control.max_iterations = 40;
     stage.tolerances.force = 1e-9;

@@ -26,6 +26,9 @@ const ROUND_OFF: f64 = 1e-12;
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
 
+/// Largest share of the last step that a step repeats, in terms of the size of both: supports that hardly moved predict nothing.
+const MOST_REPEATED: f64 = 4.0;
+
 /// Why an iterate is rejected.
 #[derive(Clone, Debug, Error, PartialEq)]
 enum Rejection {
@@ -432,10 +435,17 @@ impl Solver<'_> {
         let moment = self.moment(load);
         let mut increment = self.given(moment);
         let linear = self.stage().strategy.predictor == Predictor::Linear;
-        match self.last_increment.as_ref().filter(|_| linear) {
-            Some((last, size)) => {
+        let repeated = self.last_increment.as_ref().filter(|_| linear).and_then(|(last, size)| {
+            let share = self.share_of_last_step(&increment, last, (load - self.load) / size)?;
+            Some((share, last.clone()))
+        });
+        match repeated {
+            Some((share, last)) => {
+                if share < 0.0 {
+                    self.tangents.turned();
+                }
                 for &dof in self.constraints.free() {
-                    increment[dof] = last[dof] * ((load - self.load) / size);
+                    increment[dof] = share * last[dof];
                 }
             }
             None => {
@@ -457,6 +467,20 @@ impl Solver<'_> {
         }
         self.constraints.complete(&mut increment, &self.body.displacements, moment);
         Ok(increment)
+    }
+
+    /// Share of the last step that the coming one repeats: that of the motion of the supports, negative where they turn back, and
+    /// `share_of_load` where none has moved. `None` if they have moved too little to tell.
+    fn share_of_last_step(&self, given: &[f64], last: &[f64], share_of_load: f64) -> Option<f64> {
+        let supports = || (0..last.len()).filter(|&dof| self.constraints.is_prescribed(dof));
+        let moved: f64 = supports().map(|dof| last[dof] * last[dof]).sum();
+        if moved == 0.0 {
+            return Some(share_of_load);
+        }
+        let share = supports().map(|dof| given[dof] * last[dof]).sum::<f64>() / moved;
+        // On a straight path they differ by rounding.
+        let share = if (share - share_of_load).abs() < 1e-9 { share_of_load } else { share };
+        (share.abs() <= MOST_REPEATED * share_of_load).then_some(share)
     }
 
     /// Size of a full step over that of the step to `stage_fraction`; 1 for the initial equilibrium, which has no size.

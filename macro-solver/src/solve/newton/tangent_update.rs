@@ -21,7 +21,7 @@ pub(in crate::solve) struct TangentUpdater {
     /// Iterations since the factorization.
     uses: usize,
     last_residual: Option<f64>,
-    /// Of [`TangentUpdate::EachStepOrSlow`]: the attempt is not smooth, and every further iterate gets tangents.
+    /// Of the rules that ask where iterations are slow: the attempt is not smooth, and every further iterate gets tangents.
     is_rough: bool,
 }
 
@@ -29,6 +29,7 @@ pub(in crate::solve) struct TangentUpdater {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::solve) struct TangentUpdaterRecord {
     due: bool,
+    is_rough: bool,
     uses: u64,
 }
 
@@ -36,10 +37,13 @@ impl TangentUpdater {
     pub(in crate::solve) fn new(tangent_update: TangentUpdate, corrected: bool) -> Self {
         // Secants correct the tangents of every iterate; without them there is nothing to correct.
         let tangent_update = match tangent_update {
-            TangentUpdate::EachStepOrSlow { .. } if corrected => TangentUpdate::Always,
+            TangentUpdate::EachStepOrSlow { .. } | TangentUpdate::SecondIterateOrSlow { .. } if corrected => {
+                TangentUpdate::Always
+            }
             update => update,
         };
-        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: false }
+        // Nothing is known about a step before the first.
+        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: true }
     }
 
     /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
@@ -60,18 +64,31 @@ impl TangentUpdater {
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
-        self.is_rough = again;
-        let at_every_step = match self.tangent_update {
+        let was_rough = std::mem::replace(&mut self.is_rough, again);
+        self.due = match self.tangent_update {
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
-            TangentUpdate::WhenSlow { .. } | TangentUpdate::Once => false,
+            TangentUpdate::SecondIterateOrSlow { .. } => again || was_rough,
+            TangentUpdate::WhenSlow { .. } | TangentUpdate::Once => again || self.due,
         };
-        self.due |= again || at_every_step;
+    }
+
+    /// The supports turn back: tangents of the step before, in which contacts slid the other way, mislead.
+    pub(in crate::solve) fn turned(&mut self) {
+        self.due |= self.asks_where_slow();
+    }
+
+    /// Whether slow iterations have further iterates ask for tangents.
+    fn asks_where_slow(&self) -> bool {
+        matches!(
+            self.tangent_update,
+            TangentUpdate::EachStepOrSlow { .. } | TangentUpdate::SecondIterateOrSlow { .. }
+        )
     }
 
     /// All points have answered.
     pub(in crate::solve) fn evaluated(&mut self) {
         self.fresh |= self.due;
-        let is_rough = self.is_rough && matches!(self.tangent_update, TangentUpdate::EachStepOrSlow { .. });
+        let is_rough = self.is_rough && self.asks_where_slow();
         self.due = is_rough || self.tangent_update == TangentUpdate::Always;
     }
 
@@ -85,12 +102,17 @@ impl TangentUpdater {
     /// measured by.
     pub(in crate::solve) fn judge(&mut self, residual: f64, force_ratio: f64) {
         self.uses += 1;
+        let is_first = self.last_residual.is_none();
         let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
         let is_worn = match self.tangent_update {
             TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
             TangentUpdate::EachStepOrSlow { contraction } => {
                 self.is_rough |= slow(contraction) || force_ratio > ROUGH;
                 self.is_rough
+            }
+            TangentUpdate::SecondIterateOrSlow { contraction } => {
+                self.is_rough |= slow(contraction) || force_ratio > ROUGH;
+                is_first || self.is_rough
             }
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => false,
         };
@@ -102,15 +124,15 @@ impl TangentUpdater {
     /// An iterate has been rejected: where tangents mislead that far, the next one gets its own.
     pub(in crate::solve) fn rejected(&mut self) {
         self.is_rough = true;
-        self.due |= matches!(self.tangent_update, TangentUpdate::EachStepOrSlow { .. });
+        self.due |= self.asks_where_slow();
     }
 
     pub(in crate::solve) fn record(&self) -> TangentUpdaterRecord {
-        TangentUpdaterRecord { due: self.due, uses: self.uses as u64 }
+        TangentUpdaterRecord { due: self.due, is_rough: self.is_rough, uses: self.uses as u64 }
     }
 
     pub(in crate::solve) fn restore(&mut self, record: TangentUpdaterRecord) {
-        self.due = record.due;
+        (self.due, self.is_rough) = (record.due, record.is_rough);
         self.uses = usize::try_from(record.uses).unwrap_or(usize::MAX);
     }
 
@@ -163,6 +185,9 @@ mod tests {
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
         assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
         assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
+        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss sTFs.");
+        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0]), "TF s.", "a first iterate in balance");
+        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
     }

@@ -1,8 +1,9 @@
 //! Steps: restart from committed states (I-9), cut-back, honest failure, exact skipping, interruption.
 
 use super::*;
+use crate::formulation::Formulation;
 use crate::observer::Outcome;
-use crate::problem::{Platen, Predictor, SecantGates};
+use crate::problem::{Amplitude, Applied, Platen, Predictor, SecantGates};
 use protocol::{RveError, Tensor2};
 use std::cell::Cell;
 use std::rc::Rc;
@@ -215,4 +216,21 @@ fn an_inverted_element_is_refused_before_any_point_is_asked() {
         other => panic!("{other:?}"),
     }
     assert_eq!(run.statistics.evaluations, problem.point_count() as u64, "those of the initial state");
+}
+
+/// The last step is repeated by the share that the supports repeat, there and back at any pace: a linear body needs no iteration.
+#[test]
+fn the_predictor_follows_supports_that_turn_back() {
+    let supports = compression(0.0).stages[0].conditions.clone();
+    let top = Condition::Platen { nodes: "top".into(), contact: Platen::Rough, axis: Axis::Y, displacement: -1e-5 };
+    let cycle = Amplitude::Table(vec![[0.0, 0.0], [0.2, 1.0], [0.8, -1.0], [1.0, -0.5]]);
+    let mut problem = compression(0.0);
+    problem.formulation = Formulation::SmallStrain;
+    problem.stages[0].conditions = vec![supports[0].clone(), Applied::new(top, cycle)];
+    problem.stages[0].control.increments = 10;
+    problem.stages[0].tolerances = Tolerances::both(1e-4, 1e-4);
+    let (finished, record) = run(&problem, &mut elastic(ElasticLaw::SmallStrain, &problem));
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    let iterations: Vec<usize> = record.steps.iter().skip(1).map(|step| step.iterations).collect();
+    assert_eq!(iterations, [1; 10]);
 }
