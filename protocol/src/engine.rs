@@ -410,6 +410,9 @@ pub struct Capabilities {
     /// Whether the same request has the same result, bit for bit, in every worker of this engine and version.
     #[serde(default)]
     pub deterministic: bool,
+    /// Trials of one definition that a worker solves side by side, in little more time than it takes for one of them; 0 is read as 1.
+    #[serde(default)]
+    pub side_by_side: u32,
 }
 
 /// One RVE with a committed and at most one trial state.

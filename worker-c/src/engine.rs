@@ -90,6 +90,7 @@ impl RveEngine for ForeignEngine {
             laws: self.laws.clone(),
             snapshot: SnapshotKind::State,
             deterministic: true,
+            side_by_side: 1,
         }
     }
 

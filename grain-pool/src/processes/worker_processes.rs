@@ -31,6 +31,15 @@ const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
 /// Consecutive replacements that may end before they have completed a job.
 const RESTARTS: u32 = 20;
 
+/// How long the allocator of a worker keeps freed memory before it gives it back to the system, ms. Trials and tangents free and
+/// take the same megabytes; with the allocator's own 10 ms the system clears them again and again, 5 % of a run's processor time.
+const KEPT_MEMORY: (&str, &str) = ("MIMALLOC_PURGE_DELAY", "1000");
+
+/// The environment variable of [`KEPT_MEMORY`], unless the user has set it.
+fn allocator_settings() -> Option<(&'static str, &'static str)> {
+    std::env::var_os(KEPT_MEMORY.0).is_none().then_some(KEPT_MEMORY)
+}
+
 /// How workers are started.
 #[derive(Clone, Debug)]
 pub struct LaunchPlan {
@@ -119,6 +128,7 @@ impl WorkerProcesses {
         // A process group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
         command
             .args(&self.plan.arguments)
+            .envs(allocator_settings())
             .envs(&self.plan.environment)
             .stdin(Stdio::null())
             .stdout(Stdio::null())

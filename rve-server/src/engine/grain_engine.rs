@@ -5,6 +5,7 @@ use super::rve::{GrainRve, refused};
 use super::snapshot::ENGINE_NAME;
 use crate::contact::LawName;
 use crate::definition::AnyDefinition;
+use crate::solver;
 use protocol::{Capabilities, Definition, RveEngine, RveError, RveSolver, SnapshotKind, TangentKind};
 
 /// Builds cells of discs and of spheres.
@@ -21,6 +22,7 @@ impl RveEngine for GrainEngine {
             laws: LawName::ALL.map(|law| law.keyword().into()).to_vec(),
             snapshot: SnapshotKind::State,
             deterministic: true,
+            side_by_side: solver::side_by_side(),
         }
     }
 

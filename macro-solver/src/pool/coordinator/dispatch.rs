@@ -44,7 +44,11 @@ impl Coordinator {
             return None;
         }
         let worker = self.workers.idle(group).or_else(|| self.ahead_of_time(group, active))?;
-        let most = self.settings.jobs_per_message.get().min(waiting.div_ceil(active));
+        // A share of what waits, so that the last messages are short; but jobs that the worker solves side by side take it no longer than
+        // a part of them would, unless other workers have nothing to do.
+        let side_by_side = self.workers.get(worker).map_or(1, |known| known.side_by_side);
+        let together = side_by_side.min(waiting.div_ceil(self.workers.idle_in(group).max(1)));
+        let most = self.settings.jobs_per_message.get().min(waiting.div_ceil(active).max(together));
         // No message holds more than one worker's share of all work that is left: the longest jobs go first, and a message
         // full of them would keep all others waiting for its worker.
         let left = self.batch.queue.expected(group) + self.workers.load(group);

@@ -110,6 +110,7 @@ impl Coordinator {
                     pid,
                     group: *admitted.as_ref().unwrap_or(&0),
                     state: if admitted.is_ok() { WorkerState::Active } else { WorkerState::Refused },
+                    side_by_side: capabilities.side_by_side.max(1) as usize,
                     cache: CacheMirror::new(state_cache as usize),
                     definitions: BTreeSet::new(),
                     pending: VecDeque::new(),

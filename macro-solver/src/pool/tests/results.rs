@@ -187,6 +187,32 @@ fn states_stay_where_they_were_made() {
     assert!(stage.world.borrow().received.iter().all(|(_, carried)| *carried == 0));
 }
 
+/// The last messages of a batch are short, so that workers finish together; but not shorter than what a worker solves side by side.
+#[test]
+fn jobs_that_a_worker_solves_side_by_side_are_sent_together() {
+    let slices = |side_by_side: u32, workers: usize, jobs: usize| {
+        let mut stage = Stage::new(7);
+        stage.world.borrow_mut().side_by_side = side_by_side;
+        stage = (0..workers).fold(stage, |stage, _| stage.hire(1000, &[]));
+        stage.settings.jobs_per_message = NonZeroUsize::new(64).unwrap();
+        let mut pool = stage.open(2 * jobs);
+        let trials = (0..jobs).map(|job| {
+            // Equally long, so that messages are cut by their number of jobs alone.
+            let (sine, cosine) = (job as f64).sin_cos();
+            let target = Tensor2::from_plane([[1e-4 * cosine, 1e-4 * sine], [1e-4 * sine, -1e-4 * cosine]]);
+            PointTrial { point: 2 * job, target, options: protocol::TrialOptions::default() }
+        });
+        pool.evaluate(&trials.collect::<Vec<_>>()).unwrap();
+        let slices = stage.world.borrow().slices.clone();
+        assert_eq!(slices.iter().sum::<usize>(), jobs);
+        slices
+    };
+    let short = |slices: &[usize]| slices.iter().filter(|jobs| **jobs < 8).count();
+    assert!(short(&slices(1, 2, 64)) > 2, "{:?}", slices(1, 2, 64));
+    assert!(short(&slices(8, 2, 64)) <= 2, "{:?}", slices(8, 2, 64));
+    assert_eq!(slices(8, 4, 12), [3; 4], "nobody waits while others have several");
+}
+
 #[test]
 fn slices_hold_several_jobs_and_the_longest_goes_first() {
     let mut stage = Stage::new(4).hire(1000, &[]);

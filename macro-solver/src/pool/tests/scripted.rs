@@ -85,6 +85,10 @@ pub(super) struct World {
     pub(super) killed: Vec<WorkerId>,
     /// Jobs of the longest slice that goes on from states.
     pub(super) longest_slice: usize,
+    /// Jobs of every slice.
+    pub(super) slices: Vec<usize>,
+    /// What workers that are hired say of the trials that they solve side by side.
+    pub(super) side_by_side: u32,
     /// Workers that end are reported as cut off with their host.
     pub(super) hosts_are_lost: bool,
 }
@@ -98,7 +102,11 @@ impl World {
 
     /// Adds a worker that says hello.
     pub(super) fn hire(&mut self, capacity: usize, faults: &[Option<Fault>], deadly: Option<u64>) -> WorkerId {
-        self.hire_saying(hello(capacity as u32, self.hired), capacity, faults, deadly)
+        let mut greeting = hello(capacity as u32, self.hired);
+        if let FromWorker::Hello { capabilities, .. } = &mut greeting {
+            capabilities.side_by_side = self.side_by_side;
+        }
+        self.hire_saying(greeting, capacity, faults, deadly)
     }
 
     pub(super) fn hire_saying(
@@ -343,6 +351,7 @@ impl MacroPort for ScriptedPort {
         if jobs.iter().all(|loaded| loaded.job.state != StateId::NONE) {
             world.longest_slice = world.longest_slice.max(jobs.len());
         }
+        world.slices.push(jobs.len());
         world.received.extend(jobs.iter().map(|loaded| (loaded.job, loaded.state.len())));
         let known = world.workers.get_mut(&worker).ok_or(TransportError::Gone(worker))?;
         known.inbox.push_back(jobs.iter().map(|loaded| (loaded.job, loaded.state.to_vec())).collect());

@@ -82,6 +82,11 @@ impl LoadIndex {
         self.groups.get(&group).map_or(0, |group| group.count)
     }
 
+    /// Number of workers of a group that hold no messages.
+    pub(in crate::pool) fn idle_in(&self, group: usize) -> usize {
+        self.groups.get(&group).and_then(|group| group.by_depth.get(&0)).map_or(0, BTreeSet::len)
+    }
+
     /// Expected force evaluations that the workers of a group were sent and have not answered.
     pub(in crate::pool) fn load(&self, group: usize) -> u128 {
         self.groups.get(&group).map_or(0, |group| group.load)

@@ -65,6 +65,8 @@ pub(super) struct Worker {
     /// Which jobs it gets: see [`super::queue::JobQueues`].
     pub(super) group: usize,
     pub(super) state: WorkerState,
+    /// Jobs of one definition that it solves in little more time than one of them.
+    pub(super) side_by_side: usize,
     pub(super) cache: CacheMirror,
     /// Definitions it was sent.
     pub(super) definitions: BTreeSet<usize>,
@@ -208,6 +210,11 @@ impl WorkerTable {
     /// A worker of a group that has nothing to do; the lowest number among several.
     pub(super) fn idle(&self, group: usize) -> Option<WorkerId> {
         self.load_index.least_loaded(group, 1).map(|(worker, _)| worker)
+    }
+
+    /// Number of workers of a group that have nothing to do.
+    pub(super) fn idle_in(&self, group: usize) -> usize {
+        self.load_index.idle_in(group)
     }
 
     /// See [`LoadIndex::least_loaded`].

@@ -80,6 +80,7 @@ impl RveEngine for FrameEngine {
             laws: vec![LawName::Linear.keyword().into()],
             snapshot: SnapshotKind::State,
             deterministic: true,
+            side_by_side: 1,
         }
     }
 

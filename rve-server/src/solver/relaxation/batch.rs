@@ -48,7 +48,11 @@ pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     shifts: Vec<S::Shift>,
     images: Vec<<S::Kernel as KernelSpace>::Coordinates<R>>,
     lanes: Vec<Option<Occupied<S>>>,
+    /// Lanes that have been emptied and still hold what was in them; the next cell overwrites it.
+    stale: Vec<bool>,
     finder: PairFinder<S>,
+    /// Work space of the stiffness bound.
+    pub(super) stiffness_blocks: Vec<f64>,
     memory: ListingMemory<S>,
 }
 
@@ -76,7 +80,9 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             shifts: Vec::new(),
             images: Vec::new(),
             lanes: (0..R::LANES).map(|_| None).collect(),
+            stale: vec![false; R::LANES],
             finder: PairFinder::default(),
+            stiffness_blocks: Vec::new(),
             memory: ListingMemory::default(),
         }
     }
@@ -114,15 +120,19 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         } else {
             self.include(setting, lane);
         }
-        let mut next = 0;
-        for (key, contact, count) in &contents.contacts {
-            while self.keys[next] != *key {
-                next += 1;
+        let is_stale = std::mem::take(&mut self.stale[lane]);
+        let mut given = contents.contacts.iter().peekable();
+        for (place, key) in self.keys.iter().enumerate() {
+            if let Some((_, contact, count)) = given.next_if(|(wanted, ..)| wanted == key) {
+                self.contacts[place].set_lane(lane, contact);
+                self.limit_counts[place].set_lane(lane, *count);
+                self.live[place] = true;
+            } else if is_stale {
+                self.contacts[place].set_lane(lane, &Contact::none());
+                self.limit_counts[place].set_lane(lane, 0.0);
             }
-            self.contacts[next].set_lane(lane, contact);
-            self.limit_counts[next].set_lane(lane, *count);
-            self.live[next] = true;
         }
+        debug_assert!(given.next().is_none(), "the list holds every contact");
     }
 
     /// Empties a lane and returns what was in it.
@@ -137,6 +147,13 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             .map(|(key, (contact, count))| (*key, contact.lane(lane), count.lane(lane)))
             .filter(|(_, contact, _)| contact.touches())
             .collect();
+        self.stale[lane] = true;
+        LaneContents { grains, contacts, listing: Some(listing), cell }
+    }
+
+    /// Clears a lane that has been emptied.
+    fn clear(&mut self, lane: usize) {
+        self.unpack();
         let empty = Grain::empty();
         for grain in &mut self.grains {
             grain.set_lane(lane, &empty);
@@ -148,7 +165,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         for image in &mut self.images {
             set_lane(image, lane, &[f64::INFINITY; 3]);
         }
-        LaneContents { grains, contacts, listing: Some(listing), cell }
+        self.stale[lane] = false;
     }
 
     /// Forgets how often contacts of a lane have been at their limit.
@@ -189,6 +206,11 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         steering: &Steering<S::Kernel, R>,
         wanted: Wanted,
     ) -> MoveSums<R> {
+        for lane in 0..R::LANES {
+            if self.stale[lane] {
+                self.clear(lane);
+            }
+        }
         setting.backend.advance(&mut self.data(setting, wanted, R::default()), steering)
     }
 

@@ -21,9 +21,10 @@ mod stiffness;
 #[cfg(test)]
 mod tests;
 
+use super::kernel::backend::Backend;
 use super::kernel::{Contact, Grain, Steering, StepSums, Wanted};
 use super::{End, GrainSolver, Job, Solved};
-use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
+use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact};
 use crate::contact::{AT_LIMIT, ContactLaw, ContactLaws, ContactTable, LawVisitor, Rotations};
 use crate::definition::GrainModel;
 use crate::error::DefinitionError;
@@ -45,6 +46,11 @@ const LANES: usize = 8;
 /// Fewer cells than this are faster one by one: a step of all lanes costs 3.0 (discs) to 3.9 (spheres) of a single cell with
 /// AVX-512, 3.6 to 5.3 with AVX2.
 const FEWEST_LANES: usize = 4;
+
+/// Cells that are solved side by side on this processor.
+pub(crate) fn side_by_side() -> u32 {
+    if Backend::best().has_lanes() { LANES as u32 } else { 1 }
+}
 
 /// A solver with its working memory. Nothing but speed depends on what it has done before.
 #[derive(Clone, Debug)]
@@ -261,7 +267,8 @@ fn contents<S: Space, C: ContactLaw<S::Kernel>>(
         .iter()
         .map(|position| Grain::at_rest(S::Vector::from_fn(|axis| position[axis] + 0.0)))
         .collect();
-    let contacts = state.contacts.iter().enumerate().filter_map(|(place, record)| {
+    let mut contacts = Vec::with_capacity(state.contacts.len());
+    contacts.extend(state.contacts.iter().enumerate().filter_map(|(place, record)| {
         let (origin, end) = (&grains[record.origin as usize], &grains[record.end as usize]);
         let image = state.cell.translation(record.shift);
         let (branch, length) = branch_of::<S::Kernel>(origin.position, end.position, image);
@@ -274,8 +281,7 @@ fn contents<S: Space, C: ContactLaw<S::Kernel>>(
         let tangential_force = S::to_axial(record.tangential_force, direction);
         let memory = setting.law.resumed(overlap, rolling_moment(state, place));
         Some((record.key(), Contact { direction, tangential_force, memory }, 0.0))
-    });
-    let contacts: Vec<(PairKey<S>, Contact<S::Kernel, C, f64>, f64)> = contacts.collect();
+    }));
     LaneContents { contacts, grains, listing: None, cell: Cell { rows: state.cell.rows } }
 }
 

@@ -9,7 +9,7 @@ use super::convergence::{Advice, ConvergenceMonitor};
 use super::criterion::{ENERGY_HITS, Imbalance};
 use super::damping::{Damper, Kick, mass_factor};
 use super::setting::Setting;
-use super::stiffness::{Block, largest_own_stiffness};
+use super::stiffness::largest_own_stiffness;
 use crate::cell::Cell;
 use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
@@ -74,7 +74,6 @@ pub(crate) struct Run<S: Space> {
     /// Largest sum of normal forces that the cell has carried at rest, N.
     largest_load: f64,
     monitor: ConvergenceMonitor,
-    blocks: Vec<Block>,
 }
 
 /// Motion of a cell in one step.
@@ -114,7 +113,6 @@ impl<S: Space> Run<S> {
             dissipation: 0.0,
             largest_load: state.largest_load,
             monitor: ConvergenceMonitor::new(grains, S::DIMENSION),
-            blocks: Vec::new(),
         }
     }
 
@@ -296,14 +294,16 @@ impl<S: Space> Run<S> {
         lane: usize,
     ) {
         batch.unpack();
+        let mut blocks = std::mem::take(&mut batch.stiffness_blocks);
         let stiffness = largest_own_stiffness(
             setting.law,
             setting.inertia_factor(),
             setting.radii,
             batch.grain_constants(),
             batch.touching(lane),
-            &mut self.blocks,
+            &mut blocks,
         );
+        batch.stiffness_blocks = blocks;
         let approach = largest_component(&self.strain) / f64::from(self.ramp_steps.max(1));
         let stiffness = stiffness.max(setting.first_touch_stiffness::<S>(approach));
         let factor = mass_factor(setting.options) * setting.law.mass_factor();

@@ -19,18 +19,20 @@ const NEWTON_STEPS: u32 = 5;
 /// Squarings of a block in space: the bound is then off by at most `6^(1/64)`, 3 %.
 const SQUARINGS: u32 = 5;
 
-/// A symmetric matrix. In the plane 3x3 as `[xx, yy, zz, xy, xz, yz]`; in space 6x6 as its upper triangle, row by row.
-pub(crate) type Block = [f64; 21];
+/// Numbers of a symmetric matrix. In the plane 3x3 as `[xx, yy, zz, xy, xz, yz]`; in space 6x6 as its upper triangle, row by row.
+const fn block_length<S: Space>() -> usize {
+    if S::DIMENSION == 2 { 6 } else { 21 }
+}
 
 /// One contact as a grain's own block sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ContactTerms<S: Space> {
+struct ContactTerms<S: Space> {
     /// Unit vector away from the grain.
-    pub(crate) direction: S::Vector,
+    direction: S::Vector,
     /// k_n, k_t, N/m.
-    pub(crate) stiffness: [f64; 2],
+    stiffness: [f64; 2],
     /// Rolling stiffness over radius squared, N/m.
-    pub(crate) rolling: f64,
+    rolling: f64,
 }
 
 /// A touching pair as the stiffness bound sees it: its name, its constants, its direction and its overlap, m.
@@ -45,20 +47,23 @@ pub(crate) fn largest_own_stiffness<'a, S: Space, L: ContactLaw<S::Kernel>>(
     radii: &[f64],
     grains: &[GrainConstants],
     contacts: impl Iterator<Item = TouchingPair<'a, S, L>>,
-    blocks: &mut Vec<Block>,
+    blocks: &mut Vec<f64>,
 ) -> f64 {
+    let length = block_length::<S>();
     blocks.clear();
-    blocks.resize(grains.len(), [0.0; 21]);
+    blocks.resize(length * grains.len(), 0.0);
+    let arm = arm(inertia);
     for (key, constants, direction, overlap) in contacts {
         let [normal, tangential, rolling] = law.stiffness(&constants.law, overlap);
         for (grain, direction) in [(key.origin as usize, direction), (key.end as usize, direction.times(-1.0))] {
-            let rolling = rolling / (radii[grain] * radii[grain]);
+            // A quotient for each end of each contact costs as much as the rest; few laws have rolling stiffness.
+            let rolling = if rolling == 0.0 { 0.0 } else { rolling / (radii[grain] * radii[grain]) };
             let terms = ContactTerms { direction, stiffness: [normal, tangential], rolling };
-            add_contact::<S>(&mut blocks[grain], &terms, inertia);
+            add_contact::<S>(&mut blocks[length * grain..length * (grain + 1)], &terms, arm);
         }
     }
     let mut largest = 0.0;
-    for (block, grain) in blocks.iter().zip(grains) {
+    for (block, grain) in blocks.chunks_exact(length).zip(grains) {
         // The close bound is dear in space: only for blocks that a cheap one does not rule out.
         if cheap_bound::<S>(block) * grain.inverse_mass > largest {
             largest = f64::max(largest, largest_eigenvalue::<S>(block) * grain.inverse_mass);
@@ -68,7 +73,7 @@ pub(crate) fn largest_own_stiffness<'a, S: Space, L: ContactLaw<S::Kernel>>(
 }
 
 /// Upper bound of the largest eigenvalue: in the plane from mean and deviator, in space by Gershgorin's circles.
-fn cheap_bound<S: Space>(block: &Block) -> f64 {
+fn cheap_bound<S: Space>(block: &[f64]) -> f64 {
     if S::DIMENSION == 2 {
         let Deviator { mean, half, .. } = Deviator::of(block);
         // Rounding must not rule out the largest one.
@@ -88,10 +93,14 @@ fn cheap_bound<S: Space>(block: &Block) -> f64 {
     sums.into_iter().fold(0.0, f64::max)
 }
 
+/// Scale of the lever arms for an inertia. Zero inertia means that grains do not rotate.
+fn arm(inertia: f64) -> f64 {
+    if inertia > 0.0 { 1.0 / inertia.sqrt() } else { 0.0 }
+}
+
 /// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with the rotation scaled by its inertia. The lever arm is taken as the radius,
-/// which bounds it. Zero inertia means that grains do not rotate.
-pub(crate) fn add_contact<S: Space>(block: &mut Block, terms: &ContactTerms<S>, inertia: f64) {
-    let arm = if inertia > 0.0 { 1.0 / inertia.sqrt() } else { 0.0 };
+/// which bounds it; `arm` is that of [`arm`].
+fn add_contact<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
     if S::DIMENSION == 2 {
         add_in_plane(block, terms, arm);
     } else {
@@ -99,7 +108,7 @@ pub(crate) fn add_contact<S: Space>(block: &mut Block, terms: &ContactTerms<S>, 
     }
 }
 
-fn add_in_plane<S: Space>(block: &mut Block, terms: &ContactTerms<S>, arm: f64) {
+fn add_in_plane<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
     let [normal, tangential] = terms.stiffness;
     let (x, y) = (terms.direction[0], terms.direction[1]);
     block[0] += normal * x * x + tangential * y * y;
@@ -111,7 +120,7 @@ fn add_in_plane<S: Space>(block: &mut Block, terms: &ContactTerms<S>, arm: f64) 
 }
 
 /// The slip at the contact is `P (u + a w x e)` with the projection `P = I - e e^T`.
-fn add_in_space<S: Space>(block: &mut Block, terms: &ContactTerms<S>, arm: f64) {
+fn add_in_space<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
     let [normal, tangential] = terms.stiffness;
     let e = [terms.direction[0], terms.direction[1], terms.direction[2]];
     let turning = (tangential + terms.rolling) * arm * arm;
@@ -141,7 +150,7 @@ fn across(e: [f64; 3], i: usize, j: usize) -> f64 {
 }
 
 /// Upper bound of the largest eigenvalue of a block.
-pub(crate) fn largest_eigenvalue<S: Space>(block: &Block) -> f64 {
+fn largest_eigenvalue<S: Space>(block: &[f64]) -> f64 {
     if S::DIMENSION == 2 { largest_of_three(block) } else { largest_of_six(block) }
 }
 
@@ -154,8 +163,8 @@ struct Deviator {
 }
 
 impl Deviator {
-    fn of(block: &Block) -> Self {
-        let [xx, yy, zz, xy, xz, yz, ..] = *block;
+    fn of(block: &[f64]) -> Self {
+        let &[xx, yy, zz, xy, xz, yz] = block else { unreachable!("a block in the plane has six numbers") };
         let mean = (xx + yy + zz) / 3.0;
         let (x, y, z) = (xx - mean, yy - mean, zz - mean);
         let half = 0.5 * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
@@ -170,7 +179,7 @@ impl Deviator {
 /// Newton's method on the characteristic cubic, started above its largest root, approaches that root from above: every
 /// iterate is a bound. Arithmetic alone, so that the masses and with them all results do not depend on a system's
 /// mathematical library.
-fn largest_of_three(block: &Block) -> f64 {
+fn largest_of_three(block: &[f64]) -> f64 {
     // Characteristic cubic of the deviator: r^3 - half r - determinant.
     let Deviator { mean, half, determinant } = Deviator::of(block);
     let mut root = 2.0 * (half / 3.0).sqrt();
@@ -186,7 +195,7 @@ fn largest_of_three(block: &Block) -> f64 {
 
 /// Upper bound of the largest eigenvalue of a symmetric, positive semi-definite 6x6 matrix: the root of the trace of a
 /// high power of it.
-fn largest_of_six(block: &Block) -> f64 {
+fn largest_of_six(block: &[f64]) -> f64 {
     let mut matrix = [[0.0; 6]; 6];
     let mut place = 0;
     for i in 0..6 {
@@ -246,9 +255,7 @@ mod tests {
             let matrix = Matrix3::new(a, d, e, d, b, f, e, f, c);
             let reference = matrix.symmetric_eigenvalues().max();
             let spread = matrix.norm();
-            let mut block = [0.0; 21];
-            block[..6].copy_from_slice(&v);
-            let bound = largest_eigenvalue::<Discs>(&block);
+            let bound = largest_eigenvalue::<Discs>(&v);
             prop_assert!(bound >= reference - 1e-13 * spread);
             prop_assert!(bound <= reference + 0.02 * spread);
         }
@@ -263,7 +270,7 @@ mod tests {
                 prop_assume!(direction.norm() > 0.1);
                 let direction = direction.times(1.0 / direction.norm());
                 let terms = ContactTerms::<Spheres> { direction, stiffness: [normal, tangential], rolling: 0.0 };
-                add_contact(&mut block, &terms, 0.8);
+                add_contact(&mut block, &terms, arm(0.8));
                 // The same from the definition: stiffness of the slip of a motion (u, w) with w = turn / sqrt(0.8).
                 let e = nalgebra::Vector3::from(direction);
                 let project = Matrix3::identity() - e * e.transpose();
