@@ -6,7 +6,7 @@ use crate::cell::{Cell, PairKey};
 use crate::space::{Components, Space, Tensor, add_scaled, apply, inverse, norm, product, transpose};
 
 /// Most lists that are kept.
-const MOST_LISTS: usize = 256;
+const MOST_LISTS: usize = 64;
 
 /// Most pairs that are kept in all, some five megabytes with their positions.
 const MOST_PAIRS: usize = 1 << 18;
