@@ -7,7 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-rotation",
     source: "[Liu2018] Figs. 10, 11",
     shows: "stress ratio and anisotropy of the contacts with free and blocked rotations",
-    run_time: ("10 s", "10 min"),
+    run_time: ("10 s", "1 min"),
     runs,
     evaluate,
 };
