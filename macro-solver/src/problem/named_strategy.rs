@@ -62,7 +62,8 @@ pub(super) struct TangentUpdateKeys {
     /// When points are asked for tangents.
     #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
     tangent_update: TangentUpdateWord,
-    /// Of "when_slow", "each_step_or_slow" and "second_iterate_or_slow": share of the out-of-balance force that an iteration may leave before tangents are updated.
+    /// Of "when_slow", "each_step_or_slow" and "second_iterate_or_slow": share of the out-of-balance force that an iteration may leave before
+    /// tangents are updated.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"), range(max = 1.0))]
     tangent_update_contraction: f64,
     /// Of "when_slow": iterations for which tangents serve at most.

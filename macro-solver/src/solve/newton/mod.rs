@@ -26,7 +26,8 @@ const ROUND_OFF: f64 = 1e-12;
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
 
-/// Largest share of the last step that a step repeats, in terms of the size of both: supports that hardly moved predict nothing.
+/// A step repeats no more than so many times the share of the last one that goes with its size: supports that hardly moved in the last
+/// step predict nothing.
 const MOST_REPEATED: f64 = 4.0;
 
 /// Why an iterate is rejected.

@@ -9,7 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-meshes",
     source: "[Liu2018] Figs. 4 to 7",
     shows: "stress ratio, its spread over the points, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
-    run_time: ("1 min", "4 min"),
+    run_time: ("15 s", "4 min"),
     runs,
     evaluate,
 };
