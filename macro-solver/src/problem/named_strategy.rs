@@ -29,7 +29,10 @@ pub enum TangentUpdate {
         /// Share of the out-of-balance force, between 0 and 1.
         contraction: f64,
     },
-    /// The same from the second iterate of every attempt on: the first is judged and corrected by the tangents of the step before,
+    /// At the second iterate of every attempt if it has one, the first being judged and corrected by the tangents of the step before; at
+    /// the first one too after a failed attempt, after a step with a rejected iterate and where supports turn back.
+    SecondIterate,
+    /// As [`Self::EachStepOrSlow`], from the second iterate of every attempt on: the first is judged and corrected by the tangents of the step before,
     /// unless that was slow or failed.
     SecondIterateOrSlow {
         /// Share of the out-of-balance force, between 0 and 1.
@@ -85,6 +88,9 @@ enum TangentUpdateWord {
     /// At the first iterate of every attempt; at every further one after an iteration that leaves more than
     /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt.
     EachStepOrSlow,
+    /// At the second iterate of every attempt if it has one; at the first one too after a failed attempt, after a step with a
+    /// rejected iterate and where supports turn back.
+    SecondIterate,
     /// As `"each_step_or_slow"`, but from the second iterate on: the first is judged and corrected by the tangents of the step before,
     /// unless that was slow or failed.
     SecondIterateOrSlow,
@@ -110,6 +116,7 @@ impl From<TangentUpdateKeys> for TangentUpdate {
             TangentUpdateWord::EachStepOrSlow => {
                 Self::EachStepOrSlow { contraction: keys.tangent_update_contraction }
             }
+            TangentUpdateWord::SecondIterate => Self::SecondIterate,
             TangentUpdateWord::SecondIterateOrSlow => {
                 Self::SecondIterateOrSlow { contraction: keys.tangent_update_contraction }
             }
@@ -132,6 +139,7 @@ impl From<TangentUpdate> for TangentUpdateKeys {
             TangentUpdate::EachStepOrSlow { contraction } => {
                 Self { tangent_update_contraction: contraction, ..with(TangentUpdateWord::EachStepOrSlow) }
             }
+            TangentUpdate::SecondIterate => with(TangentUpdateWord::SecondIterate),
             TangentUpdate::SecondIterateOrSlow { contraction } => {
                 Self { tangent_update_contraction: contraction, ..with(TangentUpdateWord::SecondIterateOrSlow) }
             }
@@ -214,7 +222,8 @@ pub enum NamedStrategy {
     /// One elastic tangent per point, then secant corrections from stresses alone, carried from step to step: for engines
     /// whose tangents are missing or dear.
     PointSecant,
-    /// The frozen-network tangent once per step and limited-memory BFGS on the global equations.
+    /// The frozen-network tangent and limited-memory BFGS on the global equations: no tangent in steps whose first iterate is in
+    /// balance, one in others.
     QuasiNewton,
 }
 
@@ -277,7 +286,7 @@ impl NamedStrategy {
                 ..plain
             },
             Self::QuasiNewton => Strategy {
-                tangent_update: TangentUpdate::EachStep,
+                tangent_update: TangentUpdate::SecondIterate,
                 quasi_newton: Some(QuasiNewton::default()),
                 ..plain
             },

@@ -10,7 +10,7 @@ use crate::homogenization::picture::CellPicture;
 use crate::solver::{Course, End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::network::NetworkResponses;
-use crate::tangent::{self, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
+use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
     Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags,
     TrialOptions, TrialRequest, TrialResult, snapshot, solve_alone,
@@ -27,6 +27,7 @@ pub struct GrainRve<S: SolverFor = Discs> {
     trial: Option<Trial<S>>,
     solver: Box<dyn GrainSolver<S>>,
     orderings: Orderings,
+    closeness: Closeness,
     listed_forces: ListedForces,
 }
 
@@ -89,6 +90,7 @@ impl<S: SolverFor> Clone for GrainRve<S> {
             trial: self.trial.clone(),
             solver: self.solver.new_instance(),
             orderings: Orderings::default(),
+            closeness: self.closeness,
             listed_forces: self.listed_forces,
         }
     }
@@ -137,8 +139,14 @@ impl<S: SolverFor> GrainRve<S> {
             trial: None,
             solver,
             orderings: Orderings::default(),
+            closeness: Closeness::STEERING,
             listed_forces,
         })
+    }
+
+    /// Has operators solved for this closely from now on; without it, as closely as iterations need.
+    pub(crate) fn solve_operators_to(&mut self, closeness: Closeness) {
+        self.closeness = closeness;
     }
 
     /// Tangential forces of the packing that were not taken over.
@@ -373,7 +381,7 @@ impl<S: SolverFor> GrainRve<S> {
             return Some(OperatorEvaluation::without_evaluations(outcome));
         }
         let Method::Perturbation(perturbation) = Method::of(kind) else {
-            let outcome = tangent::evaluate_with(&mut self.orderings, &trial.network, kind);
+            let outcome = tangent::evaluate_with(&mut self.orderings, &trial.network, kind, self.closeness);
             return Some(OperatorEvaluation::without_evaluations(outcome));
         };
         let perturbed = perturbation::Trial {

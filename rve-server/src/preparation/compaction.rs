@@ -9,6 +9,7 @@ use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFil
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::{Components, Tensor, apply};
+use crate::tangent::Closeness;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
 /// First isotropic compression per increment; grains move by a hundredth of a radius or so.
@@ -89,7 +90,8 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         log: &'a ProgressLog<'a>,
     ) -> Result<Self, PackingError> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
-        let cell = GrainRve::<S>::new(&definition).map_err(content)?;
+        let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
+        cell.solve_operators_to(Closeness::RESULT);
         Ok(Self { cell, target, tolerances, log })
     }
 

@@ -2,7 +2,7 @@
 
 use super::link::LinkedGrains;
 use super::method::{Form, Method, UniformStrain};
-use super::network::{self, Orderings};
+use super::network::{self, Closeness, Orderings};
 use super::outcome::TangentOutcome;
 use super::uniform_strain::UNCALIBRATED;
 use super::{calibration, uniform_strain};
@@ -20,32 +20,43 @@ const LARGEST_RATIO_TO_UNIFORM_STRAIN: f64 = 10.0;
 /// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
 /// replaced by the uniform-strain operator (UKO) and marked.
 pub fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> TangentOutcome {
-    evaluate_with(&mut Orderings::default(), network, kind)
+    evaluate_with(&mut Orderings::default(), network, kind, Closeness::RESULT)
 }
 
-/// As [`evaluate`], with orders of elimination that were found before; they cannot reach a bit of the answer.
+/// As [`evaluate`], as close as wanted, with orders of elimination that were found before; they cannot reach a bit of the answer.
 pub fn evaluate_with<S: Space>(
     orderings: &mut Orderings,
     network: &ContactNetwork<S>,
     kind: TangentKind,
+    closeness: Closeness,
 ) -> TangentOutcome {
     if S::DIMENSION == 2 {
-        evaluate_discs(orderings, &LinkedGrains::of(network), kind)
+        evaluate_discs(orderings, &LinkedGrains::of(network), kind, closeness)
     } else {
-        evaluate_spheres(orderings, &LinkedGrains::of(network), kind)
+        evaluate_spheres(orderings, &LinkedGrains::of(network), kind, closeness)
     }
 }
 
 /// Not generic, unlike what it calls: the sparse solvers are compiled once, in this crate.
 #[inline(never)]
-fn evaluate_discs(orderings: &mut Orderings, grains: &LinkedGrains<2>, kind: TangentKind) -> TangentOutcome {
-    evaluate_linked::<2, 3, 4>(orderings, grains, kind)
+fn evaluate_discs(
+    orderings: &mut Orderings,
+    grains: &LinkedGrains<2>,
+    kind: TangentKind,
+    closeness: Closeness,
+) -> TangentOutcome {
+    evaluate_linked::<2, 3, 4>(orderings, grains, kind, closeness)
 }
 
 /// As [`evaluate_discs`].
 #[inline(never)]
-fn evaluate_spheres(orderings: &mut Orderings, grains: &LinkedGrains<3>, kind: TangentKind) -> TangentOutcome {
-    evaluate_linked::<3, 6, 8>(orderings, grains, kind)
+fn evaluate_spheres(
+    orderings: &mut Orderings,
+    grains: &LinkedGrains<3>,
+    kind: TangentKind,
+    closeness: Closeness,
+) -> TangentOutcome {
+    evaluate_linked::<3, 6, 8>(orderings, grains, kind, closeness)
 }
 
 /// The uniform-strain operator with stiffnesses calibrated by these factors.
@@ -77,6 +88,7 @@ fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
     orderings: &mut Orderings,
     grains: &LinkedGrains<D>,
     kind: TangentKind,
+    closeness: Closeness,
 ) -> TangentOutcome {
     let sliding = match Method::of(kind) {
         Method::Network(sliding) => sliding,
@@ -91,7 +103,7 @@ fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
         }
         Method::None | Method::Perturbation(_) => return TangentOutcome::exact(Tensor4::ZERO),
     };
-    let solved = network::solve::<D, B, P>(orderings, grains, sliding);
+    let solved = network::solve::<D, B, P>(orderings, grains, sliding, closeness);
     let uniform = uniform::<D, B>(grains, Form::Objective, UNCALIBRATED);
     match solved {
         Some(solution) if is_credible(&solution.operator, &uniform) => {

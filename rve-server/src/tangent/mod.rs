@@ -31,5 +31,5 @@ mod tests;
 pub use evaluate::{evaluate, evaluate_with};
 pub(crate) use method::Method;
 pub use method::needs_grain_solver;
-pub use network::Orderings;
+pub use network::{Closeness, Orderings};
 pub use outcome::{OperatorEvaluation, TangentOutcome};

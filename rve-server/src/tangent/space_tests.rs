@@ -137,10 +137,10 @@ fn rattlers_change_nothing_in_space() {
     assert!(same);
 }
 
-fn error_of_iteration(network: &ContactNetwork<Spheres>, sliding: Sliding) -> f64 {
+fn error_of_iteration(network: &ContactNetwork<Spheres>, sliding: Sliding, closeness: Closeness) -> f64 {
     let grains = LinkedGrains::<3>::of(network);
     let [direct, iterated] = [usize::MAX, 0].map(|most| {
-        let solved = network::solve_within::<3, 6, 8>(&mut Orderings::default(), &grains, sliding, most);
+        let solved = network::solve_within::<3, 6, 8>(&mut Orderings::default(), &grains, sliding, closeness, most);
         let solved = solved.unwrap();
         assert!(!solved.regularised);
         solved.operator
@@ -154,10 +154,27 @@ fn iterations_and_factors_give_the_same_operator() {
     // Several groups of grains each; the residual's share of a symmetric operator is corrected but for the prestress.
     for pressure_ratio in [0.0, 1e-3, 0.01] {
         let network = disordered(5, 11, pressure_ratio);
-        let error = error_of_iteration(&network, Sliding::Sticks);
+        let error = error_of_iteration(&network, Sliding::Sticks, Closeness::RESULT);
         assert!(error < if pressure_ratio == 0.0 { 1e-7 } else { 1e-6 }, "{pressure_ratio}: {error:.2e}");
-        let error = error_of_iteration(&network, Sliding::Slips(SlidingSet::OfRamp));
+        let slips = Sliding::Slips(SlidingSet::OfRamp);
+        let error = error_of_iteration(&network, slips, Closeness::RESULT);
         assert!(error < 1e-5, "slip, {pressure_ratio}: {error:.2e}");
+    }
+}
+
+#[test]
+fn operators_that_steer_iterations_are_right_to_a_percent() {
+    for seed in 0..6 {
+        for pressure_ratio in [0.0, 1e-3, 0.01, 0.1] {
+            let network = disordered(5, seed, pressure_ratio);
+            let error = error_of_iteration(&network, Sliding::Sticks, Closeness::STEERING);
+            assert!(error < 0.01, "{seed}, {pressure_ratio}: {error:.2e}");
+            if pressure_ratio < 0.1 {
+                let slips = Sliding::Slips(SlidingSet::OfRamp);
+                let error = error_of_iteration(&network, slips, Closeness::STEERING);
+                assert!(error < 0.01, "slip, {seed}, {pressure_ratio}: {error:.2e}");
+            }
+        }
     }
 }
 
@@ -165,7 +182,7 @@ fn iterations_and_factors_give_the_same_operator() {
 #[test]
 fn iterations_survive_heavy_prestress() {
     let network = disordered(4, 3, 0.1);
-    let error = error_of_iteration(&network, Sliding::Sticks);
+    let error = error_of_iteration(&network, Sliding::Sticks, Closeness::RESULT);
     assert!(error < 1e-4, "{error:.2e}");
 }
 

@@ -37,7 +37,11 @@ impl TangentUpdater {
     pub(in crate::solve) fn new(tangent_update: TangentUpdate, corrected: bool) -> Self {
         // Secants correct the tangents of every iterate; without them there is nothing to correct.
         let tangent_update = match tangent_update {
-            TangentUpdate::EachStepOrSlow { .. } | TangentUpdate::SecondIterateOrSlow { .. } if corrected => {
+            TangentUpdate::EachStepOrSlow { .. }
+            | TangentUpdate::SecondIterate
+            | TangentUpdate::SecondIterateOrSlow { .. }
+                if corrected =>
+            {
                 TangentUpdate::Always
             }
             update => update,
@@ -67,14 +71,14 @@ impl TangentUpdater {
         let was_rough = std::mem::replace(&mut self.is_rough, again);
         self.due = match self.tangent_update {
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
-            TangentUpdate::SecondIterateOrSlow { .. } => again || was_rough,
+            TangentUpdate::SecondIterate | TangentUpdate::SecondIterateOrSlow { .. } => again || was_rough,
             TangentUpdate::WhenSlow { .. } | TangentUpdate::Once => again || self.due,
         };
     }
 
     /// The supports turn back: tangents of the step before, in which contacts slid the other way, mislead.
     pub(in crate::solve) fn turned(&mut self) {
-        self.due |= self.asks_where_slow();
+        self.due |= self.asks_where_slow() || self.tangent_update == TangentUpdate::SecondIterate;
     }
 
     /// Whether slow iterations have further iterates ask for tangents.
@@ -114,10 +118,11 @@ impl TangentUpdater {
                 self.is_rough |= slow(contraction) || force_ratio > ROUGH;
                 is_first || self.is_rough
             }
+            TangentUpdate::SecondIterate => is_first,
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => false,
         };
         // Tangents that this very iterate has brought are as good as they get; where the attempt is rough, the next one needs its own.
-        self.due |= is_worn && (!self.fresh || self.is_rough);
+        self.due |= is_worn && (!self.fresh || self.is_rough && self.asks_where_slow());
         self.last_residual = Some(residual);
     }
 
@@ -185,6 +190,8 @@ mod tests {
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
         assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
         assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
+        assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0, 0.8, 0.7]), "TFss sTFs.", "slow or not");
+        assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0]), "TF s.");
         assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss sTFs.");
         assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0]), "TF s.", "a first iterate in balance");
         assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");

@@ -14,7 +14,7 @@ use crate::engine::GrainRve;
 use crate::homogenization::picture::CellPicture;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled};
-use crate::tangent;
+use crate::tangent::{self, Closeness};
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
@@ -94,7 +94,8 @@ fn run_in_space<S: SolverFor>(
 ) -> Result<ElementSummary, ElementError> {
     test.check_dimension(S::DIMENSION)?;
     let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
-    let cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
+    let mut cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
+    cell.solve_operators_to(Closeness::RESULT);
     let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
     let mut run = Run {
         cell,

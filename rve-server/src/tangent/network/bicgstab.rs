@@ -5,35 +5,35 @@
 //! lanes of a vector, each with its own scalars.
 
 use super::block_matrix::Columns;
+use super::closeness::Closeness;
 use super::single_precision::{SingleColumns, gather};
 use super::two_level::{Problem, TwoLevel};
 use super::vectorised::{Vectorised, dispatch};
-
-/// Norm of the residual over that of the load at which a column counts as solved. The operator is then right to about
-/// this figure.
-const TOLERANCE: f64 = 1e-6;
 
 /// Iterations after which a network counts as singular: those that are not need some twenty. Beyond, the material next to
 /// flows, and the answer would cost many increments and say little.
 const MOST_ITERATIONS: u32 = 100;
 
 /// Solves for all columns of the loads; `None` if that takes too many iterations or breaks down.
-pub(super) fn solve<const B: usize, const P: usize>(problem: Problem<'_, B, P>) -> Option<Vec<Columns<B, P>>> {
-    dispatch(Iteration(problem))
+pub(super) fn solve<const B: usize, const P: usize>(
+    problem: Problem<'_, B, P>,
+    closeness: Closeness,
+) -> Option<Vec<Columns<B, P>>> {
+    dispatch(Iteration(problem, closeness))
 }
 
-struct Iteration<'a, const B: usize, const P: usize>(Problem<'a, B, P>);
+struct Iteration<'a, const B: usize, const P: usize>(Problem<'a, B, P>, Closeness);
 
 impl<const B: usize, const P: usize> Vectorised for Iteration<'_, B, P> {
     type Output = Option<Vec<Columns<B, P>>>;
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self(problem) = self;
+        let Self(problem, closeness) = self;
         let Problem { matrix, loads, .. } = problem;
         let zero = vec![[[0.0; P]; B]; loads.len()];
         let mut inverse = Inverse::of(problem);
-        let wanted = dot(loads, loads).map(|square| TOLERANCE * TOLERANCE * square);
+        let wanted = dot(loads, loads).map(|square| closeness.residual_with_slip.powi(2) * square);
         let mut answers = zero.clone();
         let mut residual = loads.to_vec();
         let mut direction = zero.clone();

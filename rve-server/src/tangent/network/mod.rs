@@ -5,6 +5,7 @@ mod assembly;
 mod bearing;
 mod bicgstab;
 mod block_matrix;
+mod closeness;
 mod conjugate_gradients;
 mod elimination;
 mod factors;
@@ -17,6 +18,7 @@ mod solver;
 mod two_level;
 mod vectorised;
 
+pub use closeness::Closeness;
 pub use motions::NetworkResponses;
 pub(super) use operator::solve;
 #[cfg(test)]

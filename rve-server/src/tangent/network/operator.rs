@@ -5,6 +5,7 @@ use super::aggregates::Bond;
 use super::assembly::System;
 use super::bearing::BearingNetwork;
 use super::block_matrix::Columns;
+use super::closeness::Closeness;
 use super::orderings::Orderings;
 use super::two_level::{Groups, Problem};
 use super::vectorised::{Vectorised, dispatch};
@@ -43,8 +44,9 @@ pub(in crate::tangent) fn solve<const D: usize, const B: usize, const P: usize>(
     orderings: &mut Orderings,
     network: &LinkedGrains<D>,
     sliding: Sliding,
+    closeness: Closeness,
 ) -> Option<NetworkOperator> {
-    solve_within::<D, B, P>(orderings, network, sliding, MOST_DIRECT_SPHERES)
+    solve_within::<D, B, P>(orderings, network, sliding, closeness, MOST_DIRECT_SPHERES)
 }
 
 /// As [`solve`]; networks of more than `most_direct` load-carrying spheres are solved by iteration.
@@ -52,6 +54,7 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
     orderings: &mut Orderings,
     network: &LinkedGrains<D>,
     sliding: Sliding,
+    closeness: Closeness,
     most_direct: usize,
 ) -> Option<NetworkOperator> {
     let stiffness: Vec<ContactStiffness<D>> =
@@ -68,7 +71,7 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
     let mut answer = |system: &System<D, B, P>| {
         // The constant by itself keeps the iterations from being compiled.
         if Cells::<D>::ITERATE && iterate {
-            return iterated(system, &bearing, network, typical, sliding);
+            return iterated(system, &bearing, network, typical, sliding, closeness);
         }
         let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
         answers.map(Answers::exact)
@@ -128,6 +131,7 @@ fn iterated<const D: usize, const B: usize, const P: usize>(
     network: &LinkedGrains<D>,
     typical: f64,
     sliding: Sliding,
+    closeness: Closeness,
 ) -> Option<Answers<B, P>> {
     let bonds: Vec<Bond<D>> = bearing
         .contacts
@@ -136,9 +140,9 @@ fn iterated<const D: usize, const B: usize, const P: usize>(
         .collect();
     let groups = Groups::of(&system.matrix, &bonds, &bearing.radii, &bearing.pinned);
     let problem = Problem { matrix: &system.matrix, loads: &system.loads, groups: &groups, typical };
-    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem) } else { None };
+    let symmetric = if sliding.is_symmetric() { conjugate_gradients::solve(problem, closeness) } else { None };
     match symmetric {
         Some([columns, residual]) => Some(Answers { columns, residual: Some(residual) }),
-        None => bicgstab::solve(problem).map(Answers::exact),
+        None => bicgstab::solve(problem, closeness).map(Answers::exact),
     }
 }
