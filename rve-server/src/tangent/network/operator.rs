@@ -73,7 +73,8 @@ pub(in crate::tangent) fn solve_within<const D: usize, const B: usize, const P: 
         if Cells::<D>::ITERATE && iterate {
             return iterated(system, &bearing, network, typical, sliding, closeness);
         }
-        let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, sliding.is_symmetric());
+        let symmetric = sliding.is_symmetric();
+        let answers = solver::solve(orderings, &system.matrix, &system.loads, typical, symmetric, closeness);
         answers.map(Answers::exact)
     };
     let answers = match answer(&system) {

@@ -1,6 +1,7 @@
 //! Direct solution of the balance equations, with a check that the answer deserves trust.
 
 use super::block_matrix::{BlockMatrix, Columns, largest};
+use super::closeness::Closeness;
 use super::elimination::Elimination;
 use super::factors::Factors;
 use super::orderings::Orderings;
@@ -12,10 +13,6 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 
 /// A network whose softest mode is this much softer than a contact counts as singular.
 const SOFTEST_CREDIBLE_MODE: f64 = 1e-11;
-
-/// Largest residual force of a credible solution, relative to the load and to the force of a contact moved as far as
-/// the largest unknown.
-const LARGEST_RESIDUAL: f64 = 1e-11;
 
 /// Corrections that the factors of the symmetric part may need: prestress makes the matrix differ from it by its ratio to
 /// the stiffness, and each correction gains as much.
@@ -31,16 +28,20 @@ pub(super) fn solve<const B: usize, const P: usize>(
     loads: &[Columns<B, P>],
     typical: f64,
     symmetric: bool,
+    closeness: Closeness,
 ) -> Option<Vec<Columns<B, P>>> {
+    let largest_residual = closeness.residual_of_factors;
     let columns = with_probe(loads, typical);
     let elimination = orderings.of(matrix.grains(), &matrix.pairs)?;
+    let elimination = &elimination;
+    let columns = &columns;
     let factorized =
-        |symmetric| dispatch(Direct { matrix, elimination: &elimination, columns: &columns, typical, symmetric });
+        |symmetric| dispatch(Direct { matrix, elimination, columns, typical, symmetric, largest_residual });
     let direct = if symmetric { factorized(true) } else { None };
     direct.or_else(|| factorized(false)).or_else(|| {
-        let answers = solve_with_pivoting(matrix, &columns)?;
-        let residual = matrix.residual(&columns, &answers);
-        is_trustworthy(&largest(&columns), &answers, &residual, typical).then_some(answers)
+        let answers = solve_with_pivoting(matrix, columns)?;
+        let residual = matrix.residual(columns, &answers);
+        is_trustworthy(&largest(columns), &answers, &residual, typical, largest_residual).then_some(answers)
     })
 }
 
@@ -51,6 +52,7 @@ struct Direct<'a, const B: usize, const P: usize> {
     columns: &'a [Columns<B, P>],
     typical: f64,
     symmetric: bool,
+    largest_residual: f64,
 }
 
 impl<const B: usize, const P: usize> Vectorised for Direct<'_, B, P> {
@@ -79,7 +81,7 @@ impl<const B: usize, const P: usize> Direct<'_, B, P> {
         let mut answers = factors.solve(self.columns);
         for correction in 0..=corrections {
             let residual = self.matrix.residual(self.columns, &answers);
-            if is_trustworthy(&load, &answers, &residual, self.typical) {
+            if is_trustworthy(&load, &answers, &residual, self.typical, self.largest_residual) {
                 return Some(answers);
             }
             if correction < corrections {
@@ -113,11 +115,12 @@ fn is_trustworthy<const B: usize, const P: usize>(
     answers: &[Columns<B, P>],
     residual: &[Columns<B, P>],
     typical: f64,
+    largest_residual: f64,
 ) -> bool {
     let softness = answers.iter().flatten().map(|row| row[B] * row[B]).sum::<f64>().sqrt();
     let (answer, residual) = (largest(answers), largest(residual));
     softness * SOFTEST_CREDIBLE_MODE < 1.0
-        && (0..=B).all(|column| residual[column] <= LARGEST_RESIDUAL * (load[column] + typical * answer[column]))
+        && (0..=B).all(|column| residual[column] <= largest_residual * (load[column] + typical * answer[column]))
 }
 
 fn solve_with_pivoting<const B: usize, const P: usize>(
