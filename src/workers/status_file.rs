@@ -4,7 +4,7 @@
 //! mistaken for a live one; the file is removed with the channels.
 
 use macro_solver::observer::{FieldsView, Observer, Statistics, StepReport, StopRequest};
-use macro_solver::output::{OutputError, write_atomically};
+use macro_solver::output::{OutputError, write_without_flush};
 use macro_solver::pool::WorkerReport;
 use protocol::transport::shared_memory::{RunDirectory, RunRecord};
 use serde::{Deserialize, Serialize};
@@ -119,7 +119,7 @@ impl Inner {
 
     fn try_write(&self) -> Result<(), OutputError> {
         let Some(path) = &self.path else { return Ok(()) };
-        write_atomically(path, &serde_json::to_vec(&self.progress).expect("progress is plain data"))
+        write_without_flush(path, &serde_json::to_vec(&self.progress).expect("progress is plain data"))
     }
 }
 

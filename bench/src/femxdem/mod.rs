@@ -29,7 +29,8 @@ struct Specimen {
 }
 
 /// Settings of ours, and what `--set` gets.
-const SETTINGS: [(&str, &[&str]); 6] = [
+const SETTINGS: [(&str, &[&str]); 7] = [
+    ("error 2e-2", &["rve.error=2e-2"]),
     ("error 1e-2", &["rve.error=1e-2"]),
     ("error 5e-3", &["rve.error=5e-3"]),
     ("error 2e-3", &["rve.error=2e-3"]),

@@ -64,8 +64,8 @@ const ALL: [Micro; 7] = [
     },
     Micro {
         name: "small_increments",
-        usage: "[PACKING]...",
-        about: "cycles and pulses of small strain by relaxation and by the event-driven solver: evaluations, time, error",
+        usage: "[drift CYCLES] [PACKING]...",
+        about: "cycles and pulses of small strain by relaxation and by the event-driven solver: evaluations, time, error, drift",
         run: small_increments::run,
     },
 ];

@@ -4,6 +4,9 @@
 //! after 20 cycles of shear of 1e-4 on that, through three cycles of pure shear of amplitude 1e-5 and 1e-4 in 40 increments a cycle
 //! and through a compressive pulse of 1e-5 with a tail of oscillations, and prints one line per solver. Errors are the largest
 //! difference of a stress from that of relaxation at 2.5e-8 strain per step and tolerance 1e-9, over the pressure.
+//!
+//! `grainspan bench micro small_increments drift CYCLES [PACKING.json]...` shears each shaken-down packing through that many cycles of
+//! 1e-5, and prints how far the stress at the end of cycle 1, 10, 100, ... is from that of tight relaxation.
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
@@ -134,8 +137,44 @@ fn measure(name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Stress at the end of cycle 1, 10, 100, ... against tight relaxation on the same path.
+fn drift(cycles: usize, name: &str) -> anyhow::Result<()> {
+    let packing = PackingFile::<Discs>::read(Path::new(name))?;
+    let cell = Cell { packing: &packing, pressure: 1e5 };
+    let tight = || with(1e-7, 1e-8);
+    let fresh = GrainRve::new(&cell.definition(tight()))?.committed().clone();
+    let shaken = cell.driven(tight(), &fresh, &cyclic(1e-4, 20))?.state;
+    let path = cyclic(1e-5, cycles);
+    let reference = cell.driven(tight(), &shaken, &path)?;
+    let decades: Vec<usize> =
+        std::iter::successors(Some(1), |cycle| Some(10 * cycle)).take_while(|cycle| *cycle <= cycles).collect();
+    for (solver, options) in [("relaxation", RveOptions::default()), ("event-driven", event_driven())] {
+        let driven = cell.driven(options, &shaken, &path)?;
+        let ends = |stresses: &[Plane]| decades.iter().map(|cycle| stresses[40 * cycle - 1]).collect::<Vec<Plane>>();
+        for (cycle, (end, reference)) in
+            decades.iter().zip(ends(&driven.stresses).iter().zip(ends(&reference.stresses)))
+        {
+            println!(
+                "| {} | {solver} | {cycle} | {:.1e} | {:.1} |",
+                Path::new(name).file_stem().context("the packing has a name")?.to_string_lossy(),
+                cell.error(&[*end], &[reference]),
+                driven.evaluations as f64 / path.len() as f64,
+            );
+        }
+    }
+    Ok(())
+}
+
 /// See the head of this file.
 pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
+    if let [mode, cycles, packings @ ..] = arguments
+        && mode == "drift"
+    {
+        let cycles = cycles.parse().with_context(|| format!("`{cycles}` is no number of cycles"))?;
+        println!("| packing | solver | cycle | difference from tight relaxation / p | evaluations each |");
+        println!("| --- | --- | --- | --- | --- |");
+        return packings.iter().try_for_each(|name| drift(cycles, name));
+    }
     println!(
         "| packing | state | increments | solver | evaluations each | us each | largest error / p | elastic / events / handed over |"
     );

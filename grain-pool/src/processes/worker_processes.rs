@@ -31,9 +31,9 @@ const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
 /// Consecutive replacements that may end before they have completed a job.
 const RESTARTS: u32 = 20;
 
-/// How long the allocator of a worker keeps freed memory before it gives it back to the system, ms. Trials and tangents free and
-/// take the same megabytes; with the allocator's own 10 ms the system clears them again and again, 5 % of a run's processor time.
-const KEPT_MEMORY: (&str, &str) = ("MIMALLOC_PURGE_DELAY", "1000");
+/// The allocator of a worker gives no memory back to the system. Trials and tangents free and take the same megabytes; with the
+/// allocator's own delay of 10 ms the system clears them again and again, 5 % of a run's processor time.
+const KEPT_MEMORY: (&str, &str) = ("MIMALLOC_PURGE_DELAY", "-1");
 
 /// The environment variable of [`KEPT_MEMORY`], unless the user has set it.
 fn allocator_settings() -> Option<(&'static str, &'static str)> {

@@ -1,6 +1,6 @@
 //! Fields on the finite-element mesh as `.vtu`, and the `.pvd` that strings them into a film for ParaView.
 
-use super::{OutputError, write_atomically};
+use super::{OutputError, write_without_flush};
 use crate::mesh::ElementKind;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -84,7 +84,7 @@ pub fn write_grid(
             cell: attributes(on_elements, grid.elements.len())?,
         },
     };
-    write_atomically(path, &encode_vtk(path, DataSet::inline(piece))?)
+    write_without_flush(path, &encode_vtk(path, DataSet::inline(piece))?)
 }
 
 pub(super) fn as_attribute(path: &Path, field: &Field, entries: usize) -> Result<Attribute, OutputError> {
@@ -157,7 +157,7 @@ impl FieldSeries {
                 .expect("writing to a String cannot fail");
         }
         text.push_str("</Collection>\n</VTKFile>\n");
-        write_atomically(&self.path, text.as_bytes())
+        write_without_flush(&self.path, text.as_bytes())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Straight lines as `.vtp`, for example the contacts of a cell, with named numbers for each line.
 
 use super::fields::{as_attribute, encode_vtk};
-use super::{Field, OutputError, write_atomically};
+use super::{Field, OutputError, write_without_flush};
 use std::path::Path;
 use vtkio::model::{Attributes, DataSet, PolyDataPiece, VertexNumbers};
 
@@ -21,7 +21,7 @@ pub fn write_lines(path: &Path, lines: &[[[f64; 3]; 2]], fields: &[Field]) -> Re
         data: Attributes { point: Vec::new(), cell },
         ..PolyDataPiece::default()
     };
-    write_atomically(path, &encode_vtk(path, DataSet::inline(piece))?)
+    write_without_flush(path, &encode_vtk(path, DataSet::inline(piece))?)
 }
 
 #[cfg(test)]

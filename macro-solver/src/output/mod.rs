@@ -19,7 +19,7 @@ mod summary;
 mod table;
 mod units;
 
-pub use atomic::write_atomically;
+pub use atomic::{write_atomically, write_without_flush};
 pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};

@@ -1,7 +1,7 @@
 //! Round particles of one Gauss point as `.vtp`: a cloud of points with named numbers, to be drawn with glyphs.
 
 use super::fields::{as_attribute, encode_vtk};
-use super::{Field, OutputError, write_atomically};
+use super::{Field, OutputError, write_without_flush};
 use std::path::Path;
 use vtkio::model::{Attributes, DataSet, PolyDataPiece, VertexNumbers};
 
@@ -18,7 +18,7 @@ pub fn write_particles(path: &Path, centres: &[[f64; 3]], fields: &[Field]) -> R
         data: Attributes { point, cell: Vec::new() },
         ..PolyDataPiece::default()
     };
-    write_atomically(path, &encode_vtk(path, DataSet::inline(piece))?)
+    write_without_flush(path, &encode_vtk(path, DataSet::inline(piece))?)
 }
 
 #[cfg(test)]

@@ -141,6 +141,9 @@ pub struct Summary {
     pub force_evaluations: u64,
     /// `rve_evaluations / gauss_points`.
     pub evaluations_per_gauss_point: f64,
+    /// RVE evaluations that were asked for a tangent operator; the others needed none.
+    #[serde(default)]
+    pub tangents: u64,
     /// Workers asked for.
     pub workers: u64,
     /// Workers started again after one was lost.
@@ -226,6 +229,7 @@ mod tests {
             rve_evaluations: 72,
             force_evaluations: 7200,
             evaluations_per_gauss_point: 9.0,
+            tangents: 4,
             workers: 2,
             worker_restarts: 0,
             reissued_jobs: 0,

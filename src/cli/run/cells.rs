@@ -2,7 +2,7 @@
 
 use super::grains::{Renderer, Snapshots, renderer};
 use macro_solver::material::PointId;
-use macro_solver::output::write_atomically;
+use macro_solver::output::write_without_flush;
 use page::cell::{Cell, Contact, FOLDER, Grain};
 use rve_server::definition::AnyDefinition;
 use rve_server::homogenization::picture::CellPicture;
@@ -94,7 +94,7 @@ impl<'a> CellWriter<'a> {
         let folder = self.folder.join(FOLDER);
         fs::create_dir_all(&folder).map_err(|error| error.to_string())?;
         let text = cell(point, *step, &picture).to_json().to_string();
-        write_atomically(&self.folder.join(Cell::file(point)), text.as_bytes()).map_err(|error| error.to_string())
+        write_without_flush(&self.folder.join(Cell::file(point)), text.as_bytes()).map_err(|error| error.to_string())
     }
 }
 

@@ -53,8 +53,8 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         (
             "evaluations",
             format!(
-                "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step",
-                summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point
+                "{} of {} Gauss points: {:.1} per point, {per_step:.1} per point and step; {} with tangents",
+                summary.rve_evaluations, summary.gauss_points, summary.evaluations_per_gauss_point, summary.tangents
             ),
         ),
         (

@@ -132,6 +132,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         rve_evaluations: statistics.evaluations,
         force_evaluations: statistics.cost.force_evaluations,
         evaluations_per_gauss_point: statistics.evaluations as f64 / inputs.gauss_points as f64,
+        tangents: statistics.tangents,
         workers: inputs.workers as u64,
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,

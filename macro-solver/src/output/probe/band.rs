@@ -109,7 +109,9 @@ impl Ridge {
         let (scaled, length) = scaled(samples)?;
         let start = (0..DIRECTIONS)
             .filter_map(|number| guess(&scaled, std::f64::consts::PI * number as f64 / DIRECTIONS as f64))
-            .min_by(|one, other| misfit(&scaled, one).total_cmp(&misfit(&scaled, other)))?;
+            .map(|guess| (misfit(&scaled, &guess), guess))
+            .min_by(|one, other| one.0.total_cmp(&other.0))?
+            .1;
         let fit = improved(&scaled, start);
         let [angle, _, width, height, _] = fit.data.0[0];
         // The values have unit variance, and the weights the sum 1.

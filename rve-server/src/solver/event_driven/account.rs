@@ -7,6 +7,10 @@ use crate::space::Space;
 /// Force evaluations that take as long as one factorisation with its solutions.
 const OF_FACTORISATION: i32 = 55;
 
+/// Force evaluations that take as long as an attempt besides its own evaluations and factorisations: the start of every pair, products with
+/// the stored response, the check of the answer.
+const OF_ATTEMPT: i32 = 5;
+
 /// Bound of the balance in either direction. At the lower one the solver rests.
 const BOUND: i32 = 400;
 
@@ -32,7 +36,7 @@ pub(super) struct Spent {
 impl Spent {
     /// In force evaluations.
     fn in_evaluations(self) -> i32 {
-        self.evaluations + OF_FACTORISATION * self.factorisations
+        OF_ATTEMPT + self.evaluations + OF_FACTORISATION * self.factorisations
     }
 }
 
