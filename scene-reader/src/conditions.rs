@@ -12,7 +12,7 @@ use super::tables::{
     BodyForceTable, BoundaryTable, Components, History, PressureTable, SceneFile, StageTable, TractionTable,
 };
 use keys::Located;
-use macro_solver::problem::{Amplitude, Applied, Condition, Moment};
+use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Rate, RateHistory};
 
 /// The tables of one place, the top of the scene or a stage.
 pub(super) struct ConditionTables<'a> {
@@ -140,11 +140,9 @@ impl Conditions {
 
 /// Whether a load that is replaced leaves bit by bit, while another ramps up in its place; it does so from now on.
 fn fades(earlier: &mut Applied, new: &Applied) -> bool {
-    if new.history != Amplitude::RAMP || is_support(&earlier.condition) {
-        return false;
-    }
     let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
-    earlier.history = Amplitude::Ramp { from, to: 0.0 };
+    let Some(fading) = new.history.fading(from).filter(|_| !is_support(&earlier.condition)) else { return false };
+    earlier.history = fading;
     from != 0.0
 }
 
@@ -189,8 +187,15 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         found.push(Acting { table, name, applied });
     };
     for boundary in tables.boundary.iter().map(Located::get_ref) {
-        let history = history(document, &boundary.history, Amplitude::RAMP)?;
-        for condition in boundary_conditions(document, sets, boundary)? {
+        let (components, rate) = prescribed(document, boundary)?;
+        let history = match rate {
+            None => history(document, &boundary.history, Amplitude::RAMP)?,
+            Some(rate) => {
+                let history = history(document, &boundary.history, Amplitude::Constant)?;
+                Amplitude::Rate(Box::new(RateHistory::new(rate, history)))
+            }
+        };
+        for condition in boundary_conditions(document, sets, boundary, components)? {
             let applied = Applied { condition, history: history.clone(), origin: boundary.from };
             push(Table::Boundary, &boundary.name, &boundary.set, applied);
         }
@@ -239,13 +244,52 @@ pub(super) fn history(
     }
 }
 
+/// What a table prescribes: displacements, or the rate given in place of them.
+///
+/// # Errors
+/// Not one of them exactly, or a rate that is to lead somewhere.
+fn prescribed<'a>(
+    document: &Document,
+    boundary: &'a BoundaryTable,
+) -> Result<(&'a Located<Components>, Option<Rate>), InputError> {
+    let kinds = [
+        (&boundary.displacement, None),
+        (&boundary.velocity, Some(Rate::Velocity)),
+        (&boundary.acceleration, Some(Rate::Acceleration)),
+    ];
+    let given: Vec<_> = kinds.into_iter().filter_map(|(key, rate)| Some((key.as_ref()?, rate))).collect();
+    let (components, rate) = match given[..] {
+        [one] => one,
+        [] => {
+            return Err(document
+                .error_at(boundary.set.span(), "a [[boundary]] prescribes displacement, velocity or acceleration")
+                .hint("add for example displacement = { y = 0.0 }"));
+        }
+        [_, (second, _), ..] => {
+            return Err(document
+                .error_at(second.span(), "a [[boundary]] prescribes one of displacement, velocity and acceleration")
+                .hint("keep one of the keys, or give each a [[boundary]] of its own"));
+        }
+    };
+    if rate.is_some() && boundary.from == Origin::Run {
+        return Err(document
+            .error_at(
+                components.span(),
+                "from = \"run\" leads to a displacement, not to a velocity or an acceleration",
+            )
+            .hint("write displacement, or leave `from` out"));
+    }
+    Ok((components, rate))
+}
+
 fn boundary_conditions(
     document: &Document,
     sets: &Sets<'_>,
     boundary: &BoundaryTable,
+    prescribed: &Located<Components>,
 ) -> Result<Vec<Condition>, InputError> {
     let nodes = sets.node_set(document, &boundary.set)?;
-    let components = *boundary.displacement.get_ref();
+    let components = *prescribed.get_ref();
     let Some(contact) = boundary.platen else {
         let conditions: Vec<Condition> = components
             .by_axis()
@@ -254,7 +298,7 @@ fn boundary_conditions(
             .collect();
         if conditions.is_empty() {
             return Err(document
-                .error_at(boundary.displacement.span(), "no component is prescribed")
+                .error_at(prescribed.span(), "no component is prescribed")
                 .hint("write for example displacement = { y = 0.0 }"));
         }
         return Ok(conditions);
@@ -262,7 +306,7 @@ fn boundary_conditions(
     let given: Vec<_> = components.by_axis().into_iter().filter_map(|(axis, value)| Some((axis, value?))).collect();
     let [(axis, displacement)] = given[..] else {
         return Err(document
-            .error_at(boundary.displacement.span(), "a platen moves along its normal only")
+            .error_at(prescribed.span(), "a platen moves along its normal only")
             .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
     };
     Ok(vec![Condition::Platen { nodes, contact, axis, displacement }])

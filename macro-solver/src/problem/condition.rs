@@ -101,8 +101,10 @@ impl Applied {
     pub(super) fn action(&self) -> Action {
         let changes = match self.history {
             Amplitude::Constant => false,
-            Amplitude::Ramp { from, to } => from != to,
-            Amplitude::Table(_) | Amplitude::Sine { .. } => true,
+            Amplitude::Ramp { from, to }
+            | Amplitude::Smooth { from, to }
+            | Amplitude::SmoothRamp { from, to, .. } => from != to,
+            Amplitude::Table(_) | Amplitude::Sine { .. } | Amplitude::Rate(_) => true,
         };
         let kept = Action::Constant;
         // Back to where a node stood when the run began, 0 is a motion like any other value.
@@ -144,7 +146,7 @@ pub enum Condition {
         nodes: String,
         /// Component.
         axis: Axis,
-        /// Value at factor 1, m.
+        /// Value at factor 1, m; with a history of a rate in m/s or m/s2.
         value: f64,
     },
     /// A rigid platen on a node set, moved along its normal by `displacement`.
@@ -155,7 +157,7 @@ pub enum Condition {
         contact: Platen,
         /// Normal of the platen.
         axis: Axis,
-        /// Displacement along the axis at factor 1, m.
+        /// Displacement along the axis at factor 1, m; with a history of a rate in m/s or m/s2.
         displacement: f64,
     },
     /// A pressure on a side set.

@@ -25,8 +25,10 @@ mod initial_stress;
 mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
+mod rate_history;
 pub mod relaxation;
 mod rigid_motion;
+mod smooth_step;
 mod stage;
 mod strategy;
 mod validation;
@@ -40,6 +42,8 @@ pub use initial_stress::{InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
+pub use rate_history::{Rate, RateHistory};
+pub use smooth_step::SmoothRamp;
 pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
@@ -148,6 +152,12 @@ pub enum ProblemError {
         /// What it should be.
         reason: &'static str,
     },
+    /// A load factor that is an unknown needs histories that change with it from the first step on.
+    #[error(
+        "the load factor is an unknown of this stage (loading.control), and a smooth history, a velocity or an acceleration may not \
+         change with it at the start; give the conditions of the stage the history \"ramp\" or \"constant\""
+    )]
+    HistoryAtRest,
     /// The mesh is not usable.
     #[error(transparent)]
     Mesh(#[from] MeshError),

@@ -3,8 +3,8 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, Platen, Problem, ProblemError,
-    Procedure, Stage,
+    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, PathControl, Platen, Problem,
+    ProblemError, Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
@@ -81,6 +81,9 @@ impl Problem {
         for applied in &stage.conditions {
             if let Some(reason) = applied.history.defect() {
                 return Err(ProblemError::History { reason });
+            }
+            if stage.control.path != PathControl::Load && applied.history.may_begin_at_rest() {
+                return Err(ProblemError::HistoryAtRest);
             }
             match &applied.condition {
                 Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
@@ -323,6 +326,16 @@ mod tests {
             Condition::fixed("bottom_left", Axis::X),
             Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
         ]
+    }
+
+    #[test]
+    fn an_unknown_load_factor_needs_histories_that_change_at_once() {
+        let mut problem = problem(supported());
+        problem.validate().unwrap();
+        problem.stages[0].control.path = PathControl::ArcLength { first_load: 0.1, set: None, component: None };
+        problem.validate().unwrap();
+        problem.stages[0].conditions[1].history = Amplitude::SMOOTH;
+        assert_eq!(problem.validate(), Err(ProblemError::HistoryAtRest));
     }
 
     #[test]
