@@ -9,7 +9,8 @@ use super::input_error::InputError;
 use super::links::{LinkTables, links};
 use super::sets::Sets;
 use super::tables::{
-    BodyForceTable, BoundaryTable, Components, History, PressureTable, SceneFile, StageTable, TractionTable,
+    BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, SceneFile, StageTable,
+    TractionTable,
 };
 use keys::Located;
 use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Rate, RateHistory};
@@ -20,6 +21,7 @@ pub(super) struct ConditionTables<'a> {
     pressure: &'a [Located<PressureTable>],
     traction: &'a [Located<TractionTable>],
     body_force: &'a [Located<BodyForceTable>],
+    friction: &'a [Located<FrictionTable>],
     links: LinkTables<'a>,
 }
 
@@ -30,6 +32,7 @@ impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
             pressure: &file.pressure,
             traction: &file.traction,
             body_force: &file.body_force,
+            friction: &file.friction,
             links: LinkTables {
                 tilting_platen: &file.tilting_platen,
                 rigid_body: &file.rigid_body,
@@ -47,6 +50,7 @@ impl<'a> From<&'a StageTable> for ConditionTables<'a> {
             pressure: &stage.pressure,
             traction: &stage.traction,
             body_force: &stage.body_force,
+            friction: &stage.friction,
             links: LinkTables {
                 tilting_platen: &stage.tilting_platen,
                 rigid_body: &stage.rigid_body,
@@ -64,6 +68,7 @@ enum Table {
     Pressure,
     Traction,
     BodyForce,
+    Friction,
     Linked,
 }
 
@@ -105,7 +110,13 @@ impl Conditions {
         sets: &Sets<'_>,
         tables: &ConditionTables<'_>,
     ) -> Result<(), InputError> {
-        let added = read(document, sets, tables)?;
+        let mut added = read(document, sets, tables)?;
+        for new in &mut added {
+            let earlier = self.0.iter().find(|earlier| new.table == earlier.table && new.name == earlier.name);
+            if let Some(earlier) = earlier {
+                go_on_from(&mut new.applied.condition, &earlier.applied.condition);
+            }
+        }
         let replacing =
             |earlier: &Acting| added.iter().find(|new| new.table == earlier.table && new.name == earlier.name);
         self.0.retain_mut(|earlier| match replacing(earlier) {
@@ -141,9 +152,19 @@ impl Conditions {
 /// Whether a load that is replaced leaves bit by bit, while another ramps up in its place; it does so from now on.
 fn fades(earlier: &mut Applied, new: &Applied) -> bool {
     let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
-    let Some(fading) = new.history.fading(from).filter(|_| !is_support(&earlier.condition)) else { return false };
+    if is_support(&earlier.condition) || matches!(earlier.condition, Condition::Friction { .. }) {
+        return false;
+    }
+    let Some(fading) = new.history.fading(from) else { return false };
     earlier.history = fading;
     from != 0.0
+}
+
+/// Friction changes from what it was; at the end of a stage that is its last value.
+fn go_on_from(new: &mut Condition, earlier: &Condition) {
+    if let (Condition::Friction { from, .. }, Condition::Friction { to: reached, .. }) = (new, earlier) {
+        *from = *reached;
+    }
 }
 
 /// Whether it prescribes displacements.
@@ -167,6 +188,10 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => {
             value.iter_mut().for_each(|component| *component *= factor);
         }
+        Condition::Friction { from, to, .. } => {
+            *to = *from + (*to - *from) * factor;
+            *from = *to;
+        }
     }
     Applied::new(condition, Amplitude::Constant)
 }
@@ -175,6 +200,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
 fn is_idle(condition: &Condition) -> bool {
     match condition {
         Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => false,
+        Condition::Friction { to, .. } => *to == 1.0,
         Condition::Pressure { value, .. } => *value == 0.0,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => *value == [0.0; 3],
     }
@@ -217,6 +243,13 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
             Condition::BodyForce { elements: sets.element_set(document, &force.set)?, value: or_zero(force.value) };
         let history = history(document, &force.history, Amplitude::RAMP)?;
         push(Table::BodyForce, &force.name, &force.set, Applied::new(condition, history));
+    }
+    for friction in tables.friction.iter().map(Located::get_ref) {
+        let elements = sets.element_set(document, &friction.set)?;
+        let to = friction.factor;
+        let history = history(document, &friction.history, Amplitude::RAMP)?;
+        let applied = Applied::new(Condition::Friction { elements, from: 1.0, to }, history);
+        push(Table::Friction, &friction.name, &friction.set, applied);
     }
     let linked = links(document, sets, &tables.links)?.into_iter();
     found.extend(linked.map(|(name, applied)| Acting { table: Table::Linked, name, applied }));

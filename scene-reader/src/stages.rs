@@ -307,6 +307,33 @@ mod tests {
     }
 
     #[test]
+    fn friction_goes_on_from_stage_to_stage() {
+        let of = |more: &[&str], stage: usize| {
+            let stages = stages(more).unwrap();
+            let found = stages[stage].conditions.iter().filter_map(|applied| match &applied.condition {
+                Condition::Friction { elements, from, to } => {
+                    Some((elements.clone(), *from, *to, applied.history.clone()))
+                }
+                _ => None,
+            });
+            found.collect::<Vec<_>>()
+        };
+        let all = |from, to, history| vec![("all".to_owned(), from, to, history)];
+        let first = "stage.0.friction=[{ factor = 0.6 }]";
+        assert_eq!(of(&[first], 0), all(1.0, 0.6, Amplitude::RAMP));
+        assert_eq!(of(&[first], 1), all(0.6, 0.6, Amplitude::Constant), "it stays as it was at the end of its stage");
+        let second = "stage.1.friction=[{ factor = 0.2, history = 'constant' }]";
+        assert_eq!(of(&[first, second], 1), all(0.6, 0.2, Amplitude::Constant));
+        let back = "stage.1.friction=[{ factor = 1 }]";
+        assert_eq!(of(&[first, back], 1), all(0.6, 1.0, Amplitude::RAMP));
+        let half = "stage.0.friction=[{ factor = 0.6, history = { table = [[0, 0], [60, 0.5]] } }]";
+        assert_eq!(of(&[half], 1), all(0.8, 0.8, Amplitude::Constant));
+        assert!(of(&[first, "stage.1.remove=['all']"], 1).is_empty());
+        let error = stages(&["stage.0.friction=[{ factor = 1.2 }]"]).unwrap_err();
+        assert!(error.contains("stage.0.friction.0.factor must be at least 0 and at most 1"), "{error}");
+    }
+
+    #[test]
     fn keys_that_are_not_used_are_refused_with_their_place() {
         let refused = |scene: &str, more: &[&str], place: &str, procedure: &str| {
             let error = stages_of(scene, more).err().unwrap_or_else(|| panic!("{scene} with {more:?} was accepted"));

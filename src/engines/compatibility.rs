@@ -30,6 +30,14 @@ pub(crate) enum Incompatibility {
         /// Keyword of the scene's contact law.
         law: &'static str,
     },
+    /// The scene changes the friction between the grains.
+    #[error(
+        "engine `{engine}` cannot change the friction between grains during a run; choose another engine or leave [[friction]] out"
+    )]
+    Friction {
+        /// Name of the engine.
+        engine: String,
+    },
 }
 
 /// How an engine that can solve a scene will do so.
@@ -49,8 +57,12 @@ pub(crate) fn compatibility(
     capabilities: &Capabilities,
     definitions: &[AnyDefinition],
     tangents: &[TangentKind],
+    changes_friction: bool,
 ) -> Result<Compatibility, Incompatibility> {
     let engine = &capabilities.engine;
+    if changes_friction && !capabilities.reduces_friction {
+        return Err(Incompatibility::Friction { engine: engine.clone() });
+    }
     for definition in definitions {
         let dimension = definition.dimension();
         if !capabilities.dimensions.contains(&dimension) {

@@ -52,7 +52,10 @@ impl Loads {
                 Condition::BodyForce { elements, value } => {
                     loads.add_body_force(mesh, problem.elements(elements)?, *value, history);
                 }
-                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
+                Condition::Displacement { .. }
+                | Condition::Platen { .. }
+                | Condition::MultiPointConstraint(_)
+                | Condition::Friction { .. } => {}
             }
         }
         Ok(loads)

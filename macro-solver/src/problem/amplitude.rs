@@ -104,6 +104,19 @@ impl Amplitude {
         }
     }
 
+    /// Whether it stays between 0 and 1, as the way from one friction to another has to.
+    pub(crate) fn stays_between_0_and_1(&self) -> bool {
+        let lies = |factor: &f64| (0.0..=1.0).contains(factor);
+        match self {
+            Self::Constant => true,
+            Self::Ramp { from, to } | Self::Smooth { from, to } | Self::SmoothRamp { from, to, .. } => {
+                lies(from) && lies(to)
+            }
+            Self::Table(points) => points.iter().all(|[_, factor]| lies(factor)),
+            Self::Sine { .. } | Self::Rate(_) => false,
+        }
+    }
+
     /// What is wrong with it, if anything.
     pub fn defect(&self) -> Option<&'static str> {
         match self {

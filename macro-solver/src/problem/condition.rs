@@ -117,6 +117,9 @@ impl Applied {
                 Action::ChangingLoad
             }
             Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => kept,
+            // What a body carries falls with its friction, also at once at the beginning of a stage.
+            Condition::Friction { from, to, .. } if from != to => Action::ChangingLoad,
+            Condition::Friction { .. } => kept,
             // A displacement of constant factor is reached in the first step, by a motion too.
             Condition::Displacement { value, .. } if moves(&[*value]) => Action::MovingSupport,
             Condition::Platen { displacement, .. } if moves(&[*displacement]) => Action::MovingSupport,
@@ -186,6 +189,15 @@ pub enum Condition {
     },
     /// Displacements that are tied to one another.
     MultiPointConstraint(MultiPointConstraint),
+    /// Friction between the grains of an element set, over that of their definition: at first `from`, at factor 1 `to`.
+    Friction {
+        /// Element set.
+        elements: String,
+        /// Over the friction of the definition at factor 0, 0 to 1.
+        from: f64,
+        /// The same at factor 1.
+        to: f64,
+    },
 }
 
 impl Condition {
@@ -220,6 +232,9 @@ mod tests {
         assert_eq!(action(platen(-1e-3), &ramp), Action::MovingSupport);
         assert_eq!(action(platen(0.0), &ramp), Action::Constant);
         assert_eq!(action(Condition::fixed("n", Axis::X), &ramp), Action::Constant);
+        let friction = |to| Condition::Friction { elements: "all".into(), from: 1.0, to };
+        assert_eq!(action(friction(0.5), &ramp), Action::ChangingLoad);
+        assert_eq!(action(friction(1.0), &ramp), Action::Constant);
         let back = Applied { condition: platen(0.0), history: ramp.clone(), origin: Origin::Run };
         assert_eq!(back.action(), Action::MovingSupport);
         let jump = |x| {

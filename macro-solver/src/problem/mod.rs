@@ -121,6 +121,12 @@ impl Problem {
         tangents
     }
 
+    /// Whether the friction between grains is changed in any stage.
+    pub fn changes_friction(&self) -> bool {
+        let conditions = self.stages.iter().flat_map(|stage| &stage.conditions);
+        conditions.into_iter().any(|applied| matches!(applied.condition, Condition::Friction { .. }))
+    }
+
     /// Time from the start of the run to the beginning of a stage, s.
     pub fn begin_of(&self, stage: usize) -> f64 {
         self.stages[..stage].iter().map(|stage| stage.duration).sum()
@@ -158,6 +164,30 @@ pub enum ProblemError {
          change with it at the start; give the conditions of the stage the history \"ramp\" or \"constant\""
     )]
     HistoryAtRest,
+    /// The way from one friction to another leaves what lies between them.
+    #[error(
+        "friction goes from one value to another: its history lies between 0 and 1, so it is \"constant\", \"ramp\", \"smooth\", a smooth \
+         ramp or a table of such factors"
+    )]
+    FrictionHistory,
+    /// Friction cannot follow an unknown load factor.
+    #[error(
+        "friction changes in this stage, and its load factor is an unknown (loading.control): how the forces change with friction is not \
+         known to the solver; use control = \"load\""
+    )]
+    FrictionUnknownLoad,
+    /// Two conditions change the friction of one element.
+    #[error(
+        "the friction of element {element} is given twice, by sets '{first}' and '{second}'; give the sets no element in common"
+    )]
+    TwoFrictions {
+        /// Element, from 0.
+        element: usize,
+        /// First element set.
+        first: String,
+        /// Second element set.
+        second: String,
+    },
     /// The mesh is not usable.
     #[error(transparent)]
     Mesh(#[from] MeshError),

@@ -92,6 +92,14 @@ impl Problem {
                 Condition::BodyForce { elements, .. } => {
                     self.elements(elements)?;
                 }
+                Condition::Friction { from, to, .. } => {
+                    if !applied.history.stays_between_0_and_1() {
+                        return Err(ProblemError::FrictionHistory);
+                    }
+                    if from != to && stage.control.path != PathControl::Load {
+                        return Err(ProblemError::FrictionUnknownLoad);
+                    }
+                }
                 Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
             }
         }
@@ -102,6 +110,7 @@ impl Problem {
             }
         }
         self.check_third_axis(stage)?;
+        self.check_frictions(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
         if matches!(stage.procedure, Procedure::Relaxation(_))
@@ -163,6 +172,7 @@ impl Problem {
                 Condition::Pressure { .. }
                 | Condition::Traction { .. }
                 | Condition::BodyForce { .. }
+                | Condition::Friction { .. }
                 | Condition::MultiPointConstraint(_) => {}
             }
         }
@@ -253,6 +263,21 @@ impl Problem {
         prescribing.map_or("", String::as_str)
     }
 
+    /// Whether every element has one friction.
+    fn check_frictions(&self, stage: &Stage) -> Result<(), ProblemError> {
+        let mut set_of: Vec<Option<&str>> = vec![None; self.mesh.elements.len()];
+        for applied in &stage.conditions {
+            let Condition::Friction { elements: set, .. } = &applied.condition else { continue };
+            for &element in self.elements(set)? {
+                if let Some(first) = set_of[element].replace(set) {
+                    let (first, second) = (first.to_owned(), set.clone());
+                    return Err(ProblemError::TwoFrictions { element, first, second });
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
         let acts_along_z = |applied: &Applied| match &applied.condition {
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
@@ -300,6 +325,11 @@ fn condition_numbers(stage: &Stage) -> Vec<Check> {
             Condition::Traction { value, .. } => ("traction", value.to_vec()),
             Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
             Condition::MultiPointConstraint(link) => ("linked displacement", link.numbers()),
+            Condition::Friction { from, to, .. } => {
+                let lies = |value: &f64| (0.0..=1.0).contains(value);
+                checks.extend([from, to].map(|value| ("friction factor", *value, "between 0 and 1", lies(value))));
+                continue;
+            }
         };
         checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
     }

@@ -23,6 +23,7 @@ impl RveEngine for GrainEngine {
             snapshot: SnapshotKind::State,
             deterministic: true,
             side_by_side: solver::side_by_side(),
+            reduces_friction: true,
         }
     }
 

@@ -1,4 +1,4 @@
-//! `[[boundary]]`, `[[pressure]]`, `[[traction]]` and `[[body_force]]`.
+//! `[[boundary]]`, `[[pressure]]`, `[[traction]]`, `[[body_force]]` and `[[friction]]`.
 
 use keys::Located;
 use macro_solver::problem::{Amplitude, Axis, Origin, Platen, PressureKind, SmoothRamp};
@@ -86,6 +86,25 @@ pub(crate) struct BodyForceTable {
     #[schemars(extend("x-default" = "the name of the set"))]
     pub(crate) name: Option<String>,
     /// Factor on the force over the stage; a ramp increases gravity gradually.
+    #[schemars(extend("x-default" = "\"ramp\""))]
+    pub(crate) history: Option<Located<History>>,
+}
+
+/// `[[friction]]`: friction between the grains that changes during the run.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FrictionTable {
+    /// Element set.
+    #[serde(default = "all")]
+    pub(crate) set: Located<String>,
+    /// Friction at factor 1 of the history, over that of `[contact]` or of the region, which is the largest of the run; at factor 0 it is
+    /// that of the stage before.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 1.0))]
+    pub(crate) factor: f64,
+    /// Name by which later stages replace or remove it.
+    #[schemars(extend("x-default" = "the name of the set"))]
+    pub(crate) name: Option<String>,
+    /// Factor on the change of friction over the stage; between 0 and 1, so no sine.
     #[schemars(extend("x-default" = "\"ramp\""))]
     pub(crate) history: Option<Located<History>>,
 }

@@ -13,8 +13,12 @@ mod run;
 mod solving;
 mod stage;
 
-pub(crate) use conditions::{BodyForceTable, BoundaryTable, Components, History, PressureTable, TractionTable};
-pub(crate) use constraints::{PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
+pub(crate) use conditions::{
+    BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, TractionTable,
+};
+pub(crate) use constraints::{
+    PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable,
+};
 pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
@@ -75,6 +79,9 @@ pub(crate) struct SceneFile {
     /// Force per volume of an element set, for example weight.
     #[serde(default)]
     pub(crate) body_force: Vec<Located<BodyForceTable>>,
+    /// Friction between the grains that changes from the beginning of the first stage.
+    #[serde(default)]
+    pub(crate) friction: Vec<Located<FrictionTable>>,
     /// A rigid, smooth platen that may tilt: the nodes stay in one plane, which carries no moment.
     #[serde(default)]
     pub(crate) tilting_platen: Vec<Located<TiltingPlatenTable>>,

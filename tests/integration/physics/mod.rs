@@ -5,3 +5,4 @@ mod lattice_elements;
 mod reference_case_a;
 mod reference_case_b;
 mod single_elements;
+mod slope_by_friction;

@@ -106,7 +106,7 @@ impl Solver<'_> {
     /// Masses of all degrees of freedom for a mass density of 1 kg/m3, and the bound of the frequencies with them, rad/s. Every point
     /// is evaluated once for its elastic tangent at the committed state.
     fn relaxation_masses(&mut self, session: &mut Session<'_>) -> Result<(Vec<f64>, f64), Failure> {
-        self.evaluate_points(&self.body.zero(), TangentKind::TrussLike, session)?;
+        self.evaluate_points(&self.body.zero(), self.load, TangentKind::TrussLike, session)?;
         let (mesh, dimension) = (self.body.mesh(), self.body.mesh().dimension.count());
         let mut by_element = Vec::with_capacity(mesh.elements.len());
         let mut masses = self.body.zero();
@@ -156,7 +156,7 @@ impl Solver<'_> {
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
-        let evaluations = self.evaluate_points(iterate, TangentKind::None, session)?;
+        let evaluations = self.evaluate_points(iterate, load, TangentKind::None, session)?;
         let positions = self.body.positions(iterate);
         let mut assembling = 0;
         self.balance = timed(&mut assembling, || {

@@ -7,6 +7,7 @@ mod continued;
 mod convergence;
 mod equilibrium;
 mod formulations;
+mod friction;
 mod initial;
 mod multi_point_constraints;
 mod neighbours;

@@ -81,6 +81,7 @@ impl RveEngine for FrameEngine {
             snapshot: SnapshotKind::State,
             deterministic: true,
             side_by_side: 1,
+            reduces_friction: false,
         }
     }
 
@@ -454,6 +455,7 @@ impl RveSolver for FrameRve {
         if options.tangent != TangentKind::None {
             return Err(RveError::Unsupported("tangent operators of a frame; ask for none".into()));
         }
+        RveError::refuse_reduced_friction(options)?;
         let h = target.plane();
         if *target != Tensor2::from_plane(h) {
             return Err(RveError::Unsupported("deformation out of the plane".into()));
