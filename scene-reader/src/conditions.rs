@@ -35,6 +35,8 @@ impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
             friction: &file.friction,
             links: LinkTables {
                 tilting_platen: &file.tilting_platen,
+                normal_displacement: &file.normal_displacement,
+                radial_displacement: &file.radial_displacement,
                 rigid_body: &file.rigid_body,
                 periodic: &file.periodic,
                 sum: &file.sum,
@@ -53,6 +55,8 @@ impl<'a> From<&'a StageTable> for ConditionTables<'a> {
             friction: &stage.friction,
             links: LinkTables {
                 tilting_platen: &stage.tilting_platen,
+                normal_displacement: &stage.normal_displacement,
+                radial_displacement: &stage.radial_displacement,
                 rigid_body: &stage.rigid_body,
                 periodic: &stage.periodic,
                 sum: &stage.sum,

@@ -39,7 +39,7 @@ pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeas
 pub use equations::EquationSettings;
 pub use error_control::ErrorControl;
 pub use initial_stress::{InitialState, InitialStress};
-pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
+pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
 pub use rate_history::{Rate, RateHistory};
@@ -176,6 +176,14 @@ pub enum ProblemError {
          known to the solver; use control = \"load\""
     )]
     FrictionUnknownLoad,
+    /// A node at the centre of its radial displacement, or between sides that cancel.
+    #[error("node {node} at {} has no direction along which it could be displaced; leave it out of the set", coordinates(.place))]
+    NoDirection {
+        /// Node, from 0.
+        node: usize,
+        /// Its position, m.
+        place: [f64; 3],
+    },
     /// Two conditions change the friction of one element.
     #[error(
         "the friction of element {element} is given twice, by sets '{first}' and '{second}'; give the sets no element in common"

@@ -17,7 +17,7 @@ pub(crate) use conditions::{
     BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, TractionTable,
 };
 pub(crate) use constraints::{
-    PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable,
+    NormalDisplacementTable, PeriodicTable, RadialDisplacementTable, RigidBodyTable, SumTable, TiltingPlatenTable,
 };
 pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
@@ -85,6 +85,12 @@ pub(crate) struct SceneFile {
     /// A rigid, smooth platen that may tilt: the nodes stay in one plane, which carries no moment.
     #[serde(default)]
     pub(crate) tilting_platen: Vec<Located<TiltingPlatenTable>>,
+    /// Displacement of a side set along its normals, free along the side.
+    #[serde(default)]
+    pub(crate) normal_displacement: Vec<Located<NormalDisplacementTable>>,
+    /// Displacement of a node set away from a point, or a line along z.
+    #[serde(default)]
+    pub(crate) radial_displacement: Vec<Located<RadialDisplacementTable>>,
     /// Nodes that move as one rigid body. Rotations are linearised about the positions at the beginning of the stage.
     #[serde(default)]
     pub(crate) rigid_body: Vec<Located<RigidBodyTable>>,

@@ -1,8 +1,8 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, FrictionTable, LoadingTable, PeriodicTable,
-    PressureTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
+    BodyForceTable, BoundaryTable, FrictionTable, LoadingTable, NormalDisplacementTable, PeriodicTable,
+    PressureTable, RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
     TiltingPlatenTable, TractionTable,
 };
 use keys::{Given, Located};
@@ -44,6 +44,12 @@ pub(crate) struct StageTable {
     /// Tilting platens that begin with this stage.
     #[serde(default)]
     pub(crate) tilting_platen: Vec<Located<TiltingPlatenTable>>,
+    /// Displacements along normals that begin with this stage.
+    #[serde(default)]
+    pub(crate) normal_displacement: Vec<Located<NormalDisplacementTable>>,
+    /// Radial displacements that begin with this stage.
+    #[serde(default)]
+    pub(crate) radial_displacement: Vec<Located<RadialDisplacementTable>>,
     /// Rigid bodies that begin with this stage.
     #[serde(default)]
     pub(crate) rigid_body: Vec<Located<RigidBodyTable>>,

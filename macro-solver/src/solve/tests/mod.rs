@@ -8,6 +8,7 @@ mod convergence;
 mod equilibrium;
 mod formulations;
 mod friction;
+mod guided;
 mod initial;
 mod multi_point_constraints;
 mod neighbours;
