@@ -78,11 +78,6 @@ impl Applied {
     pub fn new(condition: Condition, history: Amplitude) -> Self {
         Self { condition, history, origin: Origin::Stage }
     }
-
-    /// Whether it ties displacements to one another.
-    pub fn is_multi_point_constraint(&self) -> bool {
-        matches!(self.condition, Condition::MultiPointConstraint(_))
-    }
 }
 
 /// What a condition prescribes over a stage.

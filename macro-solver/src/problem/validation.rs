@@ -113,14 +113,6 @@ impl Problem {
         self.check_frictions(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
-        if matches!(stage.procedure, Procedure::Relaxation(_))
-            && stage.conditions.iter().any(Applied::is_multi_point_constraint)
-        {
-            return Err(ProblemError::MultiPointConstraint {
-                reason: "linked displacements need an implicit or a dynamic stage",
-                remedy: "remove them before this stage, or solve it implicitly",
-            });
-        }
         match &stage.procedure {
             Procedure::Implicit | Procedure::Relaxation(_) => {
                 check_rigid_motion(&self.mesh, &prescribed, &dependents)

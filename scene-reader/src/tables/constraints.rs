@@ -1,6 +1,5 @@
 //! `[[tilting_platen]]`, `[[normal_displacement]]`, `[[radial_displacement]]`, `[[rigid_body]]`, `[[periodic]]` and `[[sum]]`: multi-point
-//! constraints. They act as supports do, in
-//! implicit and in dynamic stages, and count from the positions at the beginning of the stage.
+//! constraints. They act as supports do, with every procedure, and count from the positions at the beginning of the stage.
 
 use super::conditions::{Components, History};
 use keys::Located;

@@ -5,7 +5,8 @@ use crate::formulation::Formulation;
 use crate::mesh::geotechnical::Section;
 use crate::mesh::ring::{Ring, RingPart};
 use crate::observer::Outcome;
-use crate::problem::{Directions, MultiPointConstraint, Platen, ProblemError};
+use crate::problem::relaxation::RelaxationSettings;
+use crate::problem::{ConstraintTerm, Directions, MultiPointConstraint, Platen, ProblemError, Procedure};
 
 /// Moduli of [`elastic`]: mean stress over areal strain, and shear, Pa.
 const BULK: f64 = 2.0e7;
@@ -31,6 +32,66 @@ fn solved(mesh: Mesh, conditions: Vec<Condition>) -> (Problem, Recorder) {
     let (run, record) = run(&problem, &mut elastic(ElasticLaw::SmallStrain, &problem));
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     (problem, record)
+}
+
+/// Dynamic relaxation ends where Newton's method does, with every kind of link: a smooth oblique support, a platen that tilts freely and
+/// one that is turned, a rigid head, periodic sides, a mean displacement.
+#[test]
+fn relaxation_with_links_ends_where_newtons_method_does() {
+    let link = |link| Condition::MultiPointConstraint(link);
+    let held = || [Axis::X, Axis::Y].map(|axis| Condition::fixed("bottom", axis));
+    let pushed = || Condition::Traction { sides: "left".into(), value: [2e3, 0.0, 0.0] };
+    let platen = |displacement, turned| {
+        let rotation = [None, None, turned];
+        link(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement, rotation })
+    };
+    let head = MultiPointConstraint::RigidBody {
+        nodes: "top".into(),
+        displacement: [None, Some(-1e-4), None],
+        rotation: [None; 3],
+    };
+    let periodic =
+        MultiPointConstraint::Periodic { from: "left".into(), to: "right".into(), jump: [Some(0.0), Some(0.0), None] };
+    let mean = MultiPointConstraint::Sum {
+        terms: vec![ConstraintTerm { nodes: "right".into(), axis: Axis::X, coefficient: 1.0 }],
+        value: 1e-4,
+    };
+    let down = || Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -1e-4 };
+    let cases = [
+        ("normal", vec![pushed(), normal("right", 0.0), down()]),
+        ("free platen", vec![pushed(), platen(Some(-1e-4), None)]),
+        ("turned platen", vec![pushed(), platen(None, Some(1e-4))]),
+        ("rigid head", vec![pushed(), link(head)]),
+        ("periodic", vec![pushed(), down(), link(periodic)]),
+        ("mean", vec![down(), link(mean)]),
+    ];
+    for (name, more) in cases {
+        let solved = |procedure: Procedure| {
+            let mut mesh = block(ElementKind::Q4, 2, 3);
+            if name == "normal" {
+                mesh.nodes.iter_mut().for_each(|node| node[0] += 0.2 * node[0] * node[1] / 3.0);
+            }
+            let mut problem = Problem::new(mesh, held().into_iter().chain(more.clone()).collect());
+            problem.formulation = Formulation::SmallStrain;
+            (problem.stages[0].control.increments, problem.stages[0].tolerances) = (2, Tolerances::both(1e-7, 1e-7));
+            problem.stages[0].procedure = procedure;
+            let (run, record) = run(&problem, &mut elastic(ElasticLaw::SmallStrain, &problem));
+            assert!(matches!(run.outcome, Outcome::Completed), "{name}: {:?}", run.outcome);
+            record
+        };
+        let relaxed = solved(Procedure::Relaxation(RelaxationSettings {
+            kinetic_tolerance: 1e-10,
+            ..RelaxationSettings::default()
+        }));
+        let newton = solved(Procedure::Implicit);
+        let differences = relaxed.displacements.iter().flatten().zip(newton.displacements.iter().flatten());
+        let largest = differences.fold(0.0, |largest: f64, (one, other)| largest.max((one - other).abs()));
+        assert!(largest < 1e-8, "{name}: displacements differ by {largest:e} m of 1e-4");
+        let forces = relaxed.reactions.iter().flatten().zip(newton.reactions.iter().flatten());
+        let size = newton.reactions.iter().flatten().fold(0.0, |size: f64, force| size.max(force.abs()));
+        let largest = forces.fold(0.0, |largest: f64, (one, other)| largest.max((one - other).abs()));
+        assert!(largest < 1e-3 * size, "{name}: reactions differ by {largest:e} N of {size:e}");
+    }
 }
 
 /// Lamé's ring, free outside: `u = A r + B / r` with `A = G B / (K b^2)`. The inner side is moved outwards by a given amount along the
