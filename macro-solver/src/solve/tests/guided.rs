@@ -50,8 +50,11 @@ fn relaxation_with_links_ends_where_newtons_method_does() {
         displacement: [None, Some(-1e-4), None],
         rotation: [None; 3],
     };
-    let periodic =
-        MultiPointConstraint::Periodic { from: "left".into(), to: "right".into(), jump: [Some(0.0), Some(0.0), None] };
+    let periodic = MultiPointConstraint::Periodic {
+        from: "left".into(),
+        to: "right".into(),
+        jump: [Some(0.0), Some(0.0), None],
+    };
     let mean = MultiPointConstraint::Sum {
         terms: vec![ConstraintTerm { nodes: "right".into(), axis: Axis::X, coefficient: 1.0 }],
         value: 1e-4,
