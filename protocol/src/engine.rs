@@ -149,7 +149,7 @@ impl Observables {
 }
 
 /// Options of a trial: results wanted in addition to the stress, and the number of increments, which must not vary within a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrialOptions {
     /// The tangent operator wanted.
     pub tangent: TangentKind,
@@ -158,6 +158,9 @@ pub struct TrialOptions {
     pub ramp_steps: u32,
     /// Optional results wanted.
     pub observables: Observables,
+    /// Share by which the friction between the grains is below that of the definition, 0 to 1: with 1 there is none. An engine that
+    /// does not say [`Capabilities::reduces_friction`] gets 0 only.
+    pub friction_reduction: f64,
 }
 
 /// Cheap results that every trial returns. Dimensionless unless stated.
@@ -352,6 +355,17 @@ pub enum RveError {
 }
 
 impl RveError {
+    /// What an engine that has one friction only says to a trial.
+    ///
+    /// # Errors
+    /// [`RveError::Unsupported`] where the friction is to be reduced.
+    pub fn refuse_reduced_friction(options: &TrialOptions) -> Result<(), Self> {
+        match options.friction_reduction {
+            0.0 => Ok(()),
+            _ => Err(Self::Unsupported("friction that changes during the run".into())),
+        }
+    }
+
     /// Force evaluations spent before the refusal, as far as it says.
     pub fn force_evaluations(&self) -> u64 {
         match self {
@@ -413,6 +427,9 @@ pub struct Capabilities {
     /// Trials of one definition that a worker solves side by side, in little more time than it takes for one of them; 0 is read as 1.
     #[serde(default)]
     pub side_by_side: u32,
+    /// Whether it follows [`TrialOptions::friction_reduction`].
+    #[serde(default)]
+    pub reduces_friction: bool,
 }
 
 /// One RVE with a committed and at most one trial state.

@@ -88,6 +88,7 @@ pub fn wire_layout() -> Value {
             observables: u32,
             attempt: u32,
             state_length: u64,
+            friction_reduction: f64,
         }),
         "reply": structure!(TrialReply {
             job: u64,

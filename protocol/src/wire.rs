@@ -36,6 +36,8 @@ pub struct TrialJob {
     pub attempt: u32,
     /// Length of the snapshot carried for `state`; 0 when the worker is believed to hold it.
     pub state_length: u64,
+    /// [`TrialOptions::friction_reduction`].
+    pub friction_reduction: f64,
 }
 
 impl TrialJob {
@@ -46,7 +48,12 @@ impl TrialJob {
     pub fn options(&self) -> Result<TrialOptions, RveError> {
         let tangent = TangentKind::from_wire(self.tangent)
             .ok_or_else(|| RveError::Unsupported(format!("tangent kind number {}", self.tangent)))?;
-        Ok(TrialOptions { tangent, ramp_steps: self.ramp_steps, observables: Observables(self.observables) })
+        Ok(TrialOptions {
+            tangent,
+            ramp_steps: self.ramp_steps,
+            observables: Observables(self.observables),
+            friction_reduction: self.friction_reduction,
+        })
     }
 }
 
@@ -184,7 +191,7 @@ mod tests {
     /// The layout is a contract with engines in other languages: a change needs a new protocol version.
     #[test]
     fn layout_of_wire_types_is_fixed() {
-        assert_eq!(size_of::<TrialJob>(), 144);
+        assert_eq!(size_of::<TrialJob>(), 152);
         assert_eq!(size_of::<TrialReply>(), 1080);
         assert_eq!(std::mem::offset_of!(TrialJob, target), 48);
         assert_eq!(std::mem::offset_of!(TrialReply, stress), 360);

@@ -52,7 +52,7 @@ pub(crate) fn options(tangent: &str, observables: &[String], ramp_steps: u32) ->
         })?;
         wanted = wanted.union(*one);
     }
-    Ok(TrialOptions { tangent: tangent_kind(tangent)?, ramp_steps, observables: wanted })
+    Ok(TrialOptions { tangent: tangent_kind(tangent)?, ramp_steps, observables: wanted, ..TrialOptions::default() })
 }
 
 /// Results as a dictionary of byte arrays, one entry of each array per result: `float64` unless the name is `flags`

@@ -15,6 +15,7 @@ use super::solving::equations;
 use super::stages::{Given, stages as read_stages};
 use super::supervision::PoolKeys;
 use super::tables::{PoolRunKeys, SceneFile};
+use crate::FRAME_ENGINE;
 use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
@@ -137,7 +138,10 @@ impl Scene {
         };
         let fault = |fault| document.fault(&fault);
         let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;
-        let keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
+        let mut keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
+        if file.rve.frame.is_some() && !file.pool.has("engine") {
+            FRAME_ENGINE.clone_into(&mut keys.engine);
+        }
         let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
         let pool = PoolKeys::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();

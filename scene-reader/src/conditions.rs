@@ -9,10 +9,11 @@ use super::input_error::InputError;
 use super::links::{LinkTables, links};
 use super::sets::Sets;
 use super::tables::{
-    BodyForceTable, BoundaryTable, Components, History, PressureTable, SceneFile, StageTable, TractionTable,
+    BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, SceneFile, StageTable,
+    TractionTable,
 };
 use keys::Located;
-use macro_solver::problem::{Amplitude, Applied, Condition, Moment};
+use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Rate, RateHistory};
 
 /// The tables of one place, the top of the scene or a stage.
 pub(super) struct ConditionTables<'a> {
@@ -20,6 +21,7 @@ pub(super) struct ConditionTables<'a> {
     pressure: &'a [Located<PressureTable>],
     traction: &'a [Located<TractionTable>],
     body_force: &'a [Located<BodyForceTable>],
+    friction: &'a [Located<FrictionTable>],
     links: LinkTables<'a>,
 }
 
@@ -30,8 +32,11 @@ impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
             pressure: &file.pressure,
             traction: &file.traction,
             body_force: &file.body_force,
+            friction: &file.friction,
             links: LinkTables {
                 tilting_platen: &file.tilting_platen,
+                normal_displacement: &file.normal_displacement,
+                radial_displacement: &file.radial_displacement,
                 rigid_body: &file.rigid_body,
                 periodic: &file.periodic,
                 sum: &file.sum,
@@ -47,8 +52,11 @@ impl<'a> From<&'a StageTable> for ConditionTables<'a> {
             pressure: &stage.pressure,
             traction: &stage.traction,
             body_force: &stage.body_force,
+            friction: &stage.friction,
             links: LinkTables {
                 tilting_platen: &stage.tilting_platen,
+                normal_displacement: &stage.normal_displacement,
+                radial_displacement: &stage.radial_displacement,
                 rigid_body: &stage.rigid_body,
                 periodic: &stage.periodic,
                 sum: &stage.sum,
@@ -64,6 +72,7 @@ enum Table {
     Pressure,
     Traction,
     BodyForce,
+    Friction,
     Linked,
 }
 
@@ -105,7 +114,13 @@ impl Conditions {
         sets: &Sets<'_>,
         tables: &ConditionTables<'_>,
     ) -> Result<(), InputError> {
-        let added = read(document, sets, tables)?;
+        let mut added = read(document, sets, tables)?;
+        for new in &mut added {
+            let earlier = self.0.iter().find(|earlier| new.table == earlier.table && new.name == earlier.name);
+            if let Some(earlier) = earlier {
+                go_on_from(&mut new.applied.condition, &earlier.applied.condition);
+            }
+        }
         let replacing =
             |earlier: &Acting| added.iter().find(|new| new.table == earlier.table && new.name == earlier.name);
         self.0.retain_mut(|earlier| match replacing(earlier) {
@@ -140,12 +155,20 @@ impl Conditions {
 
 /// Whether a load that is replaced leaves bit by bit, while another ramps up in its place; it does so from now on.
 fn fades(earlier: &mut Applied, new: &Applied) -> bool {
-    if new.history != Amplitude::RAMP || is_support(&earlier.condition) {
+    let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
+    if is_support(&earlier.condition) || matches!(earlier.condition, Condition::Friction { .. }) {
         return false;
     }
-    let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
-    earlier.history = Amplitude::Ramp { from, to: 0.0 };
+    let Some(fading) = new.history.fading(from) else { return false };
+    earlier.history = fading;
     from != 0.0
+}
+
+/// Friction changes from what it was; at the end of a stage that is its last value.
+fn go_on_from(new: &mut Condition, earlier: &Condition) {
+    if let (Condition::Friction { from, .. }, Condition::Friction { to: reached, .. }) = (new, earlier) {
+        *from = *reached;
+    }
 }
 
 /// Whether it prescribes displacements.
@@ -169,6 +192,10 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => {
             value.iter_mut().for_each(|component| *component *= factor);
         }
+        Condition::Friction { from, to, .. } => {
+            *to = *from + (*to - *from) * factor;
+            *from = *to;
+        }
     }
     Applied::new(condition, Amplitude::Constant)
 }
@@ -177,6 +204,7 @@ fn settled(applied: &Applied, end: Moment) -> Applied {
 fn is_idle(condition: &Condition) -> bool {
     match condition {
         Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => false,
+        Condition::Friction { to, .. } => *to == 1.0,
         Condition::Pressure { value, .. } => *value == 0.0,
         Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => *value == [0.0; 3],
     }
@@ -189,8 +217,15 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         found.push(Acting { table, name, applied });
     };
     for boundary in tables.boundary.iter().map(Located::get_ref) {
-        let history = history(document, &boundary.history, Amplitude::RAMP)?;
-        for condition in boundary_conditions(document, sets, boundary)? {
+        let (components, rate) = prescribed(document, boundary)?;
+        let history = match rate {
+            None => history(document, &boundary.history, Amplitude::RAMP)?,
+            Some(rate) => {
+                let history = history(document, &boundary.history, Amplitude::Constant)?;
+                Amplitude::Rate(Box::new(RateHistory::new(rate, history)))
+            }
+        };
+        for condition in boundary_conditions(document, sets, boundary, components)? {
             let applied = Applied { condition, history: history.clone(), origin: boundary.from };
             push(Table::Boundary, &boundary.name, &boundary.set, applied);
         }
@@ -212,6 +247,13 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
             Condition::BodyForce { elements: sets.element_set(document, &force.set)?, value: or_zero(force.value) };
         let history = history(document, &force.history, Amplitude::RAMP)?;
         push(Table::BodyForce, &force.name, &force.set, Applied::new(condition, history));
+    }
+    for friction in tables.friction.iter().map(Located::get_ref) {
+        let elements = sets.element_set(document, &friction.set)?;
+        let to = friction.factor;
+        let history = history(document, &friction.history, Amplitude::RAMP)?;
+        let applied = Applied::new(Condition::Friction { elements, from: 1.0, to }, history);
+        push(Table::Friction, &friction.name, &friction.set, applied);
     }
     let linked = links(document, sets, &tables.links)?.into_iter();
     found.extend(linked.map(|(name, applied)| Acting { table: Table::Linked, name, applied }));
@@ -239,13 +281,52 @@ pub(super) fn history(
     }
 }
 
+/// What a table prescribes: displacements, or the rate given in place of them.
+///
+/// # Errors
+/// Not one of them exactly, or a rate that is to lead somewhere.
+fn prescribed<'a>(
+    document: &Document,
+    boundary: &'a BoundaryTable,
+) -> Result<(&'a Located<Components>, Option<Rate>), InputError> {
+    let kinds = [
+        (&boundary.displacement, None),
+        (&boundary.velocity, Some(Rate::Velocity)),
+        (&boundary.acceleration, Some(Rate::Acceleration)),
+    ];
+    let given: Vec<_> = kinds.into_iter().filter_map(|(key, rate)| Some((key.as_ref()?, rate))).collect();
+    let (components, rate) = match given[..] {
+        [one] => one,
+        [] => {
+            return Err(document
+                .error_at(boundary.set.span(), "a [[boundary]] prescribes displacement, velocity or acceleration")
+                .hint("add for example displacement = { y = 0.0 }"));
+        }
+        [_, (second, _), ..] => {
+            return Err(document
+                .error_at(second.span(), "a [[boundary]] prescribes one of displacement, velocity and acceleration")
+                .hint("keep one of the keys, or give each a [[boundary]] of its own"));
+        }
+    };
+    if rate.is_some() && boundary.from == Origin::Run {
+        return Err(document
+            .error_at(
+                components.span(),
+                "from = \"run\" leads to a displacement, not to a velocity or an acceleration",
+            )
+            .hint("write displacement, or leave `from` out"));
+    }
+    Ok((components, rate))
+}
+
 fn boundary_conditions(
     document: &Document,
     sets: &Sets<'_>,
     boundary: &BoundaryTable,
+    prescribed: &Located<Components>,
 ) -> Result<Vec<Condition>, InputError> {
     let nodes = sets.node_set(document, &boundary.set)?;
-    let components = *boundary.displacement.get_ref();
+    let components = *prescribed.get_ref();
     let Some(contact) = boundary.platen else {
         let conditions: Vec<Condition> = components
             .by_axis()
@@ -254,7 +335,7 @@ fn boundary_conditions(
             .collect();
         if conditions.is_empty() {
             return Err(document
-                .error_at(boundary.displacement.span(), "no component is prescribed")
+                .error_at(prescribed.span(), "no component is prescribed")
                 .hint("write for example displacement = { y = 0.0 }"));
         }
         return Ok(conditions);
@@ -262,7 +343,7 @@ fn boundary_conditions(
     let given: Vec<_> = components.by_axis().into_iter().filter_map(|(axis, value)| Some((axis, value?))).collect();
     let [(axis, displacement)] = given[..] else {
         return Err(document
-            .error_at(boundary.displacement.span(), "a platen moves along its normal only")
+            .error_at(prescribed.span(), "a platen moves along its normal only")
             .hint("write for example displacement = { y = ... } only; platen = \"rough\" also holds the others"));
     };
     Ok(vec![Condition::Platen { nodes, contact, axis, displacement }])

@@ -37,6 +37,9 @@ pub use supervision::{JOBS_A_MESSAGE, PoolKeys};
 /// Keyword of the engine inside this program.
 pub const BUILT_IN_ENGINE: &str = "grains";
 
+/// Engine of scenes with `[rve] frame` that name no other.
+pub(crate) const FRAME_ENGINE: &str = "boundary-frame";
+
 /// The scene that unit tests change: one element, two kinds of cells. Errors as people see them.
 #[cfg(test)]
 fn weak_element(more: &[&str]) -> Result<Scene, String> {

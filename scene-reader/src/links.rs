@@ -1,17 +1,22 @@
-//! `[[tilting_platen]]`, `[[rigid_body]]`, `[[periodic]]` and `[[sum]]`: displacements that are tied to one another.
+//! `[[tilting_platen]]`, `[[normal_displacement]]`, `[[radial_displacement]]`, `[[rigid_body]]`, `[[periodic]]` and `[[sum]]`: displacements that are tied to one another.
 
 use super::conditions::history;
 use super::document::Document;
 use super::input_error::InputError;
 use super::sets::Sets;
-use super::tables::{Components, History, PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
+use super::tables::{
+    Components, History, NormalDisplacementTable, PeriodicTable, RadialDisplacementTable, RigidBodyTable, SumTable,
+    TiltingPlatenTable,
+};
 use keys::Located;
-use macro_solver::problem::{Amplitude, Applied, Condition, ConstraintTerm, MultiPointConstraint};
+use macro_solver::problem::{Amplitude, Applied, Condition, ConstraintTerm, Directions, MultiPointConstraint};
 
 /// The tables of one place.
 #[derive(Clone, Copy)]
 pub(super) struct LinkTables<'a> {
     pub(super) tilting_platen: &'a [Located<TiltingPlatenTable>],
+    pub(super) normal_displacement: &'a [Located<NormalDisplacementTable>],
+    pub(super) radial_displacement: &'a [Located<RadialDisplacementTable>],
     pub(super) rigid_body: &'a [Located<RigidBodyTable>],
     pub(super) periodic: &'a [Located<PeriodicTable>],
     pub(super) sum: &'a [Located<SumTable>],
@@ -35,12 +40,24 @@ pub(super) fn links(
     let called = |name: &Option<String>, set: &str| name.clone().unwrap_or_else(|| set.to_owned());
     for table in tables.tilting_platen.iter().map(Located::get_ref) {
         let nodes = sets.node_set(document, &table.set)?;
-        let (axis, displacement) = (table.normal, table.displacement);
+        let (axis, displacement, rotation) = (table.normal, table.displacement, by_axis(table.rotation));
         push(
             called(&table.name, &nodes),
-            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement },
+            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement, rotation },
             &table.history,
         )?;
+    }
+    for table in tables.normal_displacement.iter().map(Located::get_ref) {
+        let sides = sets.side_set(document, &table.set)?;
+        let (name, displacement) = (called(&table.name, &sides), table.displacement);
+        let along = Directions::Normal { sides };
+        push(name, MultiPointConstraint::Guided { along, displacement }, &table.history)?;
+    }
+    for table in tables.radial_displacement.iter().map(Located::get_ref) {
+        let nodes = sets.node_set(document, &table.set)?;
+        let (name, displacement) = (called(&table.name, &nodes), table.displacement);
+        let along = Directions::Radial { nodes, centre: table.centre };
+        push(name, MultiPointConstraint::Guided { along, displacement }, &table.history)?;
     }
     for table in tables.rigid_body.iter().map(Located::get_ref) {
         let nodes = sets.node_set(document, &table.set)?;

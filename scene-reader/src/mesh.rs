@@ -6,6 +6,7 @@ use super::tables::{Generator, MeshTable};
 use keys::Located;
 use macro_solver::mesh::block::Block;
 use macro_solver::mesh::geotechnical::{HalfFooting, RetainingWall, Section, Slope};
+use macro_solver::mesh::ring::{Ring, RingPart};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
 use std::path::Path;
@@ -32,7 +33,15 @@ pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<Me
     {
         return Err(document.error_at(run.span(), "`run` belongs to generator = \"slope\"").hint("remove `run`"));
     }
+    if let Some(angle) = &keys.angle
+        && generator != Generator::Ring
+    {
+        return Err(document
+            .error_at(angle.span(), "`angle` belongs to generator = \"ring\"")
+            .hint("remove `angle`"));
+    }
     let mesh = match generator {
+        Generator::Ring => numbers.ring()?.mesh(),
         Generator::Block => numbers.block()?.mesh(),
         Generator::Slope => numbers.slope()?.mesh(),
         Generator::Footing => numbers.footing()?.mesh(),
@@ -48,6 +57,7 @@ fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::Pa
         ("elements", keys.elements.as_ref().map(Located::span)),
         ("grading", keys.grading.as_ref().map(Located::span)),
         ("run", keys.run.as_ref().map(Located::span)),
+        ("angle", keys.angle.as_ref().map(Located::span)),
     ];
     if let Some((key, span)) = spans.into_iter().find_map(|(key, span)| Some((key, span?))) {
         let problem = format!("`{key}` belongs to a generated mesh, but `file` names one that is read");
@@ -122,6 +132,37 @@ impl Numbers<'_> {
         Ok(RetainingWall { width, below, wall, thickness, kind: self.kind })
     }
 
+    fn ring(&self) -> Result<Ring, InputError> {
+        let [inner, outer, thickness] = self.named_sections(["inner radius", "outer radius"])?;
+        let keys = self.table.get_ref();
+        if outer.length <= inner.length {
+            let problem = format!("a ring from {} m to {} m has no thickness", inner.length, outer.length);
+            return Err(self.at(&keys.size, problem).hint("give the inner radius, then the larger outer one"));
+        }
+        let part = match keys.angle.as_ref().map(|angle| *angle.get_ref()) {
+            None | Some(90.0) => RingPart::Quarter,
+            Some(180.0) => RingPart::Half,
+            Some(360.0) => RingPart::Whole,
+            Some(other) => {
+                let problem = format!("a ring of {other} degrees is not made");
+                return Err(self.at(&keys.angle, problem).hint("give 90, 180 or 360"));
+            }
+        };
+        let graded_around = outer.grading != 1.0;
+        if graded_around {
+            let problem = "a ring is even around";
+            return Err(self.at(&keys.grading, problem.into()).hint("give 1 as its second grading"));
+        }
+        Ok(Ring {
+            inner: inner.length,
+            across: Section { length: outer.length - inner.length, cells: inner.cells, grading: inner.grading },
+            around: outer.cells,
+            part,
+            thickness,
+            kind: self.kind,
+        })
+    }
+
     /// The sections of the plane and, last, the one along z, which solid elements need.
     fn named_sections<const N: usize, const M: usize>(&self, plane: [&str; N]) -> Result<[Section; M], InputError> {
         let mut names = plane.to_vec();
@@ -168,7 +209,7 @@ impl Numbers<'_> {
         let counts: Vec<f64> = elements.iter().map(|count| *count as f64).collect();
         let is_block = matches!(
             self.table.get_ref().generator.as_ref().map(|one| *one.get_ref()),
-            None | Some(Generator::Block)
+            None | Some(Generator::Block | Generator::Ring)
         );
         let (plane, depth) = counts.split_at(counts.len() - usize::from(self.is_solid()));
         // Sections lie beside and above one another: as many as a square of half their sum holds, at most.

@@ -166,7 +166,7 @@ fn name(document: &Document, given: &Located<String>, before: &[Stage]) -> Resul
 #[cfg(test)]
 mod tests {
     use crate::Scene;
-    use macro_solver::problem::{Amplitude, Condition, Origin, Stabilisation, Stage};
+    use macro_solver::problem::{Amplitude, Condition, Origin, Rate, RateHistory, SmoothRamp, Stabilisation, Stage};
     use std::path::Path;
 
     fn stages(more: &[&str]) -> Result<Vec<Stage>, String> {
@@ -249,6 +249,88 @@ mod tests {
         assert!(error.contains("stage.1.loading.cut must be above 0 and below 1, not 2"), "{error}");
         let error = stages(&["loading.cut=2.0"]).unwrap_err();
         assert!(error.contains("--set loading.cut"), "{error}");
+    }
+
+    #[test]
+    fn smooth_histories_are_read_and_loads_that_they_replace_fade_likewise() {
+        let of_bottom = |keys: &str| {
+            let table = format!("stage.1.boundary=[{{ set = 'bottom', platen = 'smooth', {keys} }}]");
+            stages(&[&table]).map(|stages| stages[1].conditions.last().unwrap().clone())
+        };
+        let moved = |history: &str| of_bottom(&format!("displacement = {{ y = 1e-3 }}, history = {history}"));
+        assert_eq!(moved("'smooth'").unwrap().history, Amplitude::SMOOTH);
+        let shape = SmoothRamp { start: 0.1, stop: 0.0 };
+        let early = Amplitude::SmoothRamp { from: 0.0, to: 1.0, shape };
+        assert_eq!(moved("{ smooth_ramp = { start = 0.1 } }").unwrap().history, early);
+        let error = moved("{ smooth_ramp = { start = 0.6, stop = 0.5 } }").unwrap_err();
+        assert!(error.contains("together at most 1"), "{error}");
+        let stages = stages(&["stage.0.pressure.0.history=smooth"]).unwrap();
+        let set = stages[0].conditions.iter().filter_map(|applied| match &applied.condition {
+            Condition::Pressure { sides, .. } if sides == "left" => Some(applied.history.clone()),
+            _ => None,
+        });
+        assert_eq!(set.collect::<Vec<_>>(), [Amplitude::Smooth { from: 1.0, to: 0.0 }, Amplitude::SMOOTH]);
+    }
+
+    #[test]
+    fn velocities_and_accelerations_are_read_and_are_one_of_three() {
+        let of_bottom = |keys: &str| {
+            let table = format!("stage.1.boundary=[{{ set = 'bottom', platen = 'smooth', {keys} }}]");
+            stages(&[&table]).map(|stages| stages[1].conditions.last().unwrap().clone())
+        };
+        let rate = |rate, history| Amplitude::Rate(Box::new(RateHistory::new(rate, history)));
+        let steady = of_bottom("velocity = { y = 2e-3 }").unwrap();
+        assert_eq!(steady.history, rate(Rate::Velocity, Amplitude::Constant));
+        assert!(matches!(steady.condition, Condition::Platen { displacement: 2e-3, .. }), "{steady:?}");
+        let shaken = of_bottom("acceleration = { y = 1 }, history = { sine = { frequency = 0.1 } }").unwrap();
+        let sine = Amplitude::Sine { frequency: 0.1, phase: 0.0 };
+        assert_eq!(shaken.history, rate(Rate::Acceleration, sine));
+        for (keys, said) in [
+            ("velocity = { y = 1 }, displacement = { y = 1 }", "one of displacement, velocity and acceleration"),
+            ("history = 'ramp'", "prescribes displacement, velocity or acceleration"),
+            ("velocity = { y = 1 }, from = 'run'", "leads to a displacement"),
+            ("velocity = { x = 1, y = 1 }", "along its normal only"),
+            ("acceleration = { y = 1 }, history = { table = [[1, 0], [0, 0]] }", "times of a table increase"),
+        ] {
+            let error = of_bottom(keys).expect_err(keys);
+            assert!(error.contains(said), "{keys}: {error}");
+        }
+        // A support that has had a velocity is held afterwards.
+        let first = stages(&["stage.0.boundary=[{ set = 'bottom', platen = 'smooth', velocity = { y = 1e-5 } }]"]);
+        let held = first.unwrap()[1].conditions.iter().find_map(|applied| match &applied.condition {
+            Condition::Platen { nodes, displacement, .. } if nodes == "bottom" => {
+                Some((*displacement, applied.history.clone()))
+            }
+            _ => None,
+        });
+        assert_eq!(held, Some((0.0, Amplitude::Constant)));
+    }
+
+    #[test]
+    fn friction_goes_on_from_stage_to_stage() {
+        let of = |more: &[&str], stage: usize| {
+            let stages = stages(more).unwrap();
+            let found = stages[stage].conditions.iter().filter_map(|applied| match &applied.condition {
+                Condition::Friction { elements, from, to } => {
+                    Some((elements.clone(), *from, *to, applied.history.clone()))
+                }
+                _ => None,
+            });
+            found.collect::<Vec<_>>()
+        };
+        let all = |from, to, history| vec![("all".to_owned(), from, to, history)];
+        let first = "stage.0.friction=[{ factor = 0.6 }]";
+        assert_eq!(of(&[first], 0), all(1.0, 0.6, Amplitude::RAMP));
+        assert_eq!(of(&[first], 1), all(0.6, 0.6, Amplitude::Constant), "it stays as it was at the end of its stage");
+        let second = "stage.1.friction=[{ factor = 0.2, history = 'constant' }]";
+        assert_eq!(of(&[first, second], 1), all(0.6, 0.2, Amplitude::Constant));
+        let back = "stage.1.friction=[{ factor = 1 }]";
+        assert_eq!(of(&[first, back], 1), all(0.6, 1.0, Amplitude::RAMP));
+        let half = "stage.0.friction=[{ factor = 0.6, history = { table = [[0, 0], [60, 0.5]] } }]";
+        assert_eq!(of(&[half], 1), all(0.8, 0.8, Amplitude::Constant));
+        assert!(of(&[first, "stage.1.remove=['all']"], 1).is_empty());
+        let error = stages(&["stage.0.friction=[{ factor = 1.2 }]"]).unwrap_err();
+        assert!(error.contains("stage.0.friction.0.factor must be at least 0 and at most 1"), "{error}");
     }
 
     #[test]

@@ -234,7 +234,10 @@ fn initial_loads(problem: &Problem, stress: &Tensor2) -> String {
                     ));
                 }
             }
-            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
+            Condition::Displacement { .. }
+            | Condition::Platen { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => {}
         }
     }
     for free in problem.mesh.side_sets.keys().filter(|set| is_free(stage, set)) {
@@ -262,7 +265,7 @@ fn is_free(stage: &Stage, set: &str) -> bool {
     !stage.conditions.iter().any(|applied| match &applied.condition {
         Condition::Displacement { nodes, .. } | Condition::Platen { nodes, .. } => nodes == set,
         Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => sides == set,
-        Condition::BodyForce { .. } => false,
+        Condition::BodyForce { .. } | Condition::Friction { .. } => false,
         Condition::MultiPointConstraint(_) => true,
     })
 }

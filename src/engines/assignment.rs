@@ -88,7 +88,9 @@ impl EngineAssignment {
         for name in &names {
             let engine = catalogue.find(name).map_err(refuse)?;
             let capabilities = capabilities_of(&engine).map_err(refuse)?;
-            let compatibility = compatibility(&capabilities, &scene.materials.definitions, &scene.problem.tangents())
+            let (definitions, problem) = (&scene.materials.definitions, &scene.problem);
+            let changes_friction = problem.changes_friction();
+            let compatibility = compatibility(&capabilities, definitions, &problem.tangents(), changes_friction)
                 .map_err(|error| Failure::new(Exit::BadInput, error))?;
             engines.push(AssignedEngine { engine, capabilities, compatibility });
         }

@@ -1,7 +1,9 @@
 //! Whether an engine can solve the points of a scene, decided before anything is started.
 
 use protocol::{Capabilities, SnapshotKind, TangentKind};
+use rve_server::contact::Rotations;
 use rve_server::definition::AnyDefinition;
+use rve_server::programs::frame::FRAME_ENGINE_NAME;
 
 /// Why an engine cannot solve a scene, with the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -30,6 +32,24 @@ pub(crate) enum Incompatibility {
         /// Keyword of the scene's contact law.
         law: &'static str,
     },
+    /// The scene has frames of boundary grains, or grains inside them that do not turn.
+    #[error(
+        "engine `{engine}` solves no frames of boundary grains; use engine = \"boundary-frame\", or leave out {key}"
+    )]
+    Frame {
+        /// Name of the engine.
+        engine: String,
+        /// What asks for frames.
+        key: &'static str,
+    },
+    /// The scene changes the friction between the grains.
+    #[error(
+        "engine `{engine}` cannot change the friction between grains during a run; choose another engine or leave [[friction]] out"
+    )]
+    Friction {
+        /// Name of the engine.
+        engine: String,
+    },
 }
 
 /// How an engine that can solve a scene will do so.
@@ -49,8 +69,12 @@ pub(crate) fn compatibility(
     capabilities: &Capabilities,
     definitions: &[AnyDefinition],
     tangents: &[TangentKind],
+    changes_friction: bool,
 ) -> Result<Compatibility, Incompatibility> {
     let engine = &capabilities.engine;
+    if changes_friction && !capabilities.reduces_friction {
+        return Err(Incompatibility::Friction { engine: engine.clone() });
+    }
     for definition in definitions {
         let dimension = definition.dimension();
         if !capabilities.dimensions.contains(&dimension) {
@@ -59,6 +83,13 @@ pub(crate) fn compatibility(
                 served: capabilities.dimensions.clone(),
                 dimension,
             });
+        }
+        let asks = [
+            (definition.options().frame.is_some(), "rve.frame"),
+            (definition.contact().rotations == Rotations::InnerBlocked, "contact.rotations = \"inner_blocked\""),
+        ];
+        if let Some((_, key)) = asks.into_iter().find(|(asks, _)| *asks && engine != FRAME_ENGINE_NAME) {
+            return Err(Incompatibility::Frame { engine: engine.clone(), key });
         }
         let law = definition.contact().law.keyword();
         if !capabilities.laws.iter().any(|served| served == law) {

@@ -91,6 +91,7 @@ impl RveEngine for ForeignEngine {
             snapshot: SnapshotKind::State,
             deterministic: true,
             side_by_side: 1,
+            reduces_friction: false,
         }
     }
 
@@ -174,6 +175,7 @@ impl RveSolver for ForeignRve {
         if options.tangent != TangentKind::None {
             return Err(RveError::Unsupported(format!("the tangent `{}`", options.tangent.keyword())));
         }
+        RveError::refuse_reduced_friction(options)?;
         let begun = Instant::now();
         let question = TrialOptions {
             ramp_steps: options.ramp_steps,

@@ -154,6 +154,8 @@ class Bench:
             raise Unsupported(f"tangent kind number {int(job['tangent'])}")
         if tangent != "none" and tangent not in self._rve_class.tangents:
             raise Unsupported(f"the tangent `{tangent}`")
+        if job["friction_reduction"] != 0.0:
+            raise Unsupported("friction that changes during the run")
         return Ask(tangent, int(job["ramp_steps"]), int(job["observables"]))
 
 

@@ -70,7 +70,12 @@ pub(super) fn solve(case: &Case, rve: &RveOptions, packing: &Packing) -> anyhow:
     let definition = AnyDefinition::new(packing.clone(), case.contact(), rve.clone());
     let mut cell = GrainEngine.create(&definition.to_protocol()).with_context(|| format!("case {}", case.name))?;
     let planar = packing.dimension() == 2;
-    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let options = TrialOptions {
+        tangent: TangentKind::None,
+        ramp_steps: 0,
+        observables: Observables::NONE,
+        ..TrialOptions::default()
+    };
     let still = cell.trial(&Tensor2([0.0; 9]), &options).context("the packing as given")?;
     let mut run = Run {
         curve: vec![CurveRow { strain: 0.0, stress: independent(&still.stress, planar) }],

@@ -34,12 +34,20 @@ pub struct FailureCase {
     pub ramp_steps: u32,
     /// Optional results asked for.
     pub observables: Observables,
+    /// Share by which the friction was below that of the definition.
+    #[serde(default)]
+    pub friction_reduction: f64,
 }
 
 impl FailureCase {
     /// The options of the trial.
     pub fn options(&self) -> TrialOptions {
-        TrialOptions { tangent: self.tangent, ramp_steps: self.ramp_steps, observables: self.observables }
+        TrialOptions {
+            tangent: self.tangent,
+            ramp_steps: self.ramp_steps,
+            observables: self.observables,
+            friction_reduction: self.friction_reduction,
+        }
     }
 
     /// Content of the file.

@@ -140,6 +140,7 @@ fn a_failure_case_reads_back_and_damage_is_noticed() {
         tangent: protocol::TangentKind::TrussLike,
         ramp_steps: 12,
         observables: protocol::Observables::ALL,
+        friction_reduction: 0.25,
     };
     fs::write(&path, written.encode()).unwrap();
     assert_eq!(FailureCase::read(&path).unwrap(), written);

@@ -37,6 +37,12 @@ impl SideShape {
     }
 }
 
+/// Outward normal times area per natural area, of a side with these nodes.
+pub(crate) fn area_vector(shape: &SideShape, nodes: &[usize], positions: &[[f64; 3]]) -> Vector3<f64> {
+    let [first, second] = shape.tangents(nodes.iter().map(|&node| positions[node]));
+    first.cross(&second)
+}
+
 /// 1 / sqrt(3) and sqrt(3 / 5).
 const TWO: f64 = 0.577_350_269_189_625_8;
 const THREE: [(f64, f64); 3] =

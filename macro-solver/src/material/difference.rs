@@ -191,6 +191,7 @@ fn probes(trial: &PointTrial, plan: &DifferencePlan) -> Vec<Probe> {
                 tangent: TangentKind::None,
                 observables: Observables::NONE,
                 ramp_steps: trial.options.ramp_steps,
+                friction_reduction: trial.options.friction_reduction,
             };
             probes.push(Probe { component: (i, j), size, trial: PointTrial { target, options, ..*trial } });
         }

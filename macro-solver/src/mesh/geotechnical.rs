@@ -9,7 +9,7 @@ use super::{Dimension, ElementKind, Mesh, MeshError};
 use std::collections::BTreeSet;
 
 /// A named part of the boundary and the places that belong to it.
-type Part<'a> = (&'a str, &'a dyn Fn([usize; 3]) -> bool);
+pub(super) type Part<'a> = (&'a str, &'a dyn Fn([usize; 3]) -> bool);
 
 /// A part of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +110,7 @@ impl Slope {
             ("face", &|p| p[0] == right && p[1] >= low),
             ("ground", &|p| p[1] == low && p[0] >= right),
         ];
-        Ok(named(found, &parts, self.kind, self.thickness))
+        Ok(named(&mut found, &parts, self.kind, self.thickness))
     }
 }
 
@@ -121,7 +121,7 @@ impl HalfFooting {
     /// [`MeshError::Block`] for impossible sections.
     pub fn mesh(&self) -> Result<Mesh, MeshError> {
         let x = [self.footing, self.beside];
-        let found = lattice(self.kind, [&x, &[self.depth], &[self.thickness]])?.mesh(|_| true);
+        let mut found = lattice(self.kind, [&x, &[self.depth], &[self.thickness]])?.mesh(|_| true);
         let ([edge, wide], high) = (ends(&x), 2 * self.depth.cells);
         let parts: [Part<'_>; 6] = [
             ("left", &|p| p[0] == 0),
@@ -131,7 +131,7 @@ impl HalfFooting {
             ("footing", &|p| p[1] == high && p[0] <= edge),
             ("surface", &|p| p[1] == high && p[0] >= edge),
         ];
-        Ok(named(found, &parts, self.kind, self.thickness))
+        Ok(named(&mut found, &parts, self.kind, self.thickness))
     }
 }
 
@@ -142,7 +142,7 @@ impl RetainingWall {
     /// [`MeshError::Block`] for impossible sections.
     pub fn mesh(&self) -> Result<Mesh, MeshError> {
         let y = [self.below, self.wall];
-        let found = lattice(self.kind, [&[self.width], &y, &[self.thickness]])?.mesh(|_| true);
+        let mut found = lattice(self.kind, [&[self.width], &y, &[self.thickness]])?.mesh(|_| true);
         let ([foot, high], wide) = (ends(&y), 2 * self.width.cells);
         let parts: [Part<'_>; 6] = [
             ("left", &|p| p[0] == 0),
@@ -152,7 +152,7 @@ impl RetainingWall {
             ("wall", &|p| p[0] == 0 && p[1] >= foot),
             ("below", &|p| p[0] == 0 && p[1] <= foot),
         ];
-        let mut mesh = named(found, &parts, self.kind, self.thickness);
+        let mut mesh = named(&mut found, &parts, self.kind, self.thickness);
         // The foot of the wall moves with it; the ground below is held without it. Sides meet there all the same.
         let of_wall: BTreeSet<usize> = mesh.node_sets["wall"].iter().copied().collect();
         mesh.node_sets.entry("below".to_owned()).and_modify(|below| below.retain(|node| !of_wall.contains(node)));
@@ -165,7 +165,7 @@ fn ends(sections: &[Section; 2]) -> [usize; 2] {
     [2 * sections[0].cells, 2 * (sections[0].cells + sections[1].cells)]
 }
 
-fn lattice(kind: ElementKind, axes: [&[Section]; 3]) -> Result<Lattice, MeshError> {
+pub(super) fn lattice(kind: ElementKind, axes: [&[Section]; 3]) -> Result<Lattice, MeshError> {
     let used = &axes[..kind.dimension().count()];
     let sound = |value: f64| value.is_finite() && value > 0.0;
     let possible = |section: &Section| sound(section.length) && sound(section.grading) && section.cells > 0;
@@ -184,7 +184,7 @@ fn lattice(kind: ElementKind, axes: [&[Section]; 3]) -> Result<Lattice, MeshErro
 }
 
 /// Names sides and their nodes, the ends along z and the whole.
-fn named(mut found: LatticeMesh, parts: &[Part<'_>], kind: ElementKind, thickness: Section) -> Mesh {
+pub(super) fn named(found: &mut LatticeMesh, parts: &[Part<'_>], kind: ElementKind, thickness: Section) -> Mesh {
     let deep = 2 * thickness.cells;
     let along_z: [Part<'_>; 2] = [("back", &|p| p[2] == 0), ("front", &|p| p[2] == deep)];
     let more = if kind.dimension() == Dimension::Space { &along_z[..] } else { &[] };
@@ -195,7 +195,7 @@ fn named(mut found: LatticeMesh, parts: &[Part<'_>], kind: ElementKind, thicknes
     }
     found.mesh.node_sets.insert("all".to_owned(), (0..found.mesh.nodes.len()).collect());
     found.mesh.element_sets.insert("all".to_owned(), (0..found.mesh.elements.len()).collect());
-    found.mesh
+    found.mesh.clone()
 }
 
 #[cfg(test)]

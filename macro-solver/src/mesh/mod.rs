@@ -11,6 +11,7 @@ pub mod block;
 pub mod geotechnical;
 pub mod gmsh;
 mod lattice;
+pub mod ring;
 mod validation;
 
 pub use crate::element::{Dimension, ElementKind, SideKind};

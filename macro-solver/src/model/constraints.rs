@@ -117,6 +117,12 @@ impl Constraints {
         self.paths[dof].map(|path| self.start[dof] + self.change(path, moment))
     }
 
+    /// Velocity of a prescribed degree of freedom at the beginning of the stage, m/s, where its history says so.
+    pub(crate) fn velocity_at_start(&self, dof: usize) -> Option<f64> {
+        let path = self.paths[dof]?;
+        Some(path.change * self.histories[path.history].rate_at_start()?)
+    }
+
     fn change(&self, path: Path, moment: Moment) -> f64 {
         path.change * self.histories[path.history].factor(moment)
     }

@@ -1,6 +1,6 @@
 //! Pressures, tractions and body forces of a stage: nodal forces and, for a follower pressure, their change with the geometry.
 
-use crate::element::side::{SideShape, side_shapes};
+use crate::element::side::{SideShape, area_vector, side_shapes};
 use crate::element::{point_geometry, shapes_at_points};
 use crate::mesh::{Mesh, Side};
 use crate::model::assembly::block::Block;
@@ -52,7 +52,10 @@ impl Loads {
                 Condition::BodyForce { elements, value } => {
                     loads.add_body_force(mesh, problem.elements(elements)?, *value, history);
                 }
-                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
+                Condition::Displacement { .. }
+                | Condition::Platen { .. }
+                | Condition::MultiPointConstraint(_)
+                | Condition::Friction { .. } => {}
             }
         }
         Ok(loads)
@@ -177,10 +180,4 @@ fn add_shares(dimension: usize, nodes: &[usize], shapes: &[f64], size: f64, valu
             forces[dimension * node + axis] += weight * size * component;
         }
     }
-}
-
-/// Outward normal times area per natural area.
-fn area_vector(shape: &SideShape, nodes: &[usize], positions: &[[f64; 3]]) -> Vector3<f64> {
-    let [first, second] = shape.tangents(nodes.iter().map(|&node| positions[node]));
-    first.cross(&second)
 }

@@ -85,6 +85,7 @@ impl Job {
             attempt: self.attempt,
             // The frame owns the length.
             state_length: 0,
+            friction_reduction: self.trial.options.friction_reduction,
         };
         LoadedJob { job, state: if self.carried { &self.state.bytes } else { &[] } }
     }
@@ -110,7 +111,7 @@ pub(super) struct Batch {
 }
 
 /// What makes two trials the same: definition, state, and the bits of target and options.
-type TrialKey = (usize, StateId, [u64; 9], u32, u32, u32);
+type TrialKey = (usize, StateId, [u64; 9], u32, u32, u32, u64);
 
 impl Batch {
     /// Turns trials into queued jobs numbered from `first`; duplicate trials become one job if `deduplicate`.
@@ -133,6 +134,7 @@ impl Batch {
                 trial.options.tangent as u32,
                 trial.options.ramp_steps,
                 trial.options.observables.0,
+                trial.options.friction_reduction.to_bits(),
             );
             let index = match known.get(&key) {
                 Some(&index) if deduplicate => index,

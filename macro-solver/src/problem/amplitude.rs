@@ -1,5 +1,7 @@
 //! How a condition goes over a stage: the factor on its value.
 
+use super::rate_history::RateHistory;
+use super::smooth_step::{SmoothRamp, quintic};
 use std::f64::consts::TAU;
 
 /// A moment within a stage.
@@ -23,6 +25,23 @@ pub enum Amplitude {
         /// At load 1.
         to: f64,
     },
+    /// From one factor to another by `10 x^3 - 15 x^4 + 6 x^5` of the share `x` of the stage: at rest and without
+    /// acceleration at both ends.
+    Smooth {
+        /// At load 0.
+        from: f64,
+        /// At load 1.
+        to: f64,
+    },
+    /// From one factor to another at a constant rate, which is reached and left smoothly.
+    SmoothRamp {
+        /// At load 0.
+        from: f64,
+        /// At load 1.
+        to: f64,
+        /// Where the rate is reached and left.
+        shape: SmoothRamp,
+    },
     /// Straight lines between points `(s since the stage began, factor)`; before the first and after the last point the
     /// factor of that point.
     Table(Vec<[f64; 2]>),
@@ -33,19 +52,68 @@ pub enum Amplitude {
         /// At the beginning of the stage, rad.
         phase: f64,
     },
+    /// The integral of another history over time: what is prescribed is a velocity or an acceleration.
+    Rate(Box<RateHistory>),
 }
 
 impl Amplitude {
     /// From 0 to 1.
     pub const RAMP: Self = Self::Ramp { from: 0.0, to: 1.0 };
+    /// From 0 to 1, at rest at both ends.
+    pub const SMOOTH: Self = Self::Smooth { from: 0.0, to: 1.0 };
 
     /// The factor at a moment.
     pub fn factor(&self, moment: Moment) -> f64 {
         match self {
             Self::Constant => 1.0,
             Self::Ramp { from, to } => from + (to - from) * moment.load,
+            Self::Smooth { from, to } => from + (to - from) * quintic(moment.load, 0),
+            Self::SmoothRamp { from, to, shape } => from + (to - from) * shape.integral(moment.load, 0),
             Self::Table(points) => interpolated(points, moment.time),
             Self::Sine { frequency, phase } => (TAU * frequency * moment.time + phase).sin(),
+            Self::Rate(rate) => rate.factor(moment),
+        }
+    }
+
+    /// Change of the factor per second at the beginning of a stage, of histories made to begin with a certain one; `None` for the others,
+    /// whose supports begin with the mean velocity of the first step.
+    pub fn rate_at_start(&self) -> Option<f64> {
+        match self {
+            Self::Smooth { .. } => Some(0.0),
+            Self::SmoothRamp { shape, .. } => (shape.start > 0.0).then_some(0.0),
+            Self::Rate(rate) => Some(rate.at_start()),
+            Self::Constant | Self::Ramp { .. } | Self::Table(_) | Self::Sine { .. } => None,
+        }
+    }
+
+    /// Whether it may begin without any change, so that a load factor that is an unknown would change nothing.
+    pub(crate) fn may_begin_at_rest(&self) -> bool {
+        matches!(self, Self::Smooth { .. } | Self::SmoothRamp { .. } | Self::Rate(_))
+    }
+
+    /// The way from `from` to nothing of what is replaced by a load with this history; `None` where that replaces it at once.
+    pub fn fading(&self, from: f64) -> Option<Self> {
+        let grows = |start: f64, end: f64| (start, end) == (0.0, 1.0);
+        match self {
+            Self::Ramp { from: start, to } if grows(*start, *to) => Some(Self::Ramp { from, to: 0.0 }),
+            Self::Smooth { from: start, to } if grows(*start, *to) => Some(Self::Smooth { from, to: 0.0 }),
+            Self::SmoothRamp { from: start, to, shape } if grows(*start, *to) => {
+                Some(Self::SmoothRamp { from, to: 0.0, shape: *shape })
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether it stays between 0 and 1, as the way from one friction to another has to.
+    pub(crate) fn stays_between_0_and_1(&self) -> bool {
+        let lies = |factor: &f64| (0.0..=1.0).contains(factor);
+        match self {
+            Self::Constant => true,
+            Self::Ramp { from, to } | Self::Smooth { from, to } | Self::SmoothRamp { from, to, .. } => {
+                lies(from) && lies(to)
+            }
+            Self::Table(points) => points.iter().all(|[_, factor]| lies(factor)),
+            Self::Sine { .. } | Self::Rate(_) => false,
         }
     }
 
@@ -53,7 +121,12 @@ impl Amplitude {
     pub fn defect(&self) -> Option<&'static str> {
         match self {
             Self::Constant => None,
-            Self::Ramp { from, to } => (!(from.is_finite() && to.is_finite())).then_some("ramps are finite"),
+            Self::Ramp { from, to } | Self::Smooth { from, to } => {
+                (!(from.is_finite() && to.is_finite())).then_some("ramps are finite")
+            }
+            Self::SmoothRamp { from, to, shape } => {
+                shape.defect().or((!(from.is_finite() && to.is_finite())).then_some("ramps are finite"))
+            }
             Self::Table(points) if points.is_empty() => Some("a table has at least one point"),
             Self::Table(points) if points.iter().flatten().any(|number| !number.is_finite()) => {
                 Some("the numbers of a table are finite")
@@ -63,11 +136,12 @@ impl Amplitude {
             }
             Self::Sine { frequency, phase } => (!(*frequency > 0.0 && frequency.is_finite() && phase.is_finite()))
                 .then_some("the frequency of a sine is above 0 Hz and its phase is finite"),
+            Self::Rate(rate) => rate.defect(),
         }
     }
 }
 
-fn interpolated(points: &[[f64; 2]], time: f64) -> f64 {
+pub(super) fn interpolated(points: &[[f64; 2]], time: f64) -> f64 {
     let after = points.partition_point(|point| point[0] <= time);
     match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
         (Some([from, low]), Some([to, high])) => low + (high - low) * ((time - from) / (to - from)),

@@ -78,11 +78,6 @@ impl Applied {
     pub fn new(condition: Condition, history: Amplitude) -> Self {
         Self { condition, history, origin: Origin::Stage }
     }
-
-    /// Whether it ties displacements to one another.
-    pub fn is_multi_point_constraint(&self) -> bool {
-        matches!(self.condition, Condition::MultiPointConstraint(_))
-    }
 }
 
 /// What a condition prescribes over a stage.
@@ -101,8 +96,10 @@ impl Applied {
     pub(super) fn action(&self) -> Action {
         let changes = match self.history {
             Amplitude::Constant => false,
-            Amplitude::Ramp { from, to } => from != to,
-            Amplitude::Table(_) | Amplitude::Sine { .. } => true,
+            Amplitude::Ramp { from, to }
+            | Amplitude::Smooth { from, to }
+            | Amplitude::SmoothRamp { from, to, .. } => from != to,
+            Amplitude::Table(_) | Amplitude::Sine { .. } | Amplitude::Rate(_) => true,
         };
         let kept = Action::Constant;
         // Back to where a node stood when the run began, 0 is a motion like any other value.
@@ -115,6 +112,9 @@ impl Applied {
                 Action::ChangingLoad
             }
             Condition::Pressure { .. } | Condition::Traction { .. } | Condition::BodyForce { .. } => kept,
+            // What a body carries falls with its friction, also at once at the beginning of a stage.
+            Condition::Friction { from, to, .. } if from != to => Action::ChangingLoad,
+            Condition::Friction { .. } => kept,
             // A displacement of constant factor is reached in the first step, by a motion too.
             Condition::Displacement { value, .. } if moves(&[*value]) => Action::MovingSupport,
             Condition::Platen { displacement, .. } if moves(&[*displacement]) => Action::MovingSupport,
@@ -144,7 +144,7 @@ pub enum Condition {
         nodes: String,
         /// Component.
         axis: Axis,
-        /// Value at factor 1, m.
+        /// Value at factor 1, m; with a history of a rate in m/s or m/s2.
         value: f64,
     },
     /// A rigid platen on a node set, moved along its normal by `displacement`.
@@ -155,7 +155,7 @@ pub enum Condition {
         contact: Platen,
         /// Normal of the platen.
         axis: Axis,
-        /// Displacement along the axis at factor 1, m.
+        /// Displacement along the axis at factor 1, m; with a history of a rate in m/s or m/s2.
         displacement: f64,
     },
     /// A pressure on a side set.
@@ -184,6 +184,15 @@ pub enum Condition {
     },
     /// Displacements that are tied to one another.
     MultiPointConstraint(MultiPointConstraint),
+    /// Friction between the grains of an element set, over that of their definition: at first `from`, at factor 1 `to`.
+    Friction {
+        /// Element set.
+        elements: String,
+        /// Over the friction of the definition at factor 0, 0 to 1.
+        from: f64,
+        /// The same at factor 1.
+        to: f64,
+    },
 }
 
 impl Condition {
@@ -218,6 +227,9 @@ mod tests {
         assert_eq!(action(platen(-1e-3), &ramp), Action::MovingSupport);
         assert_eq!(action(platen(0.0), &ramp), Action::Constant);
         assert_eq!(action(Condition::fixed("n", Axis::X), &ramp), Action::Constant);
+        let friction = |to| Condition::Friction { elements: "all".into(), from: 1.0, to };
+        assert_eq!(action(friction(0.5), &ramp), Action::ChangingLoad);
+        assert_eq!(action(friction(1.0), &ramp), Action::Constant);
         let back = Applied { condition: platen(0.0), history: ramp.clone(), origin: Origin::Run };
         assert_eq!(back.action(), Action::MovingSupport);
         let jump = |x| {

@@ -25,8 +25,10 @@ mod initial_stress;
 mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
+mod rate_history;
 pub mod relaxation;
 mod rigid_motion;
+mod smooth_step;
 mod stage;
 mod strategy;
 mod validation;
@@ -37,9 +39,11 @@ pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeas
 pub use equations::EquationSettings;
 pub use error_control::ErrorControl;
 pub use initial_stress::{InitialState, InitialStress};
-pub use multi_point_constraint::{ConstraintTerm, MultiPointConstraint};
+pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
+pub use rate_history::{Rate, RateHistory};
+pub use smooth_step::SmoothRamp;
 pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
@@ -117,6 +121,12 @@ impl Problem {
         tangents
     }
 
+    /// Whether the friction between grains is changed in any stage.
+    pub fn changes_friction(&self) -> bool {
+        let conditions = self.stages.iter().flat_map(|stage| &stage.conditions);
+        conditions.into_iter().any(|applied| matches!(applied.condition, Condition::Friction { .. }))
+    }
+
     /// Time from the start of the run to the beginning of a stage, s.
     pub fn begin_of(&self, stage: usize) -> f64 {
         self.stages[..stage].iter().map(|stage| stage.duration).sum()
@@ -147,6 +157,44 @@ pub enum ProblemError {
     History {
         /// What it should be.
         reason: &'static str,
+    },
+    /// A load factor that is an unknown needs histories that change with it from the first step on.
+    #[error(
+        "the load factor is an unknown of this stage (loading.control), and a smooth history, a velocity or an acceleration may not \
+         change with it at the start; give the conditions of the stage the history \"ramp\" or \"constant\""
+    )]
+    HistoryAtRest,
+    /// The way from one friction to another leaves what lies between them.
+    #[error(
+        "friction goes from one value to another: its history lies between 0 and 1, so it is \"constant\", \"ramp\", \"smooth\", a smooth \
+         ramp or a table of such factors"
+    )]
+    FrictionHistory,
+    /// Friction cannot follow an unknown load factor.
+    #[error(
+        "friction changes in this stage, and its load factor is an unknown (loading.control): how the forces change with friction is not \
+         known to the solver; use control = \"load\""
+    )]
+    FrictionUnknownLoad,
+    /// A node at the centre of its radial displacement, or between sides that cancel.
+    #[error("node {node} at {} has no direction along which it could be displaced; leave it out of the set", coordinates(.place))]
+    NoDirection {
+        /// Node, from 0.
+        node: usize,
+        /// Its position, m.
+        place: [f64; 3],
+    },
+    /// Two conditions change the friction of one element.
+    #[error(
+        "the friction of element {element} is given twice, by sets '{first}' and '{second}'; give the sets no element in common"
+    )]
+    TwoFrictions {
+        /// Element, from 0.
+        element: usize,
+        /// First element set.
+        first: String,
+        /// Second element set.
+        second: String,
     },
     /// The mesh is not usable.
     #[error(transparent)]

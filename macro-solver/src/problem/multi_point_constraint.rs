@@ -1,6 +1,8 @@
 //! Conditions that tie displacements to one another: rigid bodies, tilting platens, periodic faces, sums.
 
 use super::{Amplitude, Applied, Axis, Condition, Problem, ProblemError, Stage};
+use crate::element::side::{area_vector, side_shapes};
+use std::collections::BTreeMap;
 
 /// A condition between displacements. What it says counts from the beginning of its stage: rotations are linearised about
 /// the positions at that time.
@@ -24,6 +26,15 @@ pub enum MultiPointConstraint {
         axis: Axis,
         /// Displacement of its middle along the axis at factor 1, m; `None`: it moves freely, under loads.
         displacement: Option<f64>,
+        /// Rotation vector at factor 1, rad; a component that is left out is free, that along the normal has to be.
+        rotation: [Option<f64>; 3],
+    },
+    /// Nodes move by a given amount along directions of their own, and freely across them.
+    Guided {
+        /// The directions, and the set.
+        along: Directions,
+        /// Displacement at factor 1, m.
+        displacement: f64,
     },
     /// Every node of one set moves as its image in the other one plus a jump that is the same for all pairs.
     Periodic {
@@ -40,6 +51,23 @@ pub enum MultiPointConstraint {
         terms: Vec<ConstraintTerm>,
         /// Value of the sum at factor 1, m.
         value: f64,
+    },
+}
+
+/// Directions of the nodes of [`MultiPointConstraint::Guided`], as at the beginning of the stage.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Directions {
+    /// The outward normals of a side set: at a node the mean of the sides that meet there, weighted by area.
+    Normal {
+        /// Side set.
+        sides: String,
+    },
+    /// Away from a line along z, or in the plane from a point.
+    Radial {
+        /// Node set.
+        nodes: String,
+        /// A point of the line, m.
+        centre: [f64; 2],
     },
 }
 
@@ -74,7 +102,13 @@ impl MultiPointConstraint {
             Self::RigidBody { displacement, rotation, .. } => {
                 displacement.iter().chain(rotation).flatten().copied().collect()
             }
-            Self::TiltingPlaten { displacement, .. } => displacement.iter().copied().collect(),
+            Self::TiltingPlaten { displacement, rotation, .. } => {
+                displacement.iter().chain(rotation.iter().flatten()).copied().collect()
+            }
+            Self::Guided { along, displacement } => match along {
+                Directions::Normal { .. } => vec![*displacement],
+                Directions::Radial { centre, .. } => vec![*displacement, centre[0], centre[1]],
+            },
             Self::Periodic { jump, .. } => jump.iter().flatten().copied().collect(),
             Self::Sum { terms, value } => terms.iter().map(|term| term.coefficient).chain([*value]).collect(),
         }
@@ -85,7 +119,8 @@ impl MultiPointConstraint {
         let any = |values: &[Option<f64>]| values.iter().flatten().any(|value| *value != 0.0);
         match self {
             Self::RigidBody { displacement, rotation, .. } => any(displacement) || any(rotation),
-            Self::TiltingPlaten { displacement, .. } => any(&[*displacement]),
+            Self::TiltingPlaten { displacement, rotation, .. } => any(&[*displacement]) || any(rotation),
+            Self::Guided { displacement, .. } => *displacement != 0.0,
             Self::Periodic { jump, .. } => any(jump),
             Self::Sum { value, .. } => *value != 0.0,
         }
@@ -101,7 +136,11 @@ impl MultiPointConstraint {
                 clear(displacement);
                 clear(rotation);
             }
-            Self::TiltingPlaten { displacement, .. } => clear(std::slice::from_mut(displacement)),
+            Self::TiltingPlaten { displacement, rotation, .. } => {
+                clear(std::slice::from_mut(displacement));
+                clear(rotation);
+            }
+            Self::Guided { displacement, .. } => *displacement = 0.0,
             Self::Periodic { jump, .. } => clear(jump),
             Self::Sum { value, .. } => *value = 0.0,
         }
@@ -126,8 +165,11 @@ impl Problem {
                 MultiPointConstraint::RigidBody { nodes, displacement, rotation } => {
                     writer.rigid_body(nodes, *displacement, *rotation, history)?;
                 }
-                MultiPointConstraint::TiltingPlaten { nodes, axis, displacement } => {
-                    writer.tilting_platen(nodes, *axis, *displacement, history)?;
+                MultiPointConstraint::TiltingPlaten { nodes, axis, displacement, rotation } => {
+                    writer.tilting_platen(nodes, *axis, *displacement, *rotation, history)?;
+                }
+                MultiPointConstraint::Guided { along, displacement } => {
+                    writer.guided(along, *displacement, history)?;
                 }
                 MultiPointConstraint::Periodic { from, to, jump } => writer.periodic(from, to, *jump, history)?,
                 MultiPointConstraint::Sum { terms, value } => writer.sum(terms, *value, history)?,
@@ -221,23 +263,87 @@ impl<'a> Writer<'a, '_> {
         set: &str,
         normal: Axis,
         displacement: Option<f64>,
+        rotation: [Option<f64>; 3],
         history: &'a Amplitude,
     ) -> Result<(), ProblemError> {
         let dimension = self.dimension();
         if normal.index() >= dimension {
             return Err(ProblemError::NoThirdAxis);
         }
+        if rotation[normal.index()].is_some() {
+            return Err(ProblemError::MultiPointConstraint {
+                reason: "a smooth platen is turned about its normal, which moves nothing",
+                remedy: "leave that component of its rotation out",
+            });
+        }
+        if dimension == 2 && rotation[..2].iter().any(Option::is_some) {
+            return Err(ProblemError::NoThirdAxis);
+        }
         let nodes = self.problem.nodes(set)?.to_vec();
         let middle = self.middle(&nodes);
         let moved = self.part(displacement);
-        let tilts: Vec<(usize, Part)> =
-            (0..dimension).filter(|&axis| axis != normal.index()).map(|axis| (axis, self.part(None))).collect();
+        // u_n = U_n + (theta x r)_n: along each axis of the platen the rotation about the other one, right-handed.
+        let about = |axis: usize| {
+            let third = 3 - normal.index() - axis;
+            (third, if (axis + 1) % 3 == normal.index() { 1.0 } else { -1.0 })
+        };
+        let along = (0..dimension).filter(|&axis| axis != normal.index());
+        let tilts: Vec<(usize, Part)> = along
+            .map(|axis| {
+                let (third, sign) = about(axis);
+                (axis, self.part(rotation[third].map(|angle| sign * angle)))
+            })
+            .collect();
         for node in nodes {
             let mut parts = vec![(moved, 1.0)];
             parts.extend(tilts.iter().map(|&(axis, tilt)| (tilt, self.positions[node][axis] - middle[axis])));
             self.equate(dimension * node + normal.index(), &parts, history);
         }
         Ok(())
+    }
+
+    fn guided(&mut self, along: &Directions, displacement: f64, history: &'a Amplitude) -> Result<(), ProblemError> {
+        let dimension = self.dimension();
+        for (node, direction) in self.directions(along)? {
+            let length = direction.iter().map(|part| part * part).sum::<f64>().sqrt();
+            if length == 0.0 || !length.is_finite() {
+                return Err(ProblemError::NoDirection { node, place: self.positions[node] });
+            }
+            let terms = (0..dimension)
+                .map(|axis| (dimension * node + axis, direction[axis] / length))
+                .filter(|(_, share)| share.abs() > 1e-14);
+            let terms = terms.collect();
+            self.equations.push(Equation { terms, auxiliary: Vec::new(), value: displacement, history });
+        }
+        Ok(())
+    }
+
+    /// Nodes and their directions, of any length, ascending.
+    fn directions(&self, along: &Directions) -> Result<BTreeMap<usize, [f64; 3]>, ProblemError> {
+        let mut found: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
+        match along {
+            Directions::Normal { sides } => {
+                let mesh = &self.problem.mesh;
+                for &side in self.problem.sides(sides)? {
+                    let nodes = mesh.side_nodes(side);
+                    for shape in side_shapes(mesh.kinds[side.element].side_kind()) {
+                        let area = area_vector(shape, &nodes, self.positions) * shape.weight;
+                        for (&node, share) in nodes.iter().zip(&shape.values) {
+                            let sum = found.entry(node).or_default();
+                            // Shares of corners of quadratic sides have both signs; no side counts against its own normal.
+                            (0..3).for_each(|axis| sum[axis] += share.abs() * area[axis]);
+                        }
+                    }
+                }
+            }
+            Directions::Radial { nodes, centre } => {
+                for &node in self.problem.nodes(nodes)? {
+                    let [x, y, _] = self.positions[node];
+                    found.insert(node, [x - centre[0], y - centre[1], 0.0]);
+                }
+            }
+        }
+        Ok(found)
     }
 
     fn periodic(

@@ -3,8 +3,8 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, Platen, Problem, ProblemError,
-    Procedure, Stage,
+    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, PathControl, Platen, Problem,
+    ProblemError, Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
@@ -82,12 +82,23 @@ impl Problem {
             if let Some(reason) = applied.history.defect() {
                 return Err(ProblemError::History { reason });
             }
+            if stage.control.path != PathControl::Load && applied.history.may_begin_at_rest() {
+                return Err(ProblemError::HistoryAtRest);
+            }
             match &applied.condition {
                 Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
                     self.sides(sides)?;
                 }
                 Condition::BodyForce { elements, .. } => {
                     self.elements(elements)?;
+                }
+                Condition::Friction { from, to, .. } => {
+                    if !applied.history.stays_between_0_and_1() {
+                        return Err(ProblemError::FrictionHistory);
+                    }
+                    if from != to && stage.control.path != PathControl::Load {
+                        return Err(ProblemError::FrictionUnknownLoad);
+                    }
                 }
                 Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
             }
@@ -99,16 +110,9 @@ impl Problem {
             }
         }
         self.check_third_axis(stage)?;
+        self.check_frictions(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
-        if matches!(stage.procedure, Procedure::Relaxation(_))
-            && stage.conditions.iter().any(Applied::is_multi_point_constraint)
-        {
-            return Err(ProblemError::MultiPointConstraint {
-                reason: "linked displacements need an implicit or a dynamic stage",
-                remedy: "remove them before this stage, or solve it implicitly",
-            });
-        }
         match &stage.procedure {
             Procedure::Implicit | Procedure::Relaxation(_) => {
                 check_rigid_motion(&self.mesh, &prescribed, &dependents)
@@ -160,6 +164,7 @@ impl Problem {
                 Condition::Pressure { .. }
                 | Condition::Traction { .. }
                 | Condition::BodyForce { .. }
+                | Condition::Friction { .. }
                 | Condition::MultiPointConstraint(_) => {}
             }
         }
@@ -250,6 +255,21 @@ impl Problem {
         prescribing.map_or("", String::as_str)
     }
 
+    /// Whether every element has one friction.
+    fn check_frictions(&self, stage: &Stage) -> Result<(), ProblemError> {
+        let mut set_of: Vec<Option<&str>> = vec![None; self.mesh.elements.len()];
+        for applied in &stage.conditions {
+            let Condition::Friction { elements: set, .. } = &applied.condition else { continue };
+            for &element in self.elements(set)? {
+                if let Some(first) = set_of[element].replace(set) {
+                    let (first, second) = (first.to_owned(), set.clone());
+                    return Err(ProblemError::TwoFrictions { element, first, second });
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
         let acts_along_z = |applied: &Applied| match &applied.condition {
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
@@ -297,6 +317,11 @@ fn condition_numbers(stage: &Stage) -> Vec<Check> {
             Condition::Traction { value, .. } => ("traction", value.to_vec()),
             Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
             Condition::MultiPointConstraint(link) => ("linked displacement", link.numbers()),
+            Condition::Friction { from, to, .. } => {
+                let lies = |value: &f64| (0.0..=1.0).contains(value);
+                checks.extend([from, to].map(|value| ("friction factor", *value, "between 0 and 1", lies(value))));
+                continue;
+            }
         };
         checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
     }
@@ -323,6 +348,16 @@ mod tests {
             Condition::fixed("bottom_left", Axis::X),
             Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
         ]
+    }
+
+    #[test]
+    fn an_unknown_load_factor_needs_histories_that_change_at_once() {
+        let mut problem = problem(supported());
+        problem.validate().unwrap();
+        problem.stages[0].control.path = PathControl::ArcLength { first_load: 0.1, set: None, component: None };
+        problem.validate().unwrap();
+        problem.stages[0].conditions[1].history = Amplitude::SMOOTH;
+        assert_eq!(problem.validate(), Err(ProblemError::HistoryAtRest));
     }
 
     #[test]

@@ -21,6 +21,7 @@ use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
 use crate::model::failure::{Failure, failure};
+use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
 use crate::model::points::Points;
 use crate::observer::{CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
@@ -81,6 +82,7 @@ pub(super) struct Solver<'a> {
     pub(super) stage_start: Vec<f64>,
     pub(super) constraints: Constraints,
     pub(super) loads: Loads,
+    pub(super) frictions: Frictions,
     pub(super) linear: LinearSolver,
     pub(super) body: Body,
     pub(super) points: Points,
@@ -126,7 +128,8 @@ impl<'a> Solver<'a> {
         let first = &problem.stages[0];
         let body = Body::new(problem.mesh.clone(), problem.formulation, problem.hourglass);
         let stage_start = body.zero();
-        let Equations { constraints, loads, linear } = Equations::new(problem, first, &body, &stage_start)?;
+        let Equations { constraints, loads, frictions, linear } =
+            Equations::new(problem, first, &body, &stage_start)?;
         let empty =
             Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new(), hourglass_energy: 0.0 };
         let statistics = Statistics {
@@ -140,6 +143,7 @@ impl<'a> Solver<'a> {
             stage_start,
             constraints,
             loads,
+            frictions,
             linear,
             points: Points::new(problem),
             body,

@@ -7,6 +7,7 @@ use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
+use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
 use crate::observer::Outcome;
 use crate::problem::elimination::dependents;
@@ -16,6 +17,7 @@ use crate::problem::{Moment, Problem, ProblemError, Stage};
 pub(super) struct Equations {
     pub(super) constraints: Constraints,
     pub(super) loads: Loads,
+    pub(super) frictions: Frictions,
     pub(super) linear: LinearSolver,
 }
 
@@ -33,7 +35,8 @@ impl Equations {
         let block_dofs: Vec<Vec<usize>> =
             body.block_dofs(&loads).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect();
         let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints, problem.equations);
-        Ok(Self { constraints, loads, linear })
+        let frictions = Frictions::new(problem, stage, body)?;
+        Ok(Self { constraints, loads, frictions, linear })
     }
 }
 
@@ -79,6 +82,7 @@ impl<'a> Solver<'a> {
         let equations = Equations::new(self.problem, self.stage(), &self.body, &self.stage_start)?;
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
+        self.frictions = equations.frictions;
         self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
         let stage = &self.problem.stages[self.stage];
         self.points.choose(self.problem, stage);

@@ -363,7 +363,7 @@ pub fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
     heard.until(&mut port, |heard| !heard.controls.is_empty());
     let state = vec![0; 65 << 20];
     let error = port.send_jobs(WorkerId(0), &[LoadedJob { job: job(0), state: &state }]).unwrap_err();
-    assert!(error.to_string().contains(&(state.len() + 144 + 32).to_string()), "{error}");
+    assert!(error.to_string().contains(&(state.len() + size_of::<TrialJob>() + 32).to_string()), "{error}");
     let reply = TrialReply::bare(&job(0), ReplyStatus::Done);
     assert!(worker.send_replies(&[LoadedReply { reply, state: &state, error: b"" }]).is_err());
     drop(port);

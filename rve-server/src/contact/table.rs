@@ -49,6 +49,8 @@ pub enum Rotations {
     Free,
     /// Grains only translate.
     Blocked,
+    /// In a frame of boundary grains, the grains inside it only translate, those of the boundary rotate [Liu2018]. Refused elsewhere.
+    InnerBlocked,
 }
 
 /// The table `[contact]`.
@@ -183,6 +185,21 @@ impl ContactTable {
             ));
         }
         positive("contact.density", self.density)
+    }
+
+    /// Refuses what only grains inside a frame can do.
+    ///
+    /// # Errors
+    /// Rotations that are blocked inside a boundary which is not there.
+    pub fn refuse_inner_blocked(&self) -> Result<(), DefinitionError> {
+        match self.rotations {
+            Rotations::Free | Rotations::Blocked => Ok(()),
+            Rotations::InnerBlocked => Err(DefinitionError(
+                "contact.rotations = \"inner_blocked\" needs a frame, whose boundary grains rotate; give one (in scenes [rve] frame, in \
+                 RVE tests [frame]), or take \"blocked\""
+                    .into(),
+            )),
+        }
     }
 
     fn validate_linear(&self) -> Result<(), DefinitionError> {

@@ -1,11 +1,13 @@
 //! The definition of an RVE as workers receive it: packing, contact table, solver options.
 
+mod frame;
 mod listed_contact;
 mod model;
 mod operator_options;
 mod options;
 pub mod packing_file;
 
+pub use frame::{CellFrame, FrameConstraint, FrameControl};
 pub use listed_contact::ListedContact;
 pub use model::GrainModel;
 pub use operator_options::OperatorOptions;

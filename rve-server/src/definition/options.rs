@@ -1,5 +1,6 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
+use super::frame::CellFrame;
 use super::operator_options::OperatorOptions;
 use crate::error::{DefinitionError, positive};
 use schemars::JsonSchema;
@@ -157,6 +158,10 @@ pub struct RveOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0))]
     pub largest_event_increment: Option<f64>,
+    /// Frame of boundary grains [Liu2018] in place of a periodic cell, cut out of the packing of discs; for scenes, whose engine then is
+    /// `boundary-frame`. Tangents are found by finite differences.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<CellFrame>,
     /// Perturbations and averages of tangent operators.
     pub operator: OperatorOptions,
 }
@@ -204,6 +209,7 @@ impl RveOptions {
         if self.max_evaluations == Some(0) {
             return Err(DefinitionError("rve.max_evaluations must be at least 1, or left out".into()));
         }
+        self.frame.as_ref().map_or(Ok(()), CellFrame::validate)?;
         self.operator.validate()
     }
 
@@ -299,6 +305,10 @@ mod tests {
         assert!(options("strain_per_step = -1").unwrap_err().contains("rve.strain_per_step"));
         assert!(options("local_damping = 0.5").unwrap_err().contains("damping = \"local\""));
         assert!(options("damping = \"local\"\nlocal_damping = 1.5").unwrap_err().contains("between 0 and 1"));
+        options("frame = { constraint = \"traction\" }").unwrap();
+        let servo = options("frame = { control = { servo = { gain = 2.5 } } }").unwrap_err();
+        assert!(servo.contains("rve.frame.control.servo.gain"), "{servo}");
+        assert!(options("frame = { servo_tolerance = 0 }").unwrap_err().contains("rve.frame.servo_tolerance"));
         assert!(options("accuracy = \"best\"").unwrap_err().contains("draft"));
     }
 }

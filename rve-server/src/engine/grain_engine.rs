@@ -23,12 +23,20 @@ impl RveEngine for GrainEngine {
             snapshot: SnapshotKind::State,
             deterministic: true,
             side_by_side: solver::side_by_side(),
+            reduces_friction: true,
         }
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
         let id = definition.id();
-        Ok(match AnyDefinition::from_protocol(definition).map_err(refused)? {
+        let parsed = AnyDefinition::from_protocol(definition).map_err(refused)?;
+        parsed.contact().refuse_inner_blocked().map_err(refused)?;
+        if parsed.options().frame.is_some() {
+            return Err(RveError::Definition(
+                "rve.frame: frames of boundary grains are solved by engine = \"boundary-frame\"".into(),
+            ));
+        }
+        Ok(match parsed {
             AnyDefinition::Discs(parsed) => Box::new(GrainRve::build(&parsed, id)?),
             AnyDefinition::Spheres(parsed) => Box::new(GrainRve::build(&parsed, id)?),
         })

@@ -4,7 +4,7 @@ use super::listed_forces::ListedForces;
 use super::snapshot::{ENGINE_NAME, opened};
 use crate::cell::{ContactNetwork, GrainState, reduced};
 use crate::contact::ContactTable;
-use crate::definition::{GrainDefinition, GrainModel, RveOptions};
+use crate::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
 use crate::solver::{Course, End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
@@ -29,6 +29,10 @@ pub struct GrainRve<S: SolverFor = Discs> {
     orderings: Orderings,
     closeness: Closeness,
     listed_forces: ListedForces,
+    /// Friction of the definition; `model` and `contact` have that of the latest trial.
+    full_friction: f64,
+    friction_reduction: f64,
+    uses_lanes: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -92,6 +96,9 @@ impl<S: SolverFor> Clone for GrainRve<S> {
             orderings: Orderings::default(),
             closeness: self.closeness,
             listed_forces: self.listed_forces,
+            full_friction: self.full_friction,
+            friction_reduction: self.friction_reduction,
+            uses_lanes: self.uses_lanes,
         }
     }
 }
@@ -116,8 +123,7 @@ impl<S: SolverFor> GrainRve<S> {
 
     pub(super) fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
         let model = GrainModel::new(definition)?;
-        let mut solver = S::solver(definition.options.solver, &definition.contact).map_err(refused)?;
-        solver.use_responses(Box::new(NetworkResponses::default()));
+        let mut solver = solver_for(definition.options.solver, &definition.contact)?;
         let given = model.initial_state(definition);
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
         let found = solver.evaluate_state(&model, &given).ok().filter(|end| end.solved.unbalanced.is_finite());
@@ -141,7 +147,33 @@ impl<S: SolverFor> GrainRve<S> {
             orderings: Orderings::default(),
             closeness: Closeness::STEERING,
             listed_forces,
+            full_friction: definition.contact.friction,
+            friction_reduction: 0.0,
+            uses_lanes: true,
         })
+    }
+
+    /// Takes up the friction that is a share below that of the definition. A cell with less friction is solved for by relaxation, whatever
+    /// the solver of the definition: stored responses belong to the other friction.
+    ///
+    /// # Errors
+    /// A share that is not one.
+    fn reduce_friction(&mut self, reduction: f64) -> Result<(), RveError> {
+        if reduction == self.friction_reduction {
+            return Ok(());
+        }
+        if !(0.0..=1.0).contains(&reduction) {
+            return Err(RveError::Unsupported(format!(
+                "friction reduced by {reduction}, which is no share between 0 and 1,"
+            )));
+        }
+        let friction = self.full_friction * (1.0 - reduction);
+        let contact = ContactTable { friction, ..self.contact.clone() };
+        let name = if reduction == 0.0 { self.model.options.solver } else { SolverName::Relaxation };
+        self.solver = solver_for(name, &contact)?;
+        self.solver.use_lanes(self.uses_lanes);
+        (self.contact, self.model.friction, self.friction_reduction) = (contact, friction, reduction);
+        Ok(())
     }
 
     /// Has operators solved for this closely from now on; without it, as closely as iterations need.
@@ -180,6 +212,7 @@ impl<S: SolverFor> GrainRve<S> {
     /// # Errors
     /// [`RveError::NotFinite`] for a state from elsewhere whose forces are not finite.
     pub fn committed_network(&mut self) -> Result<ContactNetwork<S>, RveError> {
+        self.reduce_friction(0.0)?;
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         Ok(self.solver.network(&self.model, &end))
     }
@@ -199,6 +232,7 @@ impl<S: SolverFor> GrainRve<S> {
     /// # Errors
     /// As [`committed_network`](Self::committed_network).
     pub fn observe(&mut self, observables: Observables) -> Result<TrialResult, RveError> {
+        self.reduce_friction(0.0)?;
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
         let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
@@ -207,6 +241,7 @@ impl<S: SolverFor> GrainRve<S> {
 
     /// Whether several trials are solved side by side; no result depends on it.
     pub fn use_lanes(&mut self, uses_lanes: bool) {
+        self.uses_lanes = uses_lanes;
         self.solver.use_lanes(uses_lanes);
     }
 
@@ -310,9 +345,10 @@ impl<S: SolverFor> GrainRve<S> {
         answers
     }
 
-    /// Whether the committed state is the answer to this target.
-    fn stays(&self, h: &S::Tensor) -> bool {
-        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments
+    /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it
+    /// may have been reached with more.
+    fn stays(&self, h: &S::Tensor, options: &TrialOptions) -> bool {
+        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments && options.friction_reduction == 0.0
     }
 
     /// A target of exactly zero: the committed state is the answer.
@@ -401,7 +437,8 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
     fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
         let h = checked_target(target)?;
-        if self.stays(&h) { self.stay(options) } else { self.solve(&h, options) }
+        self.reduce_friction(options.friction_reduction)?;
+        if self.stays(&h, options) { self.stay(options) } else { self.solve(&h, options) }
     }
 
     fn solve_batch(&mut self, questions: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
@@ -409,7 +446,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         let mut opened = Vec::new();
         for (place, question) in questions.iter().enumerate() {
             let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
-                if self.stays(&h) {
+                if self.stays(&h, &question.options) {
                     return Ok(None);
                 }
                 let state = self::opened(question.state, self.id, self.model.radii.len())?;
@@ -423,9 +460,19 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                 Err(error) => answers[place] = Some(Err(error)),
             }
         }
-        let places: Vec<usize> = opened.iter().map(|one| one.place).collect();
-        for (answer, place) in self.solve_side_by_side(opened).into_iter().zip(places) {
-            answers[place] = Some(answer);
+        // Cells of one friction share a law, and so their lanes.
+        while let Some(reduction) = opened.first().map(|one: &PreparedTrial<S>| one.options.friction_reduction) {
+            let alike = |one: &PreparedTrial<S>| one.options.friction_reduction.to_bits() == reduction.to_bits();
+            let (group, others) = opened.into_iter().partition::<Vec<_>, _>(alike);
+            opened = others;
+            let places: Vec<usize> = group.iter().map(|one| one.place).collect();
+            let solved = match self.reduce_friction(reduction) {
+                Ok(()) => self.solve_side_by_side(group),
+                Err(error) => places.iter().map(|_| Err(error.clone())).collect(),
+            };
+            for (answer, place) in solved.into_iter().zip(places) {
+                answers[place] = Some(answer);
+            }
         }
         answers.into_iter().map(|answer| answer.expect("every question has been answered")).collect()
     }
@@ -455,6 +502,13 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         self.trial = None;
         Ok(())
     }
+}
+
+/// A solver with the linear responses that it may use.
+fn solver_for<S: SolverFor>(name: SolverName, contact: &ContactTable) -> Result<Box<dyn GrainSolver<S>>, RveError> {
+    let mut solver = S::solver(name, contact).map_err(refused)?;
+    solver.use_responses(Box::new(NetworkResponses::default()));
+    Ok(solver)
 }
 
 /// The displacement gradient of an acceptable target.

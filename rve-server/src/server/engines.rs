@@ -28,7 +28,7 @@ pub const BUILT_IN_ENGINES: [BuiltInEngine; 2] = [
     BuiltInEngine {
         keyword: "boundary-frame",
         aliases: &[],
-        summary: "discs behind a frame of boundary grains [Liu2018], periodic constraint",
+        summary: "discs behind a frame of boundary grains [Liu2018]",
         create: || Box::new(FrameEngine),
     },
 ];

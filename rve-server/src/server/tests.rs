@@ -177,6 +177,7 @@ fn job(definition: DefinitionId, state: StateId, stretch: f64) -> TrialJob {
         observables: 0,
         attempt: 0,
         state_length: 0,
+        friction_reduction: 0.0,
     }
 }
 

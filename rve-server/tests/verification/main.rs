@@ -4,6 +4,7 @@
 mod contract;
 mod equilibrium;
 mod event_driven;
+mod friction;
 mod impacts;
 mod invariances;
 mod large_shear;

@@ -80,7 +80,12 @@ fn tiny_and_huge_targets_are_answered_or_refused() {
 #[test]
 fn a_cell_that_came_apart_is_a_fluid_until_it_is_pressed_together() {
     let mut cell = GrainRve::new(&hundred_discs(RveOptions { strain_per_step: Some(2e-5), ..coarse() })).unwrap();
-    let options = TrialOptions { tangent: TangentKind::TrussLikeSlip, observables: Observables::ALL, ramp_steps: 0 };
+    let options = TrialOptions {
+        tangent: TangentKind::TrussLikeSlip,
+        observables: Observables::ALL,
+        ramp_steps: 0,
+        ..TrialOptions::default()
+    };
     let mut go = |size: f64| -> (TrialResult, GrainRve) {
         let answer = cell.trial(&Tensor2::from_plane([[size, 0.0], [0.0, size]]), &options).unwrap();
         cell.commit().unwrap();
@@ -222,7 +227,12 @@ fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
         .collect();
     definition.packing.periodicity = rows.map(|row| row.map(|value| 5.0 * value));
     let mut cell = GrainRve::new(&definition).unwrap();
-    let options = TrialOptions { tangent: TangentKind::TrussLike, observables: Observables::ALL, ramp_steps: 0 };
+    let options = TrialOptions {
+        tangent: TangentKind::TrussLike,
+        observables: Observables::ALL,
+        ramp_steps: 0,
+        ..TrialOptions::default()
+    };
     let answer = cell.trial(&Tensor2::from_plane([[1e-5, 0.0], [0.0, -3e-5]]), &options).unwrap();
     for flag in [TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED, TrialFlags::NOT_EQUILIBRATED] {
         assert!(!answer.flags.contains(flag), "{:?}", answer.flags);

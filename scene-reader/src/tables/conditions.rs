@@ -1,7 +1,7 @@
-//! `[[boundary]]`, `[[pressure]]`, `[[traction]]` and `[[body_force]]`.
+//! `[[boundary]]`, `[[pressure]]`, `[[traction]]`, `[[body_force]]` and `[[friction]]`.
 
 use keys::Located;
-use macro_solver::problem::{Amplitude, Axis, Origin, Platen, PressureKind};
+use macro_solver::problem::{Amplitude, Axis, Origin, Platen, PressureKind, SmoothRamp};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,14 +14,21 @@ pub(crate) struct BoundaryTable {
     pub(crate) name: Option<String>,
     /// Node set.
     pub(crate) set: Located<String>,
-    /// Whether a rigid platen holds the set. `displacement` then has one component only, along the normal of the platen.
+    /// Whether a rigid platen holds the set. What is prescribed then has one component only, along the normal of the platen.
     #[schemars(extend("x-default" = "none"))]
     pub(crate) platen: Option<Platen>,
-    /// Displacement at factor 1 of the history. A component that is left out is free, 0 holds it.
-    #[schemars(extend("x-unit" = "m"))]
-    pub(crate) displacement: Located<Components>,
-    /// Factor on the displacement over the stage.
-    #[schemars(extend("x-default" = "\"ramp\""))]
+    /// Displacement at factor 1 of the history. A component that is left out is free, 0 holds it. Either this or `velocity` or
+    /// `acceleration` is given.
+    #[schemars(extend("x-unit" = "m", "x-default" = "none"))]
+    pub(crate) displacement: Option<Located<Components>>,
+    /// Velocity at factor 1 of the history, integrated exactly over the time since the stage began.
+    #[schemars(extend("x-unit" = "m/s", "x-default" = "none"))]
+    pub(crate) velocity: Option<Located<Components>>,
+    /// Acceleration at factor 1 of the history, integrated exactly, from rest at the beginning of the stage.
+    #[schemars(extend("x-unit" = "m/s2", "x-default" = "none"))]
+    pub(crate) acceleration: Option<Located<Components>>,
+    /// Factor on what is prescribed over the stage.
+    #[schemars(extend("x-default" = "\"ramp\" for a displacement, \"constant\" for a velocity or an acceleration"))]
     pub(crate) history: Option<Located<History>>,
     /// Position from which displacements count.
     #[serde(default)]
@@ -83,6 +90,25 @@ pub(crate) struct BodyForceTable {
     pub(crate) history: Option<Located<History>>,
 }
 
+/// `[[friction]]`: friction between the grains that changes during the run.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FrictionTable {
+    /// Element set.
+    #[serde(default = "all")]
+    pub(crate) set: Located<String>,
+    /// Friction at factor 1 of the history, over that of `[contact]` or of the region, which is the largest of the run; at factor 0 it is
+    /// that of the stage before.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 1.0))]
+    pub(crate) factor: f64,
+    /// Name by which later stages replace or remove it.
+    #[schemars(extend("x-default" = "the name of the set"))]
+    pub(crate) name: Option<String>,
+    /// Factor on the change of friction over the stage; between 0 and 1, so no sine.
+    #[schemars(extend("x-default" = "\"ramp\""))]
+    pub(crate) history: Option<Located<History>>,
+}
+
 fn all() -> Located<String> {
     Located::new(0..0, "all".to_owned())
 }
@@ -115,6 +141,10 @@ pub(crate) enum History {
     Constant,
     /// Grows with the load factor, from 0 to 1.
     Ramp,
+    /// From 0 to 1 by `10 x^3 - 15 x^4 + 6 x^5` of the load factor `x`: at rest and without acceleration at both ends.
+    Smooth,
+    /// From 0 to 1 at a constant rate that is reached and left smoothly.
+    SmoothRamp(SmoothRampTable),
     /// Straight lines between points `[time since the stage began in s, factor]`; before the first and after the last time the
     /// factor there.
     #[schemars(extend("x-unit" = "s, -"))]
@@ -128,10 +158,29 @@ impl From<&History> for Amplitude {
         match history {
             History::Constant => Self::Constant,
             History::Ramp => Self::RAMP,
+            History::Smooth => Self::SMOOTH,
+            History::SmoothRamp(ramp) => {
+                let shape = SmoothRamp { start: ramp.start, stop: ramp.stop };
+                Self::SmoothRamp { from: 0.0, to: 1.0, shape }
+            }
             History::Table(points) => Self::Table(points.clone()),
             History::Sine(sine) => Self::Sine { frequency: sine.frequency, phase: sine.phase },
         }
     }
+}
+
+/// A ramp with smooth ends: its rate grows from 0 and falls to 0 without jumps of velocity and acceleration.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SmoothRampTable {
+    /// Share of the stage over which the rate is reached.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 1.0))]
+    pub(crate) start: f64,
+    /// Share of the stage at its end over which the rate is left; with `start` at most 1.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 1.0))]
+    pub(crate) stop: f64,
 }
 
 /// A sine over time.

@@ -26,12 +26,15 @@ pub(crate) struct MeshTable {
     /// Horizontal extent of the inclined face. Required by the generator "slope", refused by the others.
     #[schemars(extend("x-unit" = "m"))]
     pub(crate) run: Option<Located<f64>>,
+    /// Angle of the ring, counter-clockwise from the x axis: 90, 180 or 360. Refused by generators other than "ring".
+    #[schemars(extend("x-unit" = "degrees", "x-default" = "90"))]
+    pub(crate) angle: Option<Located<f64>>,
     /// Kind of all elements. With `file` it chooses the quadrature of elements with the same nodes.
     #[schemars(extend("x-default" = "\"q8\""))]
     pub(crate) element: Option<ElementKind>,
 }
 
-/// Mesh generators. All meshes begin at the origin; x is horizontal, y vertical. Solid elements need one more section, along
+/// Mesh generators. All meshes but rings begin at the origin; x is horizontal, y vertical. Solid elements need one more section, along
 /// z, and have the further side sets `back` and `front`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -48,4 +51,8 @@ pub(crate) enum Generator {
     /// Sections width along x, soil below the wall and the wall along y; side sets `left` and its parts `wall`, `below`,
     /// `right`, `bottom`, `top`. Nodes at the foot of the wall are in `wall`, not in `below`.
     Wall,
+    /// A quarter, half or whole ring about the origin. `size` is inner and outer radius, `elements` counts outwards and around;
+    /// side sets `inner`, `outer`, the ends `bottom` (on the x axis) and of a quarter `left` (on the y axis); node sets `axis_x`,
+    /// `axis_y`: nodes on the axes. Corners and middle nodes lie on circles.
+    Ring,
 }

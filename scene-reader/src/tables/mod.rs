@@ -13,8 +13,12 @@ mod run;
 mod solving;
 mod stage;
 
-pub(crate) use conditions::{BodyForceTable, BoundaryTable, Components, History, PressureTable, TractionTable};
-pub(crate) use constraints::{PeriodicTable, RigidBodyTable, SumTable, TiltingPlatenTable};
+pub(crate) use conditions::{
+    BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, TractionTable,
+};
+pub(crate) use constraints::{
+    NormalDisplacementTable, PeriodicTable, RadialDisplacementTable, RigidBodyTable, SumTable, TiltingPlatenTable,
+};
 pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
@@ -75,9 +79,18 @@ pub(crate) struct SceneFile {
     /// Force per volume of an element set, for example weight.
     #[serde(default)]
     pub(crate) body_force: Vec<Located<BodyForceTable>>,
+    /// Friction between the grains that changes from the beginning of the first stage.
+    #[serde(default)]
+    pub(crate) friction: Vec<Located<FrictionTable>>,
     /// A rigid, smooth platen that may tilt: the nodes stay in one plane, which carries no moment.
     #[serde(default)]
     pub(crate) tilting_platen: Vec<Located<TiltingPlatenTable>>,
+    /// Displacement of a side set along its normals, free along the side.
+    #[serde(default)]
+    pub(crate) normal_displacement: Vec<Located<NormalDisplacementTable>>,
+    /// Displacement of a node set away from a point, or a line along z.
+    #[serde(default)]
+    pub(crate) radial_displacement: Vec<Located<RadialDisplacementTable>>,
     /// Nodes that move as one rigid body. Rotations are linearised about the positions at the beginning of the stage.
     #[serde(default)]
     pub(crate) rigid_body: Vec<Located<RigidBodyTable>>,

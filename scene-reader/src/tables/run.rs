@@ -37,7 +37,7 @@ pub(crate) struct PoolRunKeys {
     #[schemars(extend("x-default" = "64, on large machines 8 per core"), range(min = 1))]
     pub(crate) most_workers: Option<usize>,
     /// Engine of all points that `points` does not give to another: the one of this program, or one of the catalogue. `--engine`
-    /// overrides it.
+    /// overrides it. With `[rve] frame` it is `boundary-frame` unless another is named.
     pub(crate) engine: String,
     /// Gauss points of other engines, for example `{ lammps = [0, 4] }`.
     pub(crate) points: BTreeMap<String, Vec<usize>>,

@@ -1,8 +1,9 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, LoadingTable, PeriodicTable, PressureTable, RigidBodyTable, SolverTable,
-    StageOutputTable, SumTable, TiltingPlatenTable, TractionTable,
+    BodyForceTable, BoundaryTable, FrictionTable, LoadingTable, NormalDisplacementTable, PeriodicTable,
+    PressureTable, RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
+    TiltingPlatenTable, TractionTable,
 };
 use keys::{Given, Located};
 use macro_solver::problem::dynamics::DynamicSettings;
@@ -37,9 +38,18 @@ pub(crate) struct StageTable {
     /// Body forces that begin with this stage.
     #[serde(default)]
     pub(crate) body_force: Vec<Located<BodyForceTable>>,
+    /// Friction between the grains that changes in this stage.
+    #[serde(default)]
+    pub(crate) friction: Vec<Located<FrictionTable>>,
     /// Tilting platens that begin with this stage.
     #[serde(default)]
     pub(crate) tilting_platen: Vec<Located<TiltingPlatenTable>>,
+    /// Displacements along normals that begin with this stage.
+    #[serde(default)]
+    pub(crate) normal_displacement: Vec<Located<NormalDisplacementTable>>,
+    /// Radial displacements that begin with this stage.
+    #[serde(default)]
+    pub(crate) radial_displacement: Vec<Located<RadialDisplacementTable>>,
     /// Rigid bodies that begin with this stage.
     #[serde(default)]
     pub(crate) rigid_body: Vec<Located<RigidBodyTable>>,

@@ -190,7 +190,12 @@ fn one_element_repeats_one_cell() {
     assert_eq!(record.samples.len(), 4);
 
     let mut cell = GrainEngine.create(&definition()).unwrap();
-    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let options = TrialOptions {
+        tangent: TangentKind::None,
+        ramp_steps: 0,
+        observables: Observables::NONE,
+        ..TrialOptions::default()
+    };
     for (step, points) in record.samples.iter().enumerate() {
         let alone = cell.trial(&points[0].step_gradient, &options).unwrap();
         cell.commit().unwrap();

@@ -1,7 +1,9 @@
 //! Scenes against closed forms and independent engines.
 
 mod coupled;
+mod frames;
 mod lattice_elements;
 mod reference_case_a;
 mod reference_case_b;
 mod single_elements;
+mod slope_by_friction;

@@ -37,7 +37,12 @@ fn sheared_spheres_follow_both_codes() {
     let packing = Packing::read(&folder().join("packing.json")).unwrap();
     let definition = AnyDefinition::new(packing, contact, RveOptions::default());
     let mut cell = GrainEngine.create(&definition.to_protocol()).unwrap();
-    let options = TrialOptions { tangent: TangentKind::None, ramp_steps: 0, observables: Observables::NONE };
+    let options = TrialOptions {
+        tangent: TangentKind::None,
+        ramp_steps: 0,
+        observables: Observables::NONE,
+        ..TrialOptions::default()
+    };
 
     let given = cell.trial(&Tensor2([0.0; 9]), &options).unwrap();
     assert_eq!(given.scalars.coordination_number, 2.0 * 3317.0 / 1000.0);

@@ -31,7 +31,12 @@ fn pool(workers: usize) -> RvePool {
 fn trial(state: State, strain: f64) -> Trial {
     let share = 1.0 + 0.1 * state.number() as f64;
     let target = Tensor2::from_plane([[0.3 * strain, 0.2 * strain * share], [0.0, -strain * share]]);
-    let options = TrialOptions { tangent: TangentKind::TrussLikeSlip, observables: Observables::ALL, ramp_steps: 0 };
+    let options = TrialOptions {
+        tangent: TangentKind::TrussLikeSlip,
+        observables: Observables::ALL,
+        ramp_steps: 0,
+        ..TrialOptions::default()
+    };
     Trial { state, target, options }
 }
 

@@ -31,8 +31,12 @@ fn definition() -> Definition {
 fn question(point: usize, step: u32) -> PointTrial {
     let strain = 2e-4 * (1.0 + 0.21 * point as f64) * f64::from(step + 1);
     let target = Tensor2::from_plane([[0.3 * strain, 1e-5 * point as f64], [0.0, -strain]]);
-    let options =
-        TrialOptions { tangent: TangentKind::TrussLikeSlip, ramp_steps: 0, observables: Observables::FABRIC };
+    let options = TrialOptions {
+        tangent: TangentKind::TrussLikeSlip,
+        ramp_steps: 0,
+        observables: Observables::FABRIC,
+        ..TrialOptions::default()
+    };
     PointTrial { point, target, options }
 }
 

@@ -61,6 +61,7 @@ pub struct ReplicaPlan {
 struct Latest {
     target: Tensor2,
     ramp_steps: u32,
+    friction_reduction: f64,
     stress: Tensor2,
 }
 
@@ -134,7 +135,11 @@ impl<'a> ErrorEstimator<'a> {
             let Some(latest) = replica.latest.take().filter(|_| !replica.state.lost) else { continue };
             replica.state.take_up(&latest, axes);
             if latest.ramp_steps > 1 || replica.state.pending_increments >= MERGED_INCREMENTS {
-                due.push((place, replica.state.trial(replica.plan.replica), latest.stress));
+                due.push((
+                    place,
+                    replica.state.trial(replica.plan.replica, latest.friction_reduction),
+                    latest.stress,
+                ));
             }
         }
         due
@@ -207,8 +212,9 @@ impl State {
     }
 
     /// The pending deformation with twice the ramp steps.
-    fn trial(&self, replica: PointId) -> PointTrial {
+    fn trial(&self, replica: PointId, friction_reduction: f64) -> PointTrial {
         let options = TrialOptions {
+            friction_reduction,
             tangent: TangentKind::None,
             observables: Observables::NONE,
             ramp_steps: self.pending_ramp_steps.saturating_mul(2),
@@ -258,8 +264,9 @@ impl PointMaterial for ErrorEstimator<'_> {
         let results = self.material.evaluate(trials)?;
         for (trial, result) in trials.iter().zip(&results) {
             if let Some(place) = self.replica_of.get(trial.point).copied().flatten() {
-                let (target, ramp_steps) = (trial.target, trial.options.ramp_steps);
-                self.replicas[place].latest = Some(Latest { target, ramp_steps, stress: result.stress });
+                let TrialOptions { ramp_steps, friction_reduction, .. } = trial.options;
+                let (target, stress) = (trial.target, result.stress);
+                self.replicas[place].latest = Some(Latest { target, ramp_steps, friction_reduction, stress });
             }
         }
         Ok(results)

@@ -85,7 +85,12 @@ impl PointMaterial for Hardening {
 const PLAN: [ReplicaPlan; 1] = [ReplicaPlan { point: 1, replica: 2 }];
 
 fn compression(point: PointId, strain: f64, ramp_steps: u32) -> PointTrial {
-    let options = TrialOptions { tangent: TangentKind::TrussLike, observables: Observables::NONE, ramp_steps };
+    let options = TrialOptions {
+        tangent: TangentKind::TrussLike,
+        observables: Observables::NONE,
+        ramp_steps,
+        ..TrialOptions::default()
+    };
     PointTrial { point, target: Tensor2::from_plane([[0.0, 0.0], [0.0, -strain]]), options }
 }
 

@@ -75,7 +75,12 @@ impl Points {
             let target = target.ok_or_else(|| inside_out(number))?;
             // Until its result has come, the material's latest trial of this point is unknown.
             point.held = None;
-            let options = TrialOptions { tangent, ramp_steps: point.ramp_steps, observables: self.observables };
+            let options = TrialOptions {
+                tangent,
+                ramp_steps: point.ramp_steps,
+                observables: self.observables,
+                friction_reduction: point.friction_reduction,
+            };
             trials.push(PointTrial { point: number, target: tensor(&target), options });
         }
         let counts =

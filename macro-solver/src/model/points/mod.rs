@@ -77,6 +77,18 @@ impl Points {
         self.grid = 0.0;
     }
 
+    /// Takes up the shares by which friction is reduced at a moment, by point; none: it is that of the definitions.
+    pub(crate) fn set_friction(&mut self, reductions: &[f64]) {
+        for (number, point) in self.points.iter_mut().enumerate() {
+            let reduction = reductions.get(number).copied().unwrap_or(0.0);
+            if point.friction_reduction != reduction {
+                point.friction_reduction = reduction;
+                // The latest result is that of another friction.
+                point.held = None;
+            }
+        }
+    }
+
     /// Strain of one ramp increment.
     pub(crate) fn strain_per_step(&self) -> f64 {
         self.strain_per_step

@@ -29,6 +29,8 @@ pub(crate) struct Point {
     pub(super) tangent: Operator,
     pub(super) reference: Option<ReferenceModuli>,
     pub(super) ramp_steps: u32,
+    /// Share by which the friction of the coming evaluations is below that of the definition.
+    pub(super) friction_reduction: f64,
     /// Gradient of the latest evaluation, as long as that is valid.
     pub(super) held: Option<Matrix3<f64>>,
     pub(super) last_sample: Option<Sample>,
@@ -54,6 +56,7 @@ impl Point {
             tangent: Operator::zeros(),
             reference: None,
             ramp_steps: 0,
+            friction_reduction: 0.0,
             held: None,
             last_sample: None,
             correction: None,
@@ -102,7 +105,9 @@ impl Point {
     pub(super) fn rests(&self, gradient: &Matrix3<f64>, strain: Option<Matrix3<f64>>, tangent: TangentKind) -> bool {
         let zero = Matrix3::zeros();
         let is_still = *gradient == zero && strain.is_none_or(|strain| strain == zero);
+        // With less friction than that of the definition a state need not be one of rest.
         tangent == TangentKind::None
+            && self.friction_reduction == 0.0
             && is_still
             && self.answer.is_some()
             && self.trial_deformation == self.deformation

@@ -63,6 +63,7 @@ impl Coordinator {
                 tangent: job.trial.options.tangent,
                 ramp_steps: job.trial.options.ramp_steps,
                 observables: job.trial.options.observables,
+                friction_reduction: job.trial.options.friction_reduction,
             });
             self.fatal = Some(MaterialError::WorkersLost(text));
         }

@@ -108,6 +108,26 @@ fn slices_of_large_states_are_cut_to_what_a_message_carries() {
     assert!(single == reference && longest == 1, "one job is sent whatever its size, and {longest} were");
 }
 
+/// Trials that differ in nothing but their friction are two questions.
+#[test]
+fn trials_of_two_frictions_are_not_taken_for_one() {
+    let target = Tensor2::from_plane([[-1e-4, 0.0], [0.0, 0.0]]);
+    let solved = |reductions: [f64; 2]| {
+        let mut stage = Stage::new(3).hire(64, &[]);
+        stage.settings.deduplicate = true;
+        let mut pool = stage.open(POINTS);
+        let with = |mut trial: PointTrial| {
+            trial.options.friction_reduction = reductions[trial.point / (POINTS / 2)];
+            PointTrial { target, ..trial }
+        };
+        let trials: Vec<PointTrial> = questions(POINTS, 0).into_iter().map(with).collect();
+        pool.evaluate(&trials).unwrap();
+        pool.statistics().solved
+    };
+    let one = solved([0.5, 0.5]);
+    assert!(solved([0.0, 0.5]) > one && one < POINTS as u64);
+}
+
 /// Check A-9: points with equal history and equal targets are solved once, and nobody can tell.
 #[test]
 fn equal_trials_are_solved_once_with_equal_results() {

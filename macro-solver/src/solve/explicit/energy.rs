@@ -89,6 +89,7 @@ impl Monitor {
         let work = |from: &[f64], to: &[f64]| -> f64 {
             path.iter().zip(from).zip(to).map(|((path, from), to)| 0.5 * path * (from + to)).sum()
         };
+        let was_at_rest = self.balance.largest == 0.0;
         let balance = &mut self.balance;
         balance.internal += work(&before.internal, &after.internal);
         balance.hourglass += work(&before.hourglass, &after.hourglass);
@@ -98,6 +99,10 @@ impl Monitor {
         balance.close();
         let supplied = balance.initial_kinetic + balance.external.abs() + (-balance.internal).max(0.0);
         self.supplied = self.supplied.max(supplied);
+        if was_at_rest {
+            // Forces that change over a step set a body off before it has moved: no work has been done yet.
+            self.supplied = self.supplied.max(kinetic);
+        }
         let unresolved = (balance.residual() + self.left_by_start).abs() > self.tolerance * balance.largest;
         self.in_a_row = if unresolved { self.in_a_row + 1 } else { 0 };
         balance.excess_steps += u64::from(self.in_a_row > 0);

@@ -23,9 +23,10 @@ impl Integrator {
             }
         }
         for dof in 0..self.velocity.len() {
-            // A support that starts to move has its velocity from the start: only free nodes are accelerated.
+            // A support that starts to move has its velocity from the start, unless its history says how it starts: only then and at free
+            // nodes there is an acceleration.
             if let Some(velocity) = self.prescribed_velocity(specimen, dof) {
-                self.velocity[dof] = velocity;
+                self.velocity[dof] = specimen.constraints.velocity_at_start(dof).unwrap_or(velocity);
             }
         }
         let mut velocity = std::mem::take(&mut self.velocity);
@@ -45,6 +46,11 @@ impl Integrator {
                 if !specimen.constraints.is_prescribed(dof) {
                     self.acceleration[dof] = (self.driving_force(dof) - dashpot[axis]) / self.masses[node];
                     self.ahead[dof] = self.velocity[dof] + 0.5 * self.step * self.acceleration[dof];
+                } else if specimen.constraints.velocity_at_start(dof).is_some()
+                    && let Some(ahead) = self.prescribed_velocity(specimen, dof)
+                {
+                    self.acceleration[dof] = (ahead - self.velocity[dof]) / (0.5 * self.step);
+                    self.ahead[dof] = ahead;
                 }
             }
         }

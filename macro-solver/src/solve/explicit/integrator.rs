@@ -71,7 +71,7 @@ impl Integrator {
         let still = vec![Matrix3::zeros(); specimen.points.all().len()];
         specimen.points.start_step();
         specimen.points.fix_ramps(&still);
-        specimen.evaluate_points(&still, STIFFEST, material)?;
+        specimen.evaluate_points(&still, Moment { load: 0.0, time: 0.0 }, STIFFEST, material)?;
         material.rollback();
         specimen.points.forget_trials();
         let dimension = specimen.problem.mesh.dimension;
@@ -154,7 +154,10 @@ impl Integrator {
         let renews = every > 0 && (self.done + 1).is_multiple_of(every);
         specimen.points.fix_ramps(&self.gradients);
         let tangent = if renews { STIFFEST } else { TangentKind::None };
-        specimen.evaluate_points(&self.gradients, tangent, material).map_err(|outcome| self.at_step(outcome))?;
+        let next = self.moment(specimen, self.time() + self.step);
+        specimen
+            .evaluate_points(&self.gradients, next, tangent, material)
+            .map_err(|outcome| self.at_step(outcome))?;
         material.commit().map_err(|error| failure(error).into_outcome())?;
         specimen.body.commit(&path);
         specimen.points.commit(&self.gradients);

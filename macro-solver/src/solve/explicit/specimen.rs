@@ -6,11 +6,12 @@ use crate::material::PointMaterial;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
 use crate::model::failure::Failure;
+use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
 use crate::model::points::Points;
 use crate::observer::{Outcome, Statistics};
 use crate::problem::dynamics::DynamicSettings;
-use crate::problem::{Problem, ProblemError, Stage};
+use crate::problem::{Moment, Problem, ProblemError, Stage};
 use crate::solve::driver::timed;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -24,6 +25,7 @@ pub(crate) struct Specimen<'a> {
     pub(crate) points: &'a mut Points,
     pub(crate) constraints: &'a Constraints,
     pub(crate) loads: &'a Loads,
+    pub(crate) frictions: &'a Frictions,
     pub(crate) statistics: &'a mut Statistics,
 }
 
@@ -34,16 +36,18 @@ impl Specimen<'_> {
         VelocityConstraints::of_stage(self.constraints, |dof| dashpots.is_oblique(dof / axes, dof % axes))
     }
 
-    /// Evaluates the points at the gradients of a step.
+    /// Evaluates the points at the gradients of a step, with the friction at a moment.
     ///
     /// # Errors
     /// The end of the run; [`Outcome::DidNotConverge`] if a point refuses its trial even in parts.
     pub(super) fn evaluate_points(
         &mut self,
         gradients: &[Matrix3<f64>],
+        moment: Moment,
         tangent: TangentKind,
         material: &mut dyn PointMaterial,
     ) -> Result<(), Outcome> {
+        self.points.set_friction(&self.frictions.reductions(moment));
         let mut waiting = 0;
         let answered =
             timed(&mut waiting, || self.points.evaluate_in_parts(gradients, tangent, material, self.statistics));

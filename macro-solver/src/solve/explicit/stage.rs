@@ -61,6 +61,7 @@ impl Solver<'_> {
             points: &mut self.points,
             constraints: &self.constraints,
             loads: &self.loads,
+            frictions: &self.frictions,
             statistics: &mut self.statistics,
         }
     }

@@ -343,7 +343,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
         let kind = self.tangents.kind(self.tangent_kind);
-        let evaluations = self.evaluate_points(increment, kind, session)?;
+        let evaluations = self.evaluate_points(increment, load, kind, session)?;
         self.tangents.evaluated();
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
@@ -352,10 +352,11 @@ impl Solver<'_> {
         Ok(self.residual_norms(evaluations))
     }
 
-    /// Evaluates all points at an iterate; the number of evaluations.
+    /// Evaluates all points at an iterate, with the friction at a load factor; the number of evaluations.
     pub(super) fn evaluate_points(
         &mut self,
         increment: &[f64],
+        load: f64,
         tangent: TangentKind,
         session: &mut Session<'_>,
     ) -> Result<u64, Failure> {
@@ -364,6 +365,7 @@ impl Solver<'_> {
             let element = self.body.element_of(point);
             return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
         }
+        self.points.set_friction(&self.frictions.reductions(self.moment(load)));
         let mut waiting = 0;
         let counts =
             timed(&mut waiting, || self.points.evaluate(&gradients, tangent, session.material, &mut self.statistics));

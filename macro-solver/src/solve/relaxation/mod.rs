@@ -51,6 +51,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
         let (masses, highest) = self.relaxation_masses(session)?;
+        let masses = self.masses_along_unknowns(masses);
         let is_free: Vec<bool> = (0..masses.len()).map(|dof| self.constraints.unknown(dof).is_some()).collect();
         let mut relaxation = Relaxation::new(settings, &masses, &is_free, highest);
         let mut iterate = self.first_iterate(load);
@@ -65,10 +66,12 @@ impl Solver<'_> {
             match settings.form {
                 RelaxationForm::Corrected if iteration == 1 => {}
                 RelaxationForm::Corrected => {
-                    relaxation.observe(&change, &difference(&self.balance.internal, &before))
+                    let forces = self.along_unknowns(difference(&self.balance.internal, &before));
+                    relaxation.observe(&change, &forces);
                 }
                 RelaxationForm::AsPrinted => {
-                    relaxation.observe(&sum(&self.body.displacements, &iterate), &self.balance.internal);
+                    let forces = self.along_unknowns(self.balance.internal.clone());
+                    relaxation.observe(&sum(&self.body.displacements, &iterate), &forces);
                 }
             }
             before.clone_from(&self.balance.internal);
@@ -97,7 +100,10 @@ impl Solver<'_> {
                      bound: the printed form takes one frequency for damping and step; use form = \"corrected\""
                 )));
             }
-            change = relaxation.advance(&self.balance.residual());
+            change = relaxation.advance(&self.along_unknowns(self.balance.residual()));
+            if self.has_links() {
+                change = self.constraints.expand(&self.constraints.select(&change));
+            }
             iterate = sum(&iterate, &change);
         }
         Err(Failure::Attempt(format!("not at rest after {} iterations: {last}", settings.max_iterations)))
@@ -106,7 +112,7 @@ impl Solver<'_> {
     /// Masses of all degrees of freedom for a mass density of 1 kg/m3, and the bound of the frequencies with them, rad/s. Every point
     /// is evaluated once for its elastic tangent at the committed state.
     fn relaxation_masses(&mut self, session: &mut Session<'_>) -> Result<(Vec<f64>, f64), Failure> {
-        self.evaluate_points(&self.body.zero(), TangentKind::TrussLike, session)?;
+        self.evaluate_points(&self.body.zero(), self.load, TangentKind::TrussLike, session)?;
         let (mesh, dimension) = (self.body.mesh(), self.body.mesh().dimension.count());
         let mut by_element = Vec::with_capacity(mesh.elements.len());
         let mut masses = self.body.zero();
@@ -123,18 +129,47 @@ impl Solver<'_> {
         Ok((masses, limits.iter().map(|limits| limits.frequency).fold(0.0, f64::max)))
     }
 
-    /// Prescribed components are exact; the free ones repeat the last step, or stay where they are.
+    fn has_links(&self) -> bool {
+        self.constraints.followers().next().is_some()
+    }
+
+    /// Masses of the motion of the unknowns. Displacements `u = T v + g` of linked components move the masses `T^T M T`, of which a
+    /// diagonal takes the place that is nowhere below it, the sums of the absolute values of its rows: the frequencies stay below the bound
+    /// of the elements. Followers have none left.
+    fn masses_along_unknowns(&self, mut masses: Vec<f64>) -> Vec<f64> {
+        for (dof, masters) in self.constraints.followers() {
+            let reach: f64 = masters.iter().map(|(_, share)| share.abs()).sum();
+            let mass = std::mem::take(&mut masses[dof]);
+            masters.iter().for_each(|&(master, share)| masses[master] += mass * share.abs() * reach);
+        }
+        masses
+    }
+
+    /// Forces at all degrees of freedom as forces along the unknowns, `T^T f`, each at its own degree of freedom; none at followers.
+    fn along_unknowns(&self, mut forces: Vec<f64>) -> Vec<f64> {
+        if self.has_links() {
+            for (&dof, force) in self.constraints.free().iter().zip(self.constraints.restrict(&forces)) {
+                forces[dof] = force;
+            }
+            self.constraints.followers().for_each(|(dof, _)| forces[dof] = 0.0);
+        }
+        forces
+    }
+
+    /// Prescribed components are exact; the free ones repeat the last step, or stay where they are, and what is linked follows.
     fn first_iterate(&self, load: f64) -> Vec<f64> {
         let moment = self.moment(load);
         let repeats = self.stage().strategy.predictor == Predictor::Linear;
         let last = self.last_increment.as_ref().filter(|_| repeats);
-        (0..self.body.displacements.len())
+        let mut iterate: Vec<f64> = (0..self.body.displacements.len())
             .map(|dof| match (self.constraints.prescribed(dof, moment), last) {
                 (Some(prescribed), _) => prescribed - self.body.displacements[dof],
                 (None, Some((increment, size))) => increment[dof] * ((load - self.load) / size),
                 (None, None) => 0.0,
             })
-            .collect()
+            .collect();
+        self.constraints.complete(&mut iterate, &self.body.displacements, moment);
+        iterate
     }
 
     /// Fixes the ramps: by the repeated step, or all alike by the mean strain that the supports impose, since the first
@@ -156,7 +191,7 @@ impl Solver<'_> {
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
-        let evaluations = self.evaluate_points(iterate, TangentKind::None, session)?;
+        let evaluations = self.evaluate_points(iterate, load, TangentKind::None, session)?;
         let positions = self.body.positions(iterate);
         let mut assembling = 0;
         self.balance = timed(&mut assembling, || {

@@ -54,6 +54,7 @@ impl Head {
                     nodes: "top".into(),
                     axis: Axis::Y,
                     displacement: Some(-down),
+                    rotation: [None; 3],
                 };
                 vec![Condition::MultiPointConstraint(link)]
             }

@@ -7,6 +7,8 @@ mod continued;
 mod convergence;
 mod equilibrium;
 mod formulations;
+mod friction;
+mod guided;
 mod initial;
 mod multi_point_constraints;
 mod neighbours;

@@ -101,7 +101,12 @@ fn a_tilting_platen_stays_plane_and_carries_no_moment() {
     let side = || Condition::Traction { sides: "left".into(), value: [2e4, 0.0, 0.0] };
     let floor = || [Axis::X, Axis::Y].map(|axis| Condition::fixed("bottom", axis));
     let tilting = |displacement| {
-        linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement })
+        linked(MultiPointConstraint::TiltingPlaten {
+            nodes: "top".into(),
+            axis: Axis::Y,
+            displacement,
+            rotation: [None; 3],
+        })
     };
     for displacement in [Some(-1e-3), None] {
         let mut conditions = vec![side(), tilting(displacement)];
@@ -204,8 +209,12 @@ fn links_that_cannot_hold_are_refused() {
     };
     let square = || block(ElementKind::Q4, 2, 2);
     let up = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: 1e-3 };
-    let tilting =
-        linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Y, displacement: Some(0.0) });
+    let tilting = linked(MultiPointConstraint::TiltingPlaten {
+        nodes: "top".into(),
+        axis: Axis::Y,
+        displacement: Some(0.0),
+        rotation: [None; 3],
+    });
     assert!(matches!(error(square(), vec![up, tilting]), ProblemError::MultiPointConstraint { .. }));
     let mut skewed = square();
     let corner = skewed.node_sets["right"][1];
@@ -214,7 +223,12 @@ fn links_that_cannot_hold_are_refused() {
     assert!(matches!(error(skewed, vec![pairs]), ProblemError::NoImage { .. }));
     let missing = periodic("left", "wall", [None; 3]);
     assert!(matches!(error(square(), vec![missing]), ProblemError::UnknownNodeSet { .. }));
-    let deep = linked(MultiPointConstraint::TiltingPlaten { nodes: "top".into(), axis: Axis::Z, displacement: None });
+    let deep = linked(MultiPointConstraint::TiltingPlaten {
+        nodes: "top".into(),
+        axis: Axis::Z,
+        displacement: None,
+        rotation: [None; 3],
+    });
     assert_eq!(error(square(), vec![deep]), ProblemError::NoThirdAxis);
 }
 
@@ -230,6 +244,7 @@ fn links_count_from_their_stage() {
                 nodes: "top".into(),
                 axis: Axis::Y,
                 displacement: Some(-1e-3),
+                rotation: [None; 3],
             }),
         ],
     );
@@ -241,8 +256,8 @@ fn links_count_from_their_stage() {
         panic!("the platen")
     };
     *link = match link.held() {
-        MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(0.0) } => {
-            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(-5e-4) }
+        MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(0.0), rotation } => {
+            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement: Some(-5e-4), rotation }
         }
         other => panic!("{other:?}"),
     };

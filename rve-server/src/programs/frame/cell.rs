@@ -81,6 +81,7 @@ impl RveEngine for FrameEngine {
             snapshot: SnapshotKind::State,
             deterministic: true,
             side_by_side: 1,
+            reduces_friction: false,
         }
     }
 
@@ -97,7 +98,7 @@ pub struct FrameRve {
     options: FrameOptions,
     law: PlainLinear,
     thickness: f64,
-    rotations_free: bool,
+    turning: Rotations,
     reference: Cell<Discs>,
     committed: GrainState<Discs>,
     trial: Option<Trial>,
@@ -149,7 +150,7 @@ impl FrameRve {
             options: definition.frame.clone(),
             law,
             thickness: packing.thickness,
-            rotations_free: contact.rotations == Rotations::Free,
+            turning: contact.rotations,
             reference,
             committed,
             trial: None,
@@ -203,7 +204,7 @@ impl FrameRve {
         );
         let (geometry, options) = (&self.geometry, &self.options);
         let constraint = options.constraint;
-        FrameRelaxation::new(geometry, options, constraint, self.rotations_free, body, state.rotations.clone())
+        FrameRelaxation::new(geometry, options, constraint, self.turning, body, state.rotations.clone())
     }
 
     fn solve(&mut self, h: &Plane, options: &TrialOptions) -> Result<TrialResult, RveError> {
@@ -390,7 +391,7 @@ impl FrameRelaxation<'_, PlainLinear> {
             thickness,
             positions: state.positions.clone(),
             radii: self.geometry.radii.clone(),
-            rotations_free: self.rotations_free,
+            rotations_free: self.turning == Rotations::Free,
             friction,
             contacts: contacts.collect(),
         }
@@ -454,6 +455,7 @@ impl RveSolver for FrameRve {
         if options.tangent != TangentKind::None {
             return Err(RveError::Unsupported("tangent operators of a frame; ask for none".into()));
         }
+        RveError::refuse_reduced_friction(options)?;
         let h = target.plane();
         if *target != Tensor2::from_plane(h) {
             return Err(RveError::Unsupported("deformation out of the plane".into()));

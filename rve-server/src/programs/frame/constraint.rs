@@ -1,46 +1,27 @@
 //! Constraints between the boundary grains of a frame and the deformation, and the loads that are left to move them.
 
+use crate::definition::FrameConstraint;
 use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::Load;
 use crate::simd::Tuple;
 use crate::space::Discs;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-/// Boundary conditions of a frame by keyword, from the stiffest to the softest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FrameConstraint {
-    /// `x_q = F X_q`, no rotation: a linear displacement of all boundary grains.
-    Linear,
-    /// `x+ - x- = F (X+ - X-)`, equal rotations of opposite grains, corners on their places: [Liu2018] eq. 12.
-    Periodic,
-    /// Boundary forces of one stress, `a_q = P A_q`, no moments; only the mean deformation is given.
-    Traction,
-}
-
-impl FrameConstraint {
-    /// The keyword.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Periodic => "periodic",
-            Self::Traction => "traction",
-        }
-    }
-
-    /// Turns contact loads into the loads that may move the grains: whatever the constraint takes up is removed, tied
-    /// grains share theirs. All grains have the same inertia of translation; `inertias` are those of rotation.
-    pub(crate) fn project(self, geometry: &FrameGeometry, inertias: &[f64], loads: &mut [Load<Discs>]) {
-        match self {
-            Self::Linear => {
-                for load in &mut loads[..geometry.boundary] {
-                    *load = Load::none();
-                }
+/// Turns contact loads into the loads that may move the grains: whatever the constraint takes up is removed, tied
+/// grains share theirs. All grains have the same inertia of translation; `inertias` are those of rotation.
+pub(crate) fn project(
+    constraint: FrameConstraint,
+    geometry: &FrameGeometry,
+    inertias: &[f64],
+    loads: &mut [Load<Discs>],
+) {
+    match constraint {
+        FrameConstraint::Linear => {
+            for load in &mut loads[..geometry.boundary] {
+                *load = Load::none();
             }
-            Self::Periodic => tie(geometry, inertias, loads),
-            Self::Traction => spread(geometry, loads),
         }
+        FrameConstraint::Periodic => tie(geometry, inertias, loads),
+        FrameConstraint::Traction => spread(geometry, loads),
     }
 }
 

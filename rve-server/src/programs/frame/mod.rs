@@ -1,12 +1,12 @@
 //! The boundary-particle frame of [Liu2018]: a packing whose border is a chain of grains, driven through these grains.
 
 pub mod cell;
-pub mod constraint;
+mod constraint;
 pub mod options;
 mod relaxation;
 #[cfg(test)]
 mod tests;
 
+pub use crate::definition::{FrameConstraint, FrameControl};
 pub use cell::{FRAME_ENGINE_NAME, FrameDefinition, FrameEngine, FrameRve};
-pub use constraint::FrameConstraint;
-pub use options::{FrameControl, FrameDamping, FrameOptions};
+pub use options::{FrameDamping, FrameOptions};

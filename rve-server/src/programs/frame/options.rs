@@ -1,7 +1,6 @@
 //! How a frame is solved.
 
-use super::constraint::FrameConstraint;
-use crate::definition::{Criterion, Damping, RveOptions};
+use crate::definition::{Criterion, Damping, FrameConstraint, FrameControl, RveOptions};
 use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,21 +17,6 @@ pub enum FrameDamping {
         /// Coefficient, in (0, 1); [Liu2018] uses 0.7.
         #[schemars(extend("x-unit" = "-"))]
         coefficient: f64,
-    },
-}
-
-/// How opposite boundary grains are brought to cancelling loads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FrameControl {
-    /// Both move in every step along the sum of their loads, like one grain.
-    #[default]
-    Direct,
-    /// They are held while the inner grains relax and corrected in between, as in [Liu2018] table 2.
-    Servo {
-        /// Correction over the sum of loads per contact stiffness of the pair, dimensionless; 1 converges slowly but surely, 1.8 was seen to diverge.
-        #[schemars(extend("x-unit" = "-"))]
-        gain: f64,
     },
 }
 
@@ -96,15 +80,20 @@ impl FrameOptions {
         }
     }
 
-    /// The periodic frame in place of a periodic cell: accuracy and damping are those of the cell.
+    /// The frame that `[rve] frame` asks for, or a periodic one: accuracy and damping are those of the cell.
     ///
     /// # Errors
     /// A damping or criterion that frames do not have.
     pub(crate) fn of_cell(options: &RveOptions) -> Result<Self, DefinitionError> {
+        let wanted = options.frame.clone().unwrap_or_default();
         let bare = Self {
             strain_per_step: Some(options.strain_per_step()),
             max_steps: options.max_steps,
-            ..Self::new(FrameConstraint::Periodic)
+            shared_sides: wanted.shared_sides,
+            control: wanted.control,
+            servo_tolerance: wanted.servo_tolerance,
+            most_corrections: wanted.most_corrections,
+            ..Self::new(wanted.constraint)
         };
         match (options.damping, options.criterion) {
             (Damping::Fire, Criterion::MaxForce) => Ok(Self { tolerance: Some(options.tolerance()), ..bare }),
@@ -175,11 +164,6 @@ impl FrameOptions {
             }
             _ => (),
         }
-        match self.control {
-            FrameControl::Servo { gain } if !(gain > 0.0 && gain < 2.0) => Err(DefinitionError(format!(
-                "frame.control.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"
-            ))),
-            _ => Ok(()),
-        }
+        self.control.validate("frame.control")
     }
 }

@@ -4,9 +4,10 @@
 //! Starts from the converged positions and rotations of the last state. Erratum of [Liu2018] table 2: there the boundary
 //! grains go back to `F X_q` without rotation in every increment, which throws away the fluctuations found before.
 
-use super::constraint::FrameConstraint;
-use super::options::{FrameControl, FrameDamping, FrameOptions};
-use crate::contact::ContactLaw;
+use super::constraint::project;
+use super::options::{FrameDamping, FrameOptions};
+use crate::contact::{ContactLaw, Rotations};
+use crate::definition::{FrameConstraint, FrameControl};
 use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Load};
 use crate::simd::Tuple;
@@ -52,7 +53,7 @@ pub(crate) struct FrameRelaxation<'a, C: ContactLaw<Discs>> {
     pub(crate) geometry: &'a FrameGeometry,
     pub(crate) options: &'a FrameOptions,
     pub(crate) constraint: FrameConstraint,
-    pub(crate) rotations_free: bool,
+    pub(crate) turning: Rotations,
     pub(crate) body: Body<Discs, C>,
     /// Rotations added up, rad.
     pub(crate) rotations: Vec<f64>,
@@ -74,7 +75,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         geometry: &'a FrameGeometry,
         options: &'a FrameOptions,
         constraint: FrameConstraint,
-        rotations_free: bool,
+        turning: Rotations,
         body: Body<Discs, C>,
         rotations: Vec<f64>,
     ) -> Self {
@@ -83,7 +84,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             geometry,
             options,
             constraint,
-            rotations_free,
+            turning,
             loads: body.loads.clone(),
             body,
             rotations,
@@ -146,7 +147,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             grain.spin = Tuple::zero();
         };
         self.body.grains.iter_mut().for_each(stop);
-        let free = if self.rotations_free { gain } else { 0.0 };
+        let free = if self.boundary_turns() { gain } else { 0.0 };
         for &[minus, plus] in &self.geometry.pairs {
             let force = self.body.loads[minus].force.plus(self.body.loads[plus].force);
             let moment = self.body.loads[minus].moment.plus(self.body.loads[plus].moment);
@@ -217,7 +218,8 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             self.raise_mass();
         }
         self.steer();
-        let free = if self.rotations_free { 1.0 } else { 0.0 };
+        // Grains that are not to turn get no moment either.
+        let free = if self.boundary_turns() { 1.0 } else { 0.0 };
         for (((grain, load), inertia), rotation) in
             self.body.grains.iter_mut().zip(&self.loads).zip(&self.inertias).zip(&mut self.rotations)
         {
@@ -296,13 +298,21 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         self.relaxed.force_evaluations += 1;
         self.relaxed.dissipation += self.contacts.dissipation;
         self.loads.clone_from(&self.body.loads);
-        if !self.rotations_free {
-            for load in &mut self.loads {
-                load.moment = Tuple::zero();
-            }
+        let blocked = match self.turning {
+            Rotations::Free => self.loads.len(),
+            Rotations::InnerBlocked => self.geometry.boundary,
+            Rotations::Blocked => 0,
+        };
+        for load in &mut self.loads[blocked..] {
+            load.moment = Tuple::zero();
         }
         let held = if self.boundary_is_held { FrameConstraint::Linear } else { self.constraint };
-        held.project(self.geometry, &self.inertias, &mut self.loads);
+        project(held, self.geometry, &self.inertias, &mut self.loads);
+    }
+
+    /// Whether the grains of the boundary may turn.
+    fn boundary_turns(&self) -> bool {
+        self.turning != Rotations::Blocked
     }
 
     /// Sums of the last evaluation.
@@ -338,7 +348,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
     pub(crate) fn boundary_residual(&self) -> f64 {
         let loads = &self.body.loads;
         let radius = self.geometry.radii.iter().sum::<f64>() / self.geometry.radii.len() as f64;
-        let turning = if self.rotations_free { 1.0 / (radius * radius) } else { 0.0 };
+        let turning = if self.boundary_turns() { 1.0 / (radius * radius) } else { 0.0 };
         let mut square = 0.0;
         for &[minus, plus] in &self.geometry.pairs {
             let force = loads[minus].force.plus(loads[plus].force);

@@ -1,10 +1,11 @@
 //! The frame against the periodic cell, against itself, and against what [Liu2018] says of it.
 
 use super::cell::{FrameDefinition, FrameRve};
-use super::constraint::FrameConstraint;
-use super::options::{FrameControl, FrameDamping, FrameOptions};
-use crate::contact::ContactTable;
-use crate::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
+use super::options::{FrameDamping, FrameOptions};
+use crate::contact::{ContactTable, Rotations};
+use crate::definition::{
+    Accuracy, CellFrame, FrameConstraint, FrameControl, GrainDefinition, PackingFile, RveOptions,
+};
 use crate::engine::GrainRve;
 use crate::space::plane::{self, Plane};
 use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
@@ -76,6 +77,69 @@ fn boundary_forces_give_the_stress_of_the_contacts() {
             let skew = (stress[0][1] - stress[1][0]).abs();
             assert!(skew < 1e-4 * 1e5, "{}: couple of {skew} Pa", constraint.keyword());
         }
+    }
+}
+
+/// Blocked rotations of the inner grains, or of all: a part of the frame that may do less is stiffer, and inner grains do not turn while
+/// those of the boundary do ([Liu2018] section 4.4).
+#[test]
+fn blocked_rotations_of_inner_grains_lie_between_free_and_blocked() {
+    let sheared = |rotations: Rotations, control: FrameControl| {
+        let contact = ContactTable { friction: 1e9, rotations, ..sand() };
+        let frame = FrameOptions { control, servo_tolerance: Some(5e-3), ..options(FrameConstraint::Periodic) };
+        let frame = FrameOptions { most_corrections: Some(3000), ..frame };
+        let mut frame = FrameRve::new(&FrameDefinition { packing: packing(), contact, frame }).unwrap();
+        trial(&mut frame, [[0.0, 1e-12], [1e-12, 0.0]]);
+        frame.commit().unwrap();
+        // Blocked grains carry couples: what does work in this strain is the symmetric part of the stress.
+        let shear = |stress: Plane| 0.5 * (stress[0][1] + stress[1][0]);
+        let before = shear(frame.observe(Observables::NONE).stress.plane());
+        let answer = trial(&mut frame, [[0.0, 1e-5], [1e-5, 0.0]]);
+        assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{rotations:?} {control:?}");
+        frame.commit().unwrap();
+        let (boundary, inner) = frame.committed().rotations.split_at(frame.geometry().boundary);
+        let turns = [boundary, inner].map(|grains| grains.iter().any(|angle| *angle != 0.0));
+        ((shear(answer.stress.plane()) - before) / 2e-5, turns)
+    };
+    let [free, inner, blocked] = [Rotations::Free, Rotations::InnerBlocked, Rotations::Blocked]
+        .map(|rotations| sheared(rotations, FrameControl::Direct));
+    assert_eq!([free.1, inner.1, blocked.1], [[true, true], [true, false], [false, false]]);
+    // The frames come to rest each in its own state under 100 kPa, half a percent of these moduli.
+    let own_rest = 1e5;
+    assert!(free.0 < 0.9 * inner.0 && inner.0 < blocked.0 + own_rest, "{} {} {}", free.0, inner.0, blocked.0);
+    let (servo, turns) = sheared(Rotations::InnerBlocked, FrameControl::Servo { gain: 1.0 });
+    assert_eq!(turns, [true, false]);
+    assert!((servo / inner.0 - 1.0).abs() < 2e-2, "{servo} by servo, {} directly", inner.0);
+}
+
+/// `[rve] frame` of a scene is the frame with these options, to the bit.
+#[test]
+fn the_table_of_a_scene_chooses_the_frame() {
+    let rve = RveOptions { tolerance: Some(1e-4), strain_per_step: Some(5e-6), ..RveOptions::default() };
+    let wanted = CellFrame { constraint: FrameConstraint::Traction, shared_sides: true, ..CellFrame::default() };
+    let servo = CellFrame {
+        control: FrameControl::Servo { gain: 0.9 },
+        servo_tolerance: Some(2e-2),
+        most_corrections: Some(900),
+        ..CellFrame::default()
+    };
+    for table in [None, Some(wanted), Some(servo)] {
+        let options = RveOptions { frame: table.clone(), ..rve.clone() };
+        let cell = GrainDefinition { packing: packing(), contact: sand(), options };
+        let mut of_scene = FrameRve::new(&FrameDefinition::from_protocol(&cell.to_protocol()).unwrap()).unwrap();
+        let table = table.unwrap_or_default();
+        let mut of_options = frame(FrameOptions {
+            constraint: table.constraint,
+            control: table.control,
+            shared_sides: table.shared_sides,
+            tolerance: Some(1e-4),
+            strain_per_step: Some(5e-6),
+            servo_tolerance: table.servo_tolerance,
+            most_corrections: table.most_corrections,
+            ..FrameOptions::new(table.constraint)
+        });
+        let h = [[1e-4, 0.0], [0.0, -2e-4]];
+        assert_eq!(trial(&mut of_scene, h).stress, trial(&mut of_options, h).stress, "{table:?}");
     }
 }
 

@@ -296,7 +296,12 @@ impl<S: SolverFor> Run<S> {
 
     /// One trial; keeps its network.
     fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
-        let options = TrialOptions { tangent: TangentKind::None, ramp_steps, observables: Observables::ALL };
+        let options = TrialOptions {
+            tangent: TangentKind::None,
+            ramp_steps,
+            observables: Observables::ALL,
+            ..TrialOptions::default()
+        };
         let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
         let answer = self
             .cell

@@ -143,8 +143,13 @@ impl ElementTest {
     pub fn validated(self) -> Result<Self, ElementError> {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
-        if let Some(frame) = &self.frame {
-            frame.validate().map_err(|error| ElementError::Test(error.to_string()))?;
+        match &self.frame {
+            Some(frame) => frame.validate(),
+            None => self.contact.refuse_inner_blocked(),
+        }
+        .map_err(|error| ElementError::Test(error.to_string()))?;
+        if self.rve.frame.is_some() {
+            return refuse("rve.frame is a key of scenes; an RVE test has the table [frame]".into());
         }
         if !(self.stress_tolerance > 0.0 && self.stress_tolerance.is_finite()) {
             return refuse(format!("stress_tolerance = {} must be a positive number", self.stress_tolerance));

@@ -148,6 +148,7 @@ impl SpecimenTest {
     pub fn validate(&self, dimension: usize) -> Result<(), DefinitionError> {
         let contact = self.contact_without_damping();
         contact.validate().and_then(|()| contact.validate_for(dimension))?;
+        contact.refuse_inner_blocked()?;
         if !(0.0..=10.0).contains(&self.contact.damping) {
             return Err(DefinitionError(format!(
                 "contact.damping = {} is a damping ratio, 0 to 10",

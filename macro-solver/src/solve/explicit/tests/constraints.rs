@@ -122,7 +122,12 @@ fn ties_of_obliquely_damped_nodes_are_refused_with_the_remedy() {
     mesh.nodes.iter_mut().for_each(|place| place[0] += 0.3 * place[1]);
     let mut settings = settings(1.0);
     settings.absorbing = vec!["right".into()];
-    let platen = MultiPointConstraint::TiltingPlaten { nodes: "right".into(), axis: Axis::X, displacement: None };
+    let platen = MultiPointConstraint::TiltingPlaten {
+        nodes: "right".into(),
+        axis: Axis::X,
+        displacement: None,
+        rotation: [None; 3],
+    };
     let problem = problem(mesh, vec![linked(platen)], 1.0, settings);
     let (run, film) = run(&problem, &mut elastic(&problem, 6.0, 3.0));
     let Outcome::Refused(error @ ProblemError::MultiPointConstraint { .. }) = run.outcome else {

@@ -7,6 +7,7 @@ mod resuming;
 mod softening;
 mod stability;
 mod sub_steps;
+mod supports;
 mod waves;
 
 use crate::formulation::Formulation;
@@ -25,6 +26,7 @@ struct Instant {
     time: f64,
     displacements: Vec<[f64; 3]>,
     velocities: Vec<[f64; 3]>,
+    accelerations: Vec<[f64; 3]>,
     reactions: Vec<[f64; 3]>,
     points: Vec<PointFields>,
     energy: EnergyBalance,
@@ -47,6 +49,7 @@ impl Observer for Film {
             time: report.time,
             displacements: fields.displacements.to_vec(),
             velocities: dynamics.velocities.to_vec(),
+            accelerations: dynamics.accelerations.to_vec(),
             reactions: fields.reactions.to_vec(),
             points: fields.points.to_vec(),
             energy: dynamics.energy,

@@ -1,0 +1,90 @@
+//! The key `frame` of `[rve]`: a frame of boundary grains [Liu2018] in place of a periodic cell.
+
+use crate::error::{DefinitionError, positive};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Boundary conditions of a frame by keyword, from the stiffest to the softest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameConstraint {
+    /// `x_q = F X_q`, no rotation: a linear displacement of all boundary grains.
+    Linear,
+    /// `x+ - x- = F (X+ - X-)`, equal rotations of opposite grains, corners on their places: [Liu2018] eq. 12.
+    #[default]
+    Periodic,
+    /// Boundary forces of one stress, `a_q = P A_q`, no moments; only the mean deformation is given.
+    Traction,
+}
+
+impl FrameConstraint {
+    /// The keyword.
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Periodic => "periodic",
+            Self::Traction => "traction",
+        }
+    }
+}
+
+/// How opposite boundary grains are brought to cancelling loads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameControl {
+    /// Both move in every step along the sum of their loads, like one grain.
+    #[default]
+    Direct,
+    /// They are held while the inner grains relax and corrected in between, as in [Liu2018] table 2.
+    Servo {
+        /// Correction over the sum of loads per contact stiffness of the pair, dimensionless; 1 converges slowly but surely, 1.8 was seen to diverge.
+        #[schemars(extend("x-unit" = "-"))]
+        gain: f64,
+    },
+}
+
+/// The frame behind a Gauss point. Accuracy, damping and step cap are those of `[rve]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CellFrame {
+    /// Boundary condition.
+    pub constraint: FrameConstraint,
+    /// How opposite grains of a periodic frame are balanced.
+    pub control: FrameControl,
+    /// Contacts between two grains of one side count half, because the neighbouring frame has them as well; a periodic
+    /// frame then is the periodic cell. [Liu2018] counts them whole.
+    pub shared_sides: bool,
+    /// Residual of opposite boundary loads over mean contact force; 1e-2 for servo and local damping, otherwise thirty times the force
+    /// tolerance.
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `control` and `rve.damping`", "exclusiveMinimum" = 0))]
+    pub servo_tolerance: Option<f64>,
+    /// Most corrections of the servo in one trial.
+    #[schemars(extend("x-default" = "500"), range(min = 1))]
+    pub most_corrections: Option<u32>,
+}
+
+impl FrameControl {
+    /// Checks the gain of a servo; `key` is the path to the control.
+    ///
+    /// # Errors
+    /// A gain for which the servo diverges, or that corrects nothing.
+    pub(crate) fn validate(self, key: &str) -> Result<(), DefinitionError> {
+        match self {
+            Self::Servo { gain } if !(gain > 0.0 && gain < 2.0) => Err(DefinitionError(format!(
+                "{key}.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl CellFrame {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// The first offending key with the remedy.
+    pub(super) fn validate(&self) -> Result<(), DefinitionError> {
+        self.control.validate("rve.frame.control")?;
+        self.servo_tolerance.map_or(Ok(()), |value| positive("rve.frame.servo_tolerance", value))
+    }
+}

@@ -1,0 +1,69 @@
+//! Frames of boundary grains [Liu2018] behind finite elements, as `[rve] frame` of a scene chooses them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A short run of one element of the small biaxial scene.
+fn run(folder: &Path, name: &str, more: &[&str]) -> (Output, PathBuf) {
+    let out = folder.join(name);
+    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/biaxial-small.toml", "--workers", "2", "--out"])
+        .arg(&out)
+        .args(["--set", "mesh.elements=[1, 1]", "--set", "loading.increments=2", "--set", "rve.accuracy=draft"])
+        .args(["--set", "boundary.2.displacement.y=-1e-4"])
+        .args(more)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    (ran, out)
+}
+
+fn history(folder: &Path, name: &str, more: &[&str]) -> String {
+    let (ran, out) = run(folder, name, more);
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned() + &String::from_utf8_lossy(&ran.stdout);
+    assert_eq!(ran.status.code(), Some(0), "{more:?}: {said}");
+    fs::read_to_string(out.join("history.csv")).unwrap()
+}
+
+fn last_ratio(history: &str) -> f64 {
+    let mut lines = history.lines();
+    let place = lines.next().unwrap().split(',').position(|column| column == "stress_ratio").unwrap();
+    lines.last().unwrap().split(',').nth(place).unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_scene_chooses_its_frame_and_the_engine_follows() {
+    let folder = tempfile::tempdir().unwrap();
+    let frame = |keys: &str| format!("rve.frame={keys}");
+    let by_engine = history(folder.path(), "engine", &["--engine", "boundary-frame"]);
+    let by_scene = history(folder.path(), "scene", &["--set", &frame("{}")]);
+    assert_eq!(by_engine, by_scene, "a periodic frame with direct control is what the engine alone takes");
+    let cell = last_ratio(&history(folder.path(), "cell", &[]));
+    let shared = last_ratio(&history(folder.path(), "shared", &["--set", &frame("{ shared_sides = true }")]));
+    assert!((shared / cell - 1.0).abs() < 2e-2, "with shared sides {shared}, a periodic cell {cell}");
+    let linear = last_ratio(&history(folder.path(), "linear", &["--set", &frame("{ constraint = 'linear' }")]));
+    let servo = frame("{ control = { servo = { gain = 1.0 } } }");
+    let blocked = ["--set", &servo, "--set", "contact.rotations=inner_blocked"];
+    let servo = last_ratio(&history(folder.path(), "servo", &["--set", &servo]));
+    let blocked = last_ratio(&history(folder.path(), "blocked", &blocked));
+    let periodic = last_ratio(&by_scene);
+    assert!((servo / periodic - 1.0).abs() < 5e-2, "by servo {servo}, directly {periodic}");
+    assert!(linear > periodic && blocked > servo, "{linear} > {periodic}, {blocked} > {servo}");
+}
+
+#[test]
+fn frames_and_inner_grains_are_refused_where_there_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    for (more, said) in [
+        (&["--set", "rve.frame={}", "--set", "pool.engine=grains"][..], "no frames of boundary grains"),
+        (&["--set", "contact.rotations=inner_blocked"], "inner_blocked"),
+        (&["--set", "rve.frame={ control = { servo = { gain = 3.0 } } }"], "rve.frame.control.servo.gain"),
+    ] {
+        let (ran, out) = run(folder.path(), "refused", more);
+        let error = String::from_utf8_lossy(&ran.stderr).into_owned();
+        assert_eq!(ran.status.code(), Some(2), "{more:?}: {error}");
+        assert!(error.contains(said), "{more:?}: {error}");
+        assert!(!out.exists());
+    }
+}

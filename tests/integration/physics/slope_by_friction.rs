@@ -1,0 +1,102 @@
+//! L-5: a dry infinite slope is stable up to the angle of friction of its cells. The friction between the grains of the scene
+//! `slope-friction` is reduced until no equilibrium is left; a cell with that friction then carries, in simple shear under a constant
+//! stress across it, as much as the slope asks for.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Pressure across the slope, Pa, and weight across it, N/m3, of the scene.
+const PRESSURE: f64 = 1.0e5;
+const WEIGHT: f64 = 2.0e4;
+
+/// Degrees of the catalogue.
+const TOLERANCE: f64 = 2.0;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).to_owned()
+}
+
+/// The rows of a table with a header, as the numbers of these columns.
+fn columns<const N: usize>(text: &str, names: [&str; N]) -> Vec<[f64; N]> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let places = names.map(|name| header.iter().position(|column| *column == name).expect(name));
+    let rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
+    rows.map(|row| places.map(|place| row[place].parse().unwrap())).collect()
+}
+
+/// Share of the friction that the slope can do without.
+fn share_to_spare(folder: &Path, tangent: f64) -> f64 {
+    let out = folder.join("slope");
+    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/geotechnics/slope-friction.toml", "--size", "small", "--workers", "2", "--out"])
+        .arg(&out)
+        .args(["--set", &format!("stage.0.body_force.0.value.x={}", tangent * WEIGHT)])
+        .args(["--set", &format!("stage.0.traction.0.value.x={}", tangent * PRESSURE)])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned() + &String::from_utf8_lossy(&ran.stdout);
+    assert_eq!(ran.status.code(), Some(1), "the slope fails: {said}");
+    assert!(said.contains("of stage 'friction'"), "in its last stage: {said}");
+    let rows = columns(&fs::read_to_string(out.join("history.csv")).unwrap(), ["load"]);
+    fs::remove_dir_all(&out).unwrap();
+    rows.last().unwrap()[0]
+}
+
+/// Largest ratio of the stresses along and across the plane that the cell of the scene carries in simple shear.
+fn largest_ratio(folder: &Path, friction: f64) -> f64 {
+    let packing = root().join("packings/discs-100.json");
+    let test = format!(
+        "packing = '{}'\n[contact]\nlaw = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = {friction}\n\
+         [rve]\naccuracy = \"draft\"\n[[path]]\nincrements = 200\nstrain = {{ xy = 0.1 }}\nstress = {{ yy = -1.0e5 }}\n",
+        packing.display()
+    );
+    let (input, out) = (folder.join("shear.toml"), folder.join("shear.csv"));
+    fs::write(&input, test).unwrap();
+    let ran =
+        Command::new(env!("CARGO_BIN_EXE_grainspan")).arg("element").arg(&input).arg("--out").arg(&out).output();
+    let ran = ran.unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let rows = columns(&fs::read_to_string(&out).unwrap(), ["sigma_xy", "sigma_yy"]);
+    rows.iter().map(|[along, across]| (along / across).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn an_infinite_slope_is_stable_up_to_the_friction_angle_of_its_cells() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shares = Vec::new();
+    for tangent in [0.2_f64, 0.3, 0.4] {
+        let share = share_to_spare(folder.path(), tangent);
+        let angle = largest_ratio(folder.path(), 0.5 * (1.0 - share)).atan().to_degrees();
+        let slope = tangent.atan().to_degrees();
+        assert!((angle - slope).abs() < TOLERANCE, "{slope:.2} degrees hold up to {angle:.2}, {share:.3} to spare");
+        shares.push(share);
+    }
+    assert!(shares.windows(2).all(|pair| pair[0] > pair[1]), "a steeper slope has less to spare: {shares:?}");
+}
+
+/// An engine that has one friction is refused before anything starts.
+#[test]
+fn an_engine_that_cannot_change_friction_refuses_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args([
+            "run",
+            "scenes/geotechnics/slope-friction.toml",
+            "--size",
+            "small",
+            "--engine",
+            "boundary-frame",
+            "--out",
+        ])
+        .arg(folder.path().join("out"))
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert_eq!(ran.status.code(), Some(2), "{said}");
+    assert!(said.contains("cannot change the friction") && said.contains("[[friction]]"), "{said}");
+    assert!(!folder.path().join("out").exists());
+}
