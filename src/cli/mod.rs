@@ -5,6 +5,8 @@ mod bench;
 mod cell_files;
 mod check;
 mod clean;
+mod commit;
+mod comparison;
 mod completions;
 mod ctl;
 mod estimate;
@@ -20,6 +22,7 @@ mod rve_test;
 mod specimen;
 mod start_state;
 mod status;
+mod study;
 mod sweep;
 mod watch;
 
@@ -56,6 +59,8 @@ enum Command {
     Element(rve_test::Arguments),
     /// Prepare a packing of grains and report its quality
     Pack(pack::Arguments),
+    /// Take ensembles of packings along paths: mean, scatter, and how it falls with the number of grains
+    Study(study::Arguments),
     /// Run single-scale grain dynamics of a whole specimen
     Specimen(specimen::Arguments),
     /// Validate everything a run would need; run nothing
@@ -102,6 +107,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Run(arguments) => run::run(&arguments),
         Command::Element(arguments) => rve_test::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Specimen(arguments) => specimen::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::RveServer(arguments) => rve_server::run(&arguments),

@@ -1,8 +1,8 @@
 //! A figure as data: what it runs, and how it is drawn from the results.
 
-use super::comparison::Comparison;
 use super::error::ReproduceError;
 use super::results::Results;
+use crate::cli::comparison::Comparison;
 use charts::{Chart, Map};
 
 /// Size of the calculation behind a figure.
