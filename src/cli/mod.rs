@@ -24,6 +24,7 @@ mod start_state;
 mod status;
 mod study;
 mod sweep;
+mod verification;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -87,6 +88,9 @@ enum Command {
     Explain(explain::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
+    /// Write the generated pages of the verification into a copy of the repository
+    #[command(hide = true)]
+    Verification(verification::Arguments),
     /// Complete a key of `--set`, for the completion scripts
     #[command(hide = true)]
     CompleteKey(explain::CompleteArguments),
@@ -121,6 +125,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
+        Command::Verification(arguments) => verification::run(&arguments),
         Command::CompleteKey(arguments) => explain::complete(&arguments),
     };
     match ended {

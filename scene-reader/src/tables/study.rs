@@ -182,7 +182,7 @@ pub(crate) enum Take {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ExpectedEntry {
-    /// Entry of the verification catalogue that the comparison belongs to, such as "G-8".
+    /// Entry of the verification catalogue that the comparison belongs to, such as "D-1".
     pub(crate) entry: Option<String>,
     /// Quantity.
     pub(crate) quantity: Located<String>,
@@ -199,13 +199,15 @@ pub(crate) struct ExpectedEntry {
     #[schemars(extend("x-default" = "the largest size"))]
     pub(crate) grains: Option<Located<usize>>,
     /// The number that is expected. One of `value`, `between` and `like` at most; without any our number is reported.
+    #[schemars(extend("x-unit" = "of the quantity"))]
     pub(crate) value: Option<f64>,
     /// Two numbers; anything between them is expected.
+    #[schemars(extend("x-unit" = "of the quantity"))]
     pub(crate) between: Option<[f64; 2]>,
     /// Another ensemble of the same size, whose mean is expected.
     pub(crate) like: Option<Located<LikeTable>>,
     /// Largest difference that counts as agreement.
-    #[schemars(range(min = 0), extend("x-default" = "of a power half its interval of 95 % confidence, else none"))]
+    #[schemars(range(min = 0), extend("x-unit" = "of the quantity", "x-default" = "of a power half its interval of 95 % confidence, else none"))]
     pub(crate) tolerance: Option<f64>,
     /// Whether `tolerance` is a share of the expected number.
     #[serde(default)]

@@ -96,6 +96,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// What the generated pages need of a figure.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Summary {
+    /// Its name.
+    pub(super) name: &'static str,
+    /// Paper and figure.
+    pub(super) source: &'static str,
+    /// Entries of the verification catalogue, each with a part of the quantities that belong to it.
+    pub(super) entries: &'static [(&'static str, &'static str)],
+}
+
+/// All figures, in the order of the list.
+pub(super) fn summaries() -> Vec<Summary> {
+    let summary = |figure: &&Figure| Summary { name: figure.name, source: figure.source, entries: figure.entries };
+    figures::ALL.iter().map(summary).collect()
+}
+
 fn chosen(name: &str) -> Result<Vec<&'static Figure>, ReproduceError> {
     if name == "all" {
         return Ok(figures::ALL.to_vec());

@@ -79,6 +79,7 @@ fn scatter(results: &Results<'_>) -> Chart {
         ("standard deviation", Scale::Logarithmic),
     );
     let sizes = results.study.sizes().len();
+    let mut has_slope = false;
     for first in results.ensembles().into_iter().filter(|ensemble| ensemble.size == 0) {
         let quantity = &results.study.quantities[first.quantity].name;
         let points: Vec<[f64; 2]> = (0..sizes)
@@ -96,11 +97,13 @@ fn scatter(results: &Results<'_>) -> Chart {
         );
         let ends = [points[0][0], points[points.len() - 1][0]];
         chart.curve(&name, points);
-        // Through the middle of the fit.
-        let middle = (ends[0] * ends[1]).sqrt();
-        let through = fit.deviation(middle);
-        let half = ends.map(|grains| [grains, through * (grains / middle).powf(-0.5)]);
-        chart.reference("power -1/2", half);
+        if !has_slope {
+            // Through the middle of the first fit; the slope is that of all.
+            let middle = (ends[0] * ends[1]).sqrt();
+            let through = fit.deviation(middle);
+            chart.reference("power -1/2", ends.map(|grains| [grains, through * (grains / middle).powf(-0.5)]));
+            has_slope = true;
+        }
     }
     chart
 }

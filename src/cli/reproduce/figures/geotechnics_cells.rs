@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "Jaky; trends",
     shows: "one cell: strength, earth pressure at rest, shear at constant volume of dense and loose, cyclic shear",
     run_time: ("10 s", "5 min"),
+    entries: &[("L-6", "cell gains"), ("L-7", "earth pressure at rest")],
     runs,
     evaluate,
 };

@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "Rankine; Guo and Zhao (2016)",
     shows: "pressure on a smooth wall that gives way and that is pushed in, over the surcharge",
     run_time: ("1 min", "5 h"),
+    entries: &[("L-1", "pressure over surcharge")],
     runs,
     evaluate,
 };
