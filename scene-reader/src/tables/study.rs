@@ -128,7 +128,8 @@ pub enum RowMeasure {
     /// `D = 1 + d(volume strain) / d(axial compression)`, logarithmic strains, expansion positive: in plane strain `-d(eps_3) / d(eps_1)`, above 1 where the
     /// grains dilate. Of paths whose `strain` is a compression.
     Dilatancy,
-    /// The stress ratio over `D`, both averaged over the same range of strain: Rowe's `K = tan^2(45 + phi_f / 2)`.
+    /// The stress ratio over `D`, both averaged over the same range of strain: Rowe's `K = tan^2(45 + phi_f / 2)`. Its mean over rows is
+    /// the mean stress ratio over the mean of `D`.
     StressOverDilatancy,
 }
 

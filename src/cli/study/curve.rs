@@ -12,6 +12,9 @@ pub(super) struct Path {
     pub(super) strain: Vec<f64>,
     /// For every measure its value in every row.
     pub(super) measures: Vec<Vec<f64>>,
+    /// For every measure the weights of its rows in a mean; empty for equal ones. A ratio is weighted with its denominator: single rows
+    /// whose denominator is near zero would decide the mean of ratios, and do not decide the ratio of means.
+    pub(super) weights: Vec<Vec<f64>>,
     /// Why the path ended early.
     pub(super) stopped: Option<String>,
     /// Rows with a shortcut or a degradation: what it was, and in how many rows.
@@ -39,7 +42,11 @@ pub(super) struct Collector<'a> {
 impl<'a> Collector<'a> {
     /// For these measures.
     pub(super) fn new(measures: &'a [RowMeasure], strain: PathStrain) -> Self {
-        let path = Path { measures: vec![Vec::new(); measures.len()], ..Path::default() };
+        let path = Path {
+            measures: vec![Vec::new(); measures.len()],
+            weights: vec![Vec::new(); measures.len()],
+            ..Path::default()
+        };
         Self { measures, strain, path, kept: Vec::new() }
     }
 
@@ -77,13 +84,17 @@ impl<'a> Collector<'a> {
 
     /// The path, with slopes over ranges of axial strain of this half width.
     pub(super) fn finish(mut self, half_width: f64, stopped: Option<String>) -> Path {
-        for (measure, values) in self.measures.iter().zip(&mut self.path.measures) {
+        let columns = self.path.measures.iter_mut().zip(&mut self.path.weights);
+        for (measure, (values, weights)) in self.measures.iter().zip(columns) {
             if measure.needs_compression() {
                 for (row, value) in values.iter_mut().enumerate() {
                     let (dilatancy, stress_ratio) = slope_at(&self.kept, row, half_width);
                     *value = match measure {
                         RowMeasure::Dilatancy => dilatancy,
-                        _ => stress_ratio / dilatancy,
+                        _ => {
+                            weights.push(dilatancy);
+                            stress_ratio / dilatancy
+                        }
                     };
                 }
             }
@@ -132,16 +143,22 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
         (None, Some(reason)) => Err(format!("stopped at a strain of {reached:.4}: {reason}")),
         (None, None) => Ok((from, f64::INFINITY)),
     };
-    let between = |(from, to): (f64, f64)| -> Vec<f64> {
-        let inside = |strain: &f64| (from - SAME_STRAIN..=to + SAME_STRAIN).contains(strain);
-        path.strain.iter().zip(values).filter(|(strain, _)| inside(strain)).map(|(_, value)| *value).collect()
+    let rows_between = |(from, to): (f64, f64)| -> Vec<usize> {
+        let inside = |row: &usize| (from - SAME_STRAIN..=to + SAME_STRAIN).contains(&path.strain[*row]);
+        (0..path.strain.len()).filter(inside).collect()
     };
+    let between = |range: (f64, f64)| rows_between(range).into_iter().map(|row| values[row]);
     let found = match rows {
-        ChosenRows::Largest(from, to) => between(window(from, to)?).into_iter().fold(f64::NEG_INFINITY, f64::max),
-        ChosenRows::Smallest(from, to) => between(window(from, to)?).into_iter().fold(f64::INFINITY, f64::min),
+        ChosenRows::Largest(from, to) => between(window(from, to)?).fold(f64::NEG_INFINITY, f64::max),
+        ChosenRows::Smallest(from, to) => between(window(from, to)?).fold(f64::INFINITY, f64::min),
         ChosenRows::Mean(from, to) => {
-            let inside = between(window(from, to)?);
-            inside.iter().sum::<f64>() / inside.len() as f64
+            let weight = |row: usize| path.weights[measure].get(row).copied().unwrap_or(1.0);
+            let (mut sum, mut weights) = (0.0, 0.0);
+            for row in rows_between(window(from, to)?) {
+                sum += weight(row) * values[row];
+                weights += weight(row);
+            }
+            sum / weights
         }
         ChosenRows::At(at) => {
             needs(at)?;
@@ -174,6 +191,7 @@ mod tests {
         Path {
             strain: strain.to_vec(),
             measures: vec![values.to_vec()],
+            weights: vec![Vec::new()],
             stopped: stopped.map(str::to_owned),
             fallbacks: Vec::new(),
         }
@@ -199,6 +217,14 @@ mod tests {
         for rows in [ChosenRows::Largest(0.0, None), ChosenRows::Largest(0.0, Some(0.2)), ChosenRows::At(0.2)] {
             assert!(value(&stopped, 0, rows).unwrap_err().contains("stopped at a strain of 0.1000: snap"));
         }
+    }
+
+    #[test]
+    fn the_mean_of_a_ratio_is_the_ratio_of_the_means() {
+        let ratio =
+            Path { weights: vec![vec![1.0, 0.001, 2.0]], ..path(&[0.0, 0.1, 0.2], &[2.0, 3000.0, 1.0], None) };
+        let found = value(&ratio, 0, ChosenRows::Mean(0.0, None)).unwrap();
+        assert!((found - 7.0 / 3.001).abs() < 1e-12, "{found}");
     }
 
     #[test]
