@@ -20,6 +20,7 @@ mod reference;
 mod sets;
 mod solving;
 mod stages;
+mod study;
 mod supervision;
 mod tables;
 
@@ -32,6 +33,10 @@ pub use input_error::InputError;
 pub use keys::Table;
 pub use materials::{Densities, Materials, PackingCopy, drawn};
 pub use reference::{completions, explained, nearest_key, overview};
+pub use study::{
+    ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,
+    StudyRecipe, StudyTest, read_study,
+};
 pub use supervision::{JOBS_A_MESSAGE, PoolKeys};
 
 /// Keyword of the engine inside this program.

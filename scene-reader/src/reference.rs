@@ -1,7 +1,7 @@
 //! The keys of all kinds of input files: explained, listed, as Markdown and as JSON schema.
 
 use crate::document::{Kind, SizesTable};
-use crate::tables::SceneFile;
+use crate::tables::{SceneFile, StudyFile};
 use keys::{Key, Table};
 use rve_server::preparation::PackingRecipe;
 use rve_server::programs::rve_test::ElementTest;
@@ -16,6 +16,7 @@ impl Kind {
             Self::ElementTest => Table::of::<ElementTest>(),
             Self::Recipe => return Table::of::<PackingRecipe>(),
             Self::Specimen => Table::of::<SpecimenTest>(),
+            Self::Study => Table::of::<StudyFile>(),
         };
         table.keys.extend(Table::of::<SizesTable>().keys);
         table
@@ -28,6 +29,7 @@ impl Kind {
             Self::ElementTest => schema_for!(ElementTest),
             Self::Recipe => return schema_for!(PackingRecipe),
             Self::Specimen => schema_for!(SpecimenTest),
+            Self::Study => schema_for!(StudyFile),
         };
         let sizes = schema_for!(SizesTable);
         let declared = sizes.get("properties").and_then(|properties| properties.get("sizes")).cloned();
@@ -45,6 +47,7 @@ impl Kind {
             Self::ElementTest => "rve-test",
             Self::Recipe => "packing",
             Self::Specimen => "specimen",
+            Self::Study => "study",
         }
     }
 

@@ -40,12 +40,12 @@ const ZSH_KEYS: &str = r#"
 (( $+functions[_grainspan_keys] )) ||
 _grainspan_keys() {
     local -a keys
-    keys=(${(f)"$(grainspan complete-key "${${(M)words:#(run|check|element|rve-test|pack|specimen)}[1]:-run}" "${PREFIX}" 2>/dev/null)"})
+    keys=(${(f)"$(grainspan complete-key "${${(M)words:#(run|check|element|rve-test|pack|specimen|study)}[1]:-run}" "${PREFIX}" 2>/dev/null)"})
     compadd -S '' -a keys
 }
 "#;
 
-const FISH_KEYS: &str = r#"complete -c grainspan -n "__fish_seen_subcommand_from run check element rve-test pack specimen" -l set -x -a "(grainspan complete-key (commandline -opc)[2] (commandline -ct) 2>/dev/null)"
+const FISH_KEYS: &str = r#"complete -c grainspan -n "__fish_seen_subcommand_from run check element rve-test pack specimen study" -l set -x -a "(grainspan complete-key (commandline -opc)[2] (commandline -ct) 2>/dev/null)"
 "#;
 
 fn with_keys(shell: Shell, script: &str) -> String {

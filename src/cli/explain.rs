@@ -17,13 +17,13 @@ pub(crate) struct Arguments {
     #[arg(value_name = "KEY")]
     key: Option<String>,
     /// Kind of input file [default: all]
-    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"])]
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing", "study"])]
     file: Option<String>,
     /// Print the reference of a kind of input file as Markdown
-    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"], conflicts_with = "key")]
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing", "study"], conflicts_with = "key")]
     markdown: Option<String>,
     /// Print the JSON schema of a kind of input file
-    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing"], conflicts_with = "key")]
+    #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing", "study"], conflicts_with = "key")]
     schema: Option<String>,
 }
 

@@ -5,6 +5,8 @@ mod bench;
 mod cell_files;
 mod check;
 mod clean;
+mod commit;
+mod comparison;
 mod completions;
 mod ctl;
 mod estimate;
@@ -20,7 +22,9 @@ mod rve_test;
 mod specimen;
 mod start_state;
 mod status;
+mod study;
 mod sweep;
+mod verification;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -56,6 +60,8 @@ enum Command {
     Element(rve_test::Arguments),
     /// Prepare a packing of grains and report its quality
     Pack(pack::Arguments),
+    /// Take ensembles of packings along paths: mean, scatter, and how it falls with the number of grains
+    Study(study::Arguments),
     /// Run single-scale grain dynamics of a whole specimen
     Specimen(specimen::Arguments),
     /// Validate everything a run would need; run nothing
@@ -82,6 +88,9 @@ enum Command {
     Explain(explain::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),
+    /// Write the generated pages of the verification into a copy of the repository
+    #[command(hide = true)]
+    Verification(verification::Arguments),
     /// Complete a key of `--set`, for the completion scripts
     #[command(hide = true)]
     CompleteKey(explain::CompleteArguments),
@@ -102,6 +111,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Run(arguments) => run::run(&arguments),
         Command::Element(arguments) => rve_test::run(&arguments),
         Command::Pack(arguments) => pack::run(&arguments),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Specimen(arguments) => specimen::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::RveServer(arguments) => rve_server::run(&arguments),
@@ -115,6 +125,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
+        Command::Verification(arguments) => verification::run(&arguments),
         Command::CompleteKey(arguments) => explain::complete(&arguments),
     };
     match ended {

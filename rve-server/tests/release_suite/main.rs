@@ -19,6 +19,7 @@ use rve_server::engine::GrainRve;
 use rve_server::preparation::{Grading, PackingRecipe, PackingReport, generate};
 use rve_server::programs::rve_test::{ElementTest, run_element};
 use rve_server::programs::specimen::{SpecimenEvent, SpecimenTest, run_specimen};
+use rve_server::solver::SolverFor;
 use rve_server::space::{Discs, Space, Spheres};
 use std::path::Path;
 use std::time::Instant;
@@ -38,7 +39,7 @@ fn recipe(dimension: u32, number: usize, seed: u64, pressure: f64, friction: f64
     PackingRecipe { grading, ..PackingRecipe::from_toml(&text).unwrap() }
 }
 
-fn made<S: Space>(recipe: &PackingRecipe) -> (PackingFile<S>, PackingReport) {
+fn made<S: Space + SolverFor>(recipe: &PackingRecipe) -> (PackingFile<S>, PackingReport) {
     let started = Instant::now();
     let (packing, report) = generate::<S>(recipe, &mut |_| ()).unwrap();
     eprintln!(

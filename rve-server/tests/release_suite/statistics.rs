@@ -8,10 +8,21 @@ use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use rve_server::space::Discs;
 use std::path::Path;
 
+/// Largest miss of the controlled stress over the mean pressure: to a few per cent of strain, and in flow, where packings collapse and
+/// recover all the time.
+const CLOSE: f64 = 5e-3;
+const FLOWING: f64 = 1e-2;
+
 /// Biaxial compression along y at constant sigma_xx; the rows.
-fn biaxial(packing: &Path, contact: &str, pressure: f64, strain: f64, increments: u32) -> Vec<ElementRow> {
+fn biaxial(
+    packing: &Path,
+    contact: &str,
+    pressure: f64,
+    (strain, increments): (f64, u32),
+    stress_tolerance: f64,
+) -> Vec<ElementRow> {
     let text = format!(
-        "packing = \"{}\"\nstress_tolerance = 5e-3\n[contact]\nlaw = \"linear\"\n{contact}\n[rve]\naccuracy = \"draft\"\n\
+        "packing = \"{}\"\nstress_tolerance = {stress_tolerance}\n[contact]\nlaw = \"linear\"\n{contact}\n[rve]\naccuracy = \"draft\"\n\
          strain_per_step = 1e-5\n[[path]]\nincrements = {increments}\nstrain = {{ yy = -{strain} }}\nstress = {{ xx = -{pressure:e} }}\n",
         packing.display()
     );
@@ -55,7 +66,7 @@ pub(crate) fn published_material(packings: &[std::path::PathBuf]) {
         ("blocked, friction 0.4", law(0.4, Rotations::Blocked), 0.594, 0.015),
     ] {
         let all: Vec<Vec<ElementRow>> =
-            packings.iter().map(|packing| biaxial(packing, &contact, 1.5e5, 0.12, 60)).collect();
+            packings.iter().map(|packing| biaxial(packing, &contact, 1.5e5, (0.12, 60), CLOSE)).collect();
         let peaks: Vec<f64> = all.iter().map(|rows| rows.iter().map(strength).fold(0.0, f64::max)).collect();
         let compaction = mean(all.iter().map(|rows| dilation(&rows[15])));
         let start = [
@@ -76,6 +87,54 @@ pub(crate) fn published_material(packings: &[std::path::PathBuf]) {
     }
 }
 
+/// G-8: two dense and two loose packings reach one critical state at 20 to 25 % strain. G-9: without a change of volume the stress ratio is
+/// Rowe's constant of the critical state; on the way to it loose packings keep to it within the 10 % of the catalogue, dense ones
+/// do not, which is printed. The studies with five packings each are in `docs/lab-book/ensembles.md`.
+#[test]
+fn dense_and_loose_packings_reach_one_critical_state() {
+    eprintln!("G-8, G-9");
+    let folder = tempfile::tempdir().unwrap();
+    let contact = "normal_stiffness = 1.0\nstiffness_ratio = 0.5\nfriction = 0.5";
+    let mut states = Vec::new();
+    for (name, friction) in [("dense", 0.0), ("loose", 0.5)] {
+        let mut samples: Vec<[f64; 4]> = Vec::new();
+        for seed in 1..=2 {
+            let path = folder.path().join(format!("{name}-{seed}.json"));
+            let packing: PackingFile<Discs> = made(&recipe(2, 400, 200 + seed, 3e-3, friction, 1.4)).0;
+            packing.write(&path).unwrap();
+            let rows = biaxial(&path, contact, 3e-3, (0.25, 250), FLOWING);
+            assert_eq!(rows.len(), 251, "{name} packings reach the end of the path");
+            let ratio = |row: &ElementRow| row.stress[1][1] / row.stress[0][0];
+            // -d(eps_3) / d(eps_1) from 5 to 15 % strain.
+            let [early, later] =
+                [&rows[50], &rows[150]].map(|row| [row.deformation[0][0].ln(), row.deformation[1][1].ln()]);
+            let dilatancy = (later[0] - early[0]) / (early[1] - later[1]);
+            let late = &rows[200..];
+            samples.push([
+                mean(late.iter().map(ratio)),
+                mean(late.iter().map(|row| row.void_ratio)),
+                mean(late.iter().map(|row| row.coordination_number_no_rattlers)),
+                mean(rows[50..=150].iter().map(ratio)) / dilatancy,
+            ]);
+        }
+        let of = |place: usize| mean(samples.iter().map(|sample| sample[place]));
+        let state: [f64; 4] = std::array::from_fn(of);
+        eprintln!(
+            "  {name}: s1/s3 {:.3}, void ratio {:.4}, z* {:.3}; stress ratio over dilatancy from 5 to 15 % {:.3}, {:+.1} % of s1/s3",
+            state[0],
+            state[1],
+            state[2],
+            state[3],
+            100.0 * (state[3] / state[0] - 1.0)
+        );
+        states.push(state);
+    }
+    for place in 0..3 {
+        assert!((states[0][place] / states[1][place] - 1.0).abs() < 0.05, "{states:?}");
+    }
+    assert!((states[1][3] / states[1][0] - 1.0).abs() < 0.1, "{states:?}");
+}
+
 /// G-11: small cells scatter: the spread of the strength falls at least with the root of the number of grains.
 #[test]
 fn strength_scatters_less_in_larger_cells() {
@@ -90,7 +149,7 @@ fn strength_scatters_less_in_larger_cells() {
             let path = folder.path().join(format!("{number}-{seed}.json"));
             let packing: PackingFile<Discs> = made(&recipe).0;
             packing.write(&path).unwrap();
-            let rows = biaxial(&path, contact, 1e-3, 0.05, 50);
+            let rows = biaxial(&path, contact, 1e-3, (0.05, 50), CLOSE);
             fabrics.push(rows[0].fabric_anisotropy);
             peaks.push(rows.iter().map(strength).fold(0.0, f64::max));
         }

@@ -11,11 +11,13 @@ pub enum Kind {
     Recipe,
     /// `grainspan specimen`.
     Specimen,
+    /// `grainspan study`.
+    Study,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 4] = [Self::Scene, Self::ElementTest, Self::Recipe, Self::Specimen];
+    pub const ALL: [Self; 5] = [Self::Scene, Self::ElementTest, Self::Recipe, Self::Specimen, Self::Study];
 
     /// The key at the top that only this kind has.
     pub(super) fn mark(self) -> &'static str {
@@ -24,6 +26,7 @@ impl Kind {
             Self::ElementTest => "path",
             Self::Recipe => "grading",
             Self::Specimen => "cut",
+            Self::Study => "seeds",
         }
     }
 
@@ -34,6 +37,7 @@ impl Kind {
             Self::ElementTest => "an element test",
             Self::Recipe => "a packing recipe",
             Self::Specimen => "a specimen test",
+            Self::Study => "a study",
         }
     }
 
@@ -44,6 +48,7 @@ impl Kind {
             Self::ElementTest => "element",
             Self::Recipe => "pack",
             Self::Specimen => "specimen",
+            Self::Study => "study",
         }
     }
 }

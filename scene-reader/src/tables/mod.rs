@@ -12,6 +12,7 @@ mod region;
 mod run;
 mod solving;
 mod stage;
+mod study;
 
 pub(crate) use conditions::{
     BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, TractionTable,
@@ -28,6 +29,8 @@ pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
 pub(crate) use solving::*;
 pub(crate) use stage::*;
+pub use study::{EnsembleStatistic, PathStrain, RowMeasure};
+pub(crate) use study::{ExpectedEntry, QuantityEntry, StudyFile, Take};
 
 use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;

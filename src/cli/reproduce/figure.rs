@@ -1,8 +1,8 @@
 //! A figure as data: what it runs, and how it is drawn from the results.
 
-use super::comparison::Comparison;
 use super::error::ReproduceError;
 use super::results::Results;
+use crate::cli::comparison::Comparison;
 use charts::{Chart, Map};
 
 /// Size of the calculation behind a figure.
@@ -77,6 +77,8 @@ pub(super) struct Figure {
     pub(super) source: &'static str,
     /// What it shows, in one line.
     pub(super) shows: &'static str,
+    /// Entries of the verification catalogue, each with a part of the quantities that belong to it; an empty part fits all.
+    pub(super) entries: &'static [(&'static str, &'static str)],
     /// Expected run times on two cores, small and paper size.
     pub(super) run_time: (&'static str, &'static str),
     /// The runs that it needs.

@@ -30,12 +30,9 @@ impl Inputs {
         self.folder.join(name)
     }
 
-    /// The commit of a copy of the repository, with `-dirty` for one with changes; `None` for an installation.
-    pub(super) fn commit(&self) -> Option<String> {
-        let mut git = std::process::Command::new("git");
-        git.arg("-C").arg(&self.folder).args(["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]);
-        let output = git.output().ok().filter(|output| output.status.success())?;
-        Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
+    /// The folder that holds `scenes`.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
     }
 }
 

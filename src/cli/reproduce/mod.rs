@@ -1,7 +1,6 @@
 //! `grainspan reproduce [NAME]`: the published figures of the three papers. One command runs what a figure needs, draws it with the
 //! paper's numbers over ours, and writes the differences.
 
-mod comparison;
 mod curve;
 mod error;
 mod field;
@@ -14,18 +13,19 @@ mod runner;
 
 /// What every figure uses.
 mod prelude {
-    pub(super) use super::comparison::{Comparison, Theirs, Tolerance};
     pub(super) use super::curve::{Curve, crossing, liu_ratio, mean_between, peak, trough, value_at};
     pub(super) use super::error::ReproduceError;
     pub(super) use super::figure::{Command, Figure, Outcome, Run, Size};
     pub(super) use super::results::Results;
+    pub(super) use crate::cli::comparison::{Comparison, Theirs, Tolerance};
     pub(super) use charts::{Chart, Map, Panel, Scale};
 }
 
+use super::commit::commit_of;
+use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
 use crate::machine::Machine;
 use crate::stdout::print;
-use comparison::{comparison_csv, comparison_text};
 use error::ReproduceError;
 use figure::{Figure, Outcome, Size};
 use inputs::Inputs;
@@ -94,6 +94,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         make(figure, arguments, &inputs)?;
     }
     Ok(Exit::Done)
+}
+
+/// What the generated pages need of a figure.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Summary {
+    /// Its name.
+    pub(super) name: &'static str,
+    /// Paper and figure.
+    pub(super) source: &'static str,
+    /// Entries of the verification catalogue, each with a part of the quantities that belong to it.
+    pub(super) entries: &'static [(&'static str, &'static str)],
+}
+
+/// All figures, in the order of the list.
+pub(super) fn summaries() -> Vec<Summary> {
+    let summary = |figure: &&Figure| Summary { name: figure.name, source: figure.source, entries: figure.entries };
+    figures::ALL.iter().map(summary).collect()
 }
 
 fn chosen(name: &str) -> Result<Vec<&'static Figure>, ReproduceError> {
@@ -167,7 +184,7 @@ fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &O
         figure: figure.name,
         source: figure.source,
         size: size.keyword(),
-        commit_of_inputs: inputs.commit(),
+        commit_of_inputs: commit_of(inputs.folder()),
         notes: &outcome.notes,
         machine: Machine::here(),
     };

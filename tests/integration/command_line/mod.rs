@@ -8,4 +8,5 @@ mod page;
 mod reproduce;
 mod run;
 mod specimens;
+mod studies;
 mod tools;

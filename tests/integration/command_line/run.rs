@@ -2,7 +2,7 @@
 
 use rve_server::programs::rve_test::ElementTest;
 use rve_server::programs::specimen::SpecimenTest;
-use scene_reader::{Document, Kind};
+use scene_reader::{Document, Kind, read_study};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -351,6 +351,8 @@ fn every_scene_passes_the_check_in_every_size() {
             let document = Document::read_in_size(&path, size, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
             if document.expect(Kind::ElementTest).is_ok() {
                 document.deserialize::<ElementTest>().unwrap_or_else(|error| panic!("{name} {size:?}: {error}"));
+            } else if document.expect(Kind::Study).is_ok() {
+                read_study(&document).unwrap_or_else(|error| panic!("{name} {size:?}: {error}"));
             } else if document.expect(Kind::Specimen).is_ok() {
                 document.deserialize::<SpecimenTest>().unwrap_or_else(|error| panic!("{name} {size:?}: {error}"));
             } else {

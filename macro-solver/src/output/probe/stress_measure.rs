@@ -58,7 +58,7 @@ impl StressMeasure {
     }
 
     /// Value for a stress, Pa.
-    pub(in crate::output) fn of(&self, stress: &Tensor2) -> f64 {
+    pub fn of(&self, stress: &Tensor2) -> f64 {
         let (xx, yy) = (stress.get(0, 0), stress.get(1, 1));
         match *self {
             Self::Component(row, column) => stress.get(row, column),

@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Argilaga2018] Fig. 7, Table 1",
     shows: "iterations per step before and after the peak, and force evaluations and time to 2 %, by tangent operator",
     run_time: ("5 min", "days"),
+    entries: &[("T-10", "iterations of DEMQO"), ("T-10", "PSTLO needs as few")],
     runs,
     evaluate,
 };

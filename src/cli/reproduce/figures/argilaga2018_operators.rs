@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Argilaga2018] eqs. 9 to 21",
     shows: "tangent operators of one cell of 400 discs at the first step and at 1.5 %",
     run_time: ("1 min", "5 min"),
+    entries: &[("T-7", "of PSTLO over UKO"), ("T-2", "violation of objectivity")],
     runs,
     evaluate,
 };

@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Argilaga2018] Figs. 3, 5, 6",
     shows: "out-of-balance force over iterations at the start and at 1.5 %, by operator, and of UKO by size of the step",
     run_time: ("3 min", "2 h"),
+    entries: &[],
     runs,
     evaluate,
 };

@@ -7,6 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Argilaga2018] Table 2",
     shows: "shares of the cells, the linear solver and the rest in the time of 128 and 512 elements, by size of the mesh",
     run_time: ("1 min", "hours"),
+    entries: &[("J-2", "cells and their transport")],
     runs,
     evaluate,
 };

@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "closed form",
     shows: "pressure in an expanding cavity over the pressure outside, radii 1 : 4",
     run_time: ("1 min", "1 h"),
+    entries: &[("L-3", "")],
     runs,
     evaluate,
 };

@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "Jaky; trends",
     shows: "one cell: strength, earth pressure at rest, shear at constant volume of dense and loose, cyclic shear",
     run_time: ("10 s", "5 min"),
+    entries: &[("L-6", "cell gains"), ("L-7", "earth pressure at rest")],
     runs,
     evaluate,
 };
@@ -18,11 +19,18 @@ fn runs(size: Size) -> Vec<Run> {
     let undrained = "scenes/geotechnics/constant-volume-shear.toml";
     vec![
         strength_run(size),
-        run("rest", "scenes/geotechnics/rest-compression.toml"),
+        // Jaky's formula is for normally consolidated soil: a loose packing, not one that is denser than its pressure makes it.
+        loose(run("strength-loose", "scenes/geotechnics/element-biaxial.toml")),
+        loose(run("rest", "scenes/geotechnics/rest-compression.toml")),
         run("dense", undrained).set("packing=\"../../packings/discs-400-dense.json\"").set("contact.modulus=6e7"),
-        run("loose", undrained).set("packing=\"../../packings/discs-400-loose.json\"").set("contact.modulus=6e7"),
+        loose(run("loose", undrained)),
         run("cyclic", "scenes/geotechnics/cyclic-shear.toml"),
     ]
+}
+
+/// The same run with the loose packing.
+fn loose(run: Run) -> Run {
+    run.set("packing=\"../../packings/discs-400-loose.json\"").set("contact.modulus=6e7")
 }
 
 /// Shear stress over mean pressure, kPa.
@@ -39,6 +47,8 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         ("sine of the mobilised friction angle", Scale::Linear),
     );
     mobilisation.curve("cell", mobilised(results.run("strength")?)?);
+    mobilisation.curve("loose, 400 discs", mobilised(results.run("strength-loose")?)?);
+    let loose_strength = strength(results.run("strength-loose")?)?;
     let strength = strength(results.run("strength")?)?;
 
     let table = results.run("rest")?.table()?;
@@ -46,11 +56,11 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let ratio: Curve = yy.iter().zip(&xx).map(|(yy, xx)| [-yy / 1e3, xx / yy]).collect();
     let rest = ratio.last().map_or(f64::NAN, |point| point[1]);
     let mut at_rest = Chart::new(
-        "Confined compression",
+        "Confined compression, loose packing",
         ("vertical stress, kPa", Scale::Linear),
         ("horizontal over vertical stress", Scale::Linear),
     );
-    let jaky = 1.0 - strength.late;
+    let jaky = 1.0 - loose_strength.late;
     at_rest.reference("1 - sin(phi), 10 to 20 % strain", ratio.iter().map(|point| [point[0], jaky]));
     at_rest.curve("cell", ratio);
 
@@ -78,6 +88,11 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let comparisons = vec![
         Comparison::reported("friction angle, peak", "degrees", strength.peak.asin().to_degrees()),
         Comparison::reported("friction angle, 10 to 20 %", "degrees", strength.late.asin().to_degrees()),
+        Comparison::reported(
+            "friction angle of the loose cell, 10 to 20 %",
+            "degrees",
+            loose_strength.late.asin().to_degrees(),
+        ),
         Comparison::new("earth pressure at rest", "-", Theirs::Value(jaky), "Jaky", rest, Tolerance::Absolute(0.1)),
         Comparison::holds("the dense cell gains pressure at constant volume", "trend", gain > 0.0),
         Comparison::reported("change of pressure, dense", "kPa", gain),

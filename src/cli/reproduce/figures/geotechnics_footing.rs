@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "Prandtl; Guo and Zhao (2016)",
     shows: "load on a rough strip footing over the surcharge, over the settlement",
     run_time: ("1 min", "3 h"),
+    entries: &[("L-2", "")],
     runs,
     evaluate,
 };

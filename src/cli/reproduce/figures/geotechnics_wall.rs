@@ -8,7 +8,8 @@ pub(super) const FIGURE: Figure = Figure {
     name: "geotechnics-wall",
     source: "Rankine; Guo and Zhao (2016)",
     shows: "pressure on a smooth wall that gives way and that is pushed in, over the surcharge",
-    run_time: ("1 min", "2 h"),
+    run_time: ("1 min", "5 h"),
+    entries: &[("L-1", "pressure over surcharge")],
     runs,
     evaluate,
 };
@@ -17,7 +18,7 @@ const HEIGHT: f64 = 0.17;
 
 fn runs(size: Size) -> Vec<Run> {
     vec![
-        strength_run(size),
+        strength_run(size).set("packing=\"../../packings/discs-400-dense.json\"").set("contact.modulus=6e7"),
         Run::new("active", "scenes/geotechnics/wall-active.toml", Command::Stopping, size),
         Run::new("passive", "scenes/geotechnics/wall-passive.toml", Command::Stopping, size),
     ]

@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2015] Figs. 16 to 19",
     shows: "plane strain compression on three meshes: stress ratio and shear band, local and nonlocal",
     run_time: ("15 min", "days"),
+    entries: &[("J-6", "width of the band on"), ("J-6", "spread"), ("J-7", "inclination of the band")],
     runs,
     evaluate,
 };

@@ -7,6 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2015] Figs. 5, 6",
     shows: "one brick against its own cell: plane strain compression and simple shear at 416 kPa",
     run_time: ("20 s", "1 h"),
+    entries: &[("J-3", "")],
     runs,
     evaluate,
 };

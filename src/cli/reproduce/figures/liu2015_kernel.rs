@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "erratum to [Liu2015] App. A",
     shows: "the printed kernel at 2.7 elements radius: refused, and unstable where it is allowed; Wendland's kernel",
     run_time: ("1 min", "1 h"),
+    entries: &[("K-4", "")],
     runs,
     evaluate,
 };

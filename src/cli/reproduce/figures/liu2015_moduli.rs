@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2015] Table II",
     shows: "bulk, shear and Young's modulus of 4096 spheres at 416 kPa as secants over strain",
     run_time: ("10 s", "2 min"),
+    entries: &[],
     runs,
     evaluate,
 };

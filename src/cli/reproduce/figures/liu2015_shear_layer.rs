@@ -9,6 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2015] Figs. 10 to 14",
     shows: "simple shear of a layer with a weak row: stress, porosity, contacts, width of the band, local and nonlocal",
     run_time: ("6 min", "days"),
+    entries: &[("J-5", "")],
     runs,
     evaluate,
 };

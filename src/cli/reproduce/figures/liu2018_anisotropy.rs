@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2018] Figs. 12 to 14",
     shows: "stress ratio and volume over strain for initial anisotropies of the contacts of 0.02, 0.05, 0.08",
     run_time: ("20 s", "1 min"),
+    entries: &[],
     runs,
     evaluate,
 };

@@ -13,6 +13,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2018] Figs. 8, 9",
     shows: "stress ratio, volume and contacts over strain for friction 0.2, 0.4, 0.6",
     run_time: ("10 s", "1 min"),
+    entries: &[("J-1", "")],
     runs,
     evaluate,
 };

@@ -10,6 +10,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2018] Figs. 4 to 7",
     shows: "stress ratio, its spread over the points, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
     run_time: ("15 s", "4 min"),
+    entries: &[("J-1", "")],
     runs,
     evaluate,
 };

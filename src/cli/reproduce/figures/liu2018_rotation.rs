@@ -8,6 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "[Liu2018] Figs. 10, 11",
     shows: "stress ratio and anisotropy of the contacts with free and blocked rotations",
     run_time: ("10 s", "1 min"),
+    entries: &[("J-1", "blocked over free")],
     runs,
     evaluate,
 };

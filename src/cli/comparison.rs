@@ -1,8 +1,8 @@
-//! Their number, ours, the difference, and whether it is within the tolerance.
+//! Their number, ours, the difference, and whether it is within the tolerance: the table that figures and studies share.
 
-use super::error::ReproduceError;
+use crate::exit::{Exit, Failure};
 use charts::short;
-use std::path::Path;
+use std::borrow::Cow;
 
 /// What a number of ours is compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub(super) struct Comparison {
     quantity: String,
     unit: &'static str,
     theirs: Theirs,
-    source: &'static str,
+    source: Cow<'static, str>,
     ours: f64,
     tolerance: Tolerance,
 }
@@ -43,11 +43,11 @@ impl Comparison {
         quantity: impl Into<String>,
         unit: &'static str,
         theirs: Theirs,
-        source: &'static str,
+        source: impl Into<Cow<'static, str>>,
         ours: f64,
         tolerance: Tolerance,
     ) -> Self {
-        Self { quantity: quantity.into(), unit, theirs, source, ours, tolerance }
+        Self { quantity: quantity.into(), unit, theirs, source: source.into(), ours, tolerance }
     }
 
     /// A condition of ours that has to hold, such as an order of curves: 1 if it does.
@@ -59,6 +59,11 @@ impl Comparison {
     /// A number of ours that is reported without a published one.
     pub(super) fn reported(quantity: impl Into<String>, unit: &'static str, ours: f64) -> Self {
         Self::new(quantity, unit, Theirs::Nothing, "", ours, Tolerance::Nothing)
+    }
+
+    /// What is compared.
+    pub(super) fn quantity(&self) -> &str {
+        &self.quantity
     }
 
     /// Ours minus theirs; from a range the distance to it; NaN without a number of theirs.
@@ -106,7 +111,7 @@ impl Comparison {
             self.quantity.clone(),
             self.unit.to_owned(),
             self.theirs_text(),
-            self.source.to_owned(),
+            self.source.clone().into_owned(),
             short(self.ours),
             difference,
             self.tolerance_text(),
@@ -115,14 +120,16 @@ impl Comparison {
     }
 }
 
-const HEADER: [&str; 8] = ["quantity", "unit", "theirs", "source", "ours", "difference", "tolerance", "met"];
+/// Columns of the table.
+pub(super) const HEADER: [&str; 8] =
+    ["quantity", "unit", "theirs", "source", "ours", "difference", "tolerance", "met"];
 
 /// The rows as CSV.
 ///
 /// # Errors
 /// The rows cannot be encoded.
-pub(super) fn comparison_csv(rows: &[Comparison]) -> Result<Vec<u8>, ReproduceError> {
-    let unusable = |problem: String| ReproduceError::Unusable { file: Path::new("comparison").to_owned(), problem };
+pub(super) fn comparison_csv(rows: &[Comparison]) -> Result<Vec<u8>, Failure> {
+    let unusable = |problem: String| Failure::new(Exit::BadInput, format!("the table cannot be written: {problem}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(HEADER).map_err(|error| unusable(error.to_string()))?;
     for row in rows {

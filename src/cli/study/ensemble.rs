@@ -1,0 +1,278 @@
+//! Makes the packings of a study and takes each along every path, side by side on the cores. Results come in the order of the study
+//! whatever ends first, so they have the same bits for any number of jobs.
+
+use super::curve::{Collector, Path, value};
+use super::statistics::{PowerFit, Statistics};
+use crate::exit::Failure;
+use protocol::TangentKind;
+use rve_server::preparation::{PackingRecipe, generate_any};
+use rve_server::programs::rve_test::{ElementSummary, run_element_on};
+use scene_reader::{Ensemble, RowMeasure, Study};
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// One packing of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// Place of its recipe.
+    pub(super) recipe: usize,
+    /// Place of its size.
+    pub(super) size: usize,
+    /// Its seed.
+    pub(super) seed: u64,
+    /// Its number of grains.
+    pub(super) grains: usize,
+}
+
+/// A packing and its paths, in the order of the tests.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sample {
+    /// Which packing.
+    pub(super) place: Place,
+    /// Its paths; why there are none.
+    pub(super) paths: Result<Vec<Path>, String>,
+}
+
+/// All samples of a study.
+#[derive(Debug)]
+pub(super) struct Results<'a> {
+    /// The study.
+    pub(super) study: &'a Study,
+    /// The distinct measures of its quantities.
+    pub(super) measures: Vec<RowMeasure>,
+    /// Recipe by recipe, size by size, seed by seed.
+    pub(super) samples: Vec<Sample>,
+}
+
+/// The packings of a study, in its order.
+pub(super) fn places(study: &Study) -> Vec<Place> {
+    let mut found = Vec::new();
+    for (recipe, entry) in study.recipes.iter().enumerate() {
+        for (size, number) in study.sizes().into_iter().enumerate() {
+            let grains = if number == 0 { entry.recipe.number } else { number };
+            let seeds = (0..u64::from(study.seeds)).map(|offset| study.first_seed.wrapping_add(offset));
+            found.extend(seeds.map(|seed| Place { recipe, size, seed, grains }));
+        }
+    }
+    found
+}
+
+/// Makes all samples with this many at a time; `on_sample` hears of each as soon as it has ended, with the number that have.
+///
+/// # Errors
+/// None of a sample: those are part of the results.
+pub(super) fn run<'a>(
+    study: &'a Study,
+    jobs: NonZeroUsize,
+    on_sample: &(dyn Fn(usize, &Sample) + Sync),
+) -> Results<'a> {
+    let measures = measures(study);
+    let places = places(study);
+    // Large packings first: none of them is left alone at the end.
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by_key(|place| std::cmp::Reverse(places[*place].grains));
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let samples: Mutex<Vec<Option<Sample>>> = Mutex::new(places.iter().map(|_| None).collect());
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.get().min(places.len()) {
+            scope.spawn(|| {
+                while let Some(&number) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let sample = sample(study, places[number], &measures);
+                    on_sample(done.fetch_add(1, Ordering::Relaxed) + 1, &sample);
+                    samples.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some(sample);
+                }
+            });
+        }
+    });
+    let samples = samples.into_inner().unwrap_or_else(PoisonError::into_inner);
+    // A thread that ended early has left its sample out, and the scope has passed its panic on before.
+    let samples = samples.into_iter().flatten().collect();
+    Results { study, measures, samples }
+}
+
+/// The distinct measures of the quantities, in the order of the declaration.
+fn measures(study: &Study) -> Vec<RowMeasure> {
+    let mut found: Vec<RowMeasure> = study.quantities.iter().map(|quantity| quantity.measure).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// One packing with all its paths.
+fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
+    let recipe =
+        PackingRecipe { seed: place.seed, number: place.grains, ..study.recipes[place.recipe].recipe.clone() };
+    let paths = match generate_any(&recipe, &mut |_| ()) {
+        Err(error) => Err(format!("no packing: {error}")),
+        Ok((packing, _)) => Ok(study
+            .tests
+            .iter()
+            .map(|entry| {
+                let mut rows = Collector::new(measures, entry.strain);
+                let ended = run_element_on(&entry.test, packing.clone(), TangentKind::None, &mut |row| {
+                    rows.add(row);
+                    ControlFlow::Continue(())
+                });
+                let (fallbacks, stopped) = match ended {
+                    Ok(summary) => (fallbacks(&summary), None),
+                    Err(error) => (Vec::new(), Some(error.to_string())),
+                };
+                let path = rows.finish(study.smoothing, stopped);
+                Path { fallbacks, ..path }
+            })
+            .collect()),
+    };
+    Sample { place, paths }
+}
+
+/// Rows with a shortcut or a degradation, those that have none left out.
+fn fallbacks(summary: &ElementSummary) -> Vec<(&'static str, u64)> {
+    [
+        ("controlled stress not met at an instability of the cell", summary.stress_jumps),
+        ("increments cut for the stress control", summary.cut_increments),
+        ("not equilibrated", summary.not_equilibrated),
+        ("no load-bearing contacts", summary.no_load),
+        ("overlap above 10 %", summary.large_overlap),
+    ]
+    .into_iter()
+    .filter(|(_, rows)| *rows > 0)
+    .collect()
+}
+
+impl Results<'_> {
+    /// What a sample is called.
+    pub(super) fn name(&self, place: Place) -> String {
+        format!("{}, {} grains, seed {}", self.study.recipes[place.recipe].name, place.grains, place.seed)
+    }
+
+    /// The value of a quantity in a sample.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub(super) fn value(&self, sample: &Sample, test: usize, quantity: usize) -> Result<f64, String> {
+        let paths = sample.paths.as_ref().map_err(Clone::clone)?;
+        let quantity = &self.study.quantities[quantity];
+        let measure = self.measures.iter().position(|measure| *measure == quantity.measure);
+        value(&paths[test], measure.ok_or("it is not measured")?, quantity.rows)
+    }
+
+    /// Samples of a recipe and size.
+    pub(super) fn of(&self, recipe: usize, size: usize) -> impl Iterator<Item = &Sample> {
+        self.samples.iter().filter(move |sample| sample.place.recipe == recipe && sample.place.size == size)
+    }
+
+    /// Number of grains of the packings of a recipe and size.
+    pub(super) fn grains(&self, recipe: usize, size: usize) -> usize {
+        self.of(recipe, size).next().map_or(0, |sample| sample.place.grains)
+    }
+
+    /// Statistics of a quantity over an ensemble, `None` if no sample has a value; and how many samples have none.
+    pub(super) fn statistics(&self, ensemble: Ensemble) -> (Option<Statistics>, usize) {
+        let values: Vec<Result<f64, String>> = self
+            .of(ensemble.recipe, ensemble.size)
+            .map(|sample| self.value(sample, ensemble.test, ensemble.quantity))
+            .collect();
+        let missing = values.iter().filter(|value| value.is_err()).count();
+        let found: Vec<f64> = values.into_iter().flatten().collect();
+        (Statistics::of(&found), missing)
+    }
+
+    /// How the scatter of a quantity falls with the number of grains.
+    pub(super) fn power(&self, ensemble: Ensemble) -> Option<PowerFit> {
+        let sizes: Vec<(usize, Statistics)> = (0..self.study.sizes().len())
+            .filter_map(|size| {
+                let (found, _) = self.statistics(Ensemble { size, ..ensemble });
+                Some((self.grains(ensemble.recipe, size), found?))
+            })
+            .collect();
+        PowerFit::of(&sizes)
+    }
+
+    /// Every ensemble, in the order of the study: recipe, test, quantity, size.
+    pub(super) fn ensembles(&self) -> Vec<Ensemble> {
+        let mut found = Vec::new();
+        for recipe in 0..self.study.recipes.len() {
+            for test in 0..self.study.tests.len() {
+                for quantity in 0..self.study.quantities.len() {
+                    found.extend((0..self.study.sizes().len()).map(|size| Ensemble { recipe, size, test, quantity }));
+                }
+            }
+        }
+        found
+    }
+
+    /// Every sample that has no packing, whose path stopped early, or that has no value of a quantity: its name and the reason.
+    pub(super) fn failures(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        for sample in &self.samples {
+            let name = self.name(sample.place);
+            match &sample.paths {
+                Err(reason) => found.push(format!("{name}: {reason}")),
+                Ok(paths) => {
+                    for (test, path) in paths.iter().enumerate() {
+                        let missing: Vec<(&str, String)> = self
+                            .study
+                            .quantities
+                            .iter()
+                            .enumerate()
+                            .filter_map(|(place, quantity)| {
+                                Some((quantity.name.as_str(), self.value(sample, test, place).err()?))
+                            })
+                            .collect();
+                        let reason = match (&path.stopped, missing.first()) {
+                            (Some(reason), _) => format!("stopped early: {reason}"),
+                            (None, Some((_, reason))) => reason.clone(),
+                            (None, None) => continue,
+                        };
+                        let without: Vec<&str> = missing.iter().map(|(name, _)| *name).collect();
+                        let without = if without.is_empty() {
+                            "all values".to_owned()
+                        } else {
+                            format!("no value of {}", without.join(", "))
+                        };
+                        found.push(format!("{name}, {}: {reason}; {without}", self.study.tests[test].name));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Rows with shortcuts or degradations over all samples, with the number of paths that have any.
+    pub(super) fn fallbacks(&self) -> Vec<(&'static str, u64, usize)> {
+        let mut found: Vec<(&'static str, u64, usize)> = Vec::new();
+        let paths = self.samples.iter().filter_map(|sample| sample.paths.as_ref().ok()).flatten();
+        for (what, rows) in paths.flat_map(|path| path.fallbacks.iter().copied()) {
+            match found.iter_mut().find(|(other, ..)| *other == what) {
+                Some((_, sum, paths)) => (*sum, *paths) = (*sum + rows, *paths + 1),
+                None => found.push((what, rows, 1)),
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+}
+
+/// Refuses tests that no packing of the study can follow, before any is made.
+///
+/// # Errors
+/// A path has components out of the plane of discs, or a frame, whose rows come without a way to end them.
+pub(super) fn check(study: &Study) -> Result<(), Failure> {
+    let refuse = |problem: String| Err(Failure::new(crate::exit::Exit::BadInput, problem));
+    for test in &study.tests {
+        if test.test.frame.is_some() {
+            return refuse(format!("test '{}': frames are not studied; remove the table [frame]", test.name));
+        }
+        for recipe in &study.recipes {
+            if recipe.recipe.dimension == 2 && test.strain == scene_reader::PathStrain::CompressionZ {
+                return refuse(format!(
+                    "test '{}': discs ('{}') are not compressed along z; choose another `strain`",
+                    test.name, recipe.name
+                ));
+            }
+        }
+    }
+    Ok(())
+}

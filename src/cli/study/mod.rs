@@ -1,0 +1,191 @@
+//! `grainspan study STUDY.toml`: ensembles of packings, seeds x sizes x recipes, each along the paths of some element tests. Mean and
+//! scatter of chosen quantities, and how the scatter falls with the number of grains.
+
+mod curve;
+mod ensemble;
+mod expected;
+mod pictures;
+mod statistics;
+mod tables;
+
+use super::commit::commit_of;
+use super::comparison::{comparison_csv, comparison_text};
+use crate::exit::{Exit, Failure};
+use crate::machine::Machine;
+use crate::stdout::print;
+use ensemble::Results;
+use macro_solver::output::{OutputError, write_atomically};
+use scene_reader::{Document, Kind, Study, read_study};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `grainspan study`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:
+  grainspan study scenes/studies/cell-size.toml                     scatter over the number of grains
+  grainspan study scenes/studies/cell-size.toml --size small        the same with few and small packings
+  grainspan study scenes/studies/critical-state.toml --jobs 2 --out out/critical
+  grainspan study scenes/studies/cell-size.toml --set seeds=32 --set grains=[50,100,200,400,800]
+
+Files in the output folder, NAME being that of the study:
+  NAME.csv             numbers of the study against those that its file expects
+  NAME-statistics.csv  samples, failed samples, mean, standard deviation of every quantity, recipe, test and size
+  NAME-powers.csv      the power of the number of grains in the standard deviation, with its interval of 95 % confidence
+  NAME-samples.csv     the value of every sample, and why one is missing
+  NAME-*.svg, NAME.json pictures; failed samples by name, machine, date and commit
+
+Tables and pictures have the same bytes for any number of jobs. Exit code 1: samples failed; all files are written.")]
+pub(crate) struct Arguments {
+    /// Study: recipes, sizes, seeds, element tests and quantities; see docs/guide/ensembles.md
+    #[arg(value_name = "STUDY.toml")]
+    study: PathBuf,
+    /// Folder for tables and pictures [default: out/study/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
+    #[arg(long, value_name = "NAME")]
+    size: Option<String>,
+    /// Override a key of the study
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Packings that are made and tested at the same time [default: one per core]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+    /// Print nothing on standard error
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Makes the samples, and writes tables and pictures.
+///
+/// # Errors
+/// A study that is not sound (exit code 2, nothing is written); samples that failed (exit code 1, everything is written).
+pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    let document = Document::read_in_size(&arguments.study, arguments.size.as_deref(), &arguments.overrides)?;
+    crate::exit::warn(&document);
+    document.expect(Kind::Study)?;
+    let study = read_study(&document)?;
+    ensemble::check(&study)?;
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("out/study").join(&study.name));
+    std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let total = ensemble::places(&study).len();
+    let results = ensemble::run(&study, arguments.jobs.unwrap_or_else(cores), &|done, sample| {
+        if !arguments.quiet {
+            let place = sample.place;
+            let recipe = &study.recipes[place.recipe].name;
+            eprintln!("{done} of {total}: {recipe}, {} grains, seed {}", place.grains, place.seed);
+        }
+    });
+    let failures = results.failures();
+    deliver(&results, &failures, arguments, &out)?;
+    if !arguments.quiet {
+        eprintln!("written to {}", out.display());
+    }
+    match failures.is_empty() {
+        true => Ok(Exit::Done),
+        false => Err(Failure::new(
+            Exit::NotConverged,
+            format!(
+                "{} of {total} samples have no value of a quantity, or a path that stopped early; they are counted as failed:\n{}",
+                failed_samples(&results),
+                failures.join("\n")
+            ),
+        )),
+    }
+}
+
+/// Number of packings that are named among the failures.
+fn failed_samples(results: &Results<'_>) -> usize {
+    let fails = |sample: &&ensemble::Sample| match &sample.paths {
+        Err(_) => true,
+        Ok(paths) => paths.iter().enumerate().any(|(test, path)| {
+            let missing = |quantity| results.value(sample, test, quantity).is_err();
+            path.stopped.is_some() || (0..results.study.quantities.len()).any(missing)
+        }),
+    };
+    results.samples.iter().filter(fails).count()
+}
+
+/// What a study was made with, and what its tables leave out.
+#[derive(Serialize)]
+struct Provenance<'a> {
+    study: &'a str,
+    /// The arguments that repeat it.
+    command: String,
+    /// Entries of the verification catalogue, each with its rows of the comparison.
+    entries: BTreeMap<String, Vec<String>>,
+    samples: usize,
+    failed_samples: usize,
+    failures: &'a [String],
+    /// Rows of all paths with a shortcut or a degradation.
+    fallbacks: Vec<Fallback>,
+    commit_of_inputs: Option<String>,
+    machine: Machine,
+}
+
+#[derive(Serialize)]
+struct Fallback {
+    what: &'static str,
+    rows: u64,
+    paths: usize,
+}
+
+fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, out: &Path) -> Result<(), Failure> {
+    let study: &Study = results.study;
+    let file = |part: &str| out.join(format!("{}{part}", study.name));
+    write_atomically(&file("-samples.csv"), &tables::samples_csv(results)?)?;
+    write_atomically(&file("-statistics.csv"), &tables::statistics_csv(results)?)?;
+    if study.sizes().len() > 1 {
+        write_atomically(&file("-powers.csv"), &tables::powers_csv(results)?)?;
+    }
+    let (compared, entries) = expected::compared(results);
+    write_atomically(&file(".csv"), &comparison_csv(&compared)?)?;
+    for (part, chart) in pictures::charts(results) {
+        match chart.to_svg() {
+            Ok(svg) => write_atomically(&file(&format!("-{part}.svg")), svg.as_bytes())?,
+            // Without one good sample there is nothing to draw; the tables say so.
+            Err(error) => eprintln!("warning: no picture {}-{part}.svg: {error}", study.name),
+        }
+    }
+    let fallbacks: Vec<Fallback> =
+        results.fallbacks().into_iter().map(|(what, rows, paths)| Fallback { what, rows, paths }).collect();
+    print(tables::text(results).as_bytes())?;
+    if !compared.is_empty() {
+        print(format!("\n{}", comparison_text(&compared)).as_bytes())?;
+    }
+    for Fallback { what, rows, paths } in &fallbacks {
+        print(format!("{what}: {rows} rows of {paths} paths\n").as_bytes())?;
+    }
+    let folder = arguments.study.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let provenance = Provenance {
+        study: &study.name,
+        command: command(arguments),
+        entries,
+        samples: results.samples.len(),
+        failed_samples: failed_samples(results),
+        failures,
+        fallbacks,
+        commit_of_inputs: commit_of(folder.unwrap_or(Path::new("."))),
+        machine: Machine::here(),
+    };
+    let text = serde_json::to_string_pretty(&provenance).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    Ok(write_atomically(&file(".json"), (text + "\n").as_bytes())?)
+}
+
+/// The command that repeats the study, without the folder of its output and the number of jobs, which change nothing.
+fn command(arguments: &Arguments) -> String {
+    let mut text = format!("grainspan study {}", arguments.study.display());
+    if let Some(size) = &arguments.size {
+        text += &format!(" --size {size}");
+    }
+    for setting in &arguments.overrides {
+        text += &format!(" --set {setting}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! An ensemble of tiny packings: order, counting and naming of failures, comparisons.
+
+use super::ensemble::{self, Results};
+use super::{expected, tables};
+use scene_reader::{Document, Study, read_study};
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+const TEXT: &str = "seeds = 2\ngrains = [12, 16]\n[[recipe]]\nname = \"dense\"\nfile = \"packings/discs-100.toml\"\n\
+    set = [\"tolerance=1e-3\", \"stress_tolerance=1e-2\"]\n[[test]]\nname = \"squeeze\"\nfile = \"scenes/rve-biaxial.toml\"\n\
+    set = [\"rve.accuracy=draft\", \"path=[{ increments = 4, strain = { xx = -1e-3, yy = -2e-3 } }]\"]\n\
+    [[quantity]]\nname = \"pressure\"\nmeasure = \"mean_pressure\"\ntake = \"at\"\nat = 0.001\n\
+    [[quantity]]\nname = \"voids\"\nmeasure = \"void_ratio\"\ntake = \"mean\"\n\
+    [[expected]]\nentry = \"X-1\"\nquantity = \"voids\"\nstatistic = \"power\"\nvalue = -0.5\n\
+    [[expected]]\nentry = \"X-1\"\nquantity = \"voids\"\ngrains = 12\nbetween = [0.0, 1.0]\ntolerance = 0.0\n\
+    [[expected]]\nquantity = \"pressure\"\nlike = { quantity = \"voids\" }\ntolerance = 1.0\nrelative = true\n";
+
+fn study(text: &str) -> Study {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tiny.toml");
+    read_study(&Document::from_text(&path, text.to_owned(), &[]).unwrap()).unwrap()
+}
+
+fn made(study: &Study, jobs: usize) -> Results<'_> {
+    ensemble::run(study, NonZeroUsize::new(jobs).unwrap(), &|_, _| ())
+}
+
+#[test]
+fn results_come_in_the_order_of_the_study_for_any_number_of_jobs() {
+    let study = study(TEXT);
+    let one = made(&study, 1);
+    let places: Vec<(usize, u64)> =
+        one.samples.iter().map(|sample| (sample.place.grains, sample.place.seed)).collect();
+    assert_eq!(places, [(12, 1), (12, 2), (16, 1), (16, 2)]);
+    let three = made(&study, 3);
+    assert_eq!(one.samples, three.samples);
+    assert_eq!(tables::statistics_csv(&one).unwrap(), tables::statistics_csv(&three).unwrap());
+    assert_eq!(one.failures(), Vec::<String>::new());
+
+    let (rows, entries) = expected::compared(&one);
+    assert_eq!((rows.len(), entries["X-1"].len()), (3, 2));
+    assert_eq!(rows[1].quantity(), "voids, 12 grains: mean");
+    let statistics = String::from_utf8(tables::statistics_csv(&one).unwrap()).unwrap();
+    assert_eq!(statistics.lines().count(), 1 + 2 * 2);
+    assert!(
+        statistics.lines().nth(1).unwrap().starts_with("dense,squeeze,12,pressure,mean_pressure,Pa,2,0,"),
+        "{statistics}"
+    );
+    let powers = String::from_utf8(tables::powers_csv(&one).unwrap()).unwrap();
+    assert!(powers.lines().any(|line| line.starts_with("dense,squeeze,voids,2,")), "{powers}");
+}
+
+/// A value beyond the end of the path: every sample fails, is counted and named, and no number is made up.
+#[test]
+fn failed_samples_are_counted_and_named() {
+    let study = study(&TEXT.replace("at = 0.001", "at = 0.01"));
+    let results = made(&study, 2);
+    let failures = results.failures();
+    assert_eq!(failures.len(), 4);
+    assert!(
+        failures[0].starts_with("dense, 12 grains, seed 1, squeeze: the path ends at a strain of 0.0020"),
+        "{failures:?}"
+    );
+    assert!(failures[0].ends_with("no value of pressure"), "{failures:?}");
+    let csv = String::from_utf8(tables::statistics_csv(&results).unwrap()).unwrap();
+    assert!(csv.lines().nth(1).unwrap().ends_with("pressure,mean_pressure,Pa,0,2,,,,,,"), "{csv}");
+    let samples = String::from_utf8(tables::samples_csv(&results).unwrap()).unwrap();
+    assert!(samples.lines().nth(1).unwrap().starts_with("dense,12,1,squeeze,,"), "{samples}");
+    assert!(samples.contains("before 0.01"), "{samples}");
+
+    // A packing that cannot be made has the reason of its preparation.
+    let study = self::study(
+        &TEXT
+            .replace(
+                "stress_tolerance=1e-2\"]",
+                "stress_tolerance=1e-2\", \"target={ void_ratio = 3.0, tolerance = 1e-3 }\"]",
+            )
+            .replace("[12, 16]", "[12]")
+            .replace("statistic = \"power\"\n", ""),
+    );
+    let results = made(&study, 2);
+    assert_eq!(results.failures().len(), 2);
+    assert!(results.failures()[1].starts_with("dense, 12 grains, seed 2: no packing: "), "{:?}", results.failures());
+}
