@@ -25,7 +25,7 @@ static void *create(const grainspan_cell *cell, char *reason, size_t length) {
     return rve;
 }
 
-static int trial(void *self, const double gradient[9], const grainspan_ask *ask, grainspan_answer *answer, char *reason,
+static int trial(void *self, const double gradient[9], const grainspan_trial_options *ask, grainspan_answer *answer, char *reason,
                  size_t length) {
     elastic *rve = self;
     if (ask->tangent != 0) {

@@ -35,12 +35,15 @@ typedef struct grainspan_cell {
 } grainspan_cell;
 
 /* What a trial should deliver beside the stress. */
-typedef struct grainspan_ask {
+typedef struct grainspan_trial_options {
     uint32_t tangent;              /* 0: none; others only if the engine declares tangents */
     uint32_t ramp_steps;           /* increments of the deformation; 0: the engine chooses */
     uint32_t observables;          /* bits of optional results, see docs/reference/protocol.md; may be ignored */
     uint32_t reserved;
-} grainspan_ask;
+} grainspan_trial_options;
+
+/* Former name, kept for one version. */
+typedef grainspan_trial_options grainspan_ask;
 
 /* The answer to a trial; all zero when trial is called. */
 typedef struct grainspan_answer {
@@ -72,7 +75,7 @@ typedef struct grainspan_engine {
     /* A new RVE in its initial committed state, or NULL with a reason. */
     void *(*create)(const grainspan_cell *cell, char *reason, size_t length);
     /* Deforms from the committed state by H = F - I, total. Replaces an earlier trial. */
-    int (*trial)(void *rve, const double gradient[9], const grainspan_ask *ask, grainspan_answer *answer, char *reason,
+    int (*trial)(void *rve, const double gradient[9], const grainspan_trial_options *options, grainspan_answer *answer, char *reason,
                  size_t length);
     /* Makes the trial state the committed state. */
     void (*commit)(void *rve);

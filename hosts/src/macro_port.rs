@@ -19,7 +19,7 @@ use std::time::Duration;
 const MOST_WORKERS: usize = 4096;
 
 /// Messages of an agent that are none before it is given up.
-const PATIENCE: u32 = 100;
+const MOST_REFUSED: u32 = 100;
 
 /// One connected agent.
 struct Agent {
@@ -105,7 +105,7 @@ impl NetworkMacroPort {
     }
 
     /// Handles a message of an agent; returns the number of events.
-    fn hear(&mut self, number: u64, bytes: &[u8], sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
+    fn take(&mut self, number: u64, bytes: &[u8], sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
         let Some(agent) = self.agents.get_mut(&number) else { return 0 };
         agent.gate.handled(bytes.len());
         agent.heard += 1;
@@ -113,16 +113,16 @@ impl NetworkMacroPort {
             figures.messages_received += 1;
             figures.bytes_received += bytes.len() as u64;
         });
-        let heard = match Body::parse(bytes) {
-            Ok((slot, Body::Frame(frame))) => self.hear_worker(number, slot, frame, sink),
+        let events = match Body::parse(bytes) {
+            Ok((slot, Body::Frame(frame))) => self.take_from_worker(number, slot, frame, sink),
             Ok((slot, Body::Control(body))) => match unpacked(body) {
-                Ok(message) => Ok(self.hear_agent(number, slot, message, sink)),
+                Ok(message) => Ok(self.take_from_agent(number, slot, message, sink)),
                 Err(error) => Err(error.to_string()),
             },
             Ok((_, Body::Jobs { .. })) => Err("jobs, from an agent".to_owned()),
             Err(error) => Err(error.to_string()),
         };
-        match heard {
+        match events {
             Ok(events) => events,
             Err(reason) => self.refuse(number, &reason, sink),
         }
@@ -133,14 +133,14 @@ impl NetworkMacroPort {
         let Some(agent) = self.agents.get_mut(&number) else { return 0 };
         agent.refused += 1;
         sink(MacroEvent::Refused(format!("host {}: {reason}", agent.host)));
-        if agent.refused < PATIENCE {
+        if agent.refused < MOST_REFUSED {
             return 1;
         }
         self.door.shared.figures.count(|figures| figures.agents_faulty += 1);
         1 + self.close(number, "it keeps sending what is no message", sink)
     }
 
-    fn hear_worker(
+    fn take_from_worker(
         &mut self,
         number: u64,
         slot: u32,
@@ -182,7 +182,7 @@ impl NetworkMacroPort {
         Ok(1)
     }
 
-    fn hear_agent(
+    fn take_from_agent(
         &mut self,
         number: u64,
         slot: u32,
@@ -263,7 +263,7 @@ impl MacroPort for NetworkMacroPort {
             match arrival {
                 Arrival::Opened(peer) => self.open(peer),
                 Arrival::Message(number, bytes) => {
-                    events += self.hear(number, &bytes, sink);
+                    events += self.take(number, &bytes, sink);
                     self.door.shared.buffers.give(bytes);
                 }
                 Arrival::Closed(number, reason) => events += self.close(number, &reason, sink),

@@ -132,16 +132,16 @@ impl Link {
         Ok(Self { run, shared, outbox: Some(outbox), gate, buffers, thread: Some(thread) })
     }
 
-    /// As [`Link::join`], again and again with growing pauses until `patience` is over or `go_on` says no. A refusal is final.
+    /// As [`Link::join`], again and again with growing pauses until `timeout` is over or `go_on` says no. A refusal is final.
     ///
     /// # Errors
     /// A refusal, or the last failure.
-    pub(crate) fn join_patiently(
+    pub(crate) fn join_within(
         target: &dyn Fn() -> Result<Target, JoinError>,
         state_bytes: u64,
         limits: Limits,
         bell: Option<&Arc<dyn Waker>>,
-        patience: Duration,
+        timeout: Duration,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Self, JoinError> {
         let (begin, [mut pause, longest]) = (Instant::now(), PAUSES);
@@ -152,7 +152,7 @@ impl Link {
                 Err(error @ JoinError::Refused(_)) => return Err(error),
                 Err(error) => error,
             };
-            if begin.elapsed() + pause > patience || !go_on() {
+            if begin.elapsed() + pause > timeout || !go_on() {
                 return Err(error);
             }
             tracing::debug!(%error, "could not join, trying again");
@@ -278,17 +278,17 @@ async fn reach(
 pub struct NetworkWorkerPort {
     link: Link,
     limits: Limits,
-    told_lost: bool,
+    loss_reported: bool,
 }
 
 impl NetworkWorkerPort {
-    /// Joins the run at `target`; tries again until `patience` is over.
+    /// Joins the run at `target`; tries again until `timeout` is over.
     ///
     /// # Errors
     /// [`JoinError`].
-    pub fn join(target: &Target, limits: Limits, patience: Duration) -> Result<Self, JoinError> {
-        let link = Link::join_patiently(&|| Ok(target.clone()), 0, limits, None, patience, &|| true)?;
-        Ok(Self { link, limits, told_lost: false })
+    pub fn join(target: &Target, limits: Limits, timeout: Duration) -> Result<Self, JoinError> {
+        let link = Link::join_within(&|| Ok(target.clone()), 0, limits, None, timeout, &|| true)?;
+        Ok(Self { link, limits, loss_reported: false })
     }
 
     /// Name of the run that was joined.
@@ -313,7 +313,7 @@ impl NetworkWorkerPort {
 
 impl WorkerPort for NetworkWorkerPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
-        if self.told_lost {
+        if self.loss_reported {
             return Ok(0);
         }
         let arrived = self.link.take(wait);
@@ -336,7 +336,7 @@ impl WorkerPort for NetworkWorkerPort {
             self.link.buffers.give(bytes);
         }
         if let Some(reason) = ended {
-            self.told_lost = true;
+            self.loss_reported = true;
             sink(WorkerEvent::MacroLost(reason));
             events += 1;
         }

@@ -160,7 +160,7 @@ fn agent(
         let (local, door) = channel();
         worker(door.clone(), first);
         worker(door, second);
-        let options = AgentOptions { limits: Limits::default(), state_bytes, patience: PATIENCE };
+        let options = AgentOptions { limits: Limits::default(), state_bytes, timeout: PATIENCE };
         let mut supply = JoiningWorkers;
         let target = move || Ok(looked_up.lock().unwrap().clone());
         let mut agent = Agent::new(local, &mut supply, target, options, Interrupt::new());

@@ -1,6 +1,6 @@
 //! The functions of the header.
 
-use crate::border::{Failure, guarded, last_error, slice, slice_mut, text};
+use crate::ffi_boundary::{Failure, guarded, last_error, slice, slice_mut, text};
 use grain_pool::{PoolError, PoolOptions, RvePool, Snapshot, State, Trial};
 use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
 use scene_reader::{Document, read_cell};
@@ -48,7 +48,7 @@ impl GrainspanPool {
 
 /// Text of the last failure in this thread: what, where and the remedy. Valid until the next failure in this thread.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub extern "C" fn grainspan_last_error() -> *const c_char {
     last_error()
 }
@@ -63,7 +63,7 @@ pub extern "C" fn grainspan_last_error() -> *const c_char {
 /// # Safety
 /// Pointers are valid during the call; `cells` points to `cell_count` C strings.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_pool_open(
     program: *const c_char,
     cells: *const *const c_char,
@@ -89,7 +89,7 @@ pub unsafe extern "C" fn grainspan_pool_open(
 /// # Safety
 /// `pool` comes from `grainspan_pool_open` and is not used afterwards.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_pool_close(pool: *mut GrainspanPool) {
     if !pool.is_null() {
         guarded(|| {
@@ -105,7 +105,7 @@ pub unsafe extern "C" fn grainspan_pool_close(pool: *mut GrainspanPool) {
 /// # Safety
 /// `pool` is null or an open pool.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_dimension(pool: *const GrainspanPool) -> u32 {
     // SAFETY: as promised by the caller.
     unsafe { pool.as_ref() }.map_or(0, |pool| pool.pool.dimension())
@@ -118,7 +118,7 @@ pub unsafe extern "C" fn grainspan_dimension(pool: *const GrainspanPool) -> u32 
 /// # Safety
 /// `pool` is an open pool, `states` has room for `count` numbers.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_new_states(
     pool: *const GrainspanPool,
     cell: usize,
@@ -150,7 +150,7 @@ pub unsafe extern "C" fn grainspan_new_states(
 /// # Safety
 /// `pool` is an open pool; the arrays have the lengths above.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_trial(
     pool: *const GrainspanPool,
     count: usize,
@@ -199,7 +199,7 @@ pub unsafe extern "C" fn grainspan_trial(
 /// # Safety
 /// `pool` is an open pool, `states` has `count` numbers.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_commit(pool: *const GrainspanPool, count: usize, states: *const u64) -> i32 {
     guarded(|| {
         // SAFETY: as promised by the caller.
@@ -215,7 +215,7 @@ pub unsafe extern "C" fn grainspan_commit(pool: *const GrainspanPool, count: usi
 /// # Safety
 /// `pool` is an open pool, `states` has `count` numbers.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_rollback(pool: *const GrainspanPool, count: usize, states: *const u64) -> i32 {
     guarded(|| {
         // SAFETY: as promised by the caller.
@@ -232,7 +232,7 @@ pub unsafe extern "C" fn grainspan_rollback(pool: *const GrainspanPool, count: u
 /// # Safety
 /// `pool` is an open pool, `bytes` has room for `capacity` bytes, `size` for a number.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_snapshot(
     pool: *const GrainspanPool,
     state: u64,
@@ -261,7 +261,7 @@ pub unsafe extern "C" fn grainspan_snapshot(
 /// # Safety
 /// `pool` is an open pool, `bytes` has `size` bytes.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn grainspan_restore(
     pool: *const GrainspanPool,
     state: u64,
@@ -278,7 +278,7 @@ pub unsafe extern "C" fn grainspan_restore(
 
 /// # Safety
 /// `pool` is null or an open pool.
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 unsafe fn opened<'a>(pool: *const GrainspanPool) -> Result<&'a GrainspanPool, Failure> {
     // SAFETY: as promised by the caller.
     unsafe { pool.as_ref() }.ok_or_else(|| Failure::input("`pool` is a null pointer"))

@@ -5,9 +5,9 @@
 //!
 //! Calls from C cannot be checked by the compiler. Every function checks its pointers for null and reads or writes exactly the lengths
 //! that the header states; a pool comes from `grainspan_pool_open` and is given to `grainspan_pool_close` once. No function keeps a
-//! pointer. What remains with the caller is that lengths are true. A panic does not cross the border: it becomes an error text.
+//! pointer. What remains with the caller is that lengths are true. A panic does not cross the boundary: it becomes an error text.
 
-mod border;
+mod ffi_boundary;
 mod functions;
 mod gather;
 mod material;

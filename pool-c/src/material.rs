@@ -1,6 +1,6 @@
 //! The pool behind the user materials, which a host cannot open by a call: it is described by environment variables.
 
-use crate::border::Failure;
+use crate::ffi_boundary::Failure;
 use crate::functions::GrainspanPool;
 use crate::gather::Gather;
 use grain_pool::{PoolError, RvePool, State, Trial};

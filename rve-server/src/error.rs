@@ -1,5 +1,7 @@
 //! Why a table of a definition was refused, and the checks of its numbers.
 
+use schemars::JsonSchema;
+use serde::Serialize;
 use thiserror::Error;
 
 /// Why a table was refused.
@@ -7,16 +9,17 @@ use thiserror::Error;
 #[error("{0}")]
 pub struct DefinitionError(pub String);
 
+/// Checks the numbers of a table against the ranges that its keys declare; `name` is that of the table.
+///
+/// # Errors
+/// The first number that is out of range or not finite.
+pub(crate) fn in_declared_ranges<T: Serialize + JsonSchema>(table: &T, name: &str) -> Result<(), DefinitionError> {
+    keys::check_settings(table, &[name]).map_err(|fault| DefinitionError(fault.to_string()))
+}
+
 pub(crate) fn positive(key: &str, value: f64) -> Result<(), DefinitionError> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
     Err(DefinitionError(format!("{key} = {value} must be a positive number")))
-}
-
-pub(crate) fn not_negative(key: &str, value: f64) -> Result<(), DefinitionError> {
-    if value.is_finite() && value >= 0.0 {
-        return Ok(());
-    }
-    Err(DefinitionError(format!("{key} = {value} must be zero or a positive number")))
 }

@@ -1,6 +1,5 @@
 //! How accurately the cells of a scene are solved: what its keys say, or an error that the run keeps to.
 
-use super::build::Scene;
 use super::document::Document;
 use super::input_error::InputError;
 use super::tables::{ProcedureKeyword, SceneFile};
@@ -53,27 +52,10 @@ pub(super) fn error_control(options: &RveOptions) -> Option<ErrorControl> {
     options.error.map(|error| ErrorControl { error, smallest, largest })
 }
 
-impl Scene {
-    /// For runs that cannot estimate the error: an error that the scene does not name itself gives way to the accuracy
-    /// `default`.
-    pub fn give_up_default_error(&mut self) {
-        if !std::mem::take(&mut self.keeps_default_error) {
-            return;
-        }
-        for definition in &mut self.materials.definitions {
-            *definition = definition.with_options(|options| RveOptions { error: None, ..options.clone() });
-        }
-        self.problem.strain_per_step = self.definition().options().strain_per_step();
-        self.problem.error_control = None;
-        for (stage, tolerances) in self.problem.stages.iter_mut().zip(&self.tolerances_without_error) {
-            stage.tolerances = *tolerances;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Scene;
     use std::path::Path;
 
     /// A scene that names no accuracy.

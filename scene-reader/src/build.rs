@@ -8,6 +8,7 @@ use super::initial::initial_state;
 use super::input_error::InputError;
 use super::materials::{Materials, materials};
 use super::mesh::mesh;
+use super::packing::read_packing;
 use super::probes::{ProbeContext, probes, profiles};
 use super::recording::{observables, plot, points};
 use super::sets::Sets;
@@ -21,12 +22,8 @@ use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, ProblemError, Tolerances};
-use rve_server::definition::{AnyDefinition, Packing};
-use std::os::unix::fs::FileTypeExt;
+use rve_server::definition::{AnyDefinition, RveOptions};
 use std::path::{Path, PathBuf};
-
-/// Bytes of the largest packing file that is read: some 50 million grains, more than any process can relax.
-const LARGEST_PACKING: u64 = 4 << 30;
 
 /// Tolerances above this are reported.
 const LOOSEST: f64 = 0.1;
@@ -55,7 +52,7 @@ pub struct Scene {
     /// Whether the run keeps to an error that the scene does not name itself.
     pub keeps_default_error: bool,
     /// What the stages are held to where it does not.
-    pub(super) tolerances_without_error: Vec<Tolerances>,
+    tolerances_without_error: Vec<Tolerances>,
     /// Gauss points whose error is estimated.
     pub error_estimate: ErrorEstimateSettings,
     /// Columns of the plot, x and y; `None` = no plot.
@@ -166,6 +163,22 @@ impl Scene {
         };
         Ok(scene)
     }
+
+    /// For runs that cannot estimate the error: an error that the scene does not name itself gives way to the accuracy
+    /// `default`.
+    pub fn give_up_default_error(&mut self) {
+        if !std::mem::take(&mut self.keeps_default_error) {
+            return;
+        }
+        for definition in &mut self.materials.definitions {
+            *definition = definition.with_options(|options| RveOptions { error: None, ..options.clone() });
+        }
+        self.problem.strain_per_step = self.definition().options().strain_per_step();
+        self.problem.error_control = None;
+        for (stage, tolerances) in self.problem.stages.iter_mut().zip(&self.tolerances_without_error) {
+            stage.tolerances = *tolerances;
+        }
+    }
 }
 
 /// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.
@@ -243,39 +256,4 @@ fn definition(
     let definition = AnyDefinition::new(packing, file.contact.clone(), file.rve.clone());
     let definition = definition.validate().map_err(|error| document.table_error(error))?;
     Ok((definition, document.resolve(&file.packing)))
-}
-
-/// Reads the packing that a document names in its key `packing`, and refuses it with the line of that key.
-///
-/// # Errors
-/// The packing's own error.
-pub fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
-    let path = document.resolve(written);
-    let read = refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
-    read.map_err(|error| {
-        let hint = if path.exists() {
-            "correct the packing file, or make a new one with `grainspan pack`"
-        } else {
-            "make one with `grainspan pack`, or correct the path; it is relative to this file's folder"
-        };
-        document.error_at_key(&["packing"], error).hint(hint)
-    })
-}
-
-/// Refuses what cannot be a packing before it is read whole: a device never ends, and a file of some gigabytes takes the memory of
-/// the machine before the parser says that it is no JSON.
-pub(crate) fn refuse_foreign_content(path: &Path) -> Result<(), String> {
-    let refuse = |reason: String| Err(format!("packing file {}: {reason}", path.display()));
-    // What cannot be looked at is read, and refused with the system's reason.
-    let Ok(metadata) = std::fs::metadata(path) else { return Ok(()) };
-    if metadata.file_type().is_char_device() || metadata.file_type().is_block_device() {
-        return refuse("this is a device, not a file".to_owned());
-    }
-    if metadata.len() > LARGEST_PACKING {
-        return refuse(format!(
-            "it has {} bytes; the largest packing that is read has {LARGEST_PACKING}",
-            metadata.len()
-        ));
-    }
-    Ok(())
 }

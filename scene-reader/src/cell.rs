@@ -1,8 +1,8 @@
 //! Inputs of a single cell: its definition alone, or an element test.
 
-use super::build::read_packing;
 use super::document::Document;
 use super::input_error::InputError;
+use super::packing::read_packing;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AnyDefinition, Packing, RveOptions};
 use rve_server::programs::rve_test::ElementTest;

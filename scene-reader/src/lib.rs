@@ -14,6 +14,7 @@ mod links;
 mod materials;
 mod mesh;
 mod motion;
+mod packing;
 mod probes;
 mod recording;
 mod reference;
@@ -24,7 +25,7 @@ mod study;
 mod supervision;
 mod tables;
 
-pub use build::{Scene, read_packing};
+pub use build::Scene;
 pub use cell::{read_cell, read_element_test};
 pub use changes::changes;
 pub use document::{Document, Kind};
@@ -32,6 +33,7 @@ pub use engines::EnginePlan;
 pub use input_error::InputError;
 pub use keys::Table;
 pub use materials::{Densities, Materials, PackingCopy, drawn};
+pub use packing::read_packing;
 pub use reference::{completions, explained, nearest_key, overview};
 pub use study::{
     ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,

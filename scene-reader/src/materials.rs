@@ -1,8 +1,8 @@
 //! The packing of each Gauss point: the packing of the scene, or that of the last `[[region]]` that holds its element.
 
-use super::build::{read_packing, refuse_foreign_content};
 use super::document::Document;
 use super::input_error::InputError;
+use super::packing::{packing_at, read_packing};
 use super::sets::Sets;
 use super::tables::{RegionTable, SceneFile, Vary};
 use keys::Located;
@@ -240,9 +240,7 @@ impl Region<'_> {
     fn read(&self, written: &Located<PathBuf>) -> Result<Packing, InputError> {
         let path: &Path = written.get_ref();
         let path = self.document.resolve(path);
-        let read =
-            refuse_foreign_content(&path).and_then(|()| Packing::read(&path).map_err(|error| error.to_string()));
-        read.map_err(|error| {
+        packing_at(&path).map_err(|error| {
             self.document
                 .error_at(written.span(), error)
                 .hint("correct the path, which is relative to the scene's folder, or the packing file")

@@ -1,10 +1,10 @@
 //! A table of C functions as an engine.
-#![expect(unsafe_code, reason = "the border to C: see the crate documentation")]
+#![expect(unsafe_code, reason = "the boundary to C: see the crate documentation")]
 
 use crate::table::{Answer, Cell, EngineTable, TrialOptions};
 use protocol::{
     Capabilities, Cost, Definition, DefinitionId, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
-    TangentKind, Tensor2, TrialFlags, TrialOptions as WireAsk, TrialResult, snapshot,
+    TangentKind, Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -169,7 +169,7 @@ impl ForeignRve {
 }
 
 impl RveSolver for ForeignRve {
-    fn trial(&mut self, target: &Tensor2, options: &WireAsk) -> Result<TrialResult, RveError> {
+    fn trial(&mut self, target: &Tensor2, options: &WireOptions) -> Result<TrialResult, RveError> {
         self.rollback();
         self.check(target)?;
         if options.tangent != TangentKind::None {
@@ -177,7 +177,7 @@ impl RveSolver for ForeignRve {
         }
         RveError::refuse_reduced_friction(options)?;
         let begun = Instant::now();
-        let question = TrialOptions {
+        let request = TrialOptions {
             ramp_steps: options.ramp_steps,
             observables: options.observables.0,
             ..TrialOptions::default()
@@ -188,7 +188,7 @@ impl RveSolver for ForeignRve {
             (self.engine.functions.trial)(
                 self.rve,
                 target.0.as_ptr(),
-                &question,
+                &request,
                 &mut answer,
                 reason.as_mut_ptr().cast(),
                 REASON,

@@ -24,7 +24,7 @@ use std::io::Write;
 use std::time::Duration;
 
 /// How long a worker waits for its run to appear.
-const PATIENCE: Duration = Duration::from_secs(5);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
 
 const DONE: c_int = 0;
 const REFUSED: c_int = 2;
@@ -35,7 +35,7 @@ const RUN_LOST: c_int = 3;
 /// # Safety
 /// `run` is a C string or null, `engine` a table as the header describes it or null; both are valid during the call.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the module documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the module documentation")]
 pub unsafe extern "C" fn grainspan_serve(run: *const c_char, engine: *const EngineTable) -> c_int {
     // SAFETY: as promised by the caller.
     let (Some(engine), Some(run)) = (unsafe { ForeignEngine::read(engine) }, unsafe { text(run) }) else {
@@ -45,7 +45,7 @@ pub unsafe extern "C" fn grainspan_serve(run: *const c_char, engine: *const Engi
 }
 
 fn served(run: &str, mut engine: ForeignEngine) -> c_int {
-    let mut port = match SharedMemoryWorkerPort::join(run, PATIENCE) {
+    let mut port = match SharedMemoryWorkerPort::join(run, JOIN_TIMEOUT) {
         Ok(port) => port,
         Err(error) => return complain(&error.to_string()),
     };
@@ -66,7 +66,7 @@ fn served(run: &str, mut engine: ForeignEngine) -> c_int {
 /// # Safety
 /// `engine` is a table as the header describes it or null, valid during the call.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the module documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the module documentation")]
 pub unsafe extern "C" fn grainspan_print_capabilities(engine: *const EngineTable) -> c_int {
     // SAFETY: as promised by the caller.
     let Some(engine) = (unsafe { ForeignEngine::read(engine) }) else {
@@ -87,7 +87,7 @@ fn complain(reason: &str) -> c_int {
 
 /// # Safety
 /// `pointer` is null or a C string that is valid during the call.
-#[expect(unsafe_code, reason = "the border to C: see the module documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the module documentation")]
 unsafe fn text(pointer: *const c_char) -> Option<String> {
     if pointer.is_null() {
         return None;

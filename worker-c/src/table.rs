@@ -23,7 +23,7 @@ pub struct Cell {
     pub definition: *const c_char,
 }
 
-/// `grainspan_ask`.
+/// `grainspan_trial_options`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 #[expect(missing_docs, reason = "the header explains every field")]

@@ -5,7 +5,7 @@ shared memory, messages, states, faults, lies behind it. ``docs/guide/external-e
 ``grainspan_worker.engines.reference`` the smallest complete engine.
 """
 
-from .answer import Answer, Ask
+from .answer import Answer, TrialOptions
 from .definition import Definition
 from .errors import (
     DefinitionRefused,
@@ -22,6 +22,9 @@ from .errors import (
 from .command_line import main
 from .rve import Rve
 
+#: Former name of :class:`TrialOptions`, kept for one version.
+Ask = TrialOptions
+
 __all__ = [
     "Answer",
     "Ask",
@@ -36,6 +39,7 @@ __all__ = [
     "TargetInverted",
     "TargetNotFinite",
     "TargetTooLarge",
+    "TrialOptions",
     "Unsupported",
     "main",
 ]

@@ -1,4 +1,4 @@
-"""What a trial is asked and what it answers."""
+"""What a trial is to deliver, and what it delivers."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from .layout import FLAGS, OBSERVABLES, REPLY
 
 
 @dataclass(frozen=True)
-class Ask:
+class TrialOptions:
     """What a trial should deliver beside the stress."""
 
     #: Keyword of the tangent operator wanted; ``"none"`` for the stress alone.

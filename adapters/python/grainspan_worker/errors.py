@@ -101,7 +101,7 @@ class SnapshotRefused(RveError):
 
 
 class EngineFault(RveError):
-    """The engine broke down: its defect, not that of the question."""
+    """The engine broke down: its defect, not that of the request."""
 
 
 class MessageTooLarge(Exception):

@@ -5,7 +5,7 @@ class Rve:
     """One representative volume with a committed and at most one trial state.
 
     A **trial is a pure function** of (committed state, target, ask): it must not depend on trials made before, on the
-    time or on other points. Raise one of the errors of this package to refuse a question; any other exception counts as
+    time or on other points. Raise one of the errors of this package to refuse a request; any other exception counts as
     a breakdown of the engine and costs one failed answer, not the worker.
 
     Either override :meth:`snapshot` and :meth:`restore`, or neither: without them the worker rebuilds states by solving
@@ -22,7 +22,7 @@ class Rve:
     laws = ("linear",)
     #: Tangent operators served beside "none", by keyword. Without one the run finds tangents by finite differences.
     tangents = ()
-    #: Whether the same question has the same answer to the last bit in every worker.
+    #: Whether the same request has the same answer to the last bit in every worker.
     deterministic = True
 
     def __init__(self, definition):

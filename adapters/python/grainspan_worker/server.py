@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgpack
 
-from .bench import Bench, bare
+from .job_runner import JobRunner, bare
 from .content import name_of
 from .errors import EngineFault, MessageTooLarge, RveError
 from .layout import PROTOCOL
@@ -56,13 +56,13 @@ def serve(rve_class, port, options):
     try:
         return worker.welcome() or worker.work()
     finally:
-        worker.bench.close()
+        worker.runner.close()
 
 
 class _Worker:
     def __init__(self, rve_class, port, options):
         self.port, self.options = port, options
-        self.bench = Bench(rve_class, options.state_cache, options.replay, options.most_alive)
+        self.runner = JobRunner(rve_class, options.state_cache, options.replay, options.most_alive)
         self._tasks = deque()
         self._welcome = self._draining = False
         self._refused = self._left = None
@@ -121,13 +121,13 @@ class _Worker:
 
     def _define(self, content):
         try:
-            self.bench.define(content)
+            self.runner.define(content)
         except RveError as error:
             refusal = {"definition": list(name_of(content)), "reason": str(error)}
             self.port.send_control({"DefinitionRefused": refusal})
 
     def _answer(self, jobs):
-        answers = [self.bench.answer(job, carried) for job, carried in jobs]
+        answers = [self.runner.answer(job, carried) for job, carried in jobs]
         try:
             self.port.send_replies(answers)
         except MessageTooLarge as error:
@@ -141,12 +141,12 @@ class _Worker:
 
     def _exhausted(self):
         """Why the worker should make room for a fresh one, or None."""
-        if self.options.recycle_jobs and self.bench.jobs >= self.options.recycle_jobs:
-            return f"recycled after {self.bench.jobs} jobs"
+        if self.options.recycle_jobs and self.runner.jobs >= self.options.recycle_jobs:
+            return f"recycled after {self.runner.jobs} jobs"
         if self.options.recycle_memory:
             size = _resident_bytes() >> 20
             if size >= self.options.recycle_memory:
-                return f"recycled at {size} MiB after {self.bench.jobs} jobs"
+                return f"recycled at {size} MiB after {self.runner.jobs} jobs"
         return None
 
 

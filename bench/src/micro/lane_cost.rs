@@ -33,7 +33,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, wanted: Wanted) -> anyhow::Res
     let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options })?;
     let mut state = Vec::new();
     rve.snapshot(&mut state);
-    let questions: Vec<TrialRequest<'_>> = (0..cells)
+    let requests: Vec<TrialRequest<'_>> = (0..cells)
         .map(|cell| {
             let phase = cell as f64;
             let mut target = Tensor2::ZERO;
@@ -50,7 +50,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, wanted: Wanted) -> anyhow::Res
     {
         rve.use_lanes(uses_lanes);
         let begin = processor_time();
-        let answers = rve.solve_batch(&questions);
+        let answers = rve.solve_batch(&requests);
         let spent = processor_time() - begin;
         let mut steps = 0;
         let mut fingerprint = Vec::new();

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 struct Kept {
     bytes: Box<[u8]>,
     /// Number of the last message to the macro that carried it; 0 if it came from the macro.
-    told: u64,
+    sent_with: u64,
 }
 
 /// The states of one connection.
@@ -43,15 +43,15 @@ impl KeptStates {
         let sent = self.sent;
         for one in replies.iter().filter(|one| !one.state.is_empty()) {
             let kept =
-                self.states.entry(one.reply.state).or_insert_with(|| Kept { bytes: one.state.into(), told: 0 });
-            kept.told = sent;
+                self.states.entry(one.reply.state).or_insert_with(|| Kept { bytes: one.state.into(), sent_with: 0 });
+            kept.sent_with = sent;
         }
     }
 
     /// Keeps the state that a job has brought.
     pub(super) fn take_job(&mut self, one: &LoadedJob<'_>) {
         if self.enabled && !one.state.is_empty() {
-            self.states.entry(one.job.state).or_insert_with(|| Kept { bytes: one.state.into(), told: 0 });
+            self.states.entry(one.job.state).or_insert_with(|| Kept { bytes: one.state.into(), sent_with: 0 });
         }
     }
 
@@ -63,7 +63,7 @@ impl KeptStates {
     /// Forgets states, except those that a message above number `heard` has brought to the macro again: it counts on them.
     pub(super) fn forget(&mut self, states: &[StateId], heard: u64) {
         for state in states {
-            if self.states.get(state).is_some_and(|kept| kept.told <= heard) {
+            if self.states.get(state).is_some_and(|kept| kept.sent_with <= heard) {
                 self.states.remove(state);
             }
         }

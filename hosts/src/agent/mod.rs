@@ -39,7 +39,7 @@ pub struct AgentOptions {
     /// Bytes of states that the agent keeps for its workers, beyond what they keep themselves.
     pub state_bytes: u64,
     /// How long the agent looks for its run, at the start and when it has lost it.
-    pub patience: Duration,
+    pub timeout: Duration,
 }
 
 /// Why an agent has ended in good order.
@@ -167,8 +167,8 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                 Outlook::Exhausted(_) if !self.members.is_empty() => LONGEST_WAIT,
                 Outlook::Exhausted(reason) => return Err(AgentError::NoWorkers(reason)),
             };
-            self.hear_workers(wait)?;
-            if let Some(end) = self.hear_macro()? {
+            self.take_from_workers(wait)?;
+            if let Some(end) = self.take_from_macro()? {
                 return Ok(end);
             }
             for worker in self.members.overdue(Instant::now(), STALE_LIMIT) {
@@ -212,8 +212,8 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         let interrupt = self.interrupt.clone();
         let look = move || {
             let go_on = || !interrupt.is_raised();
-            let (bytes, limits, patience) = (options.state_bytes, options.limits, options.patience);
-            let joined = Link::join_patiently(&*target, bytes, limits, Some(&bell), patience, &go_on);
+            let (bytes, limits, timeout) = (options.state_bytes, options.limits, options.timeout);
+            let joined = Link::join_within(&*target, bytes, limits, Some(&bell), timeout, &go_on);
             // The agent may have ended meanwhile.
             let _ = send.send(joined);
             bell.wake();
@@ -239,7 +239,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         }
     }
 
-    fn hear_workers(&mut self, wait: Duration) -> Result<(), AgentError> {
+    fn take_from_workers(&mut self, wait: Duration) -> Result<(), AgentError> {
         // Replies are passed on where they lie; what changes the members is done after.
         let Self { local, link, members, states, figures, .. } = self;
         let (mut greeted, mut lost, mut damaged) = (Vec::new(), Vec::new(), Vec::new());
@@ -313,13 +313,13 @@ impl<'a, P: MacroPort> Agent<'a, P> {
     }
 
     /// Takes what the macro has sent; returns why the agent ends, if it does.
-    fn hear_macro(&mut self) -> Result<Option<AgentEnd>, AgentError> {
+    fn take_from_macro(&mut self) -> Result<Option<AgentEnd>, AgentError> {
         let Some(link) = &self.link else { return Ok(None) };
         let (arrived, buffers) = (link.take(Duration::ZERO), link.buffers.clone());
         for bytes in arrived.messages {
             match Body::parse(&bytes) {
-                Ok((slot, Body::Frame(frame))) => self.hear_frame(slot, frame, &[]),
-                Ok((slot, Body::Jobs { kept, frame })) => self.hear_frame(slot, frame, kept),
+                Ok((slot, Body::Frame(frame))) => self.take_frame(slot, frame, &[]),
+                Ok((slot, Body::Jobs { kept, frame })) => self.take_frame(slot, frame, kept),
                 Ok((slot, Body::Control(body))) => match unpacked(body) {
                     Ok(ToAgent::Kill) => {
                         if let Some(worker) = self.members.at(slot) {
@@ -352,7 +352,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
     }
 
     /// A message of the macro for one worker.
-    fn hear_frame(&mut self, slot: u32, bytes: &[u8], kept: &[u8]) {
+    fn take_frame(&mut self, slot: u32, bytes: &[u8], kept: &[u8]) {
         // One that has ended meanwhile: the macro learns of it by itself.
         let Some(worker) = self.members.at(slot) else { return };
         let frame = match Frame::parse(bytes) {
@@ -419,7 +419,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         }
         let end = Instant::now() + CLOSE_TIMEOUT;
         while !self.members.is_empty() && Instant::now() < end {
-            if self.hear_workers(Duration::from_millis(50)).is_err() {
+            if self.take_from_workers(Duration::from_millis(50)).is_err() {
                 break;
             }
         }

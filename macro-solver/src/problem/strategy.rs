@@ -106,7 +106,7 @@ pub struct Strategy {
     /// answer instead of being asked again. Exact: a trial is a pure function of its target.
     pub keep_unchanged: bool,
     /// Rounds the targets of points to multiples of this share of the step's largest strain; dimensionless. Points that
-    /// are to deform alike, but for the round-off of the global solution, are then asked the same question in every bit:
+    /// are to deform alike, but for the round-off of the global solution, then have the same target in every bit:
     /// it is computed once, and round-off does not set them apart where they soften. 0 takes targets as they are.
     #[serde(with = "keys::forms::zero_is_none")]
     #[schemars(with = "f64", extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0, max = 1e-3))]

@@ -9,7 +9,7 @@ mod measures;
 mod states;
 mod symbols;
 
-use crate::border::{Failure, slice, slice_mut};
+use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
 use measures::{Components, End, Kind, Operator, Stress, UNIT};
 use protocol::{TangentKind, Tensor2, Tensor4};
@@ -113,7 +113,7 @@ fn known() -> &'static Mutex<States> {
 
 /// # Safety
 /// The view is as MGIS lays it out for this behaviour and hypothesis.
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
     let count = behaviour.places.count(behaviour.gradient());
     let options_of_operator = if behaviour.is_finite { 3 } else { 1 };
@@ -198,7 +198,7 @@ fn number_of(value: f64) -> Result<u64, Failure> {
 
 /// # Safety
 /// As [`integrate`].
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 unsafe fn answer(view: *mut View, behaviour: Behaviour) -> c_int {
     // SAFETY: as promised by the caller.
     let Some(view) = (unsafe { view.as_ref() }) else { return FAILED };
@@ -235,7 +235,7 @@ macro_rules! entries {
         /// # Safety
         /// The view is as MGIS lays it out for this behaviour and hypothesis.
         #[unsafe(export_name = $symbol)]
-        #[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+        #[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
         pub unsafe extern "C" fn $name(view: *mut View) -> c_int {
             // SAFETY: as promised by the caller.
             unsafe { answer(view, Behaviour::new($finite, $plane, $space)) }

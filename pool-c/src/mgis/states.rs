@@ -5,7 +5,7 @@
 //! deformation. Grains are kept for the states that hosts begin steps from. When a host begins a step from a number for the first time,
 //! the trial behind it is committed; if it is not the last trial of its point, it is repeated first, which gives the same bits.
 
-use crate::border::Failure;
+use crate::ffi_boundary::Failure;
 use crate::material::Material;
 use grain_pool::State;
 use protocol::{Tensor2, TrialOptions};

@@ -1,6 +1,6 @@
 //! Which call begins an increment, repeats it, or restarts it.
 
-use crate::border::Failure;
+use crate::ffi_boundary::Failure;
 use grain_pool::{RvePool, State};
 use protocol::Tensor2;
 use std::collections::BTreeMap;

@@ -9,7 +9,7 @@
 mod history;
 mod voigt;
 
-use crate::border::{Failure, slice, slice_mut};
+use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
 use crate::material::{Material, Strains};
 use grain_pool::State;
@@ -39,7 +39,7 @@ fn known() -> &'static Mutex<Points> {
 /// # Safety
 /// The arrays have the lengths that the manual states.
 #[unsafe(no_mangle)]
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub unsafe extern "C" fn umat_(
     stress: *mut f64,
     statev: *mut f64,

@@ -1,6 +1,6 @@
 //! Stress and tangent in the order of the host: 11, 22, 33, 12, 13, 23, shear strains doubled, matrices by columns.
 
-use crate::border::Failure;
+use crate::ffi_boundary::Failure;
 use protocol::{Tensor2, Tensor4};
 use std::ffi::c_int;
 

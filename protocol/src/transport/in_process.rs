@@ -89,7 +89,7 @@ impl InProcessDoor {
         let worker = WorkerId(board.joined);
         board.joined += 1;
         board.to_worker.insert(worker, VecDeque::new());
-        InProcessWorkerPort { hub: Arc::clone(&self.hub), worker, told_lost: false }
+        InProcessWorkerPort { hub: Arc::clone(&self.hub), worker, loss_reported: false }
     }
 }
 
@@ -170,7 +170,7 @@ impl Waker for InProcessWaker {
 pub struct InProcessWorkerPort {
     hub: Arc<Hub>,
     worker: WorkerId,
-    told_lost: bool,
+    loss_reported: bool,
 }
 
 impl InProcessWorkerPort {
@@ -202,13 +202,13 @@ impl WorkerPort for InProcessWorkerPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
         let worker = self.worker;
         let closed = |board: &Switchboard| board.macro_gone || !board.to_worker.contains_key(&worker);
-        let told = self.told_lost;
+        let reported = self.loss_reported;
         let (arrived, lost) = {
             let mut board = self.hub.wait_for(wait, |board| {
-                (closed(board) && !told) || board.to_worker.get(&worker).is_some_and(|mail| !mail.is_empty())
+                (closed(board) && !reported) || board.to_worker.get(&worker).is_some_and(|mail| !mail.is_empty())
             });
             let arrived = board.to_worker.get_mut(&worker).map(std::mem::take).unwrap_or_default();
-            (arrived, closed(&board) && !told)
+            (arrived, closed(&board) && !reported)
         };
         let count = arrived.len() + usize::from(lost);
         for bytes in arrived {
@@ -217,7 +217,7 @@ impl WorkerPort for InProcessWorkerPort {
             }
         }
         if lost {
-            self.told_lost = true;
+            self.loss_reported = true;
             sink(WorkerEvent::MacroLost("the channel was closed".to_owned()));
         }
         Ok(count)

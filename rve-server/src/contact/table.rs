@@ -1,7 +1,7 @@
 //! The table `[contact]`: the law between grains.
 
 use super::linear::NormalStiffness;
-use crate::error::{DefinitionError, not_negative, positive};
+use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -62,23 +62,23 @@ pub struct ContactTable {
     pub law: LawName,
     /// Normal stiffness k_n of every contact. Exactly one of this and `modulus`.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "N/m"))]
+    #[schemars(extend("x-unit" = "N/m", "exclusiveMinimum" = 0))]
     pub normal_stiffness: Option<f64>,
     /// Modulus E: k_n = 2 E R1 R2 / (R1 + R2).
     #[serde(default)]
-    #[schemars(extend("x-unit" = "Pa"))]
+    #[schemars(extend("x-unit" = "Pa", "exclusiveMinimum" = 0))]
     pub modulus: Option<f64>,
     /// k_t / k_n.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-"))]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub stiffness_ratio: Option<f64>,
     /// Grain shear modulus of Hertz-Mindlin contacts.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "Pa"))]
+    #[schemars(extend("x-unit" = "Pa", "exclusiveMinimum" = 0))]
     pub shear_modulus: Option<f64>,
     /// Grain Poisson ratio of Hertz-Mindlin contacts.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-"))]
+    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = -1), range(max = 0.5))]
     pub poisson_ratio: Option<f64>,
     /// Coulomb coefficient mu.
     #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
@@ -109,7 +109,7 @@ pub struct ContactTable {
     pub rotations: Rotations,
     /// Density of the grain material; quasi-static results do not depend on it.
     #[serde(default = "quartz_density")]
-    #[schemars(extend("x-unit" = "kg/m3"))]
+    #[schemars(extend("x-unit" = "kg/m3", "exclusiveMinimum" = 0))]
     pub density: f64,
 }
 
@@ -169,11 +169,7 @@ impl ContactTable {
             LawName::Linear => self.validate_linear()?,
             LawName::HertzMindlin => self.validate_hertz_mindlin()?,
         }
-        not_negative("contact.friction", self.friction)?;
-        not_negative("contact.cohesion", self.cohesion)?;
-        not_negative("contact.damping", self.damping)?;
-        not_negative("contact.rolling_stiffness", self.rolling_stiffness)?;
-        not_negative("contact.rolling_friction", self.rolling_friction)?;
+        in_declared_ranges(self, "contact")?;
         if (self.rolling_stiffness > 0.0) != (self.rolling_friction > 0.0) {
             return Err(DefinitionError(
                 "contact.rolling_stiffness and contact.rolling_friction need each other; give both or none".into(),
@@ -184,7 +180,7 @@ impl ContactTable {
                 "contact.rolling_stiffness has no effect with rotations = \"blocked\"; remove one of them".into(),
             ));
         }
-        positive("contact.density", self.density)
+        Ok(())
     }
 
     /// Refuses what only grains inside a frame can do.
@@ -221,11 +217,8 @@ impl ContactTable {
             ("stiffness_ratio", self.stiffness_ratio.is_some()),
         ];
         refuse_given(&given, "linear")?;
-        positive("contact.shear_modulus", self.grain_shear_modulus()?)?;
-        let ratio = self.grain_poisson_ratio()?;
-        if !(ratio > -1.0 && ratio <= 0.5) {
-            return Err(DefinitionError(format!("contact.poisson_ratio = {ratio} must lie in (-1, 0.5]")));
-        }
+        self.grain_shear_modulus()?;
+        self.grain_poisson_ratio()?;
         Ok(())
     }
 
@@ -261,28 +254,18 @@ impl ContactTable {
     /// The normal stiffness rule.
     ///
     /// # Errors
-    /// Neither or both of `normal_stiffness` and `modulus`, or not a positive number.
+    /// Neither or both of `normal_stiffness` and `modulus`.
     pub fn normal(&self) -> Result<NormalStiffness, DefinitionError> {
         match (self.normal_stiffness, self.modulus) {
-            (Some(stiffness), None) => {
-                positive("contact.normal_stiffness", stiffness)?;
-                Ok(NormalStiffness::Constant(stiffness))
-            }
-            (None, Some(modulus)) => {
-                positive("contact.modulus", modulus)?;
-                Ok(NormalStiffness::Modulus(modulus))
-            }
+            (Some(stiffness), None) => Ok(NormalStiffness::Constant(stiffness)),
+            (None, Some(modulus)) => Ok(NormalStiffness::Modulus(modulus)),
             (Some(_), Some(_)) => Err(DefinitionError("contact: give normal_stiffness or modulus, not both".into())),
             (None, None) => Err(DefinitionError("contact: normal_stiffness (N/m) or modulus (Pa) is missing".into())),
         }
     }
 
     fn ratio(&self) -> Result<f64, DefinitionError> {
-        let ratio = self
-            .stiffness_ratio
-            .ok_or_else(|| DefinitionError("contact.stiffness_ratio (k_t / k_n) is missing".into()))?;
-        not_negative("contact.stiffness_ratio", ratio)?;
-        Ok(ratio)
+        self.stiffness_ratio.ok_or_else(|| DefinitionError("contact.stiffness_ratio (k_t / k_n) is missing".into()))
     }
 
     /// k_t / k_n of a validated table.
@@ -338,7 +321,7 @@ mod tests {
         let refused = |text: &str| contact(&format!("{base}{text}")).unwrap_err();
         assert!(refused("").contains("normal_stiffness (N/m) or modulus (Pa) is missing"));
         assert!(refused("modulus = 1e8\nnormal_stiffness = 1").contains("not both"));
-        assert!(refused("modulus = -1e8").contains("contact.modulus = -100000000 must be a positive"));
+        assert!(refused("modulus = -1e8").contains("contact.modulus must be above 0, not -100000000"));
         assert!(refused("modulus = 1e8\ncohesion = -1").contains("contact.cohesion"));
         assert!(refused("modulus = 1e8\ndamping = -0.1").contains("contact.damping"));
         assert!(refused("modulus = 1e8\nrolling_friction = 0.1").contains("need each other"));

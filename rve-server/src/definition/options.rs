@@ -2,7 +2,7 @@
 
 use super::frame::CellFrame;
 use super::operator_options::OperatorOptions;
-use crate::error::{DefinitionError, positive};
+use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -130,12 +130,12 @@ pub struct RveOptions {
     pub tolerance: Option<f64>,
     /// Damping.
     pub damping: Damping,
-    /// Coefficient of local damping, in (0, 1).
-    #[schemars(extend("x-unit" = "-", "x-default" = "0.7"))]
+    /// Coefficient of local damping.
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.7", "exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub local_damping: Option<f64>,
-    /// Coefficient of viscous damping per pseudo-time step, in (0, 2). The stiffest mode is damped critically
+    /// Coefficient of viscous damping per pseudo-time step. The stiffest mode is damped critically
     /// near 1.6.
-    #[schemars(extend("x-unit" = "-", "x-default" = "0.1"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.1", "exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub viscous_damping: Option<f64>,
     /// Most relaxation steps after the ramp. A trial that stagnates with every damping ends
     /// sooner, after some thousand steps.
@@ -172,42 +172,23 @@ impl RveOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
-        if let Some(error) = self.error {
-            if !(error > 0.0 && error <= 0.1) {
-                return Err(DefinitionError(format!("rve.error = {error} must lie between 0 and 0.1")));
-            }
-            if self.accuracy != Accuracy::Default || self.strain_per_step.is_some() || self.tolerance.is_some() {
-                return Err(DefinitionError(
-                    "rve.error chooses strain per step and tolerance; leave out accuracy, strain_per_step and tolerance".into(),
-                ));
-            }
+        in_declared_ranges(self, "rve")?;
+        let is_chosen =
+            self.accuracy != Accuracy::Default || self.strain_per_step.is_some() || self.tolerance.is_some();
+        if self.error.is_some() && is_chosen {
+            return Err(DefinitionError(
+                "rve.error chooses strain per step and tolerance; leave out accuracy, strain_per_step and tolerance"
+                    .into(),
+            ));
         }
-        positive("rve.strain_per_step", self.strain_per_step())?;
-        positive("rve.tolerance", self.tolerance())?;
-        positive("rve.largest_target", self.largest_target())?;
-        positive("rve.largest_event_increment", self.largest_event_increment())?;
         if self.largest_event_increment.is_some() && self.solver != SolverName::EventDriven {
             return Err(DefinitionError("rve.largest_event_increment needs solver = \"event_driven\"".into()));
         }
         if self.local_damping.is_some() && self.damping != Damping::Local {
             return Err(DefinitionError("rve.local_damping needs damping = \"local\"".into()));
         }
-        let coefficient = self.local_coefficient();
-        if !(coefficient > 0.0 && coefficient < 1.0) {
-            return Err(DefinitionError(format!("rve.local_damping = {coefficient} must lie between 0 and 1")));
-        }
         if self.viscous_damping.is_some() && self.damping != Damping::Viscous {
             return Err(DefinitionError("rve.viscous_damping needs damping = \"viscous\"".into()));
-        }
-        let coefficient = self.viscous_coefficient();
-        if !(coefficient > 0.0 && coefficient < 2.0) {
-            return Err(DefinitionError(format!("rve.viscous_damping = {coefficient} must lie between 0 and 2")));
-        }
-        if self.max_steps() == 0 {
-            return Err(DefinitionError("rve.max_steps must be at least 1".into()));
-        }
-        if self.max_evaluations == Some(0) {
-            return Err(DefinitionError("rve.max_evaluations must be at least 1, or left out".into()));
         }
         self.frame.as_ref().map_or(Ok(()), CellFrame::validate)?;
         self.operator.validate()
@@ -304,11 +285,42 @@ mod tests {
         assert!(options("tolerance = 0").unwrap_err().contains("rve.tolerance"));
         assert!(options("strain_per_step = -1").unwrap_err().contains("rve.strain_per_step"));
         assert!(options("local_damping = 0.5").unwrap_err().contains("damping = \"local\""));
-        assert!(options("damping = \"local\"\nlocal_damping = 1.5").unwrap_err().contains("between 0 and 1"));
+        assert!(options("damping = \"local\"\nlocal_damping = 1.5").unwrap_err().contains("above 0 and below 1"));
         options("frame = { constraint = \"traction\" }").unwrap();
         let servo = options("frame = { control = { servo = { gain = 2.5 } } }").unwrap_err();
         assert!(servo.contains("rve.frame.control.servo.gain"), "{servo}");
         assert!(options("frame = { servo_tolerance = 0 }").unwrap_err().contains("rve.frame.servo_tolerance"));
         assert!(options("accuracy = \"best\"").unwrap_err().contains("draft"));
+        assert!(options("max_steps = 0").unwrap_err().contains("rve.max_steps must be at least 1"));
+        assert!(options("error = 0.2").unwrap_err().contains("rve.error must be above 0 and at most 0.1"));
+    }
+
+    /// The declared default of every numeric key is what the code uses where the key is left out.
+    #[test]
+    fn declared_defaults_are_those_in_force() {
+        let table = RveOptions::default();
+        let operator = &table.operator;
+        let in_force = [
+            ("local_damping", table.local_coefficient()),
+            ("viscous_damping", table.viscous_coefficient()),
+            ("max_steps", f64::from(table.max_steps())),
+            ("largest_target", table.largest_target()),
+            ("largest_event_increment", table.largest_event_increment()),
+            ("operator.perturbation", operator.perturbation()),
+            ("operator.quasi_static_perturbation", operator.quasi_static_perturbation()),
+            ("operator.quasi_static_tolerance", operator.quasi_static_tolerance()),
+            ("operator.average_steps", f64::from(operator.average_steps())),
+        ];
+        let numbers = |keys: &keys::Table, before: &str| {
+            let numeric = keys.keys.iter().filter_map(|key| Some((key, key.default.parse::<f64>().ok()?)));
+            numeric.map(|(key, value)| (format!("{before}{}", key.name), value)).collect::<Vec<_>>()
+        };
+        let mut declared = numbers(&keys::Table::of::<RveOptions>(), "");
+        declared.extend(numbers(&keys::Table::of::<super::super::OperatorOptions>(), "operator."));
+        assert_eq!(declared.len(), in_force.len(), "{declared:?}");
+        for (key, value) in declared {
+            let used = in_force.iter().find(|(name, _)| *name == key);
+            assert_eq!(used.map(|(_, used)| *used), Some(value), "{key}");
+        }
     }
 }

@@ -71,9 +71,9 @@ struct Stretch<S: Space> {
     ramp_steps: u32,
 }
 
-/// A question whose state has been read.
+/// A request whose state has been read.
 struct PreparedTrial<S: Space> {
-    /// Its place among the questions.
+    /// Its place among the requests.
     place: usize,
     state: GrainState<S>,
     stretch: Stretch<S>,
@@ -314,7 +314,7 @@ impl<S: SolverFor> GrainRve<S> {
         answer
     }
 
-    /// Answers several questions whose states have been read and whose targets are stretches, side by side.
+    /// Answers several requests whose states have been read and whose targets are stretches, side by side.
     fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
         let started = Instant::now();
         let jobs: Vec<Job<'_, S>> = opened
@@ -441,22 +441,22 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         if self.stays(&h, options) { self.stay(options) } else { self.solve(&h, options) }
     }
 
-    fn solve_batch(&mut self, questions: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
-        let mut answers: Vec<Option<TrialOutcome>> = questions.iter().map(|_| None).collect();
+    fn solve_batch(&mut self, requests: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
+        let mut answers: Vec<Option<TrialOutcome>> = requests.iter().map(|_| None).collect();
         let mut opened = Vec::new();
-        for (place, question) in questions.iter().enumerate() {
-            let stretched = checked_target::<S::Tensor>(&question.target).and_then(|h| {
-                if self.stays(&h, &question.options) {
+        for (place, request) in requests.iter().enumerate() {
+            let stretched = checked_target::<S::Tensor>(&request.target).and_then(|h| {
+                if self.stays(&h, &request.options) {
                     return Ok(None);
                 }
-                let state = self::opened(question.state, self.id, self.model.radii.len())?;
-                Ok(Some((state, self.stretch(&h, &question.options)?)))
+                let state = self::opened(request.state, self.id, self.model.radii.len())?;
+                Ok(Some((state, self.stretch(&h, &request.options)?)))
             });
             match stretched {
                 Ok(Some((state, stretch))) => {
-                    opened.push(PreparedTrial { place, state, stretch, options: question.options })
+                    opened.push(PreparedTrial { place, state, stretch, options: request.options })
                 }
-                Ok(None) => answers[place] = Some(solve_alone(self, question)),
+                Ok(None) => answers[place] = Some(solve_alone(self, request)),
                 Err(error) => answers[place] = Some(Err(error)),
             }
         }
@@ -474,7 +474,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                 answers[place] = Some(answer);
             }
         }
-        answers.into_iter().map(|answer| answer.expect("every question has been answered")).collect()
+        answers.into_iter().map(|answer| answer.expect("every request has been answered")).collect()
     }
 
     fn commit(&mut self) -> Result<(), RveError> {

@@ -194,12 +194,12 @@ impl<'a> JobRunner<'a> {
             Ok(solver) => solver,
             Err(error) => return group.iter().map(|ready| JobResult::failed(job_of(ready), &error)).collect(),
         };
-        let questions: Vec<TrialRequest<'_>> = group
+        let requests: Vec<TrialRequest<'_>> = group
             .iter()
             .map(|ready| TrialRequest { state: &ready.start, target: job_of(ready).target, options: ready.options })
             .collect();
         let together = guarded(|| {
-            let outcomes = solver.solve_batch(&questions);
+            let outcomes = solver.solve_batch(&requests);
             (solver, outcomes)
         });
         let Ok((solver, outcomes)) = together else {

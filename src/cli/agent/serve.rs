@@ -72,7 +72,7 @@ fn serve_one(
     let options = AgentOptions {
         limits: Limits { silence: Duration::from_secs_f64(arguments.silence), ..Limits::default() },
         state_bytes: u64::from(arguments.keep_states) << 20,
-        patience: if arguments.standing { FOR_EVER } else { Duration::from_secs_f64(arguments.timeout) },
+        timeout: if arguments.standing { FOR_EVER } else { Duration::from_secs_f64(arguments.timeout) },
     };
     let (join, secret) = (arguments.join.clone(), arguments.secret.clone());
     let target = move || find_target(&join, secret.as_deref());

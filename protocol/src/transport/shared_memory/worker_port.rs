@@ -43,7 +43,7 @@ pub struct SharedMemoryWorkerPort {
     /// Whether the macro has said bye.
     dismissed: bool,
     lost: Option<String>,
-    told_lost: bool,
+    loss_reported: bool,
     /// None when macro and worker are threads of one process.
     _macro_process: Option<OwnedFd>,
     watchman: Watchman,
@@ -127,7 +127,7 @@ impl SharedMemoryWorkerPort {
             greeted: false,
             dismissed: false,
             lost: None,
-            told_lost: false,
+            loss_reported: false,
             _macro_process: macro_process,
             watchman: Watchman::new(record.limits.waiting),
             watch,
@@ -161,9 +161,9 @@ impl SharedMemoryWorkerPort {
             self.grant()?;
         }
         if let Some(reason) = &self.lost
-            && !self.told_lost
+            && !self.loss_reported
         {
-            self.told_lost = true;
+            self.loss_reported = true;
             sink(WorkerEvent::MacroLost(reason.clone()));
             events += 1;
         }

@@ -311,7 +311,7 @@ fn check_private(base: &Path) -> Result<(), RunError> {
     let owner = fs::symlink_metadata(base).map_err(system("read", base))?;
     let refuse = |reason: String| system("use", base)(io::Error::new(ErrorKind::PermissionDenied, reason));
     if !owner.is_dir() || owner.uid() != rustix::process::getuid().as_raw() {
-        return Err(refuse("it belongs to somebody else; ask them to remove it".to_owned()));
+        return Err(refuse("it belongs to another user; ask them to remove it".to_owned()));
     }
     let mode = owner.mode() & 0o777;
     if mode & 0o022 != 0 {

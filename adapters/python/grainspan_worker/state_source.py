@@ -1,6 +1,6 @@
 """Where states of one definition come from: snapshots, or the path of committed targets.
 
-A keeper solves a question "from this state, by this target" and returns the answer with the bytes of the trial state.
+A source solves a request "from this state, by this target" and returns the answer with the bytes of the trial state.
 The bytes are all that the run ever sees of a state, so a run, its checkpoints and other workers treat both kinds alike.
 """
 
@@ -10,12 +10,12 @@ import msgpack
 import numpy
 
 from . import snapshot
-from .answer import Ask
+from .answer import TrialOptions
 from .content import name_of, short
 from .errors import RveError, SnapshotRefused
 
 
-class SnapshotKeeper:
+class SnapshotSource:
     """States are the engine's own snapshots; one living RVE is enough."""
 
     def __init__(self, rve_class, definition):
@@ -33,7 +33,7 @@ class SnapshotKeeper:
             answer = self._rve.trial(gradient, ask)
             state = self._sealed()
         except RveError:
-            # Whatever the engine has half done is not trusted: the next question restores.
+            # Whatever the engine has half done is not trusted: the next request restores.
             self._committed = self._trial = None
             raise
         except Exception:
@@ -43,7 +43,7 @@ class SnapshotKeeper:
         return answer, state
 
     def close(self):
-        """Ends the RVE; the next question builds a new one."""
+        """Ends the RVE; the next request builds a new one."""
         if self._rve is not None:
             rve, self._rve = self._rve, None
             rve.release()
@@ -79,7 +79,7 @@ class SnapshotKeeper:
         return payload[16:]
 
 
-class PathKeeper:
+class PathSource:
     """States are paths of committed targets; a state that no living RVE is at is solved again from the start.
 
     Keeps several RVEs alive, each at the end of one path, because going back costs a replay: as many as the worker
@@ -137,7 +137,7 @@ class PathKeeper:
             self._alive.popitem(last=False)[1][0].release()
         rve = self._rve_class(self._definition)
         for target, ramp_steps in path:
-            rve.trial(numpy.frombuffer(target, "<f8").reshape(3, 3), Ask(ramp_steps=ramp_steps))
+            rve.trial(numpy.frombuffer(target, "<f8").reshape(3, 3), TrialOptions(ramp_steps=ramp_steps))
             rve.commit()
             self.replayed += 1
         return rve

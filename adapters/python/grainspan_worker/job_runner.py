@@ -12,7 +12,7 @@ import msgpack
 import numpy
 
 from . import answer as answers
-from .answer import Ask
+from .answer import TrialOptions
 from .content import NONE, name_of, short
 from .definition import Definition
 from .errors import (
@@ -25,8 +25,8 @@ from .errors import (
     TargetNotFinite,
     Unsupported,
 )
-from .keeper import PathKeeper, SnapshotKeeper
 from .layout import REPLY, STATUSES, TANGENT_NAMES, TANGENTS
+from .state_source import PathSource, SnapshotSource
 
 
 class StateCache:
@@ -49,21 +49,21 @@ class StateCache:
             self._kept.popitem(last=False)
 
 
-class Bench:
+class JobRunner:
     """Does jobs with one engine."""
 
     def __init__(self, rve_class, state_cache=64, replay=False, most_alive=64):
         self._rve_class = rve_class
         self._by_path = replay or not rve_class.has_snapshots()
         self._most_alive = most_alive
-        self._keepers, self._states = {}, StateCache(state_cache)
+        self._sources, self._states = {}, StateCache(state_cache)
         #: Jobs answered.
         self.jobs = 0
 
     def define(self, content):
         """Builds an RVE; one that is already known is left alone. Raises an :class:`RveError`."""
         name = name_of(content)
-        if name in self._keepers:
+        if name in self._sources:
             return
         definition = Definition.read(content)
         if definition.dimension not in self._rve_class.dimensions:
@@ -74,9 +74,9 @@ class Bench:
             raise DefinitionRefused(f"engine `{self._rve_class.engine}` does not serve the law `{definition.law}`")
         try:
             if self._by_path:
-                self._keepers[name] = PathKeeper(self._rve_class, definition, self._most_alive)
+                self._sources[name] = PathSource(self._rve_class, definition, self._most_alive)
             else:
-                self._keepers[name] = SnapshotKeeper(self._rve_class, definition)
+                self._sources[name] = SnapshotSource(self._rve_class, definition)
         except RveError:
             raise
         except Exception as error:
@@ -98,13 +98,13 @@ class Bench:
 
     def close(self):
         """Releases every RVE."""
-        for keeper in self._keepers.values():
-            keeper.close()
+        for source in self._sources.values():
+            source.close()
 
     @property
     def replayed(self):
         """Trials solved again to rebuild states."""
-        return sum(getattr(keeper, "replayed", 0) for keeper in self._keepers.values())
+        return sum(getattr(source, "replayed", 0) for source in self._sources.values())
 
     def _try(self, job, carried):
         ask = self._ask(job)
@@ -114,18 +114,18 @@ class Bench:
             if name_of(carried) != wanted:
                 raise SnapshotRefused(f"the snapshot sent for state {short(wanted)} was damaged on its way")
             self._states.keep(wanted, carried)
-        keeper = self._keepers.get(job["definition"].tobytes())
-        if keeper is None:
+        source = self._sources.get(job["definition"].tobytes())
+        if source is None:
             return bare(job, "need_definition"), b"", b""
-        if wanted in (NONE, keeper.initial_name):
-            wanted, content = keeper.initial_name, keeper.initial
+        if wanted in (NONE, source.initial_name):
+            wanted, content = source.initial_name, source.initial
         else:
             content = self._states.get(wanted)
         if content is None:
             return bare(job, "need_state"), b"", b""
         begun = time.perf_counter_ns()
         try:
-            answer, state = keeper.solve(wanted, content, gradient, ask)
+            answer, state = source.solve(wanted, content, gradient, ask)
         except RveError:
             raise
         except Exception as error:
@@ -156,7 +156,7 @@ class Bench:
             raise Unsupported(f"the tangent `{tangent}`")
         if job["friction_reduction"] != 0.0:
             raise Unsupported("friction that changes during the run")
-        return Ask(tangent, int(job["ramp_steps"]), int(job["observables"]))
+        return TrialOptions(tangent, int(job["ramp_steps"]), int(job["observables"]))
 
 
 def bare(job, status):

@@ -61,7 +61,7 @@ pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> i32 {
 ///
 /// # Safety
 /// `pointer` is null or a C string that is valid during the call.
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub(crate) unsafe fn text(pointer: *const c_char, name: &str) -> Result<String, Failure> {
     if pointer.is_null() {
         return Err(Failure::input(format!("`{name}` is a null pointer")));
@@ -74,7 +74,7 @@ pub(crate) unsafe fn text(pointer: *const c_char, name: &str) -> Result<String, 
 ///
 /// # Safety
 /// `pointer` is null or points to `length` values that are valid during the call.
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub(crate) unsafe fn slice<'a, T>(pointer: *const T, length: usize, name: &str) -> Result<&'a [T], Failure> {
     if length == 0 {
         return Ok(&[]);
@@ -90,7 +90,7 @@ pub(crate) unsafe fn slice<'a, T>(pointer: *const T, length: usize, name: &str) 
 ///
 /// # Safety
 /// `pointer` is null or points to `length` values that nobody else uses during the call.
-#[expect(unsafe_code, reason = "the border to C: see the crate's documentation")]
+#[expect(unsafe_code, reason = "the boundary to C: see the crate's documentation")]
 pub(crate) unsafe fn slice_mut<'a, T>(pointer: *mut T, length: usize) -> Option<&'a mut [T]> {
     if pointer.is_null() {
         return None;
