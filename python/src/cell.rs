@@ -133,6 +133,7 @@ pub(crate) fn element_test<'py>(
             ("dem_steps", summary.dem_steps),
             ("stress_jumps", summary.stress_jumps),
             ("cut_increments", summary.cut_increments),
+            ("relaxed_increments", summary.relaxed_increments),
             ("not_equilibrated", summary.not_equilibrated),
             ("no_load", summary.no_load),
             ("large_overlap", summary.large_overlap),

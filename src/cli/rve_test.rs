@@ -214,6 +214,7 @@ fn closing(summary: &ElementSummary) -> String {
     let fallbacks: Vec<String> = [
         ("not equilibrated", summary.not_equilibrated),
         ("controlled stress not met at an instability of the cell", summary.stress_jumps),
+        ("controlled stress met by relaxation after the cell had snapped", summary.relaxed_increments),
         ("no load-bearing contacts", summary.no_load),
         ("relaxed with another damping", summary.damping_changed),
         ("increments cut for the stress control", summary.cut_increments),

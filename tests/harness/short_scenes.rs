@@ -1,5 +1,5 @@
 //! Shipped scenes, shortened so that a run takes about a second: together they know all procedures, formulations of stress and
-//! strain that scenes use, links, regions, averages over neighbours and several stages.
+//! strain, both grain solvers, both built-in engines, links, regions, averages over neighbours, several stages, and scenes that keep to an error.
 
 /// A scene and what is changed in it.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 14] = [
+pub const SHORT_SCENES: [ShortScene; 20] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -72,6 +72,51 @@ pub const SHORT_SCENES: [ShortScene; 14] = [
             "loading.max_iterations=1",
             "loading.stabilise_after=1",
             "solver.capped_change=1e-4",
+        ],
+    ),
+    scene(
+        "total-lagrangian",
+        "biaxial-small",
+        &["mesh.elements=[1, 2]", "solver.formulation=total_lagrangian", "loading.increments=6"],
+    ),
+    scene(
+        "small-strain",
+        "biaxial-small",
+        &["mesh.elements=[1, 2]", "solver.formulation=small_strain", "loading.increments=6"],
+    ),
+    scene(
+        "summed",
+        "biaxial-small",
+        &[
+            "mesh.elements=[2, 2]",
+            "boundary=[{ set = 'bottom', displacement = { x = 0.0, y = 0.0 } }, { set = 'top', displacement = { x = 0.0 } }]",
+            "sum=[{ name = 'head', terms = [{ set = 'top', component = 'y', coefficient = 1.0 }, { set = 'left', \
+             component = 'y', coefficient = 0.1 }], value = -3e-4 }]",
+            "loading.increments=8",
+        ],
+    ),
+    scene("framed", "biaxial-small", &["mesh.elements=[1, 1]", "pool.engine=boundary-frame", "loading.increments=6"]),
+    scene(
+        "event-driven",
+        "biaxial-small",
+        &[
+            "mesh.elements=[1, 1]",
+            "rve.solver=event_driven",
+            "boundary.2.displacement.y=-2e-5",
+            "loading.increments=12",
+        ],
+    ),
+    // No accuracy is named: the run keeps to the default error.
+    scene(
+        "to-an-error",
+        "biaxial",
+        &[
+            "mesh.elements=[1, 1]",
+            "packing=../packings/discs-100.json",
+            "contact.modulus=1e8",
+            "boundary.2.displacement.y=-5e-4",
+            "output.grains=[0]",
+            "loading.increments=6",
         ],
     ),
 ];

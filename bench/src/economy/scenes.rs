@@ -21,7 +21,11 @@ impl EconomyScene {
     /// The scene file, whose packing is `packing.json` next to it.
     pub(super) fn text(&self) -> String {
         let line = |line: &str| {
-            let line = if line.starts_with("packing =") { "packing = \"packing.json\"" } else { line };
+            let line = match line.split(" =").next() {
+                Some("packing") => "packing = \"packing.json\"",
+                Some("packings") => "packings = [\"packing.json\"]",
+                _ => line,
+            };
             line.to_owned() + "\n"
         };
         self.text.lines().map(line).collect()

@@ -13,8 +13,9 @@ use super::archive::{Archive, Section};
 use protocol::StateId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
@@ -27,6 +28,9 @@ const MARK: [u8; 8] = *b"GSCKPT\r\n";
 
 const HEADER: usize = 32;
 const CHECKSUM: usize = 16;
+
+/// File mode: read and write for the owner.
+const OWNER_ONLY: u32 = 0o600;
 
 /// What is in the file beside the snapshots.
 #[derive(Serialize, Deserialize)]
@@ -77,7 +81,7 @@ impl CheckpointFile {
     }
 
     fn write_draft(&self, archive: &Archive) -> io::Result<u64> {
-        let file = File::create(&self.draft)?;
+        let file = private_file(&self.draft)?;
         let mut out = Hashed { out: BufWriter::with_capacity(1 << 18, file), hash: Xxh3::new() };
         let length = encode(archive, &mut out)?;
         let checksum = out.hash.digest128().to_le_bytes();
@@ -133,6 +137,15 @@ impl CheckpointFile {
         }
         Ok(())
     }
+}
+
+/// A new, empty file that only its owner reads and writes, whatever the file mode mask of the process: a checkpoint decides what a
+/// resumed run computes.
+fn private_file(path: &Path) -> io::Result<File> {
+    let file = OpenOptions::new().write(true).create(true).truncate(true).mode(OWNER_ONLY).open(path)?;
+    // A draft that an interrupted run has left keeps the mode it was made with.
+    file.set_permissions(Permissions::from_mode(OWNER_ONLY))?;
+    Ok(file)
 }
 
 fn is_absent(error: &CheckpointError) -> bool {

@@ -12,6 +12,7 @@ use crate::solve::tests::stabilisation::{pulled, softening_column, weak_at_the_b
 use crate::solve::{solve, solve_with_checkpoints};
 use protocol::StateId;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +30,22 @@ fn text_of(archive: &Archive) -> String {
     let (text, zero, nan): (String, f64, f64) = archive.get("part", 3).unwrap();
     assert!(zero.to_bits() == (-0.0f64).to_bits() && nan.is_nan());
     text
+}
+
+#[test]
+fn checkpoints_belong_to_their_owner_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    let mode = |name: &str| fs::metadata(folder.path().join(name)).unwrap().permissions().mode() & 0o777;
+    // What a run that was killed has left behind, made under a mask that forbids nothing.
+    let draft = folder.path().join(CheckpointFile::NAMES[2]);
+    fs::write(&draft, "cut short").unwrap();
+    fs::set_permissions(&draft, fs::Permissions::from_mode(0o666)).unwrap();
+    for text in ["first", "second"] {
+        file.write(&archive(text)).unwrap();
+        assert_eq!(mode("checkpoint.bin"), 0o600, "{text}");
+    }
+    assert_eq!(mode("checkpoint.previous.bin"), 0o600);
 }
 
 #[test]

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 const SECTION: &str = "pool";
 
-/// Counts changes of [`Record`].
-const VERSION: u32 = 2;
+/// Counts changes of [`Record`], and of the name that seals the snapshots of the built-in engine.
+const VERSION: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

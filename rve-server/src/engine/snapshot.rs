@@ -4,8 +4,8 @@ use crate::cell::GrainState;
 use crate::space::Space;
 use protocol::{DefinitionId, RveError, snapshot};
 
-/// Name of this engine in snapshots and capabilities.
-pub const ENGINE_NAME: &str = "grainspan-discs";
+/// Name of this engine, which serves discs and spheres, in snapshots and capabilities.
+pub const ENGINE_NAME: &str = "grainspan-grains";
 
 /// Reads the state of a snapshot that belongs to a definition with this many grains.
 ///

@@ -8,7 +8,7 @@ pub mod kernel;
 mod relaxation;
 
 pub use event_driven::{Course, DiscMotions, DiscPair, LinearResponses};
-pub(crate) use relaxation::{descent_share, side_by_side};
+pub(crate) use relaxation::{Advice, ConvergenceMonitor, Imbalance, descent_share, side_by_side};
 
 use crate::cell::{ContactNetwork, GrainState};
 use crate::contact::{ContactLaws, ContactTable};

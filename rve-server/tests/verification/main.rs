@@ -16,4 +16,5 @@ mod rest;
 mod samples;
 mod spheres;
 mod stability;
+mod stress_control;
 mod two_body;

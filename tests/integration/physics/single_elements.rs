@@ -79,6 +79,32 @@ fn a_brick_of_spheres_repeats_the_spheres_alone() {
     }
 }
 
+/// The default strategy on a thousand spheres: ten steps to 1 % strain take two evaluations each and ask nothing of the
+/// safeguards.
+#[test]
+fn the_default_strategy_takes_two_evaluations_a_step_on_a_thousand_spheres() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out");
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/single-hexahedron-biaxial.toml", "--set", "packing=../packings/spheres-1000.json"])
+        .args(["--workers", "1", "--quiet", "--out"])
+        .arg(&out)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    let count = |value: &serde_json::Value| value.as_u64().unwrap();
+    assert_eq!((count(&summary["steps"]), count(&summary["gauss_points"])), (10, 1));
+    // Measured: 20, the start included.
+    assert!(count(&summary["rve_evaluations"]) <= 22, "{} evaluations", summary["rve_evaluations"]);
+    assert_eq!(count(&summary["cutbacks"]), 0);
+    for shortcut in ["tangent_fallback", "not_equilibrated", "rejected_iterates", "steps_stabilised"] {
+        assert_eq!(count(&summary["fallbacks"][shortcut]), 0, "{shortcut}");
+    }
+}
+
 /// Strain of one increment of a ramp.
 const RAMP: f64 = 1e-5;
 

@@ -10,12 +10,12 @@ use std::time::Duration;
 #[test]
 fn ten_killed_workers_change_no_byte_of_the_history() {
     let site = Site::new();
-    let undisturbed = site.start_run("undisturbed", "2", 40).end();
+    let undisturbed = site.start_run("undisturbed", "2", 160).end();
     assert!(undisturbed.status.success(), "{}", undisturbed.stderr);
     let out = site.path("disturbed");
     let scene = ["run", "scenes/biaxial-small.toml", "--workers", "2", "--out", out.to_str().unwrap()];
     // Ten kills within a second may hit one trial three times: quarantine has tests of its own.
-    let settings = ["--set", "loading.increments=40", "--set", "pool.quarantine_after=12"];
+    let settings = ["--set", "loading.increments=160", "--set", "pool.quarantine_after=12"];
     let mut run = site.start("disturbed", &[&scene[..], &settings].concat());
     let history = site.path("disturbed").join("history.csv");
     run.await_rows(&history, 1);

@@ -11,7 +11,7 @@ use crate::definition::{FrameConstraint, FrameControl};
 use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Load};
 use crate::simd::Tuple;
-use crate::solver::descent_share;
+use crate::solver::{Advice, ConvergenceMonitor, Imbalance, descent_share};
 use crate::space::Discs;
 use crate::space::plane::{self, Plane};
 
@@ -191,19 +191,25 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         sums
     }
 
-    /// Relaxes without affine motion until the criterion holds or the step cap is reached.
+    /// Relaxes without affine motion until the criterion holds, the grains get no nearer to rest or the step cap is reached.
     fn hold(&mut self) {
+        let mut monitor = ConvergenceMonitor::new(self.geometry.places.len(), 2);
         let mut hits = 0;
         for step in 0..=self.options.max_steps() {
             self.relaxed.unbalanced = self.unbalanced();
-            let (met, needed) = match self.options.damping {
-                FrameDamping::Fire => (self.relaxed.unbalanced <= self.options.tolerance(), 1),
-                FrameDamping::Local { .. } => (self.energy_ratio() <= self.options.energy_tolerance(), ENERGY_HITS),
+            let (measure, tolerance, needed) = match self.options.damping {
+                FrameDamping::Fire => (self.relaxed.unbalanced, self.options.tolerance(), 1),
+                FrameDamping::Local { .. } => (self.energy_ratio(), self.options.energy_tolerance(), ENERGY_HITS),
             };
-            hits = if met { hits + 1 } else { 0 };
+            hits = if measure <= tolerance { hits + 1 } else { 0 };
             if hits >= needed && step >= 10 {
                 self.relaxed.equilibrated = true;
                 return;
+            }
+            // The frame keeps its damping where the cell would take another: only the end of the watch is heeded.
+            let imbalance = Imbalance { measure, of_present: measure, ratio: measure };
+            if monitor.note(step, &imbalance, self.contacts.normal_force) == Advice::End {
+                break;
             }
             if step < self.options.max_steps() {
                 self.advance(&[[0.0; 2]; 2]);

@@ -263,3 +263,25 @@ fn element_tests_run_on_frames() {
         crate::programs::rve_test::ElementTest::from_toml(&text.replace("5e-6", "-1.0")).unwrap_err().to_string();
     assert!(refused.contains("frame.strain_per_step"));
 }
+
+/// Grains that do not come to rest end a trial when the watch has seen enough, not after all steps: tolerances that rounding keeps
+/// out of reach are given up within a tenth of them.
+#[test]
+fn frames_that_get_no_nearer_to_rest_end_early() {
+    for damping in [FrameDamping::Fire, FrameDamping::Local { coefficient: 0.4 }] {
+        let unreachable = FrameOptions {
+            damping,
+            tolerance: Some(1e-30),
+            energy_tolerance: Some(1e-60),
+            strain_per_step: Some(1e-4),
+            ..FrameOptions::new(FrameConstraint::Periodic)
+        };
+        let most = unreachable.max_steps();
+        let definition = FrameDefinition { packing: packing(), contact: sand(), frame: unreachable };
+        let mut frame = FrameRve::new(&definition).unwrap();
+        let answer = trial(&mut frame, [[4e-3, 2e-3], [2e-3, -6e-3]]);
+        assert!(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{damping:?}");
+        let evaluations = answer.cost.force_evaluations;
+        assert!(evaluations < u64::from(most) / 4, "{damping:?}: {evaluations} evaluations");
+    }
+}

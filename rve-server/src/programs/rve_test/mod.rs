@@ -12,6 +12,8 @@ mod requests;
 mod row;
 mod run;
 mod servo;
+mod stress_control;
+mod stress_relaxation;
 mod summary;
 mod test_file;
 
@@ -23,5 +25,6 @@ pub use error::ElementError;
 pub use requests::RowRequests;
 pub use row::ElementRow;
 pub use run::{run_element, run_element_on};
+pub use stress_control::StressControl;
 pub use summary::ElementSummary;
 pub use test_file::{Components, ElementTest, Segment};

@@ -1,6 +1,7 @@
 //! One row of an element test.
 
 use super::path::{Matrix, tensor_of};
+use super::stress_control::StressControl;
 use crate::homogenization::force_anisotropy::ForceAnisotropy;
 use crate::homogenization::picture::CellPicture;
 use crate::tangent::TangentOutcome;
@@ -47,6 +48,8 @@ pub struct ElementRow {
     pub tangent: Option<TangentOutcome>,
     /// Trials that this row needed: 1 without stress control, 0 in row 0.
     pub trials: u32,
+    /// How the controlled stresses came about; [`StressControl::None`] in row 0 and where strains alone are prescribed.
+    pub stress_control: StressControl,
     /// Shortcuts of the accepted trial.
     pub flags: TrialFlags,
 }
@@ -79,6 +82,7 @@ impl ElementRow {
             picture: None,
             tangent,
             trials: 0,
+            stress_control: StressControl::None,
             flags: answer.flags,
         }
     }

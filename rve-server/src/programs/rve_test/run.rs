@@ -6,6 +6,8 @@ use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, 
 use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::servo::{Miss, Servo};
+use super::stress_control::StressControl;
+use super::stress_relaxation::Relaxation;
 use super::summary::ElementSummary;
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use crate::cell::ContactNetwork;
@@ -25,10 +27,19 @@ const MOST_TRIALS: u32 = 30;
 
 /// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
 /// target, relative to the mean pressure.
-const LARGEST_JUMP: f64 = 0.05;
+pub(super) const LARGEST_JUMP: f64 = 0.05;
 
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
+
+/// Trials of one increment after which its other parts are not searched any more: their stresses are relaxed at once.
+const MOST_SEARCHED: u32 = 400;
+
+/// Most committed steps of relaxed stresses in one increment.
+const MOST_RELAXED: u32 = 600;
+
+/// Steps of a relaxation after which it ends as near to the stresses as a snap may leave the cell.
+const STEPS_BEFORE_NEAREST: u32 = 100;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
@@ -107,6 +118,7 @@ fn run_in_space<S: SolverFor>(
         stress: Matrix::ZERO,
         network: None,
         last_change: None,
+        sound: None,
         spent: Spent::default(),
     };
     if run.begin(on_row).map_err(ElementError::Definition)?.is_break() {
@@ -123,12 +135,12 @@ fn run_in_space<S: SolverFor>(
     Ok(run.summary)
 }
 
-struct Run<S: SolverFor> {
+pub(super) struct Run<S: SolverFor> {
     cell: GrainRve<S>,
-    stress_tolerance: f64,
+    pub(super) stress_tolerance: f64,
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
-    summary: ElementSummary,
+    pub(super) summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
     /// Stress of the committed state, Pa.
@@ -137,6 +149,8 @@ struct Run<S: SolverFor> {
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
+    /// Elastic operator of the last state that a search started from and that carried a load; for cells that carry none.
+    sound: Option<Operator>,
     /// Cost of the present increment so far.
     spent: Spent,
 }
@@ -146,14 +160,15 @@ struct Run<S: SolverFor> {
 struct Spent {
     trials: u32,
     dem_steps: u64,
+    /// Committed steps of relaxed stresses.
+    relaxed: u32,
 }
 
 /// An accepted trial and what it took.
-struct Accepted {
-    gradient: Matrix,
-    answer: TrialResult,
-    trials: u32,
-    dem_steps: u64,
+pub(super) struct Accepted {
+    pub(super) gradient: Matrix,
+    pub(super) answer: TrialResult,
+    pub(super) control: StressControl,
 }
 
 impl<S: SolverFor> Run<S> {
@@ -184,7 +199,8 @@ impl<S: SolverFor> Run<S> {
             let (mut reached, end) = (share(increment - 1), share(increment));
             let mut stride = end - reached;
             let smallest = stride / f64::from(1 << MOST_HALVINGS);
-            let (mut trials, mut dem_steps) = (0, 0);
+            self.spent = Spent::default();
+            let mut control = StressControl::None;
             let accepted = loop {
                 // The end itself, to the bit, unless the increment had to be cut.
                 let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
@@ -205,8 +221,6 @@ impl<S: SolverFor> Run<S> {
                 } else {
                     self.controlled(&step, is_smallest)
                 };
-                trials += std::mem::take(&mut self.spent.trials);
-                dem_steps += std::mem::take(&mut self.spent.dem_steps);
                 let accepted = match attempt {
                     Err(ElementError::StressNotReached { .. }) if !is_smallest => {
                         self.cell.rollback();
@@ -216,6 +230,7 @@ impl<S: SolverFor> Run<S> {
                     }
                     attempt => attempt?,
                 };
+                control = control.max(accepted.control);
                 if is_last {
                     break accepted;
                 }
@@ -228,8 +243,12 @@ impl<S: SolverFor> Run<S> {
             if stride < 0.75 * (end - share(increment - 1)) {
                 self.summary.cut_increments += 1;
                 self.last_change = None;
+                control = control.max(StressControl::Cut);
             }
-            if self.accept(&Accepted { trials, dem_steps, ..accepted }, operator, on_row).is_break() {
+            if control == StressControl::Relaxed {
+                self.summary.relaxed_increments += 1;
+            }
+            if self.accept(&accepted, control, operator, on_row).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
@@ -239,7 +258,9 @@ impl<S: SolverFor> Run<S> {
     /// Makes the accepted trial the committed state.
     fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
         self.cell.commit().expect("the accepted trial is the latest");
-        self.last_change = Some(add_scaled(&accepted.gradient, -1.0, committed_gradient));
+        // A cell that has snapped does not go on as before.
+        let goes_on = accepted.control != StressControl::Relaxed;
+        self.last_change = goes_on.then(|| add_scaled(&accepted.gradient, -1.0, committed_gradient));
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);
@@ -248,13 +269,15 @@ impl<S: SolverFor> Run<S> {
     fn accept(
         &mut self,
         accepted: &Accepted,
+        control: StressControl,
         operator: Option<tangent::TangentOutcome>,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let mut row =
             ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
-        row.trials = accepted.trials;
-        row.dem_steps = accepted.dem_steps;
+        row.trials = self.spent.trials;
+        row.dem_steps = self.spent.dem_steps;
+        row.stress_control = control;
         self.deliver(row, on_row)
     }
 
@@ -294,7 +317,7 @@ impl<S: SolverFor> Run<S> {
         Some(perturbed.outcome)
     }
 
-    /// One trial; keeps its network.
+    /// One trial.
     fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
         let options = TrialOptions {
             tangent: TangentKind::None,
@@ -316,30 +339,35 @@ impl<S: SolverFor> Run<S> {
         self.network = self.cell.network().cloned();
     }
 
+    fn by_operator(&self, kind: TangentKind, gradient: &Matrix) -> Operator {
+        let network = self.network.as_ref().expect("row 0 sets the network");
+        by_gradient(&tangent::evaluate(network, kind).operator, gradient)
+    }
+
     fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
         let answer = self.attempt(step, &step.gradient, 0)?;
         self.keep_network();
-        let dem_steps = answer.cost.force_evaluations;
-        Ok(Accepted { gradient: step.gradient, answer, trials: 1, dem_steps })
+        Ok(Accepted { gradient: step.gradient, answer, control: StressControl::None })
     }
 
     /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
-    /// may leave it.
+    /// may leave it, and otherwise relaxes the stresses from there.
     fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
-        let by_operator = |kind| -> Operator {
-            let network = self.network.as_ref().expect("row 0 sets the network");
-            by_gradient(&tangent::evaluate(network, kind).operator, &step.committed_gradient)
-        };
-        let (sliding, elastic) = (by_operator(TangentKind::TrussLikeSlip), by_operator(TangentKind::TrussLike));
+        let elastic = self.by_operator(TangentKind::TrussLike, &step.committed_gradient);
+        let sliding = self.by_operator(TangentKind::TrussLikeSlip, &step.committed_gradient);
+        if Relaxation::new(&step.targets).is_sound(&elastic) {
+            self.sound = Some(elastic);
+        }
         let mut servo = Servo::new(&step.targets, &sliding, &elastic);
         let mut gradient = match &self.last_change {
             // Going on as before beats every operator while the path is smooth.
             Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
             None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
         };
-        let (mut ramp_steps, mut dem_steps, mut trials) = (0, 0, 0);
+        let (mut ramp_steps, mut trials) = (0, 0);
         let mut closest: Option<(Miss, f64, Matrix)> = None;
-        while trials < MOST_TRIALS {
+        let most_trials = if self.spent.trials < MOST_SEARCHED { MOST_TRIALS } else { 1 };
+        while trials < most_trials {
             trials += 1;
             let answer = match self.attempt(step, &gradient, ramp_steps) {
                 // The search has left the range of one trial: the target lies beyond what the cell can carry.
@@ -348,7 +376,6 @@ impl<S: SolverFor> Run<S> {
             };
             // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
             ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
-            dem_steps += answer.cost.force_evaluations;
             let stress = tensor_of(&answer.stress.0);
             let scale = step.stress_scale(&stress, S::DIMENSION);
             let miss = servo.miss(&stress);
@@ -358,7 +385,8 @@ impl<S: SolverFor> Run<S> {
             if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
                 self.summary.stress_jumps += u64::from(!is_reached);
                 self.keep_network();
-                return Ok(Accepted { gradient, answer, trials, dem_steps });
+                let control = if is_reached { StressControl::Met } else { StressControl::Jump };
+                return Ok(Accepted { gradient, answer, control });
             }
             if closest.is_none_or(|(best, ..)| miss.distance() < best.distance()) {
                 closest = Some((miss, tolerance, gradient));
@@ -374,19 +402,60 @@ impl<S: SolverFor> Run<S> {
         let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
         if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
             let answer = self.attempt(step, &gradient, ramp_steps)?;
-            dem_steps += answer.cost.force_evaluations;
             self.summary.stress_jumps += 1;
             self.keep_network();
-            return Ok(Accepted { gradient, answer, trials: trials + 1, dem_steps });
+            return Ok(Accepted { gradient, answer, control: StressControl::Jump });
         }
-        Err(ElementError::StressNotReached {
+        if is_last_resort {
+            return self.relaxed(step.clone(), gradient, ramp_steps);
+        }
+        Err(self.not_reached(&miss, tolerance))
+    }
+
+    /// Takes the cell to `gradient` and from there, in committed steps, to the controlled stresses.
+    fn relaxed(&mut self, mut step: Step, mut gradient: Matrix, ramp_steps: u32) -> Result<Accepted, ElementError> {
+        let mut relaxation = Relaxation::new(&step.targets);
+        let mut ramp = ramp_steps;
+        let mut taken = 0;
+        loop {
+            let answer = self.attempt(&step, &gradient, std::mem::take(&mut ramp))?;
+            self.keep_network();
+            let stress = tensor_of(&answer.stress.0);
+            let scale = step.stress_scale(&stress, S::DIMENSION);
+            let miss = step.miss(&stress);
+            let tolerance = self.stress_tolerance * scale;
+            let is_reached = miss.distance() <= tolerance;
+            let is_near = taken >= STEPS_BEFORE_NEAREST && miss.distance() <= LARGEST_JUMP * scale;
+            if is_reached || is_near {
+                self.summary.stress_jumps += u64::from(!is_reached);
+                let control = if is_reached { StressControl::Relaxed } else { StressControl::Jump };
+                return Ok(Accepted { gradient, answer, control });
+            }
+            if self.spent.relaxed >= MOST_RELAXED {
+                return Err(self.not_reached(&miss, tolerance));
+            }
+            self.cell.commit().expect("the trial is the latest");
+            step.go_on_from(gradient);
+            taken += 1;
+            self.spent.relaxed += 1;
+            let elastic = self.by_operator(TangentKind::TrussLike, &gradient);
+            let elastic = match self.sound {
+                Some(sound) if !relaxation.is_sound(&elastic) => sound,
+                _ => elastic,
+            };
+            gradient = relaxation.next(&gradient, &stress, &elastic);
+        }
+    }
+
+    fn not_reached(&self, miss: &Miss, tolerance: f64) -> ElementError {
+        ElementError::StressNotReached {
             increment: self.summary.rows,
             component: COMPONENT_KEYS[miss.component],
             reached: miss.reached,
             target: miss.target,
             tolerance,
-            iterations: trials,
-        })
+            iterations: self.spent.trials,
+        }
     }
 }
 
@@ -395,6 +464,7 @@ fn is_out_of_range(reason: &RveError) -> bool {
 }
 
 /// Targets of one increment.
+#[derive(Clone)]
 struct Step {
     kinematics: SegmentKinematics,
     /// G of the committed state.
@@ -406,6 +476,17 @@ struct Step {
 }
 
 impl Step {
+    /// Makes `gradient` the committed state.
+    fn go_on_from(&mut self, gradient: Matrix) {
+        self.committed_gradient = gradient;
+        self.kinematics.committed = self.kinematics.deformation(&gradient);
+    }
+
+    /// The controlled component farthest from its target.
+    fn miss(&self, stress: &Matrix) -> Miss {
+        Miss::farthest(stress, &self.targets)
+    }
+
     /// `gradient` with its unknown components taken from `source`.
     fn with_unknowns(&self, source: &Matrix) -> Matrix {
         let (mut values, source) = (flat(&self.gradient), flat(source));

@@ -163,15 +163,11 @@ impl Servo {
 
     /// The controlled component farthest from its target.
     pub(super) fn miss(&self, stress: &Matrix) -> Miss {
-        let stress = flat(stress);
-        let mut worst =
-            Miss { component: self.unknowns[0], reached: stress[self.unknowns[0]], target: self.targets[0] };
+        let mut targets = [None; COMPONENTS];
         for (&component, &target) in self.unknowns.iter().zip(&self.targets) {
-            if (stress[component] - target).abs() > worst.distance() {
-                worst = Miss { component, reached: stress[component], target };
-            }
+            targets[component] = Some(target);
         }
-        worst
+        Miss::farthest(stress, &targets)
     }
 
     fn residual(&self, stress: &Matrix) -> DVector<f64> {
@@ -201,6 +197,20 @@ impl Servo {
 }
 
 impl Miss {
+    /// The component farthest from its target; at least one has a target.
+    pub(super) fn farthest(stress: &Matrix, targets: &[Option<f64>; COMPONENTS]) -> Self {
+        let stress = flat(stress);
+        let mut worst: Option<Self> = None;
+        for (component, target) in targets.iter().enumerate() {
+            let Some(target) = *target else { continue };
+            let miss = Self { component, reached: stress[component], target };
+            if worst.is_none_or(|worst| miss.distance() > worst.distance()) {
+                worst = Some(miss);
+            }
+        }
+        worst.expect("a stress is controlled")
+    }
+
     /// Distance from the target, Pa.
     pub(super) fn distance(&self) -> f64 {
         (self.reached - self.target).abs()

@@ -17,6 +17,8 @@ pub struct ElementSummary {
     pub stress_jumps: u64,
     /// Rows whose increment was cut because no strain was found for the controlled stresses.
     pub cut_increments: u64,
+    /// Rows whose controlled stresses were met by committed steps of their own, because the cell had snapped.
+    pub relaxed_increments: u64,
     /// Rows whose relaxation ended before the grains were at rest.
     pub not_equilibrated: u64,
     /// Rows of a cell without load-bearing contacts.

@@ -228,6 +228,55 @@ fn search_pins_a_snap_across_the_target_and_keeps_the_nearer_side() {
     assert!(pinned && strain < 1e-3 && (strain - 1e-3).abs() < 1e-6, "{strain:e}");
 }
 
+/// Committed steps until the stresses are within `tolerance` of `targets`, with the strains they end at.
+fn relaxed(
+    response: impl Fn(&[f64; 2]) -> [f64; 2],
+    targets: [Option<f64>; 2],
+    coupling: f64,
+    tolerance: f64,
+) -> (u32, [f64; 2]) {
+    let mut operator = [[0.0; 9]; 9];
+    (operator[0][0], operator[4][4], operator[0][4], operator[4][0]) = (100.0, 100.0, coupling, coupling);
+    let mut wanted = [None; 9];
+    (wanted[0], wanted[4]) = (targets[0], targets[1]);
+    let mut relaxation = stress_relaxation::Relaxation::new(&wanted);
+    assert!(relaxation.is_sound(&operator) && !relaxation.is_sound(&[[0.0; 9]; 9]));
+    let mut gradient = [[0.0; 3]; 3];
+    for step in 0..200 {
+        let strain = [gradient[0][0], gradient[1][1]];
+        let found = response(&strain);
+        let stress = [[found[0], 0.0, 0.0], [0.0, found[1], 0.0], [0.0; 3]];
+        if servo::Miss::farthest(&stress, &wanted).distance() <= tolerance {
+            return (step, strain);
+        }
+        gradient = relaxation.next(&gradient, &stress, &operator);
+    }
+    panic!("the stresses are not met");
+}
+
+#[test]
+fn relaxation_goes_through_a_softening_branch_to_the_next_stable_one() {
+    // Up to 0.1 Pa, down to zero, up again: only the last branch has the target.
+    let response = |strain: f64| match strain {
+        strain if strain < 1e-3 => 100.0 * strain,
+        strain if strain < 3e-3 => 0.1 - 50.0 * (strain - 1e-3),
+        strain => 100.0 * (strain - 3e-3),
+    };
+    let (steps, [strain, _]) = relaxed(|[strain, _]| [response(*strain), 0.0], [Some(0.12), None], 0.0, 1e-4);
+    assert!((strain - 4.2e-3).abs() < 2e-6 && steps < 30, "{steps} steps to {strain:e}");
+}
+
+#[test]
+fn relaxation_of_a_linear_cell_takes_one_step_and_of_a_sliding_one_a_few() {
+    let linear = |strain: &[f64; 2], stiffness: f64| {
+        [stiffness * strain[0] + 0.6 * stiffness * strain[1], 0.6 * stiffness * strain[0] + stiffness * strain[1]]
+    };
+    let targets = [Some(-0.015), Some(0.005)];
+    assert_eq!(relaxed(|strain| linear(strain, 100.0), targets, 60.0, 1e-12).0, 1);
+    let (steps, _) = relaxed(|strain| linear(strain, 10.0), targets, 60.0, 1e-6);
+    assert!(steps < 20, "{steps} steps");
+}
+
 /// A face-centred crystal of spheres under axisymmetric loading with the lateral stress held: nine components in every
 /// row, the moduli of D-4, and equal bytes.
 #[test]

@@ -200,7 +200,11 @@ fn check_critical_step<S: Space>(rows: S::Tensor, basis: &[S::Vector], ratio: f6
 fn critical_steps_of_plane_crystals_are_met_and_bounded() {
     let square = [[1.0, 0.0], [0.0, 1.0]];
     let hexagonal = [[1.0, 0.0], [0.5, 0.75f64.sqrt()]];
+    // Rows of grains so far apart that they do not touch: chains.
+    let chain = [[1.0, 0.0], [0.0, 3.0]];
     for (rows, ratio, critical) in [
+        (chain, 0.0, 1.0),
+        (square, 0.0, 1.0),
         (square, 0.2, 0.9129),
         (square, 0.5, std::f64::consts::FRAC_1_SQRT_2),
         (square, 1.0, 0.5),
@@ -219,7 +223,7 @@ fn critical_steps_of_space_crystals_are_met_and_bounded() {
     let cube = |edge: f64| [[edge, 0.0, 0.0], [0.0, edge, 0.0], [0.0, 0.0, edge]];
     let simple = [[0.0; 3]];
     let centred = [[0.0; 3], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]];
-    for (ratio, critical) in [(0.2, 0.8452), (0.5, 0.6325), (1.0, 0.4472)] {
+    for (ratio, critical) in [(0.0, 1.0), (0.2, 0.8452), (0.5, 0.6325), (1.0, 0.4472)] {
         check_critical_step::<Spheres>(cube(1.0), &simple, ratio, critical);
     }
     for (ratio, critical) in [(0.0, 0.5_f64.sqrt()), (0.2, 0.6455), (0.5, 0.4472), (1.0, 0.3162)] {

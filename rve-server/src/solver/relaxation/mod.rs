@@ -30,7 +30,8 @@ use crate::definition::GrainModel;
 use crate::error::DefinitionError;
 use crate::simd::{Lanes, Real, Tuple};
 use crate::space::{Axial, Components, KernelSpace, Space};
-pub(super) use criterion::Imbalance;
+pub(crate) use convergence::{Advice, ConvergenceMonitor};
+pub(crate) use criterion::Imbalance;
 pub(crate) use damping::descent_share;
 
 use batch::{Batch, LaneContents, branch_of};

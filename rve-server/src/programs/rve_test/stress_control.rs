@@ -1,0 +1,17 @@
+//! How the controlled stresses of a row came about.
+
+/// How the controlled stresses of a row came about, the plainest first: of an increment in parts, what its worst part needed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum StressControl {
+    /// No stress is controlled.
+    #[default]
+    None,
+    /// Met within the tolerance by a search from the state of the row before.
+    Met,
+    /// Met within the tolerance in parts of the increment.
+    Cut,
+    /// Met within the tolerance after the cell had snapped: the unbalanced stress drove it through committed states.
+    Relaxed,
+    /// Not met: the cell snaps across the target, and the nearest state is kept, outside the tolerance.
+    Jump,
+}
