@@ -211,25 +211,8 @@ impl Write for SharedBuffer {
 }
 
 fn closing(summary: &ElementSummary) -> String {
-    let fallbacks: Vec<String> = [
-        ("not equilibrated", summary.not_equilibrated),
-        ("controlled stress not met at an instability of the cell", summary.stress_jumps),
-        ("controlled stress met by relaxation after the cell had snapped", summary.relaxed_increments),
-        ("no load-bearing contacts", summary.no_load),
-        ("relaxed with another damping", summary.damping_changed),
-        ("increments cut for the stress control", summary.cut_increments),
-        ("overlap above 10 %", summary.large_overlap),
-        (
-            "operator replaced by truss_like, or by the uniform-strain one where that is singular",
-            summary.tangent_fallbacks,
-        ),
-        ("operator with constrained mechanisms", summary.tangent_regularised),
-    ]
-    .into_iter()
-    .filter(|(_, count)| *count > 0)
-    .map(|(what, count)| format!("{what}: {count} rows"))
-    .collect();
-    let fallbacks: Vec<String> = fallbacks.into_iter().chain(summary.listed_forces.warning()).collect();
+    let fallbacks = summary.fallbacks().into_iter().map(|(what, rows)| format!("{what}: {rows} rows"));
+    let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).collect();
     let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
     format!(
         "{} rows, {} trials, {} DEM steps; fallbacks: {fallbacks}",

@@ -201,15 +201,7 @@ pub(super) fn named(found: &mut LatticeMesh, parts: &[Part<'_>], kind: ElementKi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::point_geometry;
-
-    fn volume(mesh: &Mesh) -> f64 {
-        let of = |element: usize| -> f64 {
-            let (kind, positions) = (mesh.kinds[element], mesh.element_positions(element));
-            (0..kind.point_count()).map(|local| point_geometry(kind, &positions, local).volume).sum()
-        };
-        (0..mesh.elements.len()).map(of).sum()
-    }
+    use crate::mesh::volume;
 
     fn thin() -> Section {
         Section::even(0.5, 1)

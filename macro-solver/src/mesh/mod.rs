@@ -235,3 +235,13 @@ pub fn point_places(mesh: &Mesh) -> Vec<[f64; 3]> {
     };
     (0..mesh.elements.len()).flat_map(of_element).collect()
 }
+
+/// Volume of a mesh by its quadrature, m3, in the plane m2.
+#[cfg(test)]
+fn volume(mesh: &Mesh) -> f64 {
+    let of = |element: usize| -> f64 {
+        let (kind, positions) = (mesh.kinds[element], mesh.element_positions(element));
+        (0..kind.point_count()).map(|local| crate::element::point_geometry(kind, &positions, local).volume).sum()
+    };
+    (0..mesh.elements.len()).map(of).sum()
+}

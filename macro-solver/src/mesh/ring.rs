@@ -130,15 +130,7 @@ fn close(found: &mut LatticeMesh, end: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::point_geometry;
-
-    fn volume(mesh: &Mesh) -> f64 {
-        let of = |element: usize| -> f64 {
-            let (kind, positions) = (mesh.kinds[element], mesh.element_positions(element));
-            (0..kind.point_count()).map(|local| point_geometry(kind, &positions, local).volume).sum()
-        };
-        (0..mesh.elements.len()).map(of).sum()
-    }
+    use crate::mesh::volume;
 
     fn ring(part: RingPart, around: usize, kind: ElementKind) -> Ring {
         let across = Section { length: 0.3, cells: 4, grading: 2.0 };

@@ -29,12 +29,11 @@ pub enum TangentUpdate {
         /// Share of the out-of-balance force, between 0 and 1.
         contraction: f64,
     },
-    /// At the second iterate of every attempt if it has one, the first being judged and corrected by the tangents in place; at
-    /// the first one too after a failed attempt, after a step with a rejected iterate and where supports turn back. A second iterate that
-    /// is expected to end the step, by the contraction of the steps before, gets none; if it does not end it, the third does.
+    /// At the second iterate of every attempt if it has one, the first being judged and corrected by the tangents of the step before; at
+    /// the first one too after a failed attempt, after a step with a rejected iterate and where supports turn back.
     SecondIterate,
-    /// As [`Self::SecondIterate`], and at every further iterate after an iteration that leaves more than `contraction` of the out-of-balance
-    /// force, a rejected iterate or a failed attempt. The step after such a one gets them at its first iterate.
+    /// As [`Self::EachStepOrSlow`], from the second iterate of every attempt on: the first is judged and corrected by the tangents of the step before,
+    /// unless that was slow or failed.
     SecondIterateOrSlow {
         /// Share of the out-of-balance force, between 0 and 1.
         contraction: f64,
@@ -50,7 +49,7 @@ impl TangentUpdate {
     /// What full Newton needs and no more: the last iterate of a step, which is only checked, gets no tangents of its own.
     pub const EACH_STEP_OR_SLOW: Self = Self::EachStepOrSlow { contraction: 0.5 };
 
-    /// Less than that: steps whose first iterate is in balance, or whose second is expected to be, get no tangents at all.
+    /// Less than that: steps whose first iterate is in balance get no tangents at all.
     pub const SECOND_ITERATE_OR_SLOW: Self = Self::SecondIterateOrSlow { contraction: 0.5 };
 
     /// Whether a factorization outlives the iterate that it was made at.
@@ -89,11 +88,11 @@ enum TangentUpdateWord {
     /// At the first iterate of every attempt; at every further one after an iteration that leaves more than
     /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt.
     EachStepOrSlow,
-    /// At the second iterate of every attempt if it has one, unless the contraction of earlier steps says that it ends the step (if it does
-    /// not, at the third); at the first one too after a failed attempt, after a step with a rejected iterate and where supports turn back.
+    /// At the second iterate of every attempt if it has one; at the first one too after a failed attempt, after a step with a
+    /// rejected iterate and where supports turn back.
     SecondIterate,
-    /// The same; and at every further iterate after an iteration that leaves more than `tangent_update_contraction` of the
-    /// out-of-balance force, after a rejected iterate and after a failed attempt.
+    /// As `"each_step_or_slow"`, but from the second iterate on: the first is judged and corrected by the tangents of the step before,
+    /// unless that was slow or failed.
     SecondIterateOrSlow,
     /// At the start, and after a failed attempt.
     Once,

@@ -7,8 +7,8 @@ use rve_server::programs::rve_test::{ElementTest, RowRequests, StressControl, ru
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Most trials of one row: a search in all parts of the increment and a relaxation.
-const MOST_TRIALS: u32 = 1100;
+/// Most trials of one row: searches that fail before each halving, searches in all 32 parts, and the steps of relaxed stresses.
+const MOST_TRIALS: u32 = 37 * 31 + 600 + 32;
 
 const PRESSURE: f64 = 1e5;
 
@@ -84,7 +84,7 @@ fn lateral_stress_kept(
     let summary = ended.unwrap_or_else(|error| panic!("{what}: {error}"));
     let count = |wanted: StressControl| controls.iter().filter(|control| **control == wanted).count() as u64;
     assert_eq!((controls.len(), controls[0]), (increments as usize + 1, StressControl::None));
-    assert_eq!(summary.relaxed_increments, count(StressControl::Relaxed));
+    assert!(summary.relaxed_increments >= count(StressControl::Relaxed));
     assert!(summary.stress_jumps >= count(StressControl::Jump));
     assert!((reached - strain).abs() < 1e-12, "{what}: {reached}");
     controls

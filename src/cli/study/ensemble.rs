@@ -6,7 +6,7 @@ use super::statistics::{PowerFit, Statistics};
 use crate::exit::Failure;
 use protocol::TangentKind;
 use rve_server::preparation::{PackingRecipe, generate_any};
-use rve_server::programs::rve_test::{ElementSummary, run_element_on};
+use rve_server::programs::rve_test::run_element_on;
 use scene_reader::{Ensemble, RowMeasure, Study};
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
@@ -116,7 +116,7 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
                     ControlFlow::Continue(())
                 });
                 let (fallbacks, stopped) = match ended {
-                    Ok(summary) => (fallbacks(&summary), None),
+                    Ok(summary) => (summary.fallbacks(), None),
                     Err(error) => (Vec::new(), Some(error.to_string())),
                 };
                 let path = rows.finish(study.smoothing, stopped);
@@ -125,20 +125,6 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
             .collect()),
     };
     Sample { place, paths }
-}
-
-/// Rows with a shortcut or a degradation, those that have none left out.
-fn fallbacks(summary: &ElementSummary) -> Vec<(&'static str, u64)> {
-    [
-        ("controlled stress not met at an instability of the cell", summary.stress_jumps),
-        ("increments cut for the stress control", summary.cut_increments),
-        ("not equilibrated", summary.not_equilibrated),
-        ("no load-bearing contacts", summary.no_load),
-        ("overlap above 10 %", summary.large_overlap),
-    ]
-    .into_iter()
-    .filter(|(_, rows)| *rows > 0)
-    .collect()
 }
 
 impl Results<'_> {

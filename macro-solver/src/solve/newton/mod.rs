@@ -186,7 +186,6 @@ impl Solver<'_> {
             session.observer.iterated(&report);
             let tolerances = &self.stage().tolerances;
             let excess = tolerances.excess(&measures);
-            self.tangents.measured(excess[0].max(excess[1]));
             let is_converged = excess.iter().all(|excess| *excess <= 1.0);
             let crawls = attempt.globalisation.crawls(excess);
             if is_converged

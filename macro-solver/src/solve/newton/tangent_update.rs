@@ -8,10 +8,6 @@ use serde::{Deserialize, Serialize};
 /// contacts: every iterate then gets its own tangents.
 const ROUGH: f64 = 0.1;
 
-/// A second iterate gets no tangents if it is expected to come this close to convergence or closer: share of the tolerances. Contractions
-/// scatter from step to step.
-const SAFELY_CONVERGED: f64 = 0.5;
-
 /// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
@@ -27,23 +23,14 @@ pub(in crate::solve) struct TangentUpdater {
     last_residual: Option<f64>,
     /// Of the rules that ask where iterations are slow: the attempt is not smooth, and every further iterate gets tangents.
     is_rough: bool,
-    /// How far the first iterate of the attempt is from convergence: its measures over the tolerances.
-    first_excess: Option<f64>,
-    /// Accepted iterates of the attempt so far.
-    measured: usize,
-    /// Share of that distance that the second iterate of the last step left, if it had one.
-    expected_contraction: Option<f64>,
-    /// The attempt has asked for tangents.
-    has_asked: bool,
 }
 
 /// What of it outlives a step.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::solve) struct TangentUpdaterRecord {
     due: bool,
     is_rough: bool,
     uses: u64,
-    expected_contraction: Option<f64>,
 }
 
 impl TangentUpdater {
@@ -60,19 +47,7 @@ impl TangentUpdater {
             update => update,
         };
         // Nothing is known about a step before the first.
-        Self {
-            tangent_update,
-            corrected,
-            due: true,
-            fresh: true,
-            uses: 0,
-            last_residual: None,
-            is_rough: true,
-            first_excess: None,
-            measured: 0,
-            expected_contraction: None,
-            has_asked: false,
-        }
+        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: true }
     }
 
     /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
@@ -93,9 +68,6 @@ impl TangentUpdater {
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
-        self.first_excess = None;
-        self.measured = 0;
-        self.has_asked = false;
         let was_rough = std::mem::replace(&mut self.is_rough, again);
         self.due = match self.tangent_update {
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
@@ -117,15 +89,9 @@ impl TangentUpdater {
         )
     }
 
-    /// Whether the contraction of earlier steps decides on the tangents of the second iterate.
-    fn expects_contraction(&self) -> bool {
-        matches!(self.tangent_update, TangentUpdate::SecondIterate | TangentUpdate::SecondIterateOrSlow { .. })
-    }
-
     /// All points have answered.
     pub(in crate::solve) fn evaluated(&mut self) {
         self.fresh |= self.due;
-        self.has_asked |= self.due;
         let is_rough = self.is_rough && self.asks_where_slow();
         self.due = is_rough || self.tangent_update == TangentUpdate::Always;
     }
@@ -140,42 +106,24 @@ impl TangentUpdater {
     /// measured by.
     pub(in crate::solve) fn judge(&mut self, residual: f64, force_ratio: f64) {
         self.uses += 1;
+        let is_first = self.last_residual.is_none();
         let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
         let is_worn = match self.tangent_update {
             TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
-            TangentUpdate::EachStepOrSlow { contraction } | TangentUpdate::SecondIterateOrSlow { contraction } => {
+            TangentUpdate::EachStepOrSlow { contraction } => {
                 self.is_rough |= slow(contraction) || force_ratio > ROUGH;
                 self.is_rough
             }
-            TangentUpdate::SecondIterate | TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => {
-                false
+            TangentUpdate::SecondIterateOrSlow { contraction } => {
+                self.is_rough |= slow(contraction) || force_ratio > ROUGH;
+                is_first || self.is_rough
             }
+            TangentUpdate::SecondIterate => is_first,
+            TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::Once => false,
         };
         // Tangents that this very iterate has brought are as good as they get; where the attempt is rough, the next one needs its own.
         self.due |= is_worn && (!self.fresh || self.is_rough && self.asks_where_slow());
         self.last_residual = Some(residual);
-    }
-
-    /// How far the accepted iterate just judged is from convergence: its largest measure over the tolerance.
-    pub(in crate::solve) fn measured(&mut self, excess: f64) {
-        let expected = match self.first_excess {
-            None => {
-                self.first_excess = Some(excess);
-                self.expected_contraction.map(|contraction| contraction * excess)
-            }
-            Some(first) => {
-                if self.measured == 1 {
-                    self.expected_contraction = Some(excess / first);
-                }
-                None
-            }
-        };
-        self.measured += 1;
-        let is_rough = self.is_rough && self.asks_where_slow();
-        if self.expects_contraction() && !is_rough {
-            let ends_next = expected.is_some_and(|excess| excess <= SAFELY_CONVERGED);
-            self.due = !self.has_asked && !ends_next;
-        }
     }
 
     /// An iterate has been rejected: where tangents mislead that far, the next one gets its own.
@@ -185,17 +133,11 @@ impl TangentUpdater {
     }
 
     pub(in crate::solve) fn record(&self) -> TangentUpdaterRecord {
-        TangentUpdaterRecord {
-            due: self.due,
-            is_rough: self.is_rough,
-            uses: self.uses as u64,
-            expected_contraction: self.expected_contraction,
-        }
+        TangentUpdaterRecord { due: self.due, is_rough: self.is_rough, uses: self.uses as u64 }
     }
 
     pub(in crate::solve) fn restore(&mut self, record: TangentUpdaterRecord) {
         (self.due, self.is_rough) = (record.due, record.is_rough);
-        self.expected_contraction = record.expected_contraction;
         self.uses = usize::try_from(record.uses).unwrap_or(usize::MAX);
     }
 
@@ -216,9 +158,6 @@ mod tests {
 
     const WANTED: TangentKind = TangentKind::TrussLike;
 
-    /// Of the residuals below.
-    const TOLERANCE: f64 = 0.2;
-
     /// Kinds asked for over evaluations with these residuals, all within one attempt.
     fn asked(tangent_update: TangentUpdate, residuals: &[f64]) -> String {
         let mut tangents = TangentUpdater::new(tangent_update, false);
@@ -230,7 +169,6 @@ mod tests {
                 let asks = tangents.kind(WANTED) == WANTED;
                 tangents.evaluated();
                 tangents.judge(residual, 0.01);
-                tangents.measured(residual / TOLERANCE);
                 let factorizes = tangents.factorizes();
                 letters.push(if asks { 'T' } else { 's' });
                 if factorizes {
@@ -259,41 +197,6 @@ mod tests {
         assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
-    }
-
-    #[test]
-    fn a_second_iterate_that_is_expected_to_end_the_step_gets_no_tangents() {
-        let rules = [TangentUpdate::SecondIterate, TangentUpdate::SECOND_ITERATE_OR_SLOW];
-        for rule in rules {
-            // The step before contracted to a twentieth: 1.0 promises 0.05, within half of the tolerance of 0.2.
-            assert_eq!(asked(rule, &[1.0, 0.05]), "TFs ss.", "{rule:?}");
-            assert_eq!(asked(rule, &[1.0, 0.11]), "TFs sTF.", "{rule:?}: too close to the tolerance");
-            assert_eq!(
-                asked(rule, &[1.0, f64::NAN]),
-                "TFs sTF.",
-                "{rule:?}: nothing is expected of what is not a number"
-            );
-        }
-        let mut tangents = TangentUpdater::new(TangentUpdate::SECOND_ITERATE_OR_SLOW, false);
-        let mut attempt = |residuals: &[f64]| {
-            tangents.begin_attempt(false);
-            let ask = |&residual: &f64| {
-                let asks = tangents.kind(WANTED) == WANTED;
-                tangents.evaluated();
-                tangents.judge(residual, 0.01);
-                tangents.measured(residual / TOLERANCE);
-                if tangents.factorizes() {
-                    tangents.factorized();
-                }
-                asks
-            };
-            residuals.iter().map(ask).collect::<Vec<bool>>()
-        };
-        assert_eq!(attempt(&[1.0, 0.05]), [true, false]);
-        assert_eq!(attempt(&[1.0, 0.3, 0.1]), [false, false, true], "what was expected did not happen");
-        assert_eq!(attempt(&[1.0, 0.15]), [false, true], "nor is it expected again");
-        assert_eq!(attempt(&[1.0, 0.02]), [false, true]);
-        assert_eq!(attempt(&[1.0, 0.02]), [false, false]);
     }
 
     #[test]

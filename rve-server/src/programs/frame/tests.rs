@@ -265,7 +265,7 @@ fn element_tests_run_on_frames() {
 }
 
 /// Grains that do not come to rest end a trial when the watch has seen enough, not after all steps: tolerances that rounding keeps
-/// out of reach are given up within a tenth of them.
+/// out of reach are given up within a quarter of them.
 #[test]
 fn frames_that_get_no_nearer_to_rest_end_early() {
     for damping in [FrameDamping::Fire, FrameDamping::Local { coefficient: 0.4 }] {

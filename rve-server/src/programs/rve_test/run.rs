@@ -27,12 +27,13 @@ const MOST_TRIALS: u32 = 30;
 
 /// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
 /// target, relative to the mean pressure.
-pub(super) const LARGEST_JUMP: f64 = 0.05;
+const LARGEST_JUMP: f64 = 0.05;
 
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
 
-/// Trials of one increment after which its other parts are not searched any more: their stresses are relaxed at once.
+/// Trials of one increment after which, once stresses had to be relaxed in it, its other parts are not searched any more: their stresses are
+/// relaxed at once.
 const MOST_SEARCHED: u32 = 400;
 
 /// Most committed steps of relaxed stresses in one increment.
@@ -135,12 +136,12 @@ fn run_in_space<S: SolverFor>(
     Ok(run.summary)
 }
 
-pub(super) struct Run<S: SolverFor> {
+struct Run<S: SolverFor> {
     cell: GrainRve<S>,
-    pub(super) stress_tolerance: f64,
+    stress_tolerance: f64,
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
-    pub(super) summary: ElementSummary,
+    summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
     /// Stress of the committed state, Pa.
@@ -162,13 +163,15 @@ struct Spent {
     dem_steps: u64,
     /// Committed steps of relaxed stresses.
     relaxed: u32,
+    /// The nearer side of a snap was kept, at least in a part of the increment.
+    has_jumped: bool,
 }
 
 /// An accepted trial and what it took.
-pub(super) struct Accepted {
-    pub(super) gradient: Matrix,
-    pub(super) answer: TrialResult,
-    pub(super) control: StressControl,
+struct Accepted {
+    gradient: Matrix,
+    answer: TrialResult,
+    control: StressControl,
 }
 
 impl<S: SolverFor> Run<S> {
@@ -200,7 +203,6 @@ impl<S: SolverFor> Run<S> {
             let mut stride = end - reached;
             let smallest = stride / f64::from(1 << MOST_HALVINGS);
             self.spent = Spent::default();
-            let mut control = StressControl::None;
             let accepted = loop {
                 // The end itself, to the bit, unless the increment had to be cut.
                 let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
@@ -230,7 +232,6 @@ impl<S: SolverFor> Run<S> {
                     }
                     attempt => attempt?,
                 };
-                control = control.max(accepted.control);
                 if is_last {
                     break accepted;
                 }
@@ -240,13 +241,16 @@ impl<S: SolverFor> Run<S> {
             let operator = self.operator();
             let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
             self.take_up(&kinematics, &accepted, &mut committed_gradient);
+            let mut control = accepted.control;
             if stride < 0.75 * (end - share(increment - 1)) {
                 self.summary.cut_increments += 1;
                 self.last_change = None;
                 control = control.max(StressControl::Cut);
             }
-            if control == StressControl::Relaxed {
+            self.summary.stress_jumps += u64::from(self.spent.has_jumped);
+            if self.spent.relaxed > 0 {
                 self.summary.relaxed_increments += 1;
+                control = control.max(StressControl::Relaxed);
             }
             if self.accept(&accepted, control, operator, on_row).is_break() {
                 return Ok(ControlFlow::Break(()));
@@ -366,7 +370,8 @@ impl<S: SolverFor> Run<S> {
         };
         let (mut ramp_steps, mut trials) = (0, 0);
         let mut closest: Option<(Miss, f64, Matrix)> = None;
-        let most_trials = if self.spent.trials < MOST_SEARCHED { MOST_TRIALS } else { 1 };
+        let is_searched = self.spent.relaxed == 0 || self.spent.trials < MOST_SEARCHED;
+        let most_trials = if is_searched { MOST_TRIALS } else { 1 };
         while trials < most_trials {
             trials += 1;
             let answer = match self.attempt(step, &gradient, ramp_steps) {
@@ -383,7 +388,7 @@ impl<S: SolverFor> Run<S> {
             let is_reached = miss.distance() <= tolerance;
             let is_at_jump = servo.has_pinned_a_jump(tolerance) && gradient == servo.best(&gradient);
             if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
-                self.summary.stress_jumps += u64::from(!is_reached);
+                self.spent.has_jumped |= !is_reached;
                 self.keep_network();
                 let control = if is_reached { StressControl::Met } else { StressControl::Jump };
                 return Ok(Accepted { gradient, answer, control });
@@ -402,7 +407,7 @@ impl<S: SolverFor> Run<S> {
         let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
         if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
             let answer = self.attempt(step, &gradient, ramp_steps)?;
-            self.summary.stress_jumps += 1;
+            self.spent.has_jumped = true;
             self.keep_network();
             return Ok(Accepted { gradient, answer, control: StressControl::Jump });
         }
@@ -427,7 +432,7 @@ impl<S: SolverFor> Run<S> {
             let is_reached = miss.distance() <= tolerance;
             let is_near = taken >= STEPS_BEFORE_NEAREST && miss.distance() <= LARGEST_JUMP * scale;
             if is_reached || is_near {
-                self.summary.stress_jumps += u64::from(!is_reached);
+                self.spent.has_jumped |= !is_reached;
                 let control = if is_reached { StressControl::Relaxed } else { StressControl::Jump };
                 return Ok(Accepted { gradient, answer, control });
             }

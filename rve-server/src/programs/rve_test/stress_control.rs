@@ -1,6 +1,6 @@
 //! How the controlled stresses of a row came about.
 
-/// How the controlled stresses of a row came about, the plainest first: of an increment in parts, what its worst part needed.
+/// How the controlled stresses of a row came about, the plainest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StressControl {
     /// No stress is controlled.
@@ -10,8 +10,8 @@ pub enum StressControl {
     Met,
     /// Met within the tolerance in parts of the increment.
     Cut,
-    /// Met within the tolerance after the cell had snapped: the unbalanced stress drove it through committed states.
+    /// Met within the tolerance after the cell had snapped within the increment: the unbalanced stress drove it through committed states.
     Relaxed,
-    /// Not met: the cell snaps across the target, and the nearest state is kept, outside the tolerance.
+    /// Not met at the end of the increment: the cell snaps across the target, and the nearest state is kept, outside the tolerance.
     Jump,
 }

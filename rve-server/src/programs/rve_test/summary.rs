@@ -13,11 +13,11 @@ pub struct ElementSummary {
     pub dem_steps: u64,
     /// DEM steps of the perturbations of all operators.
     pub operator_steps: u64,
-    /// Rows in which the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
+    /// Rows in whose increments the cell snapped across a controlled stress: the nearer side was kept, outside the tolerance.
     pub stress_jumps: u64,
     /// Rows whose increment was cut because no strain was found for the controlled stresses.
     pub cut_increments: u64,
-    /// Rows whose controlled stresses were met by committed steps of their own, because the cell had snapped.
+    /// Rows in whose increments the unbalanced stress strained the cell in committed steps of their own, because it had snapped.
     pub relaxed_increments: u64,
     /// Rows whose relaxation ended before the grains were at rest.
     pub not_equilibrated: u64,
@@ -33,4 +33,25 @@ pub struct ElementSummary {
     pub tangent_regularised: u64,
     /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
+}
+
+impl ElementSummary {
+    /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
+    pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
+        let all = [
+            ("not equilibrated", self.not_equilibrated),
+            ("controlled stress not met at an instability of the cell", self.stress_jumps),
+            ("controlled stress relaxed after the cell had snapped", self.relaxed_increments),
+            ("no load-bearing contacts", self.no_load),
+            ("relaxed with another damping", self.damping_changed),
+            ("increments cut for the stress control", self.cut_increments),
+            ("overlap above 10 %", self.large_overlap),
+            (
+                "operator replaced by truss_like, or by the uniform-strain one where that is singular",
+                self.tangent_fallbacks,
+            ),
+            ("operator with constrained mechanisms", self.tangent_regularised),
+        ];
+        all.into_iter().filter(|(_, rows)| *rows > 0).collect()
+    }
 }
