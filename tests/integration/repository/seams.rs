@@ -103,25 +103,28 @@ fn random_iteration_order_is_absent() {
     }
 }
 
-/// Every command of the README's blocks that starts with `cargo run --release -- ` or `grainspan ` names a subcommand
-/// that exists and files that exist.
+/// Every command of the README and of the first guide that starts with `cargo run --release -- ` or `grainspan ` names a subcommand
+/// that exists and shipped files that exist.
 #[test]
-fn readme_commands_name_existing_commands_and_files() {
-    let readme = fs::read_to_string(root().join("README.md")).expect("there is a README");
+fn the_first_commands_name_existing_commands_and_files() {
+    let texts = ["README.md", "docs/guide/getting-started.md"]
+        .map(|file| fs::read_to_string(root().join(file)).expect("the documents can be read"));
     let mut checked = 0;
-    for line in readme.lines() {
-        let Some(arguments) = line.trim().strip_prefix("cargo run --release -- ") else { continue };
+    for line in texts.iter().flat_map(|text| text.lines()) {
+        let prefixes = ["cargo run --release -- ", "grainspan "];
+        let Some(arguments) = prefixes.iter().find_map(|prefix| line.trim().strip_prefix(prefix)) else { continue };
         let mut words = arguments.split_whitespace();
         let command = words.next().expect("a command follows");
         let help = std::process::Command::new(env!("CARGO_BIN_EXE_grainspan"))
             .args([command, "--help"])
             .output()
             .expect("the binary starts");
-        assert!(help.status.success(), "README names `{command}`, which the binary does not have");
-        for file in words.filter(|word| word.ends_with(".toml")) {
-            assert!(root().join(file).exists(), "README names {file}, which does not exist");
+        assert!(help.status.success(), "the documents name `{command}`, which the binary does not have");
+        let is_shipped = |word: &&str| word.ends_with(".toml") && word.contains('/');
+        for file in words.filter(is_shipped) {
+            assert!(root().join(file).exists(), "the documents name {file}, which does not exist");
         }
         checked += 1;
     }
-    assert!(checked >= 4, "only {checked} commands found in the README");
+    assert!(checked >= 4, "only {checked} commands found");
 }

@@ -225,3 +225,14 @@ fn parts_of_this_test_work() {
     assert!(fits("tests/pool_*.rs", "tests/pool_processes.rs") && !fits("a*b", "abc"));
     assert_eq!(anchor("Case A: two codes"), "case-a-two-codes");
 }
+
+/// Two commands of the README do everything: one runs the main job, the other the tests, and that is the one that a submission has to pass.
+#[test]
+fn the_readme_runs_the_main_job_and_the_tests() {
+    let tests = "cargo test --release --workspace";
+    let readme = read("README.md");
+    for command in ["cargo run --release -- run scenes/biaxial.toml", tests] {
+        assert!(readme.lines().any(|line| line == command), "README.md has no line `{command}`");
+    }
+    assert!(read(".ci/run").contains(tests), ".ci/run does not run `{tests}`");
+}
