@@ -93,20 +93,45 @@ impl Tally {
 /// The undisturbed runs, on one host.
 pub struct References {
     folder: tempfile::TempDir,
+    /// How long each took, by name of the scene.
+    durations: BTreeMap<&'static str, Duration>,
 }
 
 impl References {
     pub fn prepare() -> Result<Self, String> {
         let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+        let mut durations = BTreeMap::new();
         for scene in SHORT_SCENES {
+            let begun = Instant::now();
             undisturbed(&scene, &folder.path().join(scene.name))?;
+            durations.insert(scene.name, begun.elapsed());
         }
-        Ok(Self { folder })
+        Ok(Self { folder, durations })
+    }
+
+    /// Draws when a fault strikes: at any time of any step, so that a faster program meets as many faults as a slower one.
+    fn moment(&self, scene: &ShortScene, draw: &mut Draw) -> Moment {
+        let rows = rows_of_history(&self.of(scene)).max(1);
+        let step = self.durations[scene.name].as_millis() as u64 / rows;
+        Moment { rows: draw.below(rows), delay: draw.below(step + 1) }
     }
 
     fn of(&self, scene: &ShortScene) -> PathBuf {
         self.folder.path().join(scene.name)
     }
+}
+
+/// When a fault strikes: so many milliseconds after the history has so many rows.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    rows: u64,
+    delay: u64,
+}
+
+/// Complete rows of a run's history without its header; zero while there is none.
+fn rows_of_history(out: &Path) -> u64 {
+    let text = fs::read(out.join("history.csv")).unwrap_or_default();
+    (text.iter().filter(|byte| **byte == b'\n').count() as u64).saturating_sub(1)
 }
 
 /// Runs a scene on one host.
@@ -179,6 +204,8 @@ struct Case<'a> {
     /// Host of the macro.
     macro_host: usize,
     agents: [Option<Process>; 2],
+    /// Faults whose step has not come yet.
+    waiting: Vec<(Moment, Kind)>,
     /// What is done later: when, and what.
     later: Vec<(Instant, Later)>,
 }
@@ -207,21 +234,18 @@ pub fn run(
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let macro_log = folder.path().join("macro.stderr");
     let run = Process::start(macro_command(network, 0, &scene, folder.path(), false), macro_log)?;
-    let mut case = Case { network, scene, folder, run, macro_host: 0, agents: [None, None], later: Vec::new() };
+    let first = KINDS[(number % KINDS.len() as u64) as usize];
+    let more = draw.below(3);
+    let kinds: Vec<Kind> = std::iter::once(first).chain((0..more).map(|_| draw.pick(&KINDS))).collect();
+    let waiting = kinds.into_iter().map(|kind| (references.moment(&scene, draw), kind)).collect();
+    let (agents, later) = ([None, None], Vec::new());
+    let mut case = Case { network, scene, folder, run, macro_host: 0, agents, waiting, later };
     for spoke in 1..=2 {
         case.start_agent(spoke)?;
     }
     let (mut spent, mut turn) = (Duration::ZERO, Instant::now());
-    let first = KINDS[(number % KINDS.len() as u64) as usize];
-    let more = draw.below(3);
-    let mut kinds: Vec<Kind> = std::iter::once(first).chain((0..more).map(|_| draw.pick(&KINDS))).collect();
     loop {
-        // Steps begin when the first worker has joined, and take some tenths of a second together.
-        if !kinds.is_empty() && case.folder.path().join("out/history.csv").exists() {
-            for kind in kinds.drain(..) {
-                case.after(draw.below(400), Later::Fault(kind));
-            }
-        }
+        case.faults_of_this_step();
         if let Some(status) = case.run.child.try_wait().map_err(|error| error.to_string())? {
             let resuming = case.later.iter().any(|(_, what)| matches!(what, Later::Resume));
             if !resuming {
@@ -307,6 +331,20 @@ impl Case<'_> {
         Ok(())
     }
 
+    /// Faults whose step has begun strike a while later. Steps begin when the first worker has joined.
+    fn faults_of_this_step(&mut self) {
+        let out = self.folder.path().join("out");
+        if self.waiting.is_empty() || !out.join("history.csv").exists() {
+            return;
+        }
+        let rows = rows_of_history(&out);
+        let (begun, waiting): (Vec<_>, Vec<_>) = self.waiting.drain(..).partition(|(moment, _)| moment.rows <= rows);
+        self.waiting = waiting;
+        for (moment, kind) in begun {
+            self.after(moment.delay, Later::Fault(kind));
+        }
+    }
+
     fn after(&mut self, milliseconds: u64, what: Later) {
         self.later.push((Instant::now() + Duration::from_millis(milliseconds), what));
     }
@@ -372,6 +410,7 @@ impl Case<'_> {
                 // The other must stay: a run without any worker waits.
                 let others = [Kind::CutForGood, Kind::AgentFrozen];
                 self.later.retain(|(_, what)| !matches!(what, Later::Fault(kind) if others.contains(kind)));
+                self.waiting.retain(|(_, kind)| !others.contains(kind));
             }
             Kind::Loss => self.network.disturb(spoke, 0.01 + draw.below(15) as f64 * 0.01, 0.0),
             Kind::Delay => {
