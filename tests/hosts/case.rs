@@ -301,10 +301,12 @@ pub fn summary_of(out: &Path) -> Result<serde_json::Value, String> {
     serde_json::from_slice(&text).map_err(|error| format!("the summary cannot be read: {error}"))
 }
 
-/// An agent with one worker on a spoke, for the run in `folder`.
-pub fn agent_command(network: &Network, spoke: usize, folder: &Path) -> Command {
+/// An agent with one worker on a spoke, for the run of a scene in `folder`.
+pub fn agent_command(network: &Network, spoke: usize, scene: &ShortScene, folder: &Path) -> Command {
     let join = folder.join("out/join").display().to_string();
-    let words = ["agent", "--join", &join, "--workers", "1", "--timeout", "100", "--silence", SILENCE];
+    let engine = scene.set.iter().find_map(|key| key.strip_prefix("pool.engine=")).unwrap_or("grains");
+    let words =
+        ["agent", "--join", &join, "--engine", engine, "--workers", "1", "--timeout", "100", "--silence", SILENCE];
     network.program(spoke, &words.map(str::to_owned))
 }
 
@@ -325,7 +327,7 @@ pub fn macro_command(network: &Network, host: usize, scene: &ShortScene, folder:
 
 impl Case<'_> {
     fn start_agent(&mut self, spoke: usize) -> Result<(), String> {
-        let command = agent_command(self.network, spoke, self.folder.path());
+        let command = agent_command(self.network, spoke, &self.scene, self.folder.path());
         let log = self.folder.path().join(format!("agent{spoke}.stderr"));
         self.agents[spoke - 1] = Some(Process::start(command, log)?);
         Ok(())

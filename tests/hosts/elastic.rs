@@ -25,7 +25,8 @@ pub fn check(network: &Network) -> Result<(), String> {
     let (out, log) = (folder.path().join("out"), |name: &str| folder.path().join(name));
     undisturbed(&SCENE, &log("reference"))?;
     let mut run = Process::start(macro_command(network, 0, &SCENE, folder.path(), false), log("macro.stderr"))?;
-    let agent = |spoke: usize, name: &str| Process::start(agent_command(network, spoke, folder.path()), log(name));
+    let agent =
+        |spoke: usize, name: &str| Process::start(agent_command(network, spoke, &SCENE, folder.path()), log(name));
     eventually("the run listens", || out.join("join").exists())?;
     let mut first = agent(1, "first.stderr")?;
     eventually("a step is done", || rows(&out) > 1)?;
