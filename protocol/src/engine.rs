@@ -3,7 +3,7 @@
 //! A **trial is a pure function** of (committed state, target, options): it returns the same bits in any worker, and it
 //! does not change the committed state. The whole project relies on this.
 
-use crate::identity::ContentId;
+use crate::identity::{ContentId, DefinitionId};
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
 use schemars::JsonSchema;
@@ -466,6 +466,13 @@ pub trait RveSolver: Send {
     /// [`RveError::Snapshot`] with the reason; the committed state is unchanged.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError>;
 
+    /// Identity of everything besides the state that answers depend on. Solvers of one engine with equal identities answer requests for
+    /// states of each other's definitions, so that cells that differ in their initial state only are solved together. `None`: the
+    /// definition itself.
+    fn model_identity(&self) -> Option<ContentId> {
+        None
+    }
+
     /// Solves several requests at once, each from a state of its own. Every result is what [`restore`](Self::restore),
     /// [`trial`](Self::trial) and [`snapshot_trial`](Self::snapshot_trial) would give for its request alone, to the
     /// bit; an engine that solves several cells at once overrides this to be faster. The committed state afterwards is
@@ -478,6 +485,8 @@ pub trait RveSolver: Send {
 /// A trial from a state of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct TrialRequest<'a> {
+    /// The definition that the state belongs to: that of the solver, or one with the same [`RveSolver::model_identity`].
+    pub definition: DefinitionId,
     /// Sealed snapshot of the committed state.
     pub state: &'a [u8],
     /// The target, relative to the cell of that state.

@@ -8,7 +8,7 @@ use macro_solver::problem::{InitialState, InitialStress};
 /// Reads the table.
 ///
 /// # Errors
-/// A deviation from a field that is not given.
+/// A deviation from a field that is not given, or a preparation for it.
 pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> Result<InitialState, InputError> {
     let expected = match (&table.uniform, &table.geostatic) {
         // The check of the document excludes both.
@@ -24,6 +24,11 @@ pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> 
     if expected.is_none() && table.largest_deviation.is_some() {
         return Err(document
             .error_at_key(&["initial_stress", "largest_deviation"], "there is no stress to deviate from")
+            .hint("give the expected stress with `uniform` or `geostatic`"));
+    }
+    if expected.is_none() && table.prepare {
+        return Err(document
+            .error_at_key(&["initial_stress", "prepare"], "there is no stress to bring the cells to")
             .hint("give the expected stress with `uniform` or `geostatic`"));
     }
     Ok(InitialState {

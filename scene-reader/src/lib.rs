@@ -15,6 +15,7 @@ mod materials;
 mod mesh;
 mod motion;
 mod packing;
+mod preparation;
 mod probes;
 mod recording;
 mod reference;
@@ -34,6 +35,7 @@ pub use input_error::InputError;
 pub use keys::Table;
 pub use materials::{Densities, Materials, PackingCopy, drawn};
 pub use packing::read_packing;
+pub use preparation::CellPreparation;
 pub use reference::{completions, explained, nearest_key, overview};
 pub use study::{
     ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,

@@ -115,6 +115,14 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for note in notes {
         writeln!(text, "{:<20} {note}", "note").expect("writing to a String cannot fail");
     }
+    if let Some(preparation) = scene.preparation() {
+        let [lowest, highest] = preparation.vertical_pressure;
+        let cells = preparation.cells;
+        let line = format!(
+            "{cells} cells are brought to vertical pressures of {lowest:.3e} to {highest:.3e} Pa when the run starts"
+        );
+        writeln!(text, "{:<20} {line}", "initial stress").expect("writing to a String cannot fail");
+    }
     for remark in &scene.materials.remarks {
         writeln!(text, "{:<20} {remark}", "region").expect("writing to a String cannot fail");
     }

@@ -5,7 +5,7 @@
 
 use crate::exit::{Exit, Failure};
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
-use macro_solver::mesh::{Dimension, Mesh};
+use macro_solver::mesh::{Dimension, Mesh, point_places};
 use macro_solver::observer::Silent;
 use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
 use macro_solver::solve::solve;
@@ -133,11 +133,20 @@ impl PackingState {
     }
 }
 
-/// A description of the difference between the stress of the packing and the loads of the first step. `None` if they match, or if
+/// A description of the difference between the stress at the start and the loads of the first step. `None` if they match, or if
 /// the first stage is a motion.
 pub(crate) fn mismatch(scene: &Scene, packing: &PackingState) -> Option<String> {
     let imbalance = imbalance(scene)?;
-    (imbalance > MISMATCH).then(|| comparison(&scene.problem, packing, imbalance))
+    if imbalance <= MISMATCH {
+        return None;
+    }
+    Some(match scene.preparation() {
+        Some(_) => format!(
+            "initial residual {imbalance:.1e} (relative to applied loads): the stress that [initial_stress] brings the cells to is not in \
+             balance with the initial loads; unit weight, body force and pressures on the surface belong together"
+        ),
+        None => comparison(&scene.problem, packing, imbalance),
+    })
 }
 
 /// The stress of the packing and the initial loads.
@@ -154,7 +163,7 @@ pub(crate) const REMEDY: &str = "start at the stress of the packing (a pressure 
                                  loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
                                  `grainspan check` compares both";
 
-/// Out-of-balance force of the packings' stress under the initial loads, over the loads or reactions; `None` where the
+/// Out-of-balance force of the stress at the start under the initial loads, over the loads or reactions; `None` where the
 /// first stage is a motion, or the mesh is too large to be assembled for a check.
 fn imbalance(scene: &Scene) -> Option<f64> {
     let mut problem = scene.problem.clone();
@@ -162,33 +171,48 @@ fn imbalance(scene: &Scene) -> Option<f64> {
     if matches!(first.procedure, Procedure::Dynamic(_)) || problem.point_count() > MOST_POINTS {
         return None;
     }
-    let stress: Option<Vec<Tensor2>> = scene
+    let stresses = match (&problem.initial.expected, scene.preparation()) {
+        (Some(expected), Some(_)) => {
+            let at = |place: &[f64; 3]| {
+                let stress = expected.at(*place);
+                Tensor2(std::array::from_fn(|entry| stress[(entry / 3, entry % 3)]))
+            };
+            point_places(&problem.mesh).iter().map(at).collect()
+        }
+        _ => stresses_of_packings(scene)?,
+    };
+    // With this limit any residual ends the run after its first evaluation.
+    problem.initial.largest_imbalance = Some(0.0);
+    let mut material = AsGiven { stresses, evaluated: false };
+    let run = solve(&problem, &mut material, &mut Silent);
+    Some(run.statistics.initial_imbalance)
+}
+
+/// The stress of the packing of every Gauss point.
+fn stresses_of_packings(scene: &Scene) -> Option<Vec<Tensor2>> {
+    let of_definition: Option<Vec<Tensor2>> = scene
         .materials
         .definitions
         .iter()
         .map(|one| PackingState::of(one).ok().map(|packing| packing.stress))
         .collect();
-    // With this limit any residual ends the run after its first evaluation.
-    problem.initial.largest_imbalance = Some(0.0);
-    let mut material = AsGiven { stress: stress?, made_of: &scene.materials.made_of, evaluated: false };
-    let run = solve(&problem, &mut material, &mut Silent);
-    Some(run.statistics.initial_imbalance)
+    let of_definition = of_definition?;
+    Some(scene.materials.made_of.iter().map(|&kind| of_definition[kind]).collect())
 }
 
-/// A material with the stress of the packings, for a single evaluation.
-struct AsGiven<'a> {
-    stress: Vec<Tensor2>,
-    made_of: &'a [usize],
+/// A material with the given stress at every Gauss point, for a single evaluation.
+struct AsGiven {
+    stresses: Vec<Tensor2>,
     evaluated: bool,
 }
 
-impl PointMaterial for AsGiven<'_> {
+impl PointMaterial for AsGiven {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         if std::mem::replace(&mut self.evaluated, true) {
             return Err(MaterialError::Interrupted);
         }
         let result = |trial: &PointTrial| TrialResult {
-            stress: self.stress[self.made_of[trial.point]],
+            stress: self.stresses[trial.point],
             tangent: (trial.options.tangent != TangentKind::None).then(|| Box::new(Tensor4::ZERO)),
             scalars: Scalars::default(),
             observed: Observed::default(),

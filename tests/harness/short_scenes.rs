@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 20] = [
+pub const SHORT_SCENES: [ShortScene; 21] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -93,6 +93,19 @@ pub const SHORT_SCENES: [ShortScene; 20] = [
             "sum=[{ name = 'head', terms = [{ set = 'top', component = 'y', coefficient = 1.0 }, { set = 'left', \
              component = 'y', coefficient = 0.1 }], value = -3e-4 }]",
             "loading.increments=8",
+        ],
+    ),
+    // Prepared again, to the same bits, by a run that is continued.
+    scene(
+        "ground-at-rest",
+        "geotechnics/ground",
+        &[
+            "packing=../../packings/discs-100.json",
+            "contact.modulus=1e8",
+            "mesh.elements=[1, 2]",
+            "mesh.size=[2.0, 4.0]",
+            "boundary.2.displacement.x=-0.004",
+            "loading.increments=6",
         ],
     ),
     scene("framed", "biaxial-small", &["mesh.elements=[1, 1]", "pool.engine=boundary-frame", "loading.increments=6"]),

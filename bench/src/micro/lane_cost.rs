@@ -33,6 +33,7 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, wanted: Wanted) -> anyhow::Res
     let mut rve = GrainRve::new(&GrainDefinition { packing, contact, options })?;
     let mut state = Vec::new();
     rve.snapshot(&mut state);
+    let definition = rve.definition_id();
     let requests: Vec<TrialRequest<'_>> = (0..cells)
         .map(|cell| {
             let phase = cell as f64;
@@ -41,7 +42,8 @@ fn measure<S: SolverFor>(packing: PackingFile<S>, wanted: Wanted) -> anyhow::Res
                 let is_inside = place / 3 < S::DIMENSION && place % 3 < S::DIMENSION;
                 *value = if is_inside { strain * (phase + 1.7 * place as f64).sin() } else { 0.0 };
             }
-            TrialRequest { state: &state, target, options: TrialOptions::default() }
+            let options = TrialOptions::default();
+            TrialRequest { definition, state: &state, target, options }
         })
         .collect();
     let mut fingerprints = Vec::new();

@@ -12,8 +12,8 @@ use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, det
 use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
-    Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4, TrialFlags,
-    TrialOptions, TrialRequest, TrialResult, snapshot, solve_alone,
+    ContentId, Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
+    TrialFlags, TrialOptions, TrialRequest, TrialResult, snapshot, solve_alone,
 };
 use std::time::Instant;
 
@@ -75,6 +75,8 @@ struct Stretch<S: Space> {
 struct PreparedTrial<S: Space> {
     /// Its place among the requests.
     place: usize,
+    /// Names its snapshots.
+    definition: DefinitionId,
     state: GrainState<S>,
     stretch: Stretch<S>,
     options: TrialOptions,
@@ -314,6 +316,19 @@ impl<S: SolverFor> GrainRve<S> {
         answer
     }
 
+    /// The definition that its snapshots belong to.
+    pub fn definition_id(&self) -> DefinitionId {
+        self.id
+    }
+
+    /// Does something under the name of another definition with the same model.
+    fn named<R>(&mut self, definition: DefinitionId, work: impl FnOnce(&mut Self) -> R) -> R {
+        let own = std::mem::replace(&mut self.id, definition);
+        let result = work(self);
+        self.id = own;
+        result
+    }
+
     /// Answers several requests whose states have been read and whose targets are stretches, side by side.
     fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
         let started = Instant::now();
@@ -337,7 +352,7 @@ impl<S: SolverFor> GrainRve<S> {
                 self.committed = one.state;
                 let answer = self.conclude(end, &one.stretch, &one.options, share);
                 let mut state = Vec::new();
-                self.snapshot_trial(&mut state)?;
+                self.named(one.definition, |rve| rve.snapshot_trial(&mut state))?;
                 self.trial = None;
                 Ok((answer, state))
             }));
@@ -441,6 +456,14 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         if self.stays(&h, options) { self.stay(options) } else { self.solve(&h, options) }
     }
 
+    fn model_identity(&self) -> Option<ContentId> {
+        // Everything in a definition but the places and histories of its grains, which are part of the state.
+        let contact = ContactTable { friction: self.full_friction, ..self.contact.clone() };
+        let GrainModel { thickness, radii, options, .. } = &self.model;
+        let parts = rmp_serde::to_vec_named(&(S::DIMENSION, thickness, radii, contact, options));
+        parts.ok().map(|parts| ContentId::of(&parts))
+    }
+
     fn solve_batch(&mut self, requests: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
         let mut answers: Vec<Option<TrialOutcome>> = requests.iter().map(|_| None).collect();
         let mut opened = Vec::new();
@@ -449,14 +472,15 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
                 if self.stays(&h, &request.options) {
                     return Ok(None);
                 }
-                let state = self::opened(request.state, self.id, self.model.radii.len())?;
+                let state = self::opened(request.state, request.definition, self.model.radii.len())?;
                 Ok(Some((state, self.stretch(&h, &request.options)?)))
             });
             match stretched {
                 Ok(Some((state, stretch))) => {
-                    opened.push(PreparedTrial { place, state, stretch, options: request.options })
+                    let (definition, options) = (request.definition, request.options);
+                    opened.push(PreparedTrial { place, definition, state, stretch, options });
                 }
-                Ok(None) => answers[place] = Some(solve_alone(self, request)),
+                Ok(None) => answers[place] = Some(self.named(request.definition, |rve| solve_alone(rve, request))),
                 Err(error) => answers[place] = Some(Err(error)),
             }
         }

@@ -74,6 +74,8 @@ pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
     target: StressTarget,
     tolerances: Tolerances,
+    /// Most servo steps.
+    most_increments: u32,
     log: &'a ProgressLog<'a>,
 }
 
@@ -92,7 +94,12 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
         let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
         cell.solve_operators_to(Closeness::RESULT);
-        Ok(Self { cell, target, tolerances, log })
+        Ok(Self { cell, target, tolerances, most_increments: MOST_INCREMENTS, log })
+    }
+
+    /// Gives the cell another target, for so many servo steps.
+    pub(crate) fn aim_at(&mut self, target: StressTarget, tolerances: Tolerances, most_increments: u32) {
+        (self.target, self.tolerances, self.most_increments) = (target, tolerances, most_increments);
     }
 
     /// Isotropic compression until the grains carry load; increments that overshoot are taken back and halved.
@@ -169,7 +176,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let learns = S::DIMENSION == 3;
         let (mut best, mut since_best) = (f64::INFINITY, 0);
         let (mut watch, mut careful_steps, mut slack) = (StagnationMonitor::new(), 0, 0);
-        for increment in 0..MOST_INCREMENTS {
+        for increment in 0..self.most_increments {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
             let error = self.stress_error(&answer.stress);
@@ -227,9 +234,10 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             }
             answer = next;
         }
-        Err(PackingError::Content(format!(
-            "the stress did not reach the target in {MOST_INCREMENTS} servo steps; loosen tolerance or stress_tolerance"
-        )))
+        let steps = self.most_increments;
+        // Recipes name their tolerances; other callers have none that a user could change.
+        let remedy = if steps == MOST_INCREMENTS { "; loosen tolerance or stress_tolerance" } else { "" };
+        Err(PackingError::Content(format!("the stress did not reach the target in {steps} servo steps{remedy}")))
     }
 
     /// A step that is taken back and shortened until it brings the stress nearer to the target. Every miss teaches the

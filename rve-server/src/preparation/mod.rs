@@ -1,5 +1,6 @@
 //! Preparation of packings: from a recipe to a packing in equilibrium at its stress.
 
+mod at_stress;
 mod compaction;
 #[cfg(test)]
 mod compaction_tests;

@@ -17,7 +17,8 @@ impl Packing {
     }
 }
 
-fn rotated<S: Space>(packing: &PackingFile<S>, angle: f64) -> Result<PackingFile<S>, PackingError> {
+/// As [`Packing::rotated`], typed by the dimension.
+pub(super) fn rotated<S: Space>(packing: &PackingFile<S>, angle: f64) -> Result<PackingFile<S>, PackingError> {
     if !angle.is_finite() {
         return Err(PackingError::Content(format!("a packing cannot be turned by {angle}")));
     }

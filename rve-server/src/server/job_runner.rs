@@ -42,9 +42,19 @@ impl JobResult {
     }
 }
 
+/// What jobs that are solved side by side have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Model {
+    /// Of several definitions, which differ in their initial states only.
+    Shared(ContentId),
+    /// Of one definition.
+    Definition(DefinitionId),
+}
+
 /// One RVE that was defined.
 struct Rve {
     definition: Definition,
+    model: Model,
     /// Snapshot of the state in which the engine creates it.
     initial: Vec<u8>,
     initial_id: StateId,
@@ -78,32 +88,34 @@ impl<'a> JobRunner<'a> {
         }
         let (solver, initial) = build(self.engine, &definition)?;
         let initial_id = StateId::of(&initial);
-        let rve = Rve { definition, initial, initial_id, solver: Some(solver), committed: initial_id };
+        let model = solver.model_identity().map_or(Model::Definition(id), Model::Shared);
+        let rve = Rve { definition, model, initial, initial_id, solver: Some(solver), committed: initial_id };
         self.rves.insert(id, rve);
         Ok(())
     }
 
-    /// Does the jobs of one message; jobs on the same RVE side by side, if its engine can. `carried` next to each job is
+    /// Does the jobs of one message; jobs on RVEs of the same model side by side, if its engine can. `carried` next to each job is
     /// the snapshot that came with it, or empty.
     pub(super) fn run_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<JobResult> {
         let begin = Instant::now();
         let mut answers: Vec<Option<JobResult>> = slice.iter().map(|_| None).collect();
-        let mut ready: BTreeMap<DefinitionId, Vec<Ready>> = BTreeMap::new();
+        let mut ready: BTreeMap<Model, Vec<Ready>> = BTreeMap::new();
         for (place, (job, carried)) in slice.iter().enumerate() {
             match self.prepare(job, carried) {
                 Ok(Prepared::Ready { options, wanted, start }) => {
-                    ready.entry(job.definition).or_default().push(Ready { place, options, wanted, start });
+                    let model = self.rves[&job.definition].model;
+                    ready.entry(model).or_default().push(Ready { place, options, wanted, start });
                 }
                 Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
                 Err(error) => answers[place] = Some(JobResult::failed(job, &error)),
             }
         }
-        for (definition, group) in ready {
+        for group in ready.into_values() {
             if let [one] = group.as_slice() {
                 answers[one.place] = Some(self.do_alone(&slice[one.place].0, one));
                 continue;
             }
-            for (one, answer) in group.iter().zip(self.do_together(definition, slice, &group)) {
+            for (one, answer) in group.iter().zip(self.do_together(slice, &group)) {
                 answers[one.place] = Some(answer);
             }
         }
@@ -182,21 +194,20 @@ impl<'a> JobRunner<'a> {
         }
     }
 
-    /// Several jobs on one RVE.
-    fn do_together(
-        &mut self,
-        definition: DefinitionId,
-        slice: &[(TrialJob, Vec<u8>)],
-        group: &[Ready],
-    ) -> Vec<JobResult> {
+    /// Several jobs on RVEs of one model, by the solver of the first of them.
+    fn do_together(&mut self, slice: &[(TrialJob, Vec<u8>)], group: &[Ready]) -> Vec<JobResult> {
         let job_of = |ready: &Ready| &slice[ready.place].0;
+        let definition = job_of(&group[0]).definition;
         let mut solver = match self.solver(definition) {
             Ok(solver) => solver,
             Err(error) => return group.iter().map(|ready| JobResult::failed(job_of(ready), &error)).collect(),
         };
         let requests: Vec<TrialRequest<'_>> = group
             .iter()
-            .map(|ready| TrialRequest { state: &ready.start, target: job_of(ready).target, options: ready.options })
+            .map(|ready| {
+                let TrialJob { definition, target, .. } = *job_of(ready);
+                TrialRequest { definition, state: &ready.start, target, options: ready.options }
+            })
             .collect();
         let together = guarded(|| {
             let outcomes = solver.solve_batch(&requests);

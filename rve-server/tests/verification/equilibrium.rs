@@ -4,7 +4,7 @@ use crate::samples::{TRIANGULAR, hundred_discs, lattice, trial};
 use protocol::{RveError, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialRequest};
 use rve_server::cell::ContactNetwork;
 use rve_server::contact::ContactTable;
-use rve_server::definition::{AtStepCap, Criterion, Damping, ListedContact, RveOptions};
+use rve_server::definition::{AtStepCap, Criterion, Damping, GrainDefinition, ListedContact, Packing, RveOptions};
 use rve_server::engine::GrainRve;
 
 const STRAIN: [[f64; 2]; 2] = [[2e-4, 1e-4], [1e-4, -4e-4]];
@@ -122,6 +122,50 @@ fn step_cap_says_how_far_the_trial_got() {
     assert!(unbalanced > 1e-9);
 }
 
+/// Definitions that differ in the places of their grains only are solved side by side, and nobody can tell.
+#[test]
+fn cells_of_several_definitions_in_lanes_are_as_they_are_alone() {
+    let definitions: Vec<GrainDefinition> = [0.0, 0.4, 1.1]
+        .iter()
+        .map(|&angle| {
+            let whole = hundred_discs(draft());
+            let Packing::Discs(packing) = Packing::Discs(whole.packing.clone()).rotated(angle).unwrap() else {
+                panic!("discs stay discs")
+            };
+            GrainDefinition { packing, ..whole }
+        })
+        .collect();
+    let mut cells: Vec<GrainRve> = definitions.iter().map(|definition| GrainRve::new(definition).unwrap()).collect();
+    let identities: Vec<_> = cells.iter().map(|cell| cell.model_identity().unwrap()).collect();
+    assert!(identities[0] == identities[1] && identities[0] == identities[2]);
+    let other = GrainRve::new(&hundred_discs(RveOptions { max_evaluations: Some(70), ..draft() })).unwrap();
+    assert_ne!(other.model_identity().unwrap(), identities[0]);
+    let states: Vec<Vec<u8>> = cells
+        .iter()
+        .map(|cell| {
+            let mut state = Vec::new();
+            cell.snapshot(&mut state);
+            state
+        })
+        .collect();
+    let requests: Vec<TrialRequest<'_>> = (0..7)
+        .map(|number| TrialRequest {
+            definition: cells[number % 3].definition_id(),
+            state: &states[number % 3],
+            // The first moves nothing, and is answered without the solver.
+            target: Tensor2::from_plane(STRAIN.map(|row| row.map(|value| 0.02 * number as f64 * value))),
+            options: TrialOptions::default(),
+        })
+        .collect();
+    let together = cells[1].solve_batch(&requests);
+    for (number, (request, found)) in requests.iter().zip(together).enumerate() {
+        let (answer, state) = found.unwrap();
+        let (expected, expected_state) = protocol::solve_alone(&mut cells[number % 3], request).unwrap();
+        assert_eq!((answer.stress, answer.flags), (expected.stress, expected.flags), "{number}");
+        assert_eq!(state, expected_state, "{number}");
+    }
+}
+
 /// Cells side by side give up as single cells do, and their mates do not notice.
 #[test]
 fn step_cap_in_lanes_is_that_of_single_cells() {
@@ -133,6 +177,7 @@ fn step_cap_in_lanes_is_that_of_single_cells() {
     let questions: Vec<TrialRequest<'_>> = [10u32, 90, 20, 200, 30]
         .iter()
         .map(|&ramp_steps| TrialRequest {
+            definition: cell.definition_id(),
             state: &state,
             target: Tensor2::from_plane(STRAIN.map(|row| row.map(|value| 0.1 * value))),
             options: TrialOptions { ramp_steps, ..TrialOptions::default() },

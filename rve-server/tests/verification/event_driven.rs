@@ -177,8 +177,10 @@ fn answers_are_a_function_of_the_committed_state() {
     };
     let questions: Vec<_> = states.iter().zip(&path).map(question).collect();
     let options = TrialOptions::default();
-    let requests: Vec<TrialRequest<'_>> =
-        questions.iter().map(|(state, target)| TrialRequest { state, target: *target, options }).collect();
+    let requests: Vec<TrialRequest<'_>> = questions
+        .iter()
+        .map(|(state, target)| TrialRequest { definition: other.definition_id(), state, target: *target, options })
+        .collect();
     for (answer, (_, expected)) in other.solve_batch(&requests).into_iter().zip(&states) {
         let (answer, _) = answer.unwrap();
         assert_eq!((answer.stress, answer.flags), (expected.stress, expected.flags));

@@ -81,7 +81,8 @@ fn batches_mix_frictions_and_leave_no_trace() {
             let size = 1e-5 * f64::from(number);
             let target = in_plane([[size, 0.5 * size], [0.0, -2.0 * size]]);
             let reduction = [0.0, 0.3, 0.75][number as usize % 3];
-            TrialRequest { state: &state, target, options: asked(TangentKind::TrussLikeSlip, reduction) }
+            let (definition, options) = (cell.definition_id(), asked(TangentKind::TrussLikeSlip, reduction));
+            TrialRequest { definition, state: &state, target, options }
         })
         .collect();
     let together = cell.solve_batch(&requests);

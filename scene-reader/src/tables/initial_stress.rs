@@ -14,6 +14,12 @@ pub(crate) struct InitialStressTable {
     /// surface, the horizontal one K0 times that.
     #[schemars(extend("x-instead-of" = "uniform"))]
     pub(crate) geostatic: Option<GeostaticTable>,
+    /// Whether the cells are brought to the expected stress of their Gauss points before the run starts; otherwise the packings must have
+    /// been prepared at it. Needs `uniform` or `geostatic`.
+    pub(crate) prepare: bool,
+    /// Pressures that differ by less than this share are prepared at their mean, in one cell; 0: every pressure has a cell of its own.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 0.5))]
+    pub(crate) prepare_spacing: f64,
     /// A start is refused if a stress component of any point differs from the expected one by more than this share of the largest
     /// component expected.
     #[schemars(extend("x-unit" = "-", "x-default" = "not checked"), range(min = 0.0))]

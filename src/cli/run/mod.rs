@@ -13,6 +13,7 @@ mod hosts;
 mod launch;
 mod observers;
 mod plot;
+mod preparation;
 mod progress;
 mod resume;
 mod summary;
@@ -115,7 +116,7 @@ fn worker_count(text: &str) -> Result<usize, String> {
 /// Bad input, an output folder that cannot be written, workers that cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
-    let (scene, assignment) = EngineAssignment::of(scene, arguments.engine.as_deref())?;
+    let (mut scene, assignment) = EngineAssignment::of(scene, arguments.engine.as_deref())?;
     let path = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&scene.name));
     if arguments.workers == Some(0) && arguments.listen.is_none() {
         let problem = "--workers 0: a run needs at least one worker; leave --workers out for one per core, or let agents of other \
@@ -123,6 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::BadInput, problem));
     }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
+    preparation::prepare_cells(&mut scene, arguments.quiet)?;
     let as_run = scene.document.as_run(&scene.materials.renamed())?;
     let description = RunDescription::new(&as_run, &scene.materials.identity());
     let start = if arguments.resume { resume::start(&path, &description)? } else { Start::Beginning };

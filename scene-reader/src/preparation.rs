@@ -1,0 +1,131 @@
+//! `[initial_stress] prepare`: cells brought to the stress of their Gauss points before a run starts.
+
+use super::build::Scene;
+use super::input_error::InputError;
+use macro_solver::mesh::point_places;
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use rve_server::definition::{AnyDefinition, PackingError};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Stresses that differ by less than this share of the pressure differ by rounding only.
+const ROUNDING: f64 = 1e-9;
+
+/// What is prepared, or has been.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellPreparation {
+    /// Number of cells.
+    pub cells: usize,
+    /// Lowest and highest vertical pressure, Pa, compression positive; along axis y.
+    pub vertical_pressure: [f64; 2],
+}
+
+/// One cell to prepare.
+struct PlannedCell {
+    /// Place of its definition.
+    definition: usize,
+    /// Stress, Pa, by rows, tension positive.
+    stress: [[f64; 3]; 3],
+    /// The Gauss points that have it.
+    points: Vec<usize>,
+}
+
+impl Scene {
+    /// What `[initial_stress] prepare` asks for; `None` if the cells stay as they are.
+    pub fn preparation(&self) -> Option<CellPreparation> {
+        let planned = self.planned_cells();
+        let vertical = || planned.iter().map(|cell| -cell.stress[1][1]);
+        (!planned.is_empty()).then(|| CellPreparation {
+            cells: planned.len(),
+            vertical_pressure: [
+                vertical().fold(f64::INFINITY, f64::min),
+                vertical().fold(f64::NEG_INFINITY, f64::max),
+            ],
+        })
+    }
+
+    /// Brings the cells to the stress of their points if the scene asks for it, on all cores; the result does not depend on their number.
+    /// `progress` is called from any thread with the number of cells done.
+    ///
+    /// # Errors
+    /// A stress that the grains of a point cannot carry, with its place and remedy.
+    pub fn prepare_cells(
+        &mut self,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Option<CellPreparation>, InputError> {
+        let Some(preparation) = self.preparation() else { return Ok(None) };
+        let planned = self.planned_cells();
+        let done = AtomicUsize::new(0);
+        let prepare = |cell: &PlannedCell| {
+            let made = self.materials.definitions[cell.definition].at_stress(&cell.stress);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+            made.map_err(|error| self.refusal(cell, &error))
+        };
+        // The error of the first cell that fails, whichever thread comes first.
+        let made: Vec<Result<AnyDefinition, InputError>> = planned.par_iter().map(prepare).collect();
+        let definitions = made.into_iter().collect::<Result<Vec<_>, _>>()?;
+        // The first definition stays: it is the packing of the scene itself.
+        let first = self.materials.definitions.len();
+        for (place, cell) in planned.iter().enumerate() {
+            for &point in &cell.points {
+                self.materials.made_of[point] = first + place;
+            }
+        }
+        self.materials.definitions.extend(definitions);
+        Ok(Some(preparation))
+    }
+
+    /// The cells to prepare, in the order of their first points.
+    fn planned_cells(&self) -> Vec<PlannedCell> {
+        let (Some(expected), Some(spacing)) = (&self.problem.initial.expected, self.prepare_spacing) else {
+            return Vec::new();
+        };
+        let places = point_places(&self.problem.mesh);
+        let stresses: Vec<Matrix3<f64>> = places.iter().map(|place| expected.at(*place)).collect();
+        let pressures = stresses.iter().map(|stress| -stress[(1, 1)]);
+        let lowest = pressures.clone().filter(|pressure| *pressure > 0.0).fold(f64::INFINITY, f64::min);
+        let mut places_of: BTreeMap<(usize, i64), usize> = BTreeMap::new();
+        let mut planned: Vec<PlannedCell> = Vec::new();
+        for (point, pressure) in pressures.enumerate() {
+            let level = (pressure / lowest).ln() / spacing.max(ROUNDING).ln_1p();
+            // Pressures that are not positive are refused with their cell.
+            let level = if level.is_finite() { level.round() as i64 } else { i64::MIN };
+            let definition = self.materials.made_of[point];
+            let place = *places_of.entry((definition, level)).or_insert_with(|| {
+                planned.push(PlannedCell { definition, stress: [[0.0; 3]; 3], points: Vec::new() });
+                planned.len() - 1
+            });
+            planned[place].points.push(point);
+        }
+        for cell in &mut planned {
+            let sum: Matrix3<f64> = cell.points.iter().map(|&point| stresses[point]).sum();
+            let mean = if spacing == 0.0 { stresses[cell.points[0]] } else { sum / cell.points.len() as f64 };
+            cell.stress = std::array::from_fn(|i| std::array::from_fn(|j| mean[(i, j)]));
+        }
+        planned
+    }
+
+    fn refusal(&self, cell: &PlannedCell, error: &PackingError) -> InputError {
+        let point = cell.points[0];
+        let [x, y, z] = point_places(&self.problem.mesh)[point];
+        let at = if self.problem.mesh.dimension.count() == 2 {
+            format!("({x:.4}, {y:.4})")
+        } else {
+            format!("({x:.4}, {y:.4}, {z:.4})")
+        };
+        let [[xx, ..], [_, yy, _], [.., zz]] = cell.stress;
+        self.document
+            .error_at_key(
+                &["initial_stress", "prepare"],
+                format!(
+                    "the cell of Gauss point {point} at {at} m cannot be brought to the stress xx {xx:.3e}, yy {yy:.3e}, zz {zz:.3e} Pa \
+                     (tension positive): {error}"
+                ),
+            )
+            .hint(
+                "grains bear no tension and only so much shear: give a surcharge, a rest_coefficient that their friction allows, or \
+                 a denser packing",
+            )
+    }
+}

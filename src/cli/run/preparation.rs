@@ -1,0 +1,26 @@
+//! Cells brought to the stress of their Gauss points before the run, with progress for people.
+
+use super::super::heartbeat::Heartbeat;
+use crate::exit::Failure;
+use scene_reader::Scene;
+use std::time::Instant;
+
+/// Prepares the cells if `[initial_stress] prepare` asks for it.
+///
+/// # Errors
+/// A stress that the grains of a point cannot carry.
+pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool) -> Result<(), Failure> {
+    let Some(planned) = scene.preparation() else { return Ok(()) };
+    let begun = Instant::now();
+    let heartbeat = Heartbeat::start(quiet);
+    scene.prepare_cells(&|done| heartbeat.set(format!("cell {done} of {} brought to its stress", planned.cells)))?;
+    drop(heartbeat);
+    let [lowest, highest] = planned.vertical_pressure;
+    let (cells, seconds) = (planned.cells, begun.elapsed().as_secs_f64());
+    if !quiet {
+        eprintln!(
+            "{cells} cells brought to vertical pressures of {lowest:.3e} to {highest:.3e} Pa in {seconds:.1} s"
+        );
+    }
+    Ok(())
+}
