@@ -46,10 +46,8 @@ impl TangentUpdate {
     /// Modified Newton with the values that were measured to need the fewest evaluations.
     pub const WHEN_SLOW: Self = Self::WhenSlow { contraction: 0.5, most_uses: 12 };
 
-    /// What full Newton needs and no more: the last iterate of a step, which is only checked, gets no tangents of its own.
-    pub const EACH_STEP_OR_SLOW: Self = Self::EachStepOrSlow { contraction: 0.5 };
-
-    /// Less than that: steps whose first iterate is in balance get no tangents at all.
+    /// Less than what full Newton needs: the last iterate of a step, which is only checked, gets no tangents of its own, and steps whose
+    /// first iterate is in balance get none at all.
     pub const SECOND_ITERATE_OR_SLOW: Self = Self::SecondIterateOrSlow { contraction: 0.5 };
 
     /// Whether a factorization outlives the iterate that it was made at.

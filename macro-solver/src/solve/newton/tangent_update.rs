@@ -188,8 +188,9 @@ mod tests {
         assert_eq!(asked(TangentUpdate::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
         assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
-        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
-        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
+        let each_step_or_slow = TangentUpdate::EachStepOrSlow { contraction: 0.5 };
+        assert_eq!(asked(each_step_or_slow, &[1.0, 0.4, 0.15]), "TFss TFss.");
+        assert_eq!(asked(each_step_or_slow, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0, 0.8, 0.7]), "TFss sTFs.", "slow or not");
         assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0]), "TF s.");
         assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss sTFs.");
