@@ -372,7 +372,14 @@ impl RveError {
             Self::NotFinite { force_evaluations } | Self::NotEquilibrated { force_evaluations, .. } => {
                 *force_evaluations
             }
-            _ => 0,
+            Self::TargetNotFinite
+            | Self::TargetInverted { .. }
+            | Self::TargetTooLarge { .. }
+            | Self::Unsupported(_)
+            | Self::Definition(_)
+            | Self::Snapshot(_)
+            | Self::NothingToCommit
+            | Self::EngineFault(_) => 0,
         }
     }
 }

@@ -3,7 +3,6 @@
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
 use crate::stdout::deliver;
-use rve_server::contact::LawName;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use scene_reader::{Document, Kind};
@@ -85,7 +84,7 @@ fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(),
 /// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says
 /// no pressure.
 fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
-    if recipe.contact.law != LawName::Linear {
+    if !recipe.contact.law.is_linear() {
         return None;
     }
     let target = recipe.stress_target().ok()?;

@@ -134,7 +134,9 @@ impl Formulation {
     pub fn deformation(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
         match self {
             Self::SmallStrain => committed + gradient,
-            _ => (Matrix3::identity() + gradient) * committed,
+            Self::TotalLagrangian | Self::UpdatedLagrangian | Self::Corotational => {
+                (Matrix3::identity() + gradient) * committed
+            }
         }
     }
 
@@ -171,7 +173,9 @@ impl Formulation {
                 let stress = first_piola(deformation.determinant(), &inverse, &response.stress);
                 Some((stress, piola_moduli(deformation.determinant(), &inverse, &response.moduli)))
             }
-            _ => Some((response.stress, response.moduli)),
+            Self::SmallStrain | Self::UpdatedLagrangian | Self::Corotational => {
+                Some((response.stress, response.moduli))
+            }
         }
     }
 
@@ -181,7 +185,7 @@ impl Formulation {
             Self::TotalLagrangian => {
                 Some(first_piola(deformation.determinant(), &deformation.try_inverse()?, stress))
             }
-            _ => Some(*stress),
+            Self::SmallStrain | Self::UpdatedLagrangian | Self::Corotational => Some(*stress),
         }
     }
 
@@ -195,7 +199,7 @@ impl Formulation {
     ) -> Option<Matrix3<f64>> {
         match self {
             Self::Corotational => Some(Corotation::of_step(committed, gradient)?.out_of_frame(answer)),
-            _ => Some(*answer),
+            Self::SmallStrain | Self::TotalLagrangian | Self::UpdatedLagrangian => Some(*answer),
         }
     }
 }

@@ -250,7 +250,11 @@ impl Problem {
             Condition::Platen { nodes, contact, axis: along, .. } => {
                 ((*along == axis || *contact == Platen::Rough) && holds(nodes)).then_some(nodes)
             }
-            _ => None,
+            Condition::Pressure { .. }
+            | Condition::Traction { .. }
+            | Condition::BodyForce { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => None,
         });
         prescribing.map_or("", String::as_str)
     }
@@ -273,7 +277,11 @@ impl Problem {
     fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
         let acts_along_z = |applied: &Applied| match &applied.condition {
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
-            _ => false,
+            Condition::Displacement { .. }
+            | Condition::Platen { .. }
+            | Condition::Pressure { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => false,
         };
         if self.mesh.dimension == Dimension::Plane && stage.conditions.iter().any(acts_along_z) {
             return Err(ProblemError::NoThirdAxis);

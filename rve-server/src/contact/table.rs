@@ -27,6 +27,22 @@ impl LawName {
             Self::HertzMindlin => "hertz_mindlin",
         }
     }
+
+    /// Whether the stiffness of a contact does not change with its overlap.
+    pub fn is_linear(self) -> bool {
+        match self {
+            Self::Linear => true,
+            Self::HertzMindlin => false,
+        }
+    }
+
+    /// Whether it is a law of discs too, not of spheres alone.
+    pub fn is_for_discs(self) -> bool {
+        match self {
+            Self::Linear => true,
+            Self::HertzMindlin => false,
+        }
+    }
 }
 
 /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
@@ -157,7 +173,10 @@ impl ContactTable {
 
     /// Whether contacts resist sliding before they slide. Hertz-Mindlin contacts always do.
     pub fn has_tangential_springs(&self) -> bool {
-        self.law != LawName::Linear || self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0)
+        match self.law {
+            LawName::Linear => self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0),
+            LawName::HertzMindlin => true,
+        }
     }
 
     /// Checks every key.
@@ -237,7 +256,7 @@ impl ContactTable {
     /// # Errors
     /// Hertz-Mindlin spheres in a plane.
     pub fn validate_for(&self, dimension: usize) -> Result<(), DefinitionError> {
-        if self.law == LawName::HertzMindlin && dimension != 3 {
+        if dimension != 3 && !self.law.is_for_discs() {
             return Err(self.no_law_of_discs());
         }
         Ok(())

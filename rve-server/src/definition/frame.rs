@@ -73,7 +73,7 @@ impl FrameControl {
             Self::Servo { gain } if !(gain > 0.0 && gain < 2.0) => Err(DefinitionError(format!(
                 "{key}.servo.gain = {gain} must lie between 0 and 2: beyond, the servo diverges"
             ))),
-            _ => Ok(()),
+            Self::Direct | Self::Servo { .. } => Ok(()),
         }
     }
 }

@@ -155,7 +155,16 @@ impl RowMeasure {
     pub fn unit(self) -> &'static str {
         match self {
             Self::MeanPressure => "Pa",
-            _ => "-",
+            Self::StressRatio
+            | Self::MobilisedSine
+            | Self::VoidRatio
+            | Self::CoordinationNumber
+            | Self::CoordinationNumberNoRattlers
+            | Self::FabricAnisotropy
+            | Self::SlidingFraction
+            | Self::VolumeStrain
+            | Self::Dilatancy
+            | Self::StressOverDilatancy => "-",
         }
     }
 

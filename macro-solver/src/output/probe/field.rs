@@ -116,7 +116,20 @@ fn mean_of_part<'a>(
         Measure::ElasticEnergy | Measure::FrictionalDissipation => {
             points.map(|(number, point)| point.volume * measure.at(number, point, origin)).sum()
         }
-        _ => mean(points, |number, point| measure.at(number, point, origin)),
+        Measure::VoidRatio
+        | Measure::Porosity
+        | Measure::Coordination
+        | Measure::CoordinationNoRattlers
+        | Measure::FabricAnisotropy
+        | Measure::Fabric(..)
+        | Measure::SlidingFraction
+        | Measure::GrainRotation(_)
+        | Measure::DisplacementGradient(..)
+        | Measure::Strain(..)
+        | Measure::ShearStrain(_)
+        | Measure::ShearStrainIncrement(_)
+        | Measure::DeviatoricStrain
+        | Measure::DeviatoricStrainIncrement => mean(points, |number, point| measure.at(number, point, origin)),
     }
 }
 
@@ -131,7 +144,12 @@ fn stress_of_part<'a>(measure: StressMeasure, points: impl Iterator<Item = (usiz
             -mean(points, trace) / axes as f64
         }
         StressMeasure::Deviator => mean(points, |_, point| point.stress.get(0, 0) - point.stress.get(1, 1)),
-        _ => measure.of(&Tensor2(std::array::from_fn(|pair| stress(pair / 3, pair % 3)))),
+        StressMeasure::Ratio
+        | StressMeasure::Principal(..)
+        | StressMeasure::PrincipalRatio(..)
+        | StressMeasure::SigmaBar
+        | StressMeasure::FrictionAngle(_)
+        | StressMeasure::VonMises => measure.of(&Tensor2(std::array::from_fn(|pair| stress(pair / 3, pair % 3)))),
     }
 }
 

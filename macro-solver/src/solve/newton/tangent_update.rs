@@ -44,7 +44,13 @@ impl TangentUpdater {
             {
                 TangentUpdate::Always
             }
-            update => update,
+            update @ (TangentUpdate::Always
+            | TangentUpdate::WhenSlow { .. }
+            | TangentUpdate::EachStep
+            | TangentUpdate::EachStepOrSlow { .. }
+            | TangentUpdate::SecondIterate
+            | TangentUpdate::SecondIterateOrSlow { .. }
+            | TangentUpdate::Once) => update,
         };
         // Nothing is known about a step before the first.
         Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: true }

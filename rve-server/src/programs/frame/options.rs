@@ -162,7 +162,7 @@ impl FrameOptions {
                     "frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"
                 )));
             }
-            _ => (),
+            FrameDamping::Fire | FrameDamping::Local { .. } => (),
         }
         self.control.validate("frame.control")
     }
