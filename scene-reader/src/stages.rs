@@ -8,10 +8,10 @@ use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
 use super::sets::Sets;
 use super::solving::{loading, refuse_equations, solver};
-use super::tables::{LoadingTable, ProcedureKeyword, SceneFile, SolverTable, StageTable};
+use super::tables::{ProcedureKeyword, SceneFile, SolverTable, StageTable};
 use keys::{Key, Located, Table};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{NamedStrategy, Procedure, Stage, Tolerances};
+use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stage, Tolerances};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -85,7 +85,7 @@ pub(super) fn stages(
 /// procedure that does.
 fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
     let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
-    for (table, keys) in [("loading", Table::of::<LoadingTable>()), ("solver", Table::of::<SolverTable>())] {
+    for (table, keys) in [("loading", Table::of::<LoadingSettings>()), ("solver", Table::of::<SolverTable>())] {
         let is_used = |key: &Key| {
             key.procedures.is_empty() || key.procedures.iter().any(|procedure| keywords.contains(&procedure.as_str()))
         };
@@ -136,7 +136,7 @@ const MOST_INCREMENTS: usize = 300;
 
 /// Where its tables do not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
 /// docs/lab-book/strategies.md.
-fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingTable>]) {
+fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {

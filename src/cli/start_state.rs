@@ -169,7 +169,7 @@ fn imbalance(scene: &Scene) -> Option<f64> {
         .map(|one| PackingState::of(one).ok().map(|packing| packing.stress))
         .collect();
     // With this limit any residual ends the run after its first evaluation.
-    problem.initial.largest_imbalance = Some(0.0);
+    problem.initial.limits.largest_imbalance = Some(0.0);
     let mut material = AsGiven { stress: stress?, made_of: &scene.materials.made_of, evaluated: false };
     let run = solve(&problem, &mut material, &mut Silent);
     Some(run.statistics.initial_imbalance)

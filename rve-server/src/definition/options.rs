@@ -163,6 +163,7 @@ pub struct RveOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<CellFrame>,
     /// Perturbations and averages of tangent operators.
+    #[serde(serialize_with = "OperatorOptions::with_old_names")]
     pub operator: OperatorOptions,
 }
 
@@ -190,7 +191,6 @@ impl RveOptions {
         if self.viscous_damping.is_some() && self.damping != Damping::Viscous {
             return Err(DefinitionError("rve.viscous_damping needs damping = \"viscous\"".into()));
         }
-        self.frame.as_ref().map_or(Ok(()), CellFrame::validate)?;
         self.operator.validate()
     }
 

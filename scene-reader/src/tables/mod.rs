@@ -36,6 +36,7 @@ use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::nonlocal::NonlocalSettings;
+use macro_solver::problem::LoadingSettings;
 use macro_solver::problem::dynamics::DynamicSettings;
 use macro_solver::problem::relaxation::RelaxationSettings;
 use rve_server::contact::ContactTable;
@@ -111,7 +112,7 @@ pub(crate) struct SceneFile {
     pub(crate) procedure: ProcedureKeyword,
     /// Load steps.
     #[serde(default)]
-    pub(crate) loading: Given<LoadingTable>,
+    pub(crate) loading: Given<LoadingSettings>,
     /// Explicit dynamics: keys of stages with procedure = "dynamic".
     #[serde(default)]
     pub(crate) dynamics: Given<DynamicSettings>,
