@@ -162,7 +162,7 @@ mod tests {
             ("solver.tangent_floor=1.5", "solver.tangent_floor"),
             ("solver.tangent_flor=0.1", "tangent_flor"),
             ("rve.operator.perturbation=0", "rve.operator.perturbation"),
-            ("rve.operator.perturbation=0.1", "too large"),
+            ("rve.operator.perturbation=0.1", "at most 0.01"),
             ("rve.operator.quasi_static_perturbation=-1e-6", "rve.operator.quasi_static_perturbation"),
             ("rve.operator.quasi_static_tolerance=nan", "rve.operator.quasi_static_tolerance"),
             ("rve.operator.average_steps=0", "at least 1"),
