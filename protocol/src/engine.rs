@@ -62,56 +62,33 @@ pub enum TangentKind {
     TrussLikeSlipAtRest = 17,
 }
 
-impl TangentKind {
-    /// All kinds, in wire order.
-    pub const ALL: [Self; 18] = [
-        Self::None,
-        Self::TrussLike,
-        Self::TrussLikeSlip,
-        Self::Kruyt,
-        Self::KruytPrinted,
-        Self::KruytCalibrated,
-        Self::KruytCalibratedPrinted,
-        Self::KruytTwiceCalibrated,
-        Self::KruytTwiceCalibratedPrinted,
-        Self::KruytAugmented,
-        Self::KruytAugmentedPrinted,
-        Self::QuasiStatic,
-        Self::Consistent,
-        Self::ConsistentCentral,
-        Self::ElasticAverage,
-        Self::TrussLikeReleased,
-        Self::TrussLikeReleasedAtRest,
-        Self::TrussLikeSlipAtRest,
-    ];
+crate::keywords! {
+    pub TangentKind {
+        None => "none",
+        TrussLike => "truss_like",
+        TrussLikeSlip => "truss_like_slip",
+        Kruyt => "kruyt",
+        KruytPrinted => "kruyt_printed",
+        KruytCalibrated => "kruyt_calibrated",
+        KruytCalibratedPrinted => "kruyt_calibrated_printed",
+        KruytTwiceCalibrated => "kruyt_twice_calibrated",
+        KruytTwiceCalibratedPrinted => "kruyt_twice_calibrated_printed",
+        KruytAugmented => "kruyt_augmented",
+        KruytAugmentedPrinted => "kruyt_augmented_printed",
+        QuasiStatic => "quasi_static",
+        Consistent => "consistent",
+        ConsistentCentral => "consistent_central",
+        ElasticAverage => "elastic_average",
+        TrussLikeReleased => "truss_like_released",
+        TrussLikeReleasedAtRest => "truss_like_released_at_rest",
+        TrussLikeSlipAtRest => "truss_like_slip_at_rest",
+    }
+}
 
+impl TangentKind {
     /// The kind with this wire number.
     pub fn from_wire(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| *kind as u32 == number)
-    }
-
-    /// The keyword used in scene files and on the command line.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::TrussLike => "truss_like",
-            Self::TrussLikeSlip => "truss_like_slip",
-            Self::Kruyt => "kruyt",
-            Self::KruytPrinted => "kruyt_printed",
-            Self::KruytCalibrated => "kruyt_calibrated",
-            Self::KruytCalibratedPrinted => "kruyt_calibrated_printed",
-            Self::KruytTwiceCalibrated => "kruyt_twice_calibrated",
-            Self::KruytTwiceCalibratedPrinted => "kruyt_twice_calibrated_printed",
-            Self::KruytAugmented => "kruyt_augmented",
-            Self::KruytAugmentedPrinted => "kruyt_augmented_printed",
-            Self::QuasiStatic => "quasi_static",
-            Self::Consistent => "consistent",
-            Self::ConsistentCentral => "consistent_central",
-            Self::ElasticAverage => "elastic_average",
-            Self::TrussLikeReleased => "truss_like_released",
-            Self::TrussLikeReleasedAtRest => "truss_like_released_at_rest",
-            Self::TrussLikeSlipAtRest => "truss_like_slip_at_rest",
-        }
     }
 }
 

@@ -59,21 +59,16 @@ pub struct Response {
     pub moduli: Operator,
 }
 
-impl Formulation {
-    /// All formulations.
-    pub const ALL: [Self; 4] =
-        [Self::SmallStrain, Self::TotalLagrangian, Self::UpdatedLagrangian, Self::Corotational];
-
-    /// The keyword of scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::SmallStrain => "small_strain",
-            Self::TotalLagrangian => "total_lagrangian",
-            Self::UpdatedLagrangian => "updated_lagrangian",
-            Self::Corotational => "corotational",
-        }
+protocol::keywords! {
+    pub Formulation {
+        SmallStrain => "small_strain",
+        TotalLagrangian => "total_lagrangian",
+        UpdatedLagrangian => "updated_lagrangian",
+        Corotational => "corotational",
     }
+}
 
+impl Formulation {
     /// The configuration on which the step's displacement gradient is taken.
     pub fn reference(self) -> Configuration {
         match self {

@@ -16,18 +16,14 @@ pub enum LawName {
     HertzMindlin,
 }
 
-impl LawName {
-    /// All of them: what this program serves.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::HertzMindlin];
-
-    /// As scenes and capabilities spell it.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::HertzMindlin => "hertz_mindlin",
-        }
+protocol::keywords! {
+    pub LawName {
+        Linear => "linear",
+        HertzMindlin => "hertz_mindlin",
     }
+}
 
+impl LawName {
     /// Whether the stiffness of a contact does not change with its overlap.
     pub fn is_linear(self) -> bool {
         match self {
@@ -309,6 +305,7 @@ fn refuse_given(keys: &[(&str, bool)], law: &str) -> Result<(), DefinitionError>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::definition::{Criterion, Damping, FrameConstraint};
 
     fn contact(text: &str) -> Result<(), String> {
         let table: ContactTable = toml::from_str(text).map_err(|error| error.message().to_owned())?;
@@ -331,6 +328,15 @@ mod tests {
     fn keywords_are_those_of_scenes() {
         for law in LawName::ALL {
             assert_eq!(serde_json::to_value(law).unwrap(), law.keyword());
+        }
+        for criterion in Criterion::ALL {
+            assert_eq!(serde_json::to_value(criterion).unwrap(), criterion.keyword());
+        }
+        for damping in Damping::ALL {
+            assert_eq!(serde_json::to_value(damping).unwrap(), damping.keyword());
+        }
+        for constraint in FrameConstraint::ALL {
+            assert_eq!(serde_json::to_value(constraint).unwrap(), constraint.keyword());
         }
     }
 

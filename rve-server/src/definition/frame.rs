@@ -16,16 +16,15 @@ pub enum FrameConstraint {
     Traction,
 }
 
-impl FrameConstraint {
-    /// The keyword.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Periodic => "periodic",
-            Self::Traction => "traction",
-        }
+protocol::keywords! {
+    pub FrameConstraint {
+        Linear => "linear",
+        Periodic => "periodic",
+        Traction => "traction",
     }
 }
+
+impl FrameConstraint {}
 
 /// How opposite boundary grains are brought to cancelling loads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -34,16 +34,15 @@ pub enum Criterion {
     Energy,
 }
 
-impl Criterion {
-    /// The keyword used in scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::MaxForce => "max_force",
-            Self::RmsForce => "rms_force",
-            Self::Energy => "energy",
-        }
+protocol::keywords! {
+    pub Criterion {
+        MaxForce => "max_force",
+        RmsForce => "rms_force",
+        Energy => "energy",
     }
 }
+
+impl Criterion {}
 
 /// Dampings by keyword.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -62,18 +61,17 @@ pub enum Damping {
     Adaptive,
 }
 
-impl Damping {
-    /// The keyword used in scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Fire => "fire",
-            Self::Local => "local",
-            Self::Viscous => "viscous",
-            Self::Kinetic => "kinetic",
-            Self::Adaptive => "adaptive",
-        }
+protocol::keywords! {
+    pub Damping {
+        Fire => "fire",
+        Local => "local",
+        Viscous => "viscous",
+        Kinetic => "kinetic",
+        Adaptive => "adaptive",
     }
 }
+
+impl Damping {}
 
 /// Treatment of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -13,8 +13,8 @@ use super::materials::Materials;
 use super::sets::Sets;
 use super::tables::{ProbeKind, ProbeTable, SceneFile};
 use keys::Located;
-use keys_of_probe::{Keys, statistic};
-use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity};
+use keys_of_probe::Keys;
+use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity, Statistic};
 use macro_solver::problem::Axis;
 use measure::{Word, bare_measure, measure};
 
@@ -143,7 +143,7 @@ fn field(keys: &Keys<'_>, kind: ProbeKind) -> Result<FieldProbe, InputError> {
     Ok(FieldProbe {
         measure,
         part: part::part(keys.context, probe.part.as_ref())?,
-        statistic: statistic(probe.statistic.as_ref()),
+        statistic: probe.statistic.as_ref().map_or(Statistic::default(), |one| *one.get_ref()),
         reference: keys.reference()?,
     })
 }

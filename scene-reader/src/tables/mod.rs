@@ -24,7 +24,7 @@ pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
 pub(crate) use output::*;
-pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable, StatisticKeyword};
+pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable};
 pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
 pub(crate) use solving::*;

@@ -7,6 +7,8 @@ use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
 use crate::output::units::energy;
 use protocol::Tensor2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A measure over Gauss points, reduced to one number.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,18 +48,19 @@ impl Part {
     }
 }
 
-/// How values at Gauss points become one number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How values at Gauss points become one number. Energies, which have no other statistic than the mean, are sums over the part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Statistic {
-    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of
-    /// the whole part, and energies are sums over the part.
+    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of the
+    /// part as a whole.
     #[default]
     Mean,
-    /// Smallest value of a point.
+    /// Smallest value.
     Minimum,
-    /// Largest value of a point.
+    /// Largest value.
     Maximum,
-    /// Standard deviation of the values of the points, weighted with the current volume.
+    /// Standard deviation, weighted with the current volume.
     StandardDeviation,
 }
 

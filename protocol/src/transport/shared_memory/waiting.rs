@@ -34,17 +34,11 @@ pub enum Waiting {
     Spin,
 }
 
-impl Waiting {
-    /// All policies.
-    pub const ALL: [Self; 3] = [Self::Block, Self::Hybrid, Self::Spin];
-
-    /// Name on the command line and in files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Block => "block",
-            Self::Hybrid => "hybrid",
-            Self::Spin => "spin",
-        }
+crate::keywords! {
+    pub Waiting {
+        Block => "block",
+        Hybrid => "hybrid",
+        Spin => "spin",
     }
 }
 
