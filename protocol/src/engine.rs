@@ -216,7 +216,7 @@ impl TrialFlags {
     pub const LARGE_OVERLAP: Self = Self(8);
     /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
     /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
-    pub const FLUID: Self = Self(16);
+    pub const NO_LOAD_BEARING_CONTACTS: Self = Self(16);
     /// The result equals the committed state because the target was exactly zero; nothing was solved.
     pub const SKIPPED_NULL_TARGET: Self = Self(32);
     /// The relaxation made no headway and went on with another damping and smaller steps. The answer is as good as any
@@ -294,7 +294,7 @@ pub enum RveError {
     },
     /// The step cap ended the solver before the grains were in equilibrium, and the options accept no result then.
     #[error(
-        "the grains did not come to rest: strain {strain:.3e} of {asked:.3e} applied in {increments} of {of} increments, \
+        "the grains did not come to rest: strain {strain:.3e} of {target:.3e} applied in {increments} of {of} increments, \
          unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
          use smaller steps, or raise the step cap"
     )]
@@ -302,7 +302,8 @@ pub enum RveError {
         /// Largest component of the stretch that was applied.
         strain: f64,
         /// The same of the target.
-        asked: f64,
+        #[serde(rename = "asked")]
+        target: f64,
         /// Increments of the ramp that were done.
         increments: u64,
         /// Increments of the whole ramp.

@@ -117,8 +117,8 @@ fn summary(recipe: &PackingRecipe, report: &PackingReport) -> String {
     let kind = if report.dimension == 2 { "discs" } else { "spheres" };
     let mut text = format!("{} {kind}, seed {}\n", report.grains, recipe.seed);
     text += &format!("  {:<34} {:>15} {:>15} {:>10}\n", "quantity", "requested", "reached", "tolerance");
-    for Requirement { quantity, asked, got, tolerance } in &report.requirements {
-        text += &format!("  {quantity:<34} {asked:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
+    for Requirement { quantity, requested, got, tolerance } in &report.requirements {
+        text += &format!("  {quantity:<34} {requested:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
     }
     let state = [
         ("void ratio", format!("{:.5} (porosity {:.5})", report.void_ratio, report.porosity)),

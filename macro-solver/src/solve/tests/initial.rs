@@ -1,4 +1,4 @@
-//! The stress that a body starts with: a ground at rest stays at rest, and what is out of balance is told.
+//! The stress that a body starts with: a ground at rest stays at rest, and what is out of balance is misfit.
 
 use super::*;
 use crate::observer::Outcome;
@@ -48,8 +48,8 @@ fn what_is_out_of_balance_is_told_and_equilibrated_or_refused() {
     problem.stages[0].tolerances = TIGHT;
     let (settled, record) = run(&problem, &mut start(&problem, &light));
     assert!(matches!(settled.outcome, Outcome::Completed), "{:?}", settled.outcome);
-    let told = (settled.statistics.initial_imbalance, settled.statistics.initial_deviation);
-    assert!((0.1..1.0).contains(&told.0) && (told.1 - 0.5).abs() < 0.1, "{told:?}");
+    let misfit = (settled.statistics.initial_imbalance, settled.statistics.initial_deviation);
+    assert!((0.1..1.0).contains(&misfit.0) && (misfit.1 - 0.5).abs() < 0.1, "{misfit:?}");
     assert!(record.steps[0].iterations > 0 && record.steps[0].force_ratio < 1e-9, "step 0 has settled it");
     problem.initial.limits.largest_imbalance = Some(0.05);
     let (refused, record) = run(&problem, &mut start(&problem, &light));
