@@ -24,8 +24,6 @@ protocol::keywords! {
     }
 }
 
-impl FrameConstraint {}
-
 /// How opposite boundary grains are brought to cancelling loads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

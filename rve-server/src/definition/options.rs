@@ -42,8 +42,6 @@ protocol::keywords! {
     }
 }
 
-impl Criterion {}
-
 /// Dampings by keyword.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -70,8 +68,6 @@ protocol::keywords! {
         Adaptive => "adaptive",
     }
 }
-
-impl Damping {}
 
 /// Treatment of a trial whose grains are not in equilibrium after [`RveOptions::max_steps`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

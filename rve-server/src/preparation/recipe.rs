@@ -109,8 +109,6 @@ protocol::keywords! {
     }
 }
 
-impl StateQuantity {}
-
 /// The table `[anisotropy]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

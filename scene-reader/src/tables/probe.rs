@@ -231,8 +231,6 @@ protocol::keywords! {
     }
 }
 
-impl ProbeKind {}
-
 #[cfg(test)]
 mod tests {
     use super::*;
