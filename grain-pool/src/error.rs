@@ -1,5 +1,6 @@
 //! Why a call was refused or failed.
 
+use crate::SnapshotError;
 use macro_solver::material::MaterialError;
 use protocol::RveError;
 use rve_server::programs::rve_test::ElementError;
@@ -68,7 +69,7 @@ pub enum PoolError {
         /// Place in the call, from 0.
         place: usize,
         /// What is wrong, with the remedy.
-        reason: String,
+        reason: SnapshotError,
     },
     /// The program of the workers is not there.
     #[error("there is no program at {}; build it with `cargo build --release`, or give the path of `grainspan`", .0.display())]

@@ -27,4 +27,4 @@ pub use element_test::{ElementOutcome, element_test};
 pub use error::PoolError;
 pub use pool::{PoolOptions, RvePool, State, Trial};
 pub use rve::Rve;
-pub use snapshot::Snapshot;
+pub use snapshot::{Snapshot, SnapshotError};

@@ -1,7 +1,7 @@
 //! One cell in this process.
 
 use crate::error::PoolError;
-use crate::snapshot::Snapshot;
+use crate::snapshot::{Snapshot, SnapshotError};
 use macro_solver::pool::PointState;
 use protocol::{DefinitionId, RveEngine, RveError, RveSolver, Tensor2, TrialOptions, TrialResult};
 use rve_server::definition::AnyDefinition;
@@ -64,13 +64,13 @@ impl Rve {
     /// # Errors
     /// [`PoolError::Snapshot`]; the committed state is unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot, cell: &AnyDefinition) -> Result<(), PoolError> {
-        let refuse = |reason: String| PoolError::Snapshot { place: 0, reason };
+        let refuse = |reason: SnapshotError| PoolError::Snapshot { place: 0, reason };
         snapshot.fits(self.definition).map_err(refuse)?;
         if snapshot.state.bytes.is_empty() {
             *self = Self::new(cell)?;
             return Ok(());
         }
-        self.solver.restore(&snapshot.state.bytes).map_err(|error| refuse(error.to_string()))?;
+        self.solver.restore(&snapshot.state.bytes).map_err(|error| refuse(error.into()))?;
         self.is_initial = false;
         Ok(())
     }

@@ -1,11 +1,29 @@
 //! The state of one point as bytes that can be kept and moved.
 
 use macro_solver::pool::PointState;
-use protocol::{ContentId, DefinitionId, snapshot};
+use protocol::{ContentId, DefinitionId, RveError, snapshot};
 use rve_server::engine::ENGINE_NAME;
+use thiserror::Error;
 
 /// Bytes of the identity before the state.
 const IDENTITY: usize = 16;
+
+/// Why bytes, or what they hold, cannot become the state of a point.
+#[derive(Debug, Error)]
+pub enum SnapshotError {
+    /// Not even an identity.
+    #[error("these bytes are too short to be a snapshot; give the bytes that `snapshot` returned")]
+    TooShort,
+    /// Damaged or foreign bytes.
+    #[error(transparent)]
+    Sealed(#[from] snapshot::SnapshotError),
+    /// It was taken of another definition.
+    #[error("it was taken of another cell; packing, contact law and options have to be the same")]
+    OtherCell,
+    /// The cell refuses the state.
+    #[error(transparent)]
+    State(#[from] RveError),
+}
 
 /// The committed state of one point: what it is made of, and the sealed state of its grains. Cheap to clone.
 #[derive(Clone, Debug)]
@@ -26,13 +44,13 @@ impl Snapshot {
     /// Reads the bytes of [`Snapshot::to_bytes`].
     ///
     /// # Errors
-    /// Damaged or foreign bytes, in a sentence.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+    /// [`SnapshotError`]: damaged or foreign bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SnapshotError> {
         let Some((identity, state)) = bytes.split_first_chunk::<IDENTITY>() else {
-            return Err("these bytes are too short to be a snapshot; give the bytes that `snapshot` returned".into());
+            return Err(SnapshotError::TooShort);
         };
         if !state.is_empty() {
-            snapshot::open(ENGINE_NAME, state).map_err(|error| error.to_string())?;
+            snapshot::open(ENGINE_NAME, state)?;
         }
         Ok(Self { definition: ContentId(*identity), state: PointState::from_snapshot(state.into()) })
     }
@@ -40,11 +58,11 @@ impl Snapshot {
     /// Whether it can be restored to a point of this definition.
     ///
     /// # Errors
-    /// It belongs to another definition, in a sentence.
-    pub(crate) fn fits(&self, definition: DefinitionId) -> Result<(), String> {
+    /// [`SnapshotError::OtherCell`].
+    pub(crate) fn fits(&self, definition: DefinitionId) -> Result<(), SnapshotError> {
         if self.definition == definition {
             return Ok(());
         }
-        Err("it was taken of another cell; packing, contact law and options have to be the same".into())
+        Err(SnapshotError::OtherCell)
     }
 }

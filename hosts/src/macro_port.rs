@@ -3,23 +3,44 @@
 use crate::connection::{Gate, Outbox};
 pub use crate::door::DoorOptions;
 use crate::door::{Arrival, Door, Peer};
-use crate::message::{Body, FromAgent, ToAgent, unpacked, with_control, with_frame, with_jobs};
+use crate::message::{Body, FromAgent, MessageError, ToAgent, unpacked, with_control, with_frame, with_jobs};
 use crate::state_mirror::StateMirror;
 use crate::statistics::Figures;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::delivery::deliver_to_macro;
-use protocol::transport::frame::{Frame, FrameKind, Outgoing};
+use protocol::transport::frame::{Frame, FrameError, FrameKind, Outgoing};
 use protocol::transport::{LoadedJob, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
+use thiserror::Error;
 
 /// Workers that one agent may bring.
 const MOST_WORKERS: usize = 4096;
 
 /// Messages of an agent that are none before it is given up.
 const MOST_REFUSED: u32 = 100;
+
+/// Why a message of an agent was refused.
+#[derive(Debug, Error)]
+enum RefusedMessage {
+    /// It cannot be read.
+    #[error(transparent)]
+    Message(#[from] MessageError),
+    /// What it carries for a worker that is not known yet cannot be read.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// What a known worker sent cannot be read.
+    #[error("worker {}: {error}", .worker.0)]
+    Worker { worker: WorkerId, error: FrameError },
+    #[error("jobs, from an agent")]
+    Jobs,
+    #[error("a message of a worker that has not said hello")]
+    NoHello,
+    #[error("more than {MOST_WORKERS} workers")]
+    TooManyWorkers,
+}
 
 /// One connected agent.
 struct Agent {
@@ -117,10 +138,10 @@ impl NetworkMacroPort {
             Ok((slot, Body::Frame(frame))) => self.take_from_worker(number, slot, frame, sink),
             Ok((slot, Body::Control(body))) => match unpacked(body) {
                 Ok(message) => Ok(self.take_from_agent(number, slot, message, sink)),
-                Err(error) => Err(error.to_string()),
+                Err(error) => Err(error.into()),
             },
-            Ok((_, Body::Jobs { .. })) => Err("jobs, from an agent".to_owned()),
-            Err(error) => Err(error.to_string()),
+            Ok((_, Body::Jobs { .. })) => Err(RefusedMessage::Jobs),
+            Err(error) => Err(error.into()),
         };
         match events {
             Ok(events) => events,
@@ -129,7 +150,7 @@ impl NetworkMacroPort {
     }
 
     /// Counts what is no message. An agent that goes on with it is given up.
-    fn refuse(&mut self, number: u64, reason: &str, sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
+    fn refuse(&mut self, number: u64, reason: &RefusedMessage, sink: &mut dyn FnMut(MacroEvent<'_>)) -> usize {
         let Some(agent) = self.agents.get_mut(&number) else { return 0 };
         agent.refused += 1;
         sink(MacroEvent::Refused(format!("host {}: {reason}", agent.host)));
@@ -146,7 +167,7 @@ impl NetworkMacroPort {
         slot: u32,
         bytes: &[u8],
         sink: &mut dyn FnMut(MacroEvent<'_>),
-    ) -> Result<usize, String> {
+    ) -> Result<usize, RefusedMessage> {
         let Some(agent) = self.agents.get_mut(&number) else { return Ok(0) };
         if agent.ended.contains(&slot) {
             return Ok(0);
@@ -154,14 +175,14 @@ impl NetworkMacroPort {
         let worker = match agent.workers.get(&slot) {
             Some(worker) => *worker,
             None => {
-                let frame = Frame::parse(bytes).map_err(|error| error.to_string())?;
+                let frame = Frame::parse(bytes)?;
                 let greets = frame.kind == FrameKind::Control
                     && matches!(frame.control::<FromWorker>(), Ok(FromWorker::Hello { .. }));
                 if !greets {
-                    return Err("a message of a worker that has not said hello".to_owned());
+                    return Err(RefusedMessage::NoHello);
                 }
                 if agent.workers.len() >= MOST_WORKERS {
-                    return Err(format!("more than {MOST_WORKERS} workers"));
+                    return Err(RefusedMessage::TooManyWorkers);
                 }
                 let worker = WorkerId(self.joined);
                 self.joined += 1;
@@ -177,7 +198,7 @@ impl NetworkMacroPort {
             }
             sink(event);
         });
-        delivered.map_err(|error| format!("worker {}: {error}", worker.0))?;
+        delivered.map_err(|error| RefusedMessage::Worker { worker, error })?;
         self.forget_surplus(number);
         Ok(1)
     }

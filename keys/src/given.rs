@@ -55,11 +55,6 @@ impl<T> Given<T> {
     pub fn get<V: DeserializeOwned>(&self, key: &str) -> Result<Option<V>, Fault> {
         self.node.get(key).map(deserialize).transpose()
     }
-
-    /// The value at a path below this table that may be changed, for readers that complete what is written.
-    pub fn node_mut(&mut self) -> &mut Node {
-        &mut self.node
-    }
 }
 
 impl<T: JsonSchema> Given<T> {

@@ -66,7 +66,7 @@ impl Controls {
     pub fn request(&self, action: Action) -> Result<(), PageError> {
         match action {
             Action::Resume => self.done(Action::Pause.keyword()),
-            other => self.put(other.keyword()),
+            other @ (Action::Pause | Action::Checkpoint | Action::Stop) => self.put(other.keyword()),
         }
     }
 

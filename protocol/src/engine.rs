@@ -62,56 +62,33 @@ pub enum TangentKind {
     TrussLikeSlipAtRest = 17,
 }
 
-impl TangentKind {
-    /// All kinds, in wire order.
-    pub const ALL: [Self; 18] = [
-        Self::None,
-        Self::TrussLike,
-        Self::TrussLikeSlip,
-        Self::Kruyt,
-        Self::KruytPrinted,
-        Self::KruytCalibrated,
-        Self::KruytCalibratedPrinted,
-        Self::KruytTwiceCalibrated,
-        Self::KruytTwiceCalibratedPrinted,
-        Self::KruytAugmented,
-        Self::KruytAugmentedPrinted,
-        Self::QuasiStatic,
-        Self::Consistent,
-        Self::ConsistentCentral,
-        Self::ElasticAverage,
-        Self::TrussLikeReleased,
-        Self::TrussLikeReleasedAtRest,
-        Self::TrussLikeSlipAtRest,
-    ];
+crate::keywords! {
+    pub TangentKind {
+        None => "none",
+        TrussLike => "truss_like",
+        TrussLikeSlip => "truss_like_slip",
+        Kruyt => "kruyt",
+        KruytPrinted => "kruyt_printed",
+        KruytCalibrated => "kruyt_calibrated",
+        KruytCalibratedPrinted => "kruyt_calibrated_printed",
+        KruytTwiceCalibrated => "kruyt_twice_calibrated",
+        KruytTwiceCalibratedPrinted => "kruyt_twice_calibrated_printed",
+        KruytAugmented => "kruyt_augmented",
+        KruytAugmentedPrinted => "kruyt_augmented_printed",
+        QuasiStatic => "quasi_static",
+        Consistent => "consistent",
+        ConsistentCentral => "consistent_central",
+        ElasticAverage => "elastic_average",
+        TrussLikeReleased => "truss_like_released",
+        TrussLikeReleasedAtRest => "truss_like_released_at_rest",
+        TrussLikeSlipAtRest => "truss_like_slip_at_rest",
+    }
+}
 
+impl TangentKind {
     /// The kind with this wire number.
     pub fn from_wire(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| *kind as u32 == number)
-    }
-
-    /// The keyword used in scene files and on the command line.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::TrussLike => "truss_like",
-            Self::TrussLikeSlip => "truss_like_slip",
-            Self::Kruyt => "kruyt",
-            Self::KruytPrinted => "kruyt_printed",
-            Self::KruytCalibrated => "kruyt_calibrated",
-            Self::KruytCalibratedPrinted => "kruyt_calibrated_printed",
-            Self::KruytTwiceCalibrated => "kruyt_twice_calibrated",
-            Self::KruytTwiceCalibratedPrinted => "kruyt_twice_calibrated_printed",
-            Self::KruytAugmented => "kruyt_augmented",
-            Self::KruytAugmentedPrinted => "kruyt_augmented_printed",
-            Self::QuasiStatic => "quasi_static",
-            Self::Consistent => "consistent",
-            Self::ConsistentCentral => "consistent_central",
-            Self::ElasticAverage => "elastic_average",
-            Self::TrussLikeReleased => "truss_like_released",
-            Self::TrussLikeReleasedAtRest => "truss_like_released_at_rest",
-            Self::TrussLikeSlipAtRest => "truss_like_slip_at_rest",
-        }
     }
 }
 
@@ -239,7 +216,7 @@ impl TrialFlags {
     pub const LARGE_OVERLAP: Self = Self(8);
     /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
     /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
-    pub const FLUID: Self = Self(16);
+    pub const NO_LOAD_BEARING_CONTACTS: Self = Self(16);
     /// The result equals the committed state because the target was exactly zero; nothing was solved.
     pub const SKIPPED_NULL_TARGET: Self = Self(32);
     /// The relaxation made no headway and went on with another damping and smaller steps. The answer is as good as any
@@ -317,7 +294,7 @@ pub enum RveError {
     },
     /// The step cap ended the solver before the grains were in equilibrium, and the options accept no result then.
     #[error(
-        "the grains did not come to rest: strain {strain:.3e} of {asked:.3e} applied in {increments} of {of} increments, \
+        "the grains did not come to rest: strain {strain:.3e} of {target:.3e} applied in {increments} of {of} increments, \
          unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
          use smaller steps, or raise the step cap"
     )]
@@ -325,7 +302,8 @@ pub enum RveError {
         /// Largest component of the stretch that was applied.
         strain: f64,
         /// The same of the target.
-        asked: f64,
+        #[serde(rename = "asked")]
+        target: f64,
         /// Increments of the ramp that were done.
         increments: u64,
         /// Increments of the whole ramp.
@@ -372,7 +350,14 @@ impl RveError {
             Self::NotFinite { force_evaluations } | Self::NotEquilibrated { force_evaluations, .. } => {
                 *force_evaluations
             }
-            _ => 0,
+            Self::TargetNotFinite
+            | Self::TargetInverted { .. }
+            | Self::TargetTooLarge { .. }
+            | Self::Unsupported(_)
+            | Self::Definition(_)
+            | Self::Snapshot(_)
+            | Self::NothingToCommit
+            | Self::EngineFault(_) => 0,
         }
     }
 }

@@ -6,6 +6,7 @@
 //! * the **wire types** ([`wire`]): fixed-layout jobs and replies that are loaned in shared memory;
 //! * the **control messages** ([`control`]): hello, welcome, define, drain, bye, encoded as MessagePack;
 //! * the **snapshot envelope** ([`snapshot`]) and the content identity of states and definitions ([`identity`]);
+//! * the **words** of enums that people choose from ([`keyword`]);
 //! * the **transports** ([`transport`]): iceoryx2 shared memory between processes, channels inside one process.
 //!
 //! # Conventions
@@ -17,6 +18,7 @@
 pub mod control;
 pub mod engine;
 pub mod identity;
+pub mod keyword;
 pub mod layout;
 pub mod process;
 pub mod snapshot;

@@ -135,7 +135,7 @@ pub(crate) fn element_test<'py>(
             ("cut_increments", summary.cut_increments),
             ("relaxed_increments", summary.relaxed_increments),
             ("not_equilibrated", summary.not_equilibrated),
-            ("no_load", summary.no_load),
+            ("no_load", summary.no_load_bearing_contacts),
             ("large_overlap", summary.large_overlap),
             ("damping_changed", summary.damping_changed),
             ("tangent_fallbacks", summary.tangent_fallbacks),

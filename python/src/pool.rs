@@ -32,7 +32,7 @@ impl Pool {
         workers: Option<usize>,
         wait: &str,
     ) -> PyResult<Self> {
-        let waiting = Waiting::ALL.into_iter().find(|one| one.keyword() == wait).ok_or_else(|| {
+        let waiting = wait.parse::<Waiting>().map_err(|_| {
             PyValueError::new_err(format!("wait {wait:?} is unknown; choose \"block\", \"hybrid\" or \"spin\""))
         })?;
         let pool = interruptible(py, |keep_going| {

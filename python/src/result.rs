@@ -1,6 +1,7 @@
 //! Options of trials by name, and their results as byte arrays.
 
 use crate::arrays::{bytes, components, operator};
+use protocol::keyword::UnknownKeyword;
 use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -33,8 +34,8 @@ pub(crate) fn observable_names() -> Vec<&'static str> {
 /// # Errors
 /// `ValueError` with all keywords.
 pub(crate) fn tangent_kind(name: &str) -> PyResult<TangentKind> {
-    TangentKind::ALL.into_iter().find(|kind| kind.keyword() == name).ok_or_else(|| {
-        PyValueError::new_err(format!("tangent {name:?} is unknown; choose one of {}", tangent_names().join(", ")))
+    name.parse().map_err(|unknown: UnknownKeyword| {
+        PyValueError::new_err(format!("tangent {name:?} is unknown; choose one of {}", unknown.choices))
     })
 }
 

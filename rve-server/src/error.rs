@@ -16,10 +16,3 @@ pub struct DefinitionError(pub String);
 pub(crate) fn in_declared_ranges<T: Serialize + JsonSchema>(table: &T, name: &str) -> Result<(), DefinitionError> {
     keys::check_settings(table, &[name]).map_err(|fault| DefinitionError(fault.to_string()))
 }
-
-pub(crate) fn positive(key: &str, value: f64) -> Result<(), DefinitionError> {
-    if value.is_finite() && value > 0.0 {
-        return Ok(());
-    }
-    Err(DefinitionError(format!("{key} = {value} must be a positive number")))
-}

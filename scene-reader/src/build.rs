@@ -49,8 +49,6 @@ pub struct Scene {
     pub grains: Vec<usize>,
     /// Whether the last states of all Gauss points are written for the page.
     pub cells: bool,
-    /// Spacing of the pressures that cells are brought to before the run, over the pressure; `None`: the cells stay as they are.
-    pub(crate) prepare_spacing: Option<f64>,
     /// Whether the run keeps to an error that the scene does not name itself.
     pub keeps_default_error: bool,
     /// What the stages are held to where it does not.
@@ -155,7 +153,6 @@ impl Scene {
             record,
             grains,
             cells: file.output.cells,
-            prepare_spacing: file.initial_stress.prepare.then_some(file.initial_stress.prepare_spacing),
             keeps_default_error,
             tolerances_without_error: without_error.into_iter().map(|stage| stage.tolerances).collect(),
             error_estimate,

@@ -21,21 +21,17 @@ pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> 
         }),
         (None, None) => None,
     };
-    if expected.is_none() && table.largest_deviation.is_some() {
+    if expected.is_none() && table.limits.largest_deviation.is_some() {
         return Err(document
             .error_at_key(&["initial_stress", "largest_deviation"], "there is no stress to deviate from")
             .hint("give the expected stress with `uniform` or `geostatic`"));
     }
-    if expected.is_none() && table.prepare {
+    if expected.is_none() && table.preparation.prepare {
         return Err(document
             .error_at_key(&["initial_stress", "prepare"], "there is no stress to bring the cells to")
             .hint("give the expected stress with `uniform` or `geostatic`"));
     }
-    Ok(InitialState {
-        expected,
-        largest_deviation: table.largest_deviation,
-        largest_imbalance: table.largest_imbalance,
-    })
+    Ok(InitialState { expected, limits: table.limits, preparation: table.preparation })
 }
 
 fn rows(stress: &StressTable) -> [[f64; 3]; 3] {

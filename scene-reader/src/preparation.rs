@@ -3,6 +3,7 @@
 use super::build::Scene;
 use super::input_error::InputError;
 use macro_solver::mesh::point_places;
+use macro_solver::problem::InitialPreparation;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rve_server::definition::{AnyDefinition, PackingError};
@@ -78,9 +79,8 @@ impl Scene {
 
     /// The cells to prepare, in the order of their first points.
     fn planned_cells(&self) -> Vec<PlannedCell> {
-        let (Some(expected), Some(spacing)) = (&self.problem.initial.expected, self.prepare_spacing) else {
-            return Vec::new();
-        };
+        let InitialPreparation { prepare, prepare_spacing: spacing } = self.problem.initial.preparation;
+        let Some(expected) = self.problem.initial.expected.as_ref().filter(|_| prepare) else { return Vec::new() };
         let places = point_places(&self.problem.mesh);
         let stresses: Vec<Matrix3<f64>> = places.iter().map(|place| expected.at(*place)).collect();
         let pressures = stresses.iter().map(|stress| -stress[(1, 1)]);

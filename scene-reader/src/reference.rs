@@ -40,22 +40,6 @@ impl Kind {
         schema
     }
 
-    /// The word for this kind on the command line.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Scene => "scene",
-            Self::ElementTest => "rve-test",
-            Self::Recipe => "packing",
-            Self::Specimen => "specimen",
-            Self::Study => "study",
-        }
-    }
-
-    /// The kind that a word names.
-    pub fn of_keyword(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.keyword() == word)
-    }
-
     /// File below `docs/reference` that lists the keys of this kind.
     pub fn reference_file(self) -> String {
         format!("keys-{}.md", self.keyword())

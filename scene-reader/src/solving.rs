@@ -2,9 +2,9 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::tables::{LoadingTable, SolverTable};
+use super::tables::SolverTable;
 use keys::{Given, Table};
-use macro_solver::problem::{EquationSettings, NamedStrategy, PathControl, Problem, Stage};
+use macro_solver::problem::{EquationSettings, LoadingSettings, NamedStrategy, PathControl, Problem, Stage};
 use protocol::TangentKind;
 
 /// Sets what holds for the whole run.
@@ -48,10 +48,10 @@ pub(super) fn loading(
     document: &Document,
     stage: &mut Stage,
     place: &[&str],
-    given: &Given<LoadingTable>,
+    given: &Given<LoadingSettings>,
 ) -> Result<(), InputError> {
-    let before = LoadingTable { duration: stage.duration, control: stage.control.clone() };
-    let LoadingTable { duration, control } = given.over(&before).map_err(|fault| document.fault(&fault))?;
+    let before = LoadingSettings::of(stage);
+    let LoadingSettings { duration, control } = given.over(&before).map_err(|fault| document.fault(&fault))?;
     let settings = ["stabilise_after", "stabilise_increments", "stabilise_viscosity"];
     let setting = settings.into_iter().find(|key| given.has(key));
     let refuse = |key: &str, problem: &str, hint: &str| {
@@ -162,7 +162,7 @@ mod tests {
             ("solver.tangent_floor=1.5", "solver.tangent_floor"),
             ("solver.tangent_flor=0.1", "tangent_flor"),
             ("rve.operator.perturbation=0", "rve.operator.perturbation"),
-            ("rve.operator.perturbation=0.1", "too large"),
+            ("rve.operator.perturbation=0.1", "at most 0.01"),
             ("rve.operator.quasi_static_perturbation=-1e-6", "rve.operator.quasi_static_perturbation"),
             ("rve.operator.quasi_static_tolerance=nan", "rve.operator.quasi_static_tolerance"),
             ("rve.operator.average_steps=0", "at least 1"),

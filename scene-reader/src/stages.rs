@@ -8,10 +8,10 @@ use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
 use super::sets::Sets;
 use super::solving::{loading, refuse_equations, solver};
-use super::tables::{LoadingTable, ProcedureKeyword, SceneFile, SolverTable, StageTable};
+use super::tables::{ProcedureKeyword, SceneFile, SolverTable, StageTable};
 use keys::{Key, Located, Table};
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{NamedStrategy, Procedure, Stage, Tolerances};
+use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stage, Tolerances};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -85,7 +85,7 @@ pub(super) fn stages(
 /// procedure that does.
 fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
     let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
-    for (table, keys) in [("loading", Table::of::<LoadingTable>()), ("solver", Table::of::<SolverTable>())] {
+    for (table, keys) in [("loading", Table::of::<LoadingSettings>()), ("solver", Table::of::<SolverTable>())] {
         let is_used = |key: &Key| {
             key.procedures.is_empty() || key.procedures.iter().any(|procedure| keywords.contains(&procedure.as_str()))
         };
@@ -136,7 +136,7 @@ const MOST_INCREMENTS: usize = 300;
 
 /// Where its tables do not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
 /// docs/lab-book/strategies.md.
-fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingTable>]) {
+fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {
@@ -192,19 +192,19 @@ mod tests {
 
     /// `(set, value, history)` of the pressures.
     fn pressures(stage: &Stage) -> Vec<(&str, f64, &Amplitude)> {
-        let told = stage.conditions.iter().filter_map(|applied| match &applied.condition {
+        let values = stage.conditions.iter().filter_map(|applied| match &applied.condition {
             Condition::Pressure { sides, value, .. } => Some((sides.as_str(), *value, &applied.history)),
             _ => None,
         });
-        told.collect()
+        values.collect()
     }
 
     #[test]
     fn loads_stay_are_replaced_and_end_from_stage_to_stage() {
         let stages = stages(&[]).unwrap();
-        let told: Vec<_> =
+        let lengths: Vec<_> =
             stages.iter().map(|stage| (stage.name.as_str(), stage.control.increments, stage.duration)).collect();
-        assert_eq!(told, [("compression", 4, 60.0), ("shear", 10, 600.0)]);
+        assert_eq!(lengths, [("compression", 4, 60.0), ("shear", 10, 600.0)]);
         assert_eq!(stages.iter().map(|stage| stage.tolerances.force).collect::<Vec<_>>(), [2e-3, 5e-3]);
         let fading = Amplitude::Ramp { from: 1.0, to: 0.0 };
         let [left, right, top] = ["left", "right", "top"].map(|set| (set, 1e5, &fading));
@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn stages_say_how_they_are_stabilised_and_contradictions_are_refused() {
-        let told = |more: &[&str]| {
+        let stabilisations = |more: &[&str]| {
             let stages = stages(more).unwrap();
             stages.iter().map(|stage| stage.control.stabilisation).collect::<Vec<_>>()
         };
@@ -384,24 +384,27 @@ mod tests {
         let at_once = Stabilisation { after: Some(1), most_increments: 300, ..by_default };
         let early = Stabilisation { after: Some(3), ..by_default };
         let early_here = Stabilisation { after: Some(3), ..at_once };
-        assert_eq!(told(&[]), [Some(by_default), Some(at_once)]);
+        assert_eq!(stabilisations(&[]), [Some(by_default), Some(at_once)]);
         let late = |settings: Stabilisation| Some(Stabilisation { after: Some(0), ..settings });
-        assert_eq!(told(&["loading.stabilise_after=0"]), [late(by_default), late(at_once)]);
-        assert_eq!(told(&["loading.stabilise=false"]), [None; 2]);
+        assert_eq!(stabilisations(&["loading.stabilise_after=0"]), [late(by_default), late(at_once)]);
+        assert_eq!(stabilisations(&["loading.stabilise=false"]), [None; 2]);
         // A stage adds to what the top says, and may switch it off or on for itself.
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
-        assert_eq!(told(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
-        assert_eq!(told(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]), [Some(early), None]);
+        assert_eq!(stabilisations(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
+        assert_eq!(
+            stabilisations(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]),
+            [Some(early), None]
+        );
         let slow = |settings: Stabilisation| Some(Stabilisation { viscosity: 0.3, ..settings });
-        assert_eq!(told(&["loading.stabilise_viscosity=0.3"]), [slow(by_default), slow(at_once)]);
+        assert_eq!(stabilisations(&["loading.stabilise_viscosity=0.3"]), [slow(by_default), slow(at_once)]);
         let error = stages(&["loading.stabilise_viscosity=0"]).unwrap_err();
         assert!(error.contains("loading.stabilise_viscosity") && error.contains("above 0"), "{error}");
         let on = ["stage.1.loading.stabilise=true", "stage.1.loading.stabilise_after=3"];
-        assert_eq!(told(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early_here)]);
+        assert_eq!(stabilisations(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early_here)]);
         let one_arc = format!("stage.1.{arc}");
-        assert_eq!(told(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
+        assert_eq!(stabilisations(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
         let back = "stage.1.loading.control=load";
-        assert_eq!(told(&[arc, back, on[1]]), [Some(by_default), Some(early_here)]);
+        assert_eq!(stabilisations(&[arc, back, on[1]]), [Some(by_default), Some(early_here)]);
 
         let refused = |more: &[&str], place: &str, said: [&str; 2]| {
             let error = stages(more).err().unwrap_or_else(|| panic!("{more:?} were accepted"));

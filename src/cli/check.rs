@@ -149,7 +149,7 @@ fn stage_line(stage: &Stage) -> String {
             };
             format!("{} (dynamic, {} s, {density} kg/m3)", stage.name, stage.duration)
         }
-        procedure => {
+        procedure @ (Procedure::Implicit | Procedure::Relaxation(_)) => {
             let (steps, duration) = (stage.control.increments, stage.duration);
             format!("{} ({}, {steps} steps, {duration} s)", stage.name, procedure.keyword())
         }

@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
 /// # Errors
 /// There is no such key (exit code 2).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    let kind = |word: &Option<String>| word.as_deref().and_then(Kind::of_keyword);
+    let kind = |word: &Option<String>| word.as_deref().and_then(|word| word.parse::<Kind>().ok());
     let text = if let Some(kind) = kind(&arguments.markdown) {
         kind.reference()
     } else if let Some(kind) = kind(&arguments.schema) {

@@ -3,7 +3,6 @@
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
 use crate::stdout::deliver;
-use rve_server::contact::LawName;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use scene_reader::{Document, Kind};
@@ -85,7 +84,7 @@ fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(),
 /// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says
 /// no pressure.
 fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
-    if recipe.contact.law != LawName::Linear {
+    if !recipe.contact.law.is_linear() {
         return None;
     }
     let target = recipe.stress_target().ok()?;
@@ -118,8 +117,8 @@ fn summary(recipe: &PackingRecipe, report: &PackingReport) -> String {
     let kind = if report.dimension == 2 { "discs" } else { "spheres" };
     let mut text = format!("{} {kind}, seed {}\n", report.grains, recipe.seed);
     text += &format!("  {:<34} {:>15} {:>15} {:>10}\n", "quantity", "requested", "reached", "tolerance");
-    for Requirement { quantity, asked, got, tolerance } in &report.requirements {
-        text += &format!("  {quantity:<34} {asked:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
+    for Requirement { quantity, requested, got, tolerance } in &report.requirements {
+        text += &format!("  {quantity:<34} {requested:>15.6e} {got:>15.6e} {tolerance:>10.1e}\n");
     }
     let state = [
         ("void ratio", format!("{:.5} (porosity {:.5})", report.void_ratio, report.porosity)),

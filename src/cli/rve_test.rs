@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     overrides: Vec<String>,
     /// Add the columns of a tangent operator: truss_like, truss_like_slip, quasi_static, consistent, kruyt ... (a wrong
     /// keyword lists all)
-    #[arg(long, value_name = "KIND", default_value = "none", value_parser = tangent_kind)]
+    #[arg(long, value_name = "KIND", default_value = "none")]
     tangent: TangentKind,
     /// Folder for grains, contacts, force chains and rose diagrams of chosen increments
     #[arg(long, value_name = "DIR")]
@@ -67,13 +67,6 @@ pub(crate) struct Arguments {
     /// Print nothing on standard error
     #[arg(long)]
     quiet: bool,
-}
-
-fn tangent_kind(keyword: &str) -> Result<TangentKind, String> {
-    TangentKind::ALL
-        .into_iter()
-        .find(|kind| kind.keyword() == keyword)
-        .ok_or_else(|| format!("possible values: {}", TangentKind::ALL.map(TangentKind::keyword).join(", ")))
 }
 
 /// Runs the test.

@@ -182,7 +182,7 @@ fn imbalance(scene: &Scene) -> Option<f64> {
         _ => stresses_of_packings(scene)?,
     };
     // With this limit any residual ends the run after its first evaluation.
-    problem.initial.largest_imbalance = Some(0.0);
+    problem.initial.limits.largest_imbalance = Some(0.0);
     let mut material = AsGiven { stresses, evaluated: false };
     let run = solve(&problem, &mut material, &mut Silent);
     Some(run.statistics.initial_imbalance)

@@ -148,7 +148,7 @@ fn counters(known: &Statistics) -> BTreeMap<String, u64> {
     [
         ("not_equilibrated", flags.not_equilibrated),
         ("large_overlap", flags.large_overlap),
-        ("no_load_bearing_contacts", flags.fluid),
+        ("no_load_bearing_contacts", flags.no_load_bearing_contacts),
         ("damping_changed", flags.damping_changed),
         ("handed_over", flags.handed_over),
         ("unfinished_trials", known.unfinished_trials),

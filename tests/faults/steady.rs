@@ -70,8 +70,8 @@ fn run(out: &Path, every: Option<Duration>) -> Result<Took, String> {
 
 /// Processor time of all descendants that have ended and were waited for, s.
 fn processor_seconds_of_the_dead() -> f64 {
-    let told = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = told.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace().collect();
+    let statistics = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = statistics.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace().collect();
     let ticks = |place: usize| fields.get(place).and_then(|text| text.parse::<f64>().ok()).unwrap_or(0.0);
     // Clock ticks of a hundredth of a second, in user and in kernel mode.
     (ticks(13) + ticks(14)) / 100.0

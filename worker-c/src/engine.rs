@@ -96,7 +96,7 @@ impl RveEngine for ForeignEngine {
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
-        let parts = Parts::read(definition).map_err(RveError::Definition)?;
+        let parts = Parts::read(definition)?;
         if !self.dimensions.contains(&parts.dimension) {
             let reason = format!("engine `{}` does not serve {} dimensions", self.name, parts.dimension);
             return Err(RveError::Definition(reason));
@@ -290,18 +290,19 @@ struct Parts {
 }
 
 impl Parts {
-    fn read(definition: &Definition) -> Result<Self, String> {
+    fn read(definition: &Definition) -> Result<Self, RveError> {
         let value: Value = rmp_serde::from_slice(&definition.bytes)
-            .map_err(|error| format!("these bytes are not a definition of grains: {error}"))?;
+            .map_err(|error| RveError::Definition(format!("these bytes are not a definition of grains: {error}")))?;
         let packing = &value["packing"];
-        let lacks = |what: &str| format!("the definition has no {what}");
+        let lacks = |what: &str| RveError::Definition(format!("the definition has no {what}"));
         let dimension = packing["dimension"].as_u64().filter(|one| [2, 3].contains(one)).ok_or(lacks("dimension"))?;
         let places = dimension as usize;
         let (mut centres, mut radii) = (Vec::new(), Vec::new());
         for grain in packing["grains"].as_array().ok_or(lacks("grains"))? {
             let numbers: Vec<f64> = grain.as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
             if numbers.len() != places + 1 {
-                return Err("a grain has another number of coordinates than the packing dimensions".into());
+                let reason = "a grain has another number of coordinates than the packing dimensions";
+                return Err(RveError::Definition(reason.into()));
             }
             centres.extend((0..3).map(|axis| if axis < places { numbers[axis] } else { 0.0 }));
             radii.push(numbers[places]);
@@ -332,7 +333,8 @@ impl Parts {
             thickness: packing["thickness"].as_f64().unwrap_or(1.0),
             contact: value["contact"].clone(),
             accuracy,
-            text: CString::new(value.to_string()).map_err(|_| "the definition holds a null byte".to_owned())?,
+            text: CString::new(value.to_string())
+                .map_err(|_| RveError::Definition("the definition holds a null byte".into()))?,
         })
     }
 

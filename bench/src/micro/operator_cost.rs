@@ -21,10 +21,8 @@ pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
     let path = arguments.first().map_or("packings/discs-400.json", String::as_str);
     let strain: f64 = arguments.get(1).map_or(Ok(2e-3), |text| text.parse())?;
     let repeats: usize = arguments.get(2).map_or(Ok(30), |text| text.parse())?;
-    let operator = |name: &String| {
-        let kind = TangentKind::ALL.into_iter().find(|kind| kind.keyword() == name);
-        kind.with_context(|| format!("there is no operator `{name}`"))
-    };
+    let operator =
+        |name: &String| name.parse::<TangentKind>().with_context(|| format!("there is no operator `{name}`"));
     let named: Vec<TangentKind> = arguments.iter().skip(3).map(operator).collect::<anyhow::Result<_>>()?;
     let all = TangentKind::ALL.into_iter().filter(|kind| *kind != TangentKind::None);
     let kinds = if named.is_empty() { all.collect() } else { named };

@@ -93,7 +93,7 @@ impl Subject<'_> {
         let Outcome { class, .. } = self.outcome;
         let work = self.packing.number() as f64 * self.outcome.evaluations() as f64;
         let is_cheap = work <= CHEAP * BUDGET[usize::from(self.slot.dimension == 3)];
-        matches!(class, Class::Unchecked | Class::NoContacts)
+        matches!(class, Class::Unchecked | Class::NoLoadBearingContacts)
             && (is_cheap || RandomStream::new(seed, Purpose::Check(number)).chance(SHARE))
     }
 
@@ -109,7 +109,7 @@ impl Subject<'_> {
             gap: f64::NAN,
             energy,
         };
-        if matches!(class, Class::Unchecked | Class::NoContacts) && energy > FREE_ENERGY {
+        if matches!(class, Class::Unchecked | Class::NoLoadBearingContacts) && energy > FREE_ENERGY {
             checked.class = Class::Wrong;
             checked.reason = format!("energy out of nothing, {:.0} % of the largest", 100.0 * energy);
         } else if is_chosen {
@@ -128,7 +128,7 @@ impl Subject<'_> {
         }) {
             for place in fine.len()..round {
                 let outcome = run(&self.varied(0.5 * VARIED[place], 0.1), self.slot, self.packing, ALLOWANCE);
-                if !matches!(outcome.class, Class::Unchecked | Class::NoContacts) {
+                if !matches!(outcome.class, Class::Unchecked | Class::NoLoadBearingContacts) {
                     if place == 0 {
                         checked.class = Class::Unchecked;
                         checked.reason = format!("the finer run: {} {}", outcome.class.name(), outcome.reason);
@@ -146,7 +146,7 @@ impl Subject<'_> {
             }
             for place in coarse.len()..round {
                 let outcome = run(&self.varied(VARIED[place], 1.0), self.slot, self.packing, ALLOWANCE);
-                if matches!(outcome.class, Class::Unchecked | Class::NoContacts) {
+                if matches!(outcome.class, Class::Unchecked | Class::NoLoadBearingContacts) {
                     coarse.push(self.end(&outcome, scale));
                 }
             }
@@ -168,7 +168,7 @@ impl Subject<'_> {
     /// everywhere.
     pub(super) fn finer(&self) -> Option<Outcome> {
         let outcome = run(&self.varied(0.5, 0.1), self.slot, self.packing, ALLOWANCE);
-        matches!(outcome.class, Class::Unchecked | Class::NoContacts).then_some(outcome)
+        matches!(outcome.class, Class::Unchecked | Class::NoLoadBearingContacts).then_some(outcome)
     }
 
     /// Largest difference at the end from another run of the same path, over the mean pressure of this one.

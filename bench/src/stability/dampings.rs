@@ -177,5 +177,5 @@ fn work(chosen: &[usize], dampings: &[Damping], all: &[Vec<Outcome>], errors: &[
 
 /// Whether all increments were answered and are at rest.
 fn is_plain(class: Class) -> bool {
-    matches!(class, Class::Right | Class::Unchecked | Class::NoContacts)
+    matches!(class, Class::Right | Class::Unchecked | Class::NoLoadBearingContacts)
 }

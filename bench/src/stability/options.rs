@@ -26,7 +26,7 @@ pub(crate) struct Options {
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub(crate) overrides: Vec<String>,
     /// Run every case with each of these dampings and compare: fire,viscous,adaptive,local,kinetic
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = damping)]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) dampings: Vec<Damping>,
     /// Run this case alone, and print its increments
     #[arg(long, value_name = "K")]
@@ -59,11 +59,4 @@ impl Options {
             && !long_cycles
             && !unchecked
     }
-}
-
-fn damping(name: &str) -> Result<Damping, String> {
-    let all = [Damping::Fire, Damping::Local, Damping::Viscous, Damping::Kinetic, Damping::Adaptive];
-    all.into_iter()
-        .find(|damping| damping.keyword() == name)
-        .ok_or_else(|| format!("possible values: {}", all.map(Damping::keyword).join(", ")))
 }

@@ -24,7 +24,7 @@ pub(super) enum Class {
     /// All increments at rest; no finer run was made, or it had no answer.
     Unchecked,
     /// The grains bear nothing at the end, and the answer says so.
-    NoContacts,
+    NoLoadBearingContacts,
     /// Ended by the campaign because it took too much work; all increments so far at rest.
     OverBudget,
     /// An error that says what was the matter.
@@ -44,7 +44,7 @@ impl Class {
     pub(super) const ALL: [Self; 9] = [
         Self::Right,
         Self::Unchecked,
-        Self::NoContacts,
+        Self::NoLoadBearingContacts,
         Self::OverBudget,
         Self::Refused,
         Self::NotAtRest,
@@ -58,7 +58,7 @@ impl Class {
         match self {
             Self::Right => "right",
             Self::Unchecked => "unchecked",
-            Self::NoContacts => "no load-bearing contacts",
+            Self::NoLoadBearingContacts => "no load-bearing contacts",
             Self::OverBudget => "over budget",
             Self::Refused => "refused",
             Self::NotAtRest => "not at rest",
@@ -177,8 +177,11 @@ pub(super) fn run(test: &ElementTest, slot: &Slot, packing: &Packing, allowance:
         Ok(Ok(_)) if outcome.not_at_rest() > 0 => (Class::NotAtRest, String::new()),
         Ok(Ok(_)) if (outcome.answered() as u64) < planned => (Class::OverBudget, String::new()),
         Ok(Ok(_)) => {
-            let is_fluid = outcome.increments.last().is_some_and(|last| last.flags.contains(TrialFlags::FLUID));
-            (if is_fluid { Class::NoContacts } else { Class::Unchecked }, String::new())
+            let is_apart = outcome
+                .increments
+                .last()
+                .is_some_and(|last| last.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
+            (if is_apart { Class::NoLoadBearingContacts } else { Class::Unchecked }, String::new())
         }
     };
     outcome

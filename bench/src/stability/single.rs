@@ -62,7 +62,7 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
     }
     report.table("increments", "increments", &table)?;
     let subject = Subject { test: &test, slot, packing, outcome: &outcome };
-    let is_plain = matches!(outcome.class, Class::Unchecked | Class::NoContacts);
+    let is_plain = matches!(outcome.class, Class::Unchecked | Class::NoLoadBearingContacts);
     let checked = subject.checked(is_plain && !options.unchecked);
     report.note(&format!("\n{} {}", checked.class.name(), checked.reason))?;
     report.note(&format!(

@@ -42,7 +42,7 @@ fn severity(class: Class) -> u32 {
         Class::NotAtRest => 3,
         Class::OverBudget => 2,
         Class::Refused => 1,
-        Class::Right | Class::Unchecked | Class::NoContacts => 0,
+        Class::Right | Class::Unchecked | Class::NoLoadBearingContacts => 0,
     }
 }
 

@@ -36,16 +36,12 @@ pub(crate) enum Role {
     Pausing,
 }
 
-impl Role {
-    const ALL: [Self; 4] = [Self::Echo, Self::SocketEcho, Self::Idle, Self::Pausing];
-
-    fn keyword(self) -> &'static str {
-        match self {
-            Self::Echo => "echo",
-            Self::SocketEcho => "socket-echo",
-            Self::Idle => "idle",
-            Self::Pausing => "pausing",
-        }
+protocol::keywords! {
+    Role {
+        Echo => "echo",
+        SocketEcho => "socket-echo",
+        Idle => "idle",
+        Pausing => "pausing",
     }
 }
 

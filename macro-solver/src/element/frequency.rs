@@ -6,24 +6,12 @@ use super::{ElementKind, point_geometry};
 use crate::formulation::Operator;
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Largest natural frequency of an element, rad/s: largest `omega` of `K u = omega^2 M u` with the symmetric part of `K`.
-/// No assembly of such elements has a larger one.
+/// Largest natural frequency of an element, rad/s: largest `omega` of `K u = omega^2 M u` with the symmetric part of `K`,
+/// of its degrees of freedom `free` (`dimension * local node + axis`). No assembly of such elements has a larger one.
+/// Prescribed motion is not integrated in time, so it cannot be unstable; 0 if nothing is free.
 ///
 /// `positions` in m, `moduli` of every Gauss point on these positions in Pa, lumped `masses` of the nodes in kg,
 /// `hourglass` modes with their stiffness in N/m where the kind has some.
-pub fn largest_frequency(
-    kind: ElementKind,
-    positions: &[[f64; 3]],
-    moduli: &[Operator],
-    masses: &[f64],
-    hourglass: Option<(&HourglassModes, f64)>,
-) -> f64 {
-    let free: Vec<usize> = (0..kind.dimension().count() * kind.node_count()).collect();
-    largest_frequency_of(kind, positions, moduli, masses, hourglass, &free)
-}
-
-/// As [`largest_frequency`], of the element with only its degrees of freedom `free` (`dimension * local node + axis`)
-/// free to move. Prescribed motion is not integrated in time, so it cannot be unstable; 0 if nothing is free.
 pub fn largest_frequency_of(
     kind: ElementKind,
     positions: &[[f64; 3]],
@@ -64,6 +52,18 @@ mod tests {
     use crate::element::mass::{Lumping, lumped_masses};
     use crate::material::elastic::isotropic_moduli;
     use crate::mesh::block::Block;
+
+    /// Of an element whose nodes are all free.
+    fn largest_frequency(
+        kind: ElementKind,
+        positions: &[[f64; 3]],
+        moduli: &[Operator],
+        masses: &[f64],
+        hourglass: Option<(&HourglassModes, f64)>,
+    ) -> f64 {
+        let free: Vec<usize> = (0..kind.dimension().count() * kind.node_count()).collect();
+        largest_frequency_of(kind, positions, moduli, masses, hourglass, &free)
+    }
 
     /// Upper bound of [`largest_frequency`] for elements with one point and equal node masses (Flanagan and Belytschko
     /// 1981): `omega^2 <= (M / m) V b_ai b_ai` with the P-wave modulus `M`, Pa, and the mass of a node `m`, kg.

@@ -17,16 +17,6 @@ pub enum Lumping {
     Hrz,
 }
 
-impl Lumping {
-    /// The keyword of scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::RowSum => "row_sum",
-            Self::Hrz => "hrz",
-        }
-    }
-}
-
 /// A lumping that does not work for an element kind.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error(

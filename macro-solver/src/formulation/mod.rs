@@ -59,21 +59,16 @@ pub struct Response {
     pub moduli: Operator,
 }
 
-impl Formulation {
-    /// All formulations.
-    pub const ALL: [Self; 4] =
-        [Self::SmallStrain, Self::TotalLagrangian, Self::UpdatedLagrangian, Self::Corotational];
-
-    /// The keyword of scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::SmallStrain => "small_strain",
-            Self::TotalLagrangian => "total_lagrangian",
-            Self::UpdatedLagrangian => "updated_lagrangian",
-            Self::Corotational => "corotational",
-        }
+protocol::keywords! {
+    pub Formulation {
+        SmallStrain => "small_strain",
+        TotalLagrangian => "total_lagrangian",
+        UpdatedLagrangian => "updated_lagrangian",
+        Corotational => "corotational",
     }
+}
 
+impl Formulation {
     /// The configuration on which the step's displacement gradient is taken.
     pub fn reference(self) -> Configuration {
         match self {
@@ -134,7 +129,9 @@ impl Formulation {
     pub fn deformation(self, committed: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
         match self {
             Self::SmallStrain => committed + gradient,
-            _ => (Matrix3::identity() + gradient) * committed,
+            Self::TotalLagrangian | Self::UpdatedLagrangian | Self::Corotational => {
+                (Matrix3::identity() + gradient) * committed
+            }
         }
     }
 
@@ -171,7 +168,9 @@ impl Formulation {
                 let stress = first_piola(deformation.determinant(), &inverse, &response.stress);
                 Some((stress, piola_moduli(deformation.determinant(), &inverse, &response.moduli)))
             }
-            _ => Some((response.stress, response.moduli)),
+            Self::SmallStrain | Self::UpdatedLagrangian | Self::Corotational => {
+                Some((response.stress, response.moduli))
+            }
         }
     }
 
@@ -181,7 +180,7 @@ impl Formulation {
             Self::TotalLagrangian => {
                 Some(first_piola(deformation.determinant(), &deformation.try_inverse()?, stress))
             }
-            _ => Some(*stress),
+            Self::SmallStrain | Self::UpdatedLagrangian | Self::Corotational => Some(*stress),
         }
     }
 
@@ -195,7 +194,7 @@ impl Formulation {
     ) -> Option<Matrix3<f64>> {
         match self {
             Self::Corotational => Some(Corotation::of_step(committed, gradient)?.out_of_frame(answer)),
-            _ => Some(*answer),
+            Self::SmallStrain | Self::TotalLagrangian | Self::UpdatedLagrangian => Some(*answer),
         }
     }
 }

@@ -97,17 +97,17 @@ impl<'a> DifferenceTangents<'a> {
 
 impl PointMaterial for DifferenceTangents<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut asked = Vec::new();
+        let mut requests = Vec::new();
         let mut places = Vec::with_capacity(trials.len());
         for trial in trials {
             let probes = if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
-            asked.extend(probes.iter().map(|probe| probe.trial));
+            requests.extend(probes.iter().map(|probe| probe.trial));
             // The plain trial comes last: the latest trial of a point is the one that can be committed.
             let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.options.tangent };
-            asked.push(PointTrial { options: TrialOptions { tangent, ..trial.options }, ..*trial });
+            requests.push(PointTrial { options: TrialOptions { tangent, ..trial.options }, ..*trial });
             places.push(probes);
         }
-        let mut found = self.material.evaluate(&asked)?.into_iter();
+        let mut found = self.material.evaluate(&requests)?.into_iter();
         let mut answers = Vec::with_capacity(trials.len());
         for (trial, probes) in trials.iter().zip(places) {
             let probed: Vec<TrialResult> = found.by_ref().take(probes.len()).collect();

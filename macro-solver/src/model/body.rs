@@ -191,9 +191,8 @@ impl Body {
     /// Geometry on which stresses are integrated at the committed state.
     pub(crate) fn settled_geometry(&self) -> &[PointGeometry] {
         match self.formulation.integration() {
-            Configuration::Initial => &self.initial,
-            _ if self.committed.is_empty() => &self.initial,
-            _ => &self.committed,
+            Configuration::Committed | Configuration::Current if !self.committed.is_empty() => &self.committed,
+            Configuration::Initial | Configuration::Committed | Configuration::Current => &self.initial,
         }
     }
 

@@ -48,7 +48,9 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
     let body = laws.body;
     let positions = match body.formulation() {
         Formulation::SmallStrain => body.mesh().nodes.clone(),
-        _ => body.positions(&body.zero()),
+        Formulation::TotalLagrangian | Formulation::UpdatedLagrangian | Formulation::Corotational => {
+            body.positions(&body.zero())
+        }
     };
     // What follows others moves as well; ties only lower frequencies.
     let is_prescribed = |dof: usize| constraints.is_prescribed(dof);

@@ -18,19 +18,15 @@ pub enum Kernel {
     Cone,
 }
 
-impl Kernel {
-    /// All kernels.
-    pub const ALL: [Self; 3] = [Self::Bell, Self::Wendland, Self::Cone];
-
-    /// The keyword used in scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Bell => "bell",
-            Self::Wendland => "wendland",
-            Self::Cone => "cone",
-        }
+protocol::keywords! {
+    pub Kernel {
+        Bell => "bell",
+        Wendland => "wendland",
+        Cone => "cone",
     }
+}
 
+impl Kernel {
     /// Weight at `q >= 0`, 1 at 0.
     pub fn weight(self, q: f64) -> f64 {
         if q >= 1.0 {

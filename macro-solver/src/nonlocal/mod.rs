@@ -215,7 +215,7 @@ impl NonlocalOperator {
             .map(|point| {
                 let known = |neighbour: usize| match self.settings.update {
                     Update::Staggered if neighbour > point => &previous[neighbour],
-                    _ => &current[neighbour],
+                    Update::Synchronous | Update::Staggered => &current[neighbour],
                 };
                 self.row(point).fold(Matrix3::zeros(), |sum, (neighbour, weight)| sum + weight * known(neighbour))
             })

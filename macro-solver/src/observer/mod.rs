@@ -180,7 +180,8 @@ pub struct FlagCounts {
     /// Overlap above 10 % of a grain.
     pub large_overlap: u64,
     /// No load-bearing contacts.
-    pub fluid: u64,
+    #[serde(rename = "fluid")]
+    pub no_load_bearing_contacts: u64,
     /// The target was exactly zero.
     pub null_targets: u64,
     /// The relaxation made no headway and went on in another way.
@@ -204,7 +205,7 @@ impl FlagCounts {
             (TrialFlags::TANGENT_FALLBACK, &mut self.tangent_fallback),
             (TrialFlags::TANGENT_REGULARISED, &mut self.tangent_regularised),
             (TrialFlags::LARGE_OVERLAP, &mut self.large_overlap),
-            (TrialFlags::FLUID, &mut self.fluid),
+            (TrialFlags::NO_LOAD_BEARING_CONTACTS, &mut self.no_load_bearing_contacts),
             (TrialFlags::SKIPPED_NULL_TARGET, &mut self.null_targets),
             (TrialFlags::DAMPING_CHANGED, &mut self.damping_changed),
             (TrialFlags::ELASTIC_INCREMENT, &mut self.elastic_increments),

@@ -17,7 +17,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`OutputError::Write`].
-pub fn write_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Result<(), OutputError> {
+pub fn write_frame(path: &Path, view: &FieldsView<'_>, observables: Observables) -> Result<(), OutputError> {
     let on_nodes = [
         Field::vector("displacement", view.displacements),
         Field::vector("reaction", view.reactions),
@@ -25,16 +25,16 @@ pub fn write_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Re
     ];
     let mesh = view.mesh;
     let grid = FieldGrid { nodes: &mesh.nodes, elements: &mesh.elements, kinds: &mesh.kinds };
-    write_grid(path, grid, &on_nodes, &element_fields(mesh.dimension, view.points, asked))
+    write_grid(path, grid, &on_nodes, &element_fields(mesh.dimension, view.points, observables))
 }
 
 /// Writes the Gauss points of an accepted step as a cloud at their current positions.
 ///
 /// # Errors
 /// [`OutputError::Write`].
-pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables) -> Result<(), OutputError> {
+pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, observables: Observables) -> Result<(), OutputError> {
     let positions: Vec<[f64; 3]> = view.points.iter().map(|point| point.position).collect();
-    let mut fields = quantities(view.mesh.dimension, asked)
+    let mut fields = quantities(view.mesh.dimension, observables)
         .iter()
         .map(|quantity| quantity.of_points(view.points))
         .collect::<Vec<_>>();
@@ -44,9 +44,9 @@ pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, asked: Observables)
     write_particles(path, &positions, &fields)
 }
 
-fn element_fields(dimension: Dimension, points: &[PointFields], asked: Observables) -> Vec<Field> {
+fn element_fields(dimension: Dimension, points: &[PointFields], observables: Observables) -> Vec<Field> {
     let mut fields: Vec<Field> =
-        quantities(dimension, asked).iter().map(|quantity| quantity.of_elements(points)).collect();
+        quantities(dimension, observables).iter().map(|quantity| quantity.of_elements(points)).collect();
     add_invariants(dimension, &mut fields);
     let sums = |value: fn(&PointFields) -> u64| {
         by_element(points).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
@@ -128,7 +128,7 @@ fn scalar(name: &'static str, value: fn(&PointFields) -> Vec<f64>) -> Quantity {
     Quantity { name, components: 1, value }
 }
 
-fn quantities(dimension: Dimension, asked: Observables) -> Vec<Quantity> {
+fn quantities(dimension: Dimension, observables: Observables) -> Vec<Quantity> {
     let mut quantities = vec![
         Quantity { name: "stress", components: 9, value: |point| point.stress.0.to_vec() },
         Quantity { name: "strain", components: 9, value: |point| green_lagrange(&point.deformation).0.to_vec() },
@@ -155,7 +155,8 @@ fn quantities(dimension: Dimension, asked: Observables) -> Vec<Quantity> {
         (Observables::ENERGY, scalar("elastic_energy", |point| vec![point.observed.elastic_energy])),
         (Observables::ENERGY, scalar("frictional_dissipation", |point| vec![point.observed.frictional_dissipation])),
     ];
-    quantities.extend(optional.into_iter().filter(|(bit, _)| asked.contains(*bit)).map(|(_, quantity)| quantity));
+    quantities
+        .extend(optional.into_iter().filter(|(bit, _)| observables.contains(*bit)).map(|(_, quantity)| quantity));
     quantities
 }
 

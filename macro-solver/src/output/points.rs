@@ -19,7 +19,7 @@ impl PointColumn {
 }
 
 /// All columns in order; `asked` are the optional results that the points have.
-pub(super) fn point_columns(asked: Observables) -> Vec<PointColumn> {
+pub(super) fn point_columns(observables: Observables) -> Vec<PointColumn> {
     let mut columns = vec![scalar("volume", |point| point.volume)];
     let all: Vec<(usize, usize)> = (0..9).map(|place| (place / 3, place % 3)).collect();
     let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
@@ -34,7 +34,7 @@ pub(super) fn point_columns(asked: Observables) -> Vec<PointColumn> {
         scalar("max_overlap_ratio", |point| point.scalars.max_overlap_ratio),
     ]);
     let mut optional = |observable, more: Vec<PointColumn>| {
-        if asked.contains(observable) {
+        if observables.contains(observable) {
             columns.extend(more);
         }
     };
@@ -82,8 +82,8 @@ mod tests {
     #[test]
     fn columns_follow_what_was_asked_for() {
         let point = point(2.0, [[-3.0, 0.5], [0.5, -7.0]], 1.1);
-        let value = |asked, name: &str| {
-            point_columns(asked).iter().find(|column| column.name == name).map(|column| column.of(&point))
+        let value = |observables, name: &str| {
+            point_columns(observables).iter().find(|column| column.name == name).map(|column| column.of(&point))
         };
         assert_eq!(value(Observables::NONE, "sigma_yy"), Some(-7.0));
         assert_eq!(value(Observables::NONE, "F_xx"), Some(1.1));

@@ -151,7 +151,8 @@ pub struct Summary {
     /// Jobs given out a second time.
     pub reissued_jobs: u64,
     /// Attempts at a step that failed: it was repeated with a smaller increment, or stabilised.
-    pub cutbacks: u64,
+    #[serde(rename = "cutbacks")]
+    pub cut_backs: u64,
     /// Out-of-balance force of the stress that the run started with, over the reactions or loads.
     #[serde(default)]
     pub initial_imbalance: f64,
@@ -233,7 +234,7 @@ mod tests {
             workers: 2,
             worker_restarts: 0,
             reissued_jobs: 0,
-            cutbacks: 1,
+            cut_backs: 1,
             initial_imbalance: 0.25,
             initial_deviation: 0.0,
             slowest_trials: SlowestTrials::default(),

@@ -100,7 +100,13 @@ impl Amplitude {
             Self::SmoothRamp { from: start, to, shape } if grows(*start, *to) => {
                 Some(Self::SmoothRamp { from, to: 0.0, shape: *shape })
             }
-            _ => None,
+            Self::Constant
+            | Self::Ramp { .. }
+            | Self::Smooth { .. }
+            | Self::SmoothRamp { .. }
+            | Self::Table(_)
+            | Self::Sine { .. }
+            | Self::Rate(_) => None,
         }
     }
 

@@ -129,7 +129,12 @@ impl From<Condition> for Applied {
     fn from(condition: Condition) -> Self {
         let history = match condition {
             Condition::Pressure { .. } => Amplitude::Constant,
-            _ => Amplitude::RAMP,
+            Condition::Displacement { .. }
+            | Condition::Platen { .. }
+            | Condition::Traction { .. }
+            | Condition::BodyForce { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => Amplitude::RAMP,
         };
         Self::new(condition, history)
     }

@@ -157,7 +157,7 @@ fn clear<'a>(rows: &mut [Row<'a>], pivot: &Row<'a>, column: Column) {
 fn dependent<'a>(dof: usize, row: &Row<'a>) -> Dependent<'a> {
     let masters = row.terms.iter().filter_map(|(&column, &coefficient)| match column {
         Column::Dof(master) if master != dof => Some((master, -coefficient)),
-        _ => None,
+        Column::Auxiliary(_) | Column::Dof(_) => None,
     });
     Dependent { dof, masters: masters.collect(), given: row.given.clone() }
 }

@@ -1,6 +1,8 @@
 //! The stress that a body should start with, and how well it has to be met.
 
 use nalgebra::Matrix3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A stress field, Pa, tension positive.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,10 +53,34 @@ impl InitialStress {
 pub struct InitialState {
     /// What it should be.
     pub expected: Option<InitialStress>,
-    /// Largest deviation of a component in the dimensions of the problem from what is expected, over the largest component
-    /// expected anywhere; `None`: any.
+    /// How well it has to be met.
+    pub limits: InitialLimits,
+    /// Whether cells are brought to it.
+    pub preparation: InitialPreparation,
+}
+
+/// Whether and how cells are brought to their initial stress before a run starts: keys of `[initial_stress]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct InitialPreparation {
+    /// Whether the cells are brought to the expected stress of their Gauss points before the run starts; otherwise the packings must have
+    /// been prepared at it. Needs `uniform` or `geostatic`.
+    pub prepare: bool,
+    /// Pressures that differ by less than this share are prepared at their mean, in one cell; 0: every pressure has a cell of its own.
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 0.5))]
+    pub prepare_spacing: f64,
+}
+
+/// How well an initial stress has to be met: keys of `[initial_stress]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct InitialLimits {
+    /// A start is refused if a stress component of any point differs from the expected one by more than this share of the largest
+    /// component expected.
+    #[schemars(extend("x-unit" = "-", "x-default" = "not checked"), range(min = 0.0))]
     pub largest_deviation: Option<f64>,
-    /// Largest out-of-balance force over the reactions or loads, whichever is larger; `None`: any.
+    /// A start is refused if the out-of-balance force over reactions or loads is larger.
+    #[schemars(extend("x-unit" = "-", "x-default" = "not checked"), range(min = 0.0))]
     pub largest_imbalance: Option<f64>,
 }
 

@@ -38,13 +38,13 @@ pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use equations::EquationSettings;
 pub use error_control::ErrorControl;
-pub use initial_stress::{InitialState, InitialStress};
+pub use initial_stress::{InitialLimits, InitialPreparation, InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
 pub use rate_history::{Rate, RateHistory};
 pub use smooth_step::SmoothRamp;
-pub use stage::{Procedure, Stabilisation, Stage, StepControl, StepRule};
+pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantGates, Strategy};
 pub use validation::Prescribed;
 

@@ -46,10 +46,8 @@ impl TangentUpdate {
     /// Modified Newton with the values that were measured to need the fewest evaluations.
     pub const WHEN_SLOW: Self = Self::WhenSlow { contraction: 0.5, most_uses: 12 };
 
-    /// What full Newton needs and no more: the last iterate of a step, which is only checked, gets no tangents of its own.
-    pub const EACH_STEP_OR_SLOW: Self = Self::EachStepOrSlow { contraction: 0.5 };
-
-    /// Less than that: steps whose first iterate is in balance get no tangents at all.
+    /// Less than what full Newton needs: the last iterate of a step, which is only checked, gets no tangents of its own, and steps whose
+    /// first iterate is in balance get none at all.
     pub const SECOND_ITERATE_OR_SLOW: Self = Self::SecondIterateOrSlow { contraction: 0.5 };
 
     /// Whether a factorization outlives the iterate that it was made at.
@@ -227,38 +225,22 @@ pub enum NamedStrategy {
     QuasiNewton,
 }
 
-impl NamedStrategy {
-    /// All of them.
-    pub const ALL: [Self; 6] = [
-        Self::Newton,
-        Self::ModifiedNewton,
-        Self::SlipNewton,
-        Self::SlipSecant,
-        Self::PointSecant,
-        Self::QuasiNewton,
-    ];
+protocol::keywords! {
+    pub NamedStrategy {
+        Newton => "newton",
+        ModifiedNewton => "modified_newton",
+        SlipNewton => "slip_newton",
+        SlipSecant => "slip_secant",
+        PointSecant => "point_secant",
+        QuasiNewton => "quasi_newton",
+    }
+}
 
+impl NamedStrategy {
     /// The one used where none is named, for cells of this dimension. Measured (docs/concepts/strategies.md): slip tangents of large cells of
     /// spheres cost many times what they save, and fail where the cell next to flows.
     pub fn default_of(dimension: usize) -> Self {
         if dimension == 3 { Self::QuasiNewton } else { Self::SlipNewton }
-    }
-
-    /// The keyword of scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Newton => "newton",
-            Self::ModifiedNewton => "modified_newton",
-            Self::SlipNewton => "slip_newton",
-            Self::SlipSecant => "slip_secant",
-            Self::PointSecant => "point_secant",
-            Self::QuasiNewton => "quasi_newton",
-        }
-    }
-
-    /// The strategy of a keyword.
-    pub fn of_keyword(keyword: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|named| named.keyword() == keyword)
     }
 
     /// The detailed choices.
@@ -297,14 +279,25 @@ impl NamedStrategy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formulation::Formulation;
+    use crate::nonlocal::Kernel;
 
     #[test]
-    fn keywords_name_their_strategies() {
-        for named in NamedStrategy::ALL {
-            assert_eq!(NamedStrategy::of_keyword(named.keyword()), Some(named));
-        }
-        assert_eq!(NamedStrategy::of_keyword("broyden"), None);
+    fn the_default_is_one_of_the_named_strategies() {
         let defaults = NamedStrategy::ALL.into_iter().filter(|named| named.preset() == Strategy::default());
-        assert_eq!(defaults.count(), 1, "the default is one of the named strategies");
+        assert_eq!(defaults.count(), 1);
+    }
+
+    #[test]
+    fn keywords_are_those_of_scenes() {
+        for named in NamedStrategy::ALL {
+            assert_eq!(serde_json::to_value(named).unwrap(), named.keyword());
+        }
+        for formulation in Formulation::ALL {
+            assert_eq!(serde_json::to_value(formulation).unwrap(), formulation.keyword());
+        }
+        for kernel in Kernel::ALL {
+            assert_eq!(serde_json::to_value(kernel).unwrap(), kernel.keyword());
+        }
     }
 }

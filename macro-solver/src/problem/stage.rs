@@ -77,6 +77,32 @@ impl Stage {
     }
 }
 
+/// How long a stage is and how it goes along its path: the table `[loading]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct LoadingSettings {
+    /// Length of the stage: the time of histories, and real time in a dynamic stage. In quasi-static stages it scales the column
+    /// `time` alone.
+    #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0))]
+    pub duration: f64,
+    /// Load steps.
+    #[serde(flatten)]
+    pub control: StepControl,
+}
+
+impl LoadingSettings {
+    /// Those of a stage.
+    pub fn of(stage: &Stage) -> Self {
+        Self { duration: stage.duration, control: stage.control.clone() }
+    }
+}
+
+impl Default for LoadingSettings {
+    fn default() -> Self {
+        Self { duration: 1.0, control: StepControl::default() }
+    }
+}
+
 /// How a stage goes along its path, by default the load factor from 0 to 1: keys of `[loading]`. All sizes are shares of the stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]

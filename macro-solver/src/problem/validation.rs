@@ -3,8 +3,8 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, Origin, PathControl, Platen, Problem,
-    ProblemError, Procedure, Stage,
+    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, LoadingSettings, Origin, PathControl,
+    Platen, Problem, ProblemError, Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
@@ -50,12 +50,8 @@ impl Problem {
         refuse_unsound(vec![("rve.strain_per_step", strain, "at least 0", strain >= 0.0)])?;
         let expected = self.initial.expected.iter().flat_map(InitialStress::numbers);
         refuse_unsound(expected.map(|value| ("initial_stress", value, "a finite number", true)).collect())?;
-        let limits = [
-            ("initial_stress.largest_deviation", self.initial.largest_deviation),
-            ("initial_stress.largest_imbalance", self.initial.largest_imbalance),
-        ];
-        let given = limits.into_iter().filter_map(|(name, limit)| Some((name, limit?)));
-        refuse_unsound(given.map(|(name, limit)| (name, limit, "at least 0", limit >= 0.0)).collect())?;
+        check_settings(&self.initial.limits, &["initial_stress"])?;
+        check_settings(&self.initial.preparation, &["initial_stress"])?;
         let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
         let is_dynamic = |stage: &Stage| matches!(stage.procedure, Procedure::Dynamic(_));
         let is_viscous = matches!(self.hourglass, HourglassControl::Viscous { .. });
@@ -250,7 +246,11 @@ impl Problem {
             Condition::Platen { nodes, contact, axis: along, .. } => {
                 ((*along == axis || *contact == Platen::Rough) && holds(nodes)).then_some(nodes)
             }
-            _ => None,
+            Condition::Pressure { .. }
+            | Condition::Traction { .. }
+            | Condition::BodyForce { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => None,
         });
         prescribing.map_or("", String::as_str)
     }
@@ -273,7 +273,11 @@ impl Problem {
     fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
         let acts_along_z = |applied: &Applied| match &applied.condition {
             Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
-            _ => false,
+            Condition::Displacement { .. }
+            | Condition::Platen { .. }
+            | Condition::Pressure { .. }
+            | Condition::MultiPointConstraint(_)
+            | Condition::Friction { .. } => false,
         };
         if self.mesh.dimension == Dimension::Plane && stage.conditions.iter().any(acts_along_z) {
             return Err(ProblemError::NoThirdAxis);
@@ -292,7 +296,7 @@ fn refuse_unsound(checks: Vec<Check>) -> Result<(), ProblemError> {
 /// The ranges of all keys, and what one key demands of another.
 fn check_stage_settings(stage: &Stage) -> Result<(), ProblemError> {
     let (control, tolerances) = (&stage.control, &stage.tolerances);
-    check_settings(control, &["loading"])?;
+    check_settings(&LoadingSettings::of(stage), &["loading"])?;
     check_settings(tolerances, &["solver"])?;
     check_settings(&stage.strategy, &["solver"])?;
     match &stage.procedure {
@@ -301,10 +305,8 @@ fn check_stage_settings(stage: &Stage) -> Result<(), ProblemError> {
         Procedure::Dynamic(settings) => check_settings(&**settings, &["dynamics"])?,
     }
     let base = 1.0 / control.increments as f64;
-    refuse_unsound(vec![
-        ("loading.duration", stage.duration, "above 0", stage.duration > 0.0),
-        ("loading.smallest_increment", control.min, "at most 1 / increments", control.min <= base),
-    ])
+    let fits = control.min <= base;
+    refuse_unsound(vec![("loading.smallest_increment", control.min, "at most 1 / increments", fits)])
 }
 
 fn condition_numbers(stage: &Stage) -> Vec<Check> {

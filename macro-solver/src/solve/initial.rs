@@ -2,7 +2,7 @@
 
 use super::driver::Solver;
 use super::newton::ResidualNorms;
-use crate::problem::{ForceMeasure, InitialState};
+use crate::problem::{ForceMeasure, InitialLimits};
 use thiserror::Error;
 
 /// A limit of the problem that the initial stress exceeds.
@@ -36,7 +36,7 @@ impl Solver<'_> {
     pub(super) fn check_initial_state(&mut self, start: &ResidualNorms) -> Result<(), InitialStateDefect> {
         self.statistics.initial_imbalance = start.ratio(ForceMeasure::Largest);
         self.statistics.initial_deviation = self.initial_deviation();
-        let InitialState { largest_deviation, largest_imbalance, .. } = self.problem.initial;
+        let InitialLimits { largest_deviation, largest_imbalance } = self.problem.initial.limits;
         let (imbalance, deviation) = (self.statistics.initial_imbalance, self.statistics.initial_deviation);
         if largest_deviation.is_some_and(|limit| deviation > limit) {
             return Err(InitialStateDefect::Deviation { deviation });

@@ -238,8 +238,8 @@ impl MacroPort for Port {
             Manner::Hostile => {
                 world.sent += 1;
                 let (reply, state, error) = lie(reply, state, &mut world.dice);
-                let told = LoadedReply { reply: reply.seal(&error), state: &state, error: &error };
-                sink(MacroEvent::Replies(worker, &[told]));
+                let loaded = LoadedReply { reply: reply.seal(&error), state: &state, error: &error };
+                sink(MacroEvent::Replies(worker, &[loaded]));
             }
         }
         Ok(1)

@@ -16,7 +16,6 @@ mod springs;
 mod table;
 #[cfg(test)]
 mod tests;
-pub mod two_body;
 mod unloading;
 
 pub use compile::{ContactLaws, LawVisitor};

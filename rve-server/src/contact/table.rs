@@ -16,15 +16,27 @@ pub enum LawName {
     HertzMindlin,
 }
 
-impl LawName {
-    /// All of them: what this program serves.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::HertzMindlin];
+protocol::keywords! {
+    pub LawName {
+        Linear => "linear",
+        HertzMindlin => "hertz_mindlin",
+    }
+}
 
-    /// As scenes and capabilities spell it.
-    pub fn keyword(self) -> &'static str {
+impl LawName {
+    /// Whether the stiffness of a contact does not change with its overlap.
+    pub fn is_linear(self) -> bool {
         match self {
-            Self::Linear => "linear",
-            Self::HertzMindlin => "hertz_mindlin",
+            Self::Linear => true,
+            Self::HertzMindlin => false,
+        }
+    }
+
+    /// Whether it is a law of discs too, not of spheres alone.
+    pub fn is_for_discs(self) -> bool {
+        match self {
+            Self::Linear => true,
+            Self::HertzMindlin => false,
         }
     }
 }
@@ -157,7 +169,10 @@ impl ContactTable {
 
     /// Whether contacts resist sliding before they slide. Hertz-Mindlin contacts always do.
     pub fn has_tangential_springs(&self) -> bool {
-        self.law != LawName::Linear || self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0)
+        match self.law {
+            LawName::Linear => self.stiffness_ratio.is_none_or(|ratio| ratio > 0.0),
+            LawName::HertzMindlin => true,
+        }
     }
 
     /// Checks every key.
@@ -237,7 +252,7 @@ impl ContactTable {
     /// # Errors
     /// Hertz-Mindlin spheres in a plane.
     pub fn validate_for(&self, dimension: usize) -> Result<(), DefinitionError> {
-        if self.law == LawName::HertzMindlin && dimension != 3 {
+        if dimension != 3 && !self.law.is_for_discs() {
             return Err(self.no_law_of_discs());
         }
         Ok(())
@@ -290,6 +305,7 @@ fn refuse_given(keys: &[(&str, bool)], law: &str) -> Result<(), DefinitionError>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::definition::{Criterion, Damping, FrameConstraint};
 
     fn contact(text: &str) -> Result<(), String> {
         let table: ContactTable = toml::from_str(text).map_err(|error| error.message().to_owned())?;
@@ -312,6 +328,15 @@ mod tests {
     fn keywords_are_those_of_scenes() {
         for law in LawName::ALL {
             assert_eq!(serde_json::to_value(law).unwrap(), law.keyword());
+        }
+        for criterion in Criterion::ALL {
+            assert_eq!(serde_json::to_value(criterion).unwrap(), criterion.keyword());
+        }
+        for damping in Damping::ALL {
+            assert_eq!(serde_json::to_value(damping).unwrap(), damping.keyword());
+        }
+        for constraint in FrameConstraint::ALL {
+            assert_eq!(serde_json::to_value(constraint).unwrap(), constraint.keyword());
         }
     }
 

@@ -168,8 +168,9 @@ impl AnyDefinition {
         }
         let only: DimensionOnly = from_bytes(&definition.bytes)?;
         match only.packing.dimension {
+            2 => GrainDefinition::from_protocol(definition).map(Self::Discs),
             3 => GrainDefinition::from_protocol(definition).map(Self::Spheres),
-            _ => GrainDefinition::from_protocol(definition).map(Self::Discs),
+            other => Err(DefinitionError(format!("packing: {}", packing_file::no_dimension(other)))),
         }
     }
 

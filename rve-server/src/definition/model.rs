@@ -3,7 +3,7 @@
 use super::GrainDefinition;
 use super::options::RveOptions;
 use crate::cell::{Cell, ContactRecord, GrainState, OperatorMemory};
-use crate::contact::{LawName, Rotations};
+use crate::contact::Rotations;
 use crate::space::{Components, Space};
 use protocol::RveError;
 
@@ -39,7 +39,7 @@ impl GrainModel {
             radii: definition.packing.grains.iter().map(S::radius).collect(),
             thickness: definition.packing.thickness,
             friction: contact.friction,
-            stiffness_grows_with_size: contact.law == LawName::Linear && contact.modulus.is_some(),
+            stiffness_grows_with_size: contact.law.is_linear() && contact.modulus.is_some(),
             is_viscous: contact.damping > 0.0,
             rotations: contact.rotations,
             has_tangential_springs: contact.has_tangential_springs(),

@@ -1,21 +1,21 @@
 //! The table `[rve.operator]`: perturbations and averages of tangent operators.
 
-use crate::error::{DefinitionError, positive};
+use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The table `[rve.operator]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OperatorOptions {
     /// Displacement gradient of the perturbations of a consistent operator.
-    // Definitions keep the old name of the key: their bytes are the identity of an RVE.
-    #[serde(rename(serialize = "probe"), alias = "probe")]
-    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0))]
+    // Perturbations must stay small against any step.
+    #[serde(alias = "probe")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0), range(max = 0.01))]
     pub perturbation: Option<f64>,
     /// Displacement gradient of the perturbations of a quasi-static operator.
-    #[serde(rename(serialize = "quasi_static_probe"), alias = "quasi_static_probe")]
-    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
+    #[serde(alias = "quasi_static_probe")]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0), range(max = 0.01))]
     pub quasi_static_perturbation: Option<f64>,
     /// Value that the `max_force` criterion must reach in the perturbations of a quasi-static operator.
     #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
@@ -31,22 +31,29 @@ impl OperatorOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub(super) fn validate(&self) -> Result<(), DefinitionError> {
-        positive("rve.operator.perturbation", self.perturbation())?;
-        positive("rve.operator.quasi_static_perturbation", self.quasi_static_perturbation())?;
-        positive("rve.operator.quasi_static_tolerance", self.quasi_static_tolerance())?;
-        for (key, size) in
-            [("perturbation", self.perturbation()), ("quasi_static_perturbation", self.quasi_static_perturbation())]
-        {
-            if size > LARGEST_PERTURBATION {
-                return Err(DefinitionError(format!(
-                    "rve.operator.{key} = {size:e} is too large for a perturbation; use {LARGEST_PERTURBATION:e} or less"
-                )));
-            }
+        in_declared_ranges(self, "rve.operator")
+    }
+
+    /// As definitions hold it, with the old names of two keys: the bytes of a definition are the identity of an RVE.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub(super) fn with_old_names<S: Serializer>(options: &Self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct OldNames {
+            probe: Option<f64>,
+            quasi_static_probe: Option<f64>,
+            quasi_static_tolerance: Option<f64>,
+            average_steps: Option<u32>,
         }
-        if self.average_steps() == 0 {
-            return Err(DefinitionError("rve.operator.average_steps must be at least 1".into()));
-        }
-        Ok(())
+        let Self { perturbation, quasi_static_perturbation, quasi_static_tolerance, average_steps } = *options;
+        let names = OldNames {
+            probe: perturbation,
+            quasi_static_probe: quasi_static_perturbation,
+            quasi_static_tolerance,
+            average_steps,
+        };
+        names.serialize(serializer)
     }
 
     /// Perturbation of a consistent operator in force.
@@ -69,6 +76,3 @@ impl OperatorOptions {
         self.average_steps.unwrap_or(5)
     }
 }
-
-/// A probe must stay small against any step.
-const LARGEST_PERTURBATION: f64 = 1e-2;

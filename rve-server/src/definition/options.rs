@@ -34,14 +34,11 @@ pub enum Criterion {
     Energy,
 }
 
-impl Criterion {
-    /// The keyword used in scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::MaxForce => "max_force",
-            Self::RmsForce => "rms_force",
-            Self::Energy => "energy",
-        }
+protocol::keywords! {
+    pub Criterion {
+        MaxForce => "max_force",
+        RmsForce => "rms_force",
+        Energy => "energy",
     }
 }
 
@@ -62,16 +59,13 @@ pub enum Damping {
     Adaptive,
 }
 
-impl Damping {
-    /// The keyword used in scene files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Fire => "fire",
-            Self::Local => "local",
-            Self::Viscous => "viscous",
-            Self::Kinetic => "kinetic",
-            Self::Adaptive => "adaptive",
-        }
+protocol::keywords! {
+    pub Damping {
+        Fire => "fire",
+        Local => "local",
+        Viscous => "viscous",
+        Kinetic => "kinetic",
+        Adaptive => "adaptive",
     }
 }
 
@@ -163,6 +157,7 @@ pub struct RveOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<CellFrame>,
     /// Perturbations and averages of tangent operators.
+    #[serde(serialize_with = "OperatorOptions::with_old_names")]
     pub operator: OperatorOptions,
 }
 
@@ -190,7 +185,6 @@ impl RveOptions {
         if self.viscous_damping.is_some() && self.damping != Damping::Viscous {
             return Err(DefinitionError("rve.viscous_damping needs damping = \"viscous\"".into()));
         }
-        self.frame.as_ref().map_or(Ok(()), CellFrame::validate)?;
         self.operator.validate()
     }
 

@@ -89,8 +89,9 @@ impl Packing {
     /// See [`PackingError`].
     pub fn from_json(name: &str, text: &str) -> Result<Self, PackingError> {
         match dimension_of(name, text)? {
+            2 => PackingFile::from_json(name, text).map(Self::Discs),
             3 => PackingFile::from_json(name, text).map(Self::Spheres),
-            _ => PackingFile::from_json(name, text).map(Self::Discs),
+            other => Err(PackingError::Content(format!("packing file {name}: {}", no_dimension(other)))),
         }
     }
 
@@ -363,6 +364,11 @@ impl<S: Space> PackingFile<S> {
         }
         Ok(())
     }
+}
+
+/// Why a file of `dimension` is no packing at all.
+pub(super) fn no_dimension(dimension: u32) -> String {
+    format!("dimension {dimension} was found, but 2 (discs) or 3 (spheres) is needed")
 }
 
 /// Why a file of `dimension` cannot be a packing of this type.

@@ -1,13 +1,11 @@
 //! The grain engine behind the protocol: definitions in, trials out.
 
 mod grain_engine;
-mod grains;
 mod listed_forces;
 mod rve;
 mod snapshot;
 
 pub use grain_engine::{GrainEngine, listed_forces};
-pub use grains::{Grains, grains_of_snapshot};
 pub use listed_forces::ListedForces;
 pub use rve::GrainRve;
 pub use snapshot::ENGINE_NAME;

@@ -58,7 +58,7 @@ pub(crate) fn observe<S: Space>(
 /// Flags that follow from the state alone.
 pub(crate) fn note_condition<S: Space>(state: &GrainState<S>, max_overlap_ratio: f64, flags: &mut TrialFlags) {
     if !state.bears_load {
-        flags.insert(TrialFlags::FLUID);
+        flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
     }
     if max_overlap_ratio > LARGE_OVERLAP {
         flags.insert(TrialFlags::LARGE_OVERLAP);

@@ -1,4 +1,4 @@
-//! The homogenized stress, in three forms that agree at equilibrium.
+//! The homogenized stress.
 
 use crate::cell::translation;
 use crate::cell::{ContactNetwork, NetworkContact};
@@ -34,30 +34,20 @@ impl<S: Space> ContactNetwork<S> {
         S::contact_force(direction, contact.normal_force, contact.tangential_force)
     }
 
-    fn stress_with(&self, arm: impl Fn(&NetworkContact<S>) -> S::Vector) -> S::Tensor {
+    /// Cauchy stress `1/V sum f x b` (Love-Weber; [Argilaga2018] eq. 8), Pa, tension positive. The branch vectors carry
+    /// their image shift. Symmetric up to the unbalanced moments; nothing is symmetrised here.
+    pub fn stress(&self) -> S::Tensor {
         let mut sum = S::Tensor::ZERO;
         for contact in &self.contacts {
-            let (force, arm) = (self.force(contact), arm(contact));
+            let (force, branch) = (self.force(contact), self.branch(contact));
             for i in 0..S::DIMENSION {
                 for j in 0..S::DIMENSION {
-                    sum[i][j] += force[i] * arm[j];
+                    sum[i][j] += force[i] * branch[j];
                 }
             }
         }
         let scale = 1.0 / self.volume();
         S::Tensor::from_fn(|i, j| sum[i][j] * scale)
-    }
-
-    /// Cauchy stress `1/V sum f x b` (Love-Weber; [Argilaga2018] eq. 8), Pa, tension positive. The branch vectors carry
-    /// their image shift. Symmetric up to the unbalanced moments; nothing is symmetrised here.
-    pub fn stress(&self) -> S::Tensor {
-        self.stress_with(|contact| self.branch(contact))
-    }
-
-    /// The same stress from the contacts that cross the cell's border alone: `1/V sum f x (sum_k shift_k Yk)`. It
-    /// differs from [`stress`](Self::stress) by the unbalanced forces only, so the difference measures them. Pa.
-    pub fn border_stress(&self) -> S::Tensor {
-        self.stress_with(|contact| self.translation(contact))
     }
 }
 

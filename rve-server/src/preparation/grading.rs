@@ -135,9 +135,9 @@ impl Grading {
         let Self::Sieve { sizes, passing, tolerance } = self else { return None };
         let mass = |radius: &f64| radius.powi(dimension as i32);
         let whole: f64 = radii.iter().map(mass).sum();
-        let deviation = sizes.iter().zip(passing).map(|(size, asked)| {
+        let deviation = sizes.iter().zip(passing).map(|(size, requested)| {
             let passed: f64 = radii.iter().filter(|radius| 2.0 * **radius < *size).map(mass).sum();
-            (passed / whole - asked).abs()
+            (passed / whole - requested).abs()
         });
         Some((deviation.fold(0.0, f64::max), *tolerance))
     }

@@ -100,15 +100,12 @@ pub enum StateQuantity {
     CoordinationNumberNoRattlers,
 }
 
-impl StateQuantity {
-    /// The key of the recipe.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::VoidRatio => "void_ratio",
-            Self::Porosity => "porosity",
-            Self::CoordinationNumber => "coordination_number",
-            Self::CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
-        }
+protocol::keywords! {
+    pub StateQuantity {
+        VoidRatio => "void_ratio",
+        Porosity => "porosity",
+        CoordinationNumber => "coordination_number",
+        CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
     }
 }
 

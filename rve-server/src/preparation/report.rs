@@ -35,7 +35,8 @@ pub struct Requirement {
     /// Quantity.
     pub quantity: String,
     /// Value requested.
-    pub asked: f64,
+    #[serde(rename = "asked")]
+    pub requested: f64,
     /// Value of the packing.
     pub got: f64,
     /// Largest accepted difference, same unit.
@@ -45,7 +46,7 @@ pub struct Requirement {
 impl Requirement {
     /// Whether the packing has what was requested.
     pub fn is_met(&self) -> bool {
-        (self.got - self.asked).abs() <= self.tolerance
+        (self.got - self.requested).abs() <= self.tolerance
     }
 }
 
@@ -99,7 +100,7 @@ impl PackingReport {
             .map(|missed| {
                 format!(
                     "{} is {:e} instead of {:e} +- {:e}",
-                    missed.quantity, missed.got, missed.asked, missed.tolerance
+                    missed.quantity, missed.got, missed.requested, missed.tolerance
                 )
             })
             .collect();
@@ -152,8 +153,8 @@ fn requirements(
     report: &PackingReport,
 ) -> Result<Vec<Requirement>, PackingError> {
     let mut list = Vec::new();
-    let mut ask = |quantity: String, asked: f64, got: f64, tolerance: f64| {
-        list.push(Requirement { quantity, asked, got, tolerance });
+    let mut ask = |quantity: String, requested: f64, got: f64, tolerance: f64| {
+        list.push(Requirement { quantity, requested, got, tolerance });
     };
     for &(i, j) in symmetric_pairs(target.dimension) {
         let tolerance = (recipe.stress_tolerance + ROUNDING) * target.pressure;
@@ -167,8 +168,8 @@ fn requirements(
         if let Some(state) = &recipe.target
             && recipe.anisotropy.is_none()
         {
-            let (quantity, asked) = state.quantity()?;
-            ask(quantity.keyword().into(), asked, value_of(report, quantity), state.tolerance);
+            let (quantity, requested) = state.quantity()?;
+            ask(quantity.keyword().into(), requested, value_of(report, quantity), state.tolerance);
         }
         if let Some(anisotropy) = &recipe.anisotropy {
             ask("fabric_anisotropy".into(), anisotropy.value, report.fabric_anisotropy, anisotropy.tolerance);

@@ -126,19 +126,6 @@ impl FrameGeometry {
         let period = packing.grains.len();
         Some(Self { places, positions, radii, boundary, areas, area, corners, pairs, sides, period })
     }
-
-    /// `(1/V) sum x_q x A_q` for boundary centres `x_q`: the deformation gradient of the frame, [Liu2018] eq. 5.
-    pub fn deformation_gradient(&self, boundary: &[[f64; 2]]) -> [[f64; 2]; 2] {
-        let mut sum = [[0.0; 2]; 2];
-        for (position, area) in boundary.iter().zip(&self.areas) {
-            for (row, x) in sum.iter_mut().zip(position) {
-                for (value, a) in row.iter_mut().zip(area) {
-                    *value += x * a / self.area;
-                }
-            }
-        }
-        sum
-    }
 }
 
 /// Area vectors, [Liu2018] eq. 3: each stretch of the outline is shared by its two grains in proportion to their radii.
@@ -298,6 +285,19 @@ mod tests {
         PackingFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings").join(name)).unwrap()
     }
 
+    /// `(1/V) sum x_q x A_q` for boundary centres `x_q`: the deformation gradient of the frame, [Liu2018] eq. 5.
+    fn deformation_gradient(frame: &FrameGeometry, boundary: &[[f64; 2]]) -> [[f64; 2]; 2] {
+        let mut sum = [[0.0; 2]; 2];
+        for (position, area) in boundary.iter().zip(&frame.areas) {
+            for (row, x) in sum.iter_mut().zip(position) {
+                for (value, a) in row.iter_mut().zip(area) {
+                    *value += x * a / frame.area;
+                }
+            }
+        }
+        sum
+    }
+
     /// E-8: the area vectors close and give the unit tensor, at any deformation of the outline that is affine.
     #[test]
     fn area_vectors_close_and_measure_the_deformation() {
@@ -307,7 +307,7 @@ mod tests {
             let side = frame.area.sqrt();
             let sum = frame.areas.iter().fold([0.0; 2], |sum, area| [sum[0] + area[0], sum[1] + area[1]]);
             assert!(sum.iter().all(|component| component.abs() < 1e-12 * side), "{name}: {sum:?}");
-            let f = frame.deformation_gradient(&frame.positions[..frame.boundary]);
+            let f = deformation_gradient(&frame, &frame.positions[..frame.boundary]);
             for (i, row) in f.iter().enumerate() {
                 for (j, value) in row.iter().enumerate() {
                     let unit = if i == j { 1.0 } else { 0.0 };

@@ -199,11 +199,11 @@ fn a_chain_of_jobs_follows_the_states_it_names() {
 fn duplicated_jobs_get_equal_answers() {
     let (mut stage, rve) = Stage::ready(8);
     let first = stage.ask_one(job(rve, StateId::NONE, 0.1), b"");
-    let asked = job(rve, first.reply.state, 0.2);
-    let one = stage.ask_one(asked, b"");
+    let repeated = job(rve, first.reply.state, 0.2);
+    let one = stage.ask_one(repeated, b"");
     stage.ask_one(job(rve, StateId::NONE, 0.7), b"");
-    let two = stage.ask_one(TrialJob { attempt: 3, ..asked }, &first.state);
-    let both = stage.ask(&[LoadedJob { job: asked, state: b"" }, LoadedJob { job: asked, state: b"" }]);
+    let two = stage.ask_one(TrialJob { attempt: 3, ..repeated }, &first.state);
+    let both = stage.ask(&[LoadedJob { job: repeated, state: b"" }, LoadedJob { job: repeated, state: b"" }]);
     for other in [&two, &both[0], &both[1]] {
         assert_eq!((one.reply.state, &one.state), (other.reply.state, &other.state));
         assert_eq!(one.reply.stress, other.reply.stress);

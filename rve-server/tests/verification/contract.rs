@@ -5,7 +5,7 @@ use protocol::{
     Observables, RveEngine, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult,
 };
 use rve_server::definition::{Criterion, Damping, RveOptions};
-use rve_server::engine::{GrainEngine, GrainRve, grains_of_snapshot};
+use rve_server::engine::{GrainEngine, GrainRve};
 use rve_server::space::Discs;
 
 const FIRST: [[f64; 2]; 2] = [[2e-4, 1e-4], [-5e-5, -4e-4]];
@@ -163,33 +163,31 @@ fn criteria_and_dampings_agree() {
 
 /// Expansion empties the cell of contacts; compression brings them back.
 #[test]
-fn expanded_cell_is_a_fluid_and_recovers() {
+fn expanded_cell_has_no_load_bearing_contacts_and_recovers() {
     let mut cell = GrainRve::new(&hundred_discs(RveOptions { strain_per_step: Some(1e-4), ..draft() })).unwrap();
     let answer = trial(&mut cell, &[[0.02, 0.0], [0.0, 0.02]]);
-    assert!(answer.flags.contains(TrialFlags::FLUID));
+    assert!(answer.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
     assert_eq!(answer.stress, Tensor2::ZERO);
     assert_eq!(answer.scalars.coordination_number, 0.0);
     cell.commit().unwrap();
     let back = trial(&mut cell, &[[-0.022, 0.0], [0.0, -0.022]]);
     assert!(back.stress.get(0, 0) < 0.0 && back.stress.get(1, 1) < 0.0);
-    assert!(!back.flags.contains(TrialFlags::FLUID));
+    assert!(!back.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
 }
 
 #[test]
-fn grains_of_a_snapshot_are_inside_the_cell() {
+fn a_snapshot_holds_the_rotations_of_the_grains() {
     let definition = hundred_discs(draft()).to_protocol();
     let mut cell = GrainRve::from_protocol(&definition).unwrap();
     trial(&mut cell, &[[0.0, 0.05], [0.0, 0.0]]);
     cell.commit().unwrap();
     let mut bytes = Vec::new();
     cell.snapshot(&mut bytes);
-    let grains = grains_of_snapshot::<Discs>(&definition, &bytes).unwrap();
-    assert_eq!((grains.positions.len(), grains.radii.len(), grains.rotations.len()), (100, 100, 100));
-    let inside = rve_server::cell::Cell::<Discs> { rows: grains.cell };
-    for position in &grains.positions {
-        assert!(inside.fractional(*position).iter().all(|f| (-1e-12..1.0 + 1e-12).contains(f)));
-    }
-    let mean = grains.rotations.iter().sum::<f64>() / 100.0;
+    let mut other = GrainRve::<Discs>::from_protocol(&definition).unwrap();
+    other.restore(&bytes).unwrap();
+    let picture = other.picture().unwrap();
+    assert_eq!((picture.centres.len(), picture.radii.len(), picture.rotations.len()), (100, 100, 100));
+    let mean = picture.rotations.iter().map(|rotation| rotation[2]).sum::<f64>() / 100.0;
     assert!(
         mean < -0.01 && mean > -0.05,
         "simple shear turns grains clockwise by about half its angle, found {mean}"

@@ -81,13 +81,13 @@ fn gave_up(answer: Result<protocol::TrialResult, RveError>) -> [f64; 7] {
     match answer {
         Err(RveError::NotEquilibrated {
             strain,
-            asked,
+            target,
             increments,
             of,
             unbalanced,
             tolerance,
             force_evaluations,
-        }) => [strain, asked, increments as f64, of as f64, unbalanced, tolerance, force_evaluations as f64],
+        }) => [strain, target, increments as f64, of as f64, unbalanced, tolerance, force_evaluations as f64],
         other => panic!("{other:?}"),
     }
 }
@@ -100,11 +100,11 @@ fn step_cap_says_how_far_the_trial_got() {
     let options = RveOptions { max_evaluations: Some(60), ..draft() };
     let mut cell = GrainRve::new(&hundred_discs(options)).unwrap();
     let before = cell.committed().clone();
-    let [strain, asked, increments, of, unbalanced, tolerance, evaluations] =
+    let [strain, whole, increments, of, unbalanced, tolerance, evaluations] =
         gave_up(cell.trial(&target, &TrialOptions { ramp_steps: 80, ..TrialOptions::default() }));
     // The first evaluation is that of the given state.
     assert_eq!([increments, of, evaluations], [59.0, 80.0, 60.0]);
-    assert!((strain / asked - 59.0 / 80.0).abs() < 1e-12 && (asked / 4e-4 - 1.0).abs() < 1e-2, "{strain} of {asked}");
+    assert!((strain / whole - 59.0 / 80.0).abs() < 1e-12 && (whole / 4e-4 - 1.0).abs() < 1e-2, "{strain} of {whole}");
     assert!(unbalanced.is_finite() && unbalanced > 0.0 && tolerance == 1e-3);
     assert_eq!(*cell.committed(), before);
     assert!(cell.commit().is_err(), "a trial that gave up leaves nothing to commit");
@@ -117,8 +117,8 @@ fn step_cap_says_how_far_the_trial_got() {
     let refusal = cell.trial(&target, &TrialOptions { ramp_steps: 80, ..TrialOptions::default() });
     let text = refusal.clone().unwrap_err().to_string();
     assert!(text.contains("80 of 80 increments") && text.contains("101 force evaluations"), "{text}");
-    let [strain, asked, increments, of, unbalanced, ..] = gave_up(refusal);
-    assert_eq!([strain, increments], [asked, of]);
+    let [strain, whole, increments, of, unbalanced, ..] = gave_up(refusal);
+    assert_eq!([strain, increments], [whole, of]);
     assert!(unbalanced > 1e-9);
 }
 

@@ -14,7 +14,7 @@ fn coarse() -> RveOptions {
     RveOptions { strain_per_step: Some(1e-5), tolerance: Some(1e-3), ..RveOptions::default() }
 }
 
-fn asked(tangent: TangentKind, friction_reduction: f64) -> TrialOptions {
+fn with_reduction(tangent: TangentKind, friction_reduction: f64) -> TrialOptions {
     TrialOptions { tangent, observables: Observables::ALL, friction_reduction, ..TrialOptions::default() }
 }
 
@@ -37,18 +37,19 @@ fn assert_is_that_of_less_friction<S: Space + SolverFor>(definition: &GrainDefin
         less.options.solver = SolverName::Relaxation;
         let mut other = GrainRve::new(&less).unwrap();
         for kind in [TangentKind::None, TangentKind::TrussLikeSlip, TangentKind::QuasiStatic] {
-            let found = timeless(cell.trial(&target, &asked(kind, reduction)).unwrap());
-            let expected = timeless(other.trial(&target, &asked(kind, 0.0)).unwrap());
+            let found = timeless(cell.trial(&target, &with_reduction(kind, reduction)).unwrap());
+            let expected = timeless(other.trial(&target, &with_reduction(kind, 0.0)).unwrap());
             assert!(found == expected, "{kind:?} with friction reduced by {reduction}");
         }
         assert!(
-            cell.trial(&target, &asked(TangentKind::None, 0.0)).unwrap().stress != other_stress(&mut other, target)
+            cell.trial(&target, &with_reduction(TangentKind::None, 0.0)).unwrap().stress
+                != other_stress(&mut other, target)
         );
     }
 }
 
 fn other_stress<S: Space + SolverFor>(cell: &mut GrainRve<S>, target: Tensor2) -> Tensor2 {
-    cell.trial(&target, &asked(TangentKind::None, 0.0)).unwrap().stress
+    cell.trial(&target, &with_reduction(TangentKind::None, 0.0)).unwrap().stress
 }
 
 #[test]
@@ -81,7 +82,7 @@ fn batches_mix_frictions_and_leave_no_trace() {
             let size = 1e-5 * f64::from(number);
             let target = in_plane([[size, 0.5 * size], [0.0, -2.0 * size]]);
             let reduction = [0.0, 0.3, 0.75][number as usize % 3];
-            let (definition, options) = (cell.definition_id(), asked(TangentKind::TrussLikeSlip, reduction));
+            let (definition, options) = (cell.definition_id(), with_reduction(TangentKind::TrussLikeSlip, reduction));
             TrialRequest { definition, state: &state, target, options }
         })
         .collect();
@@ -94,7 +95,7 @@ fn batches_mix_frictions_and_leave_no_trace() {
     }
     // After all of them a target of zero is the committed state.
     cell.restore(&state).unwrap();
-    let still = cell.trial(&Tensor2::ZERO, &asked(TangentKind::None, 0.0)).unwrap();
+    let still = cell.trial(&Tensor2::ZERO, &with_reduction(TangentKind::None, 0.0)).unwrap();
     assert!(still.flags.contains(TrialFlags::SKIPPED_NULL_TARGET));
 }
 
@@ -102,7 +103,7 @@ fn batches_mix_frictions_and_leave_no_trace() {
 #[test]
 fn grains_find_a_new_equilibrium_when_friction_falls_under_their_state() {
     let mut cell = GrainRve::new(&hundred_discs(coarse())).unwrap();
-    let loaded = cell.trial(&in_plane([[2e-3, 0.0], [0.0, -4e-3]]), &asked(TangentKind::None, 0.0)).unwrap();
+    let loaded = cell.trial(&in_plane([[2e-3, 0.0], [0.0, -4e-3]]), &with_reduction(TangentKind::None, 0.0)).unwrap();
     cell.commit().unwrap();
     let friction = sand().friction;
     let most = |cell: &GrainRve| {
@@ -110,11 +111,11 @@ fn grains_find_a_new_equilibrium_when_friction_falls_under_their_state() {
         let ratios = network.contacts.iter().map(|contact| (contact.tangential_force / contact.normal_force).abs());
         ratios.fold(0.0, f64::max)
     };
-    let still = cell.trial(&Tensor2::ZERO, &asked(TangentKind::None, 0.0)).unwrap();
+    let still = cell.trial(&Tensor2::ZERO, &with_reduction(TangentKind::None, 0.0)).unwrap();
     assert!(still.stress == loaded.stress && (most(&cell) / friction - 1.0).abs() < 1e-9, "some contacts slide");
     let mut deviator = loaded.stress.get(0, 0) - loaded.stress.get(1, 1);
     for reduction in [0.2, 0.4, 0.6] {
-        let answer = cell.trial(&Tensor2::ZERO, &asked(TangentKind::None, reduction)).unwrap();
+        let answer = cell.trial(&Tensor2::ZERO, &with_reduction(TangentKind::None, reduction)).unwrap();
         assert!(!answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET));
         assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         let limit = friction * (1.0 - reduction);
@@ -126,7 +127,7 @@ fn grains_find_a_new_equilibrium_when_friction_falls_under_their_state() {
         cell.commit().unwrap();
     }
     // Back at the whole friction nothing moves: the state is one of rest there too.
-    let back = cell.trial(&Tensor2::ZERO, &asked(TangentKind::None, 0.0)).unwrap();
+    let back = cell.trial(&Tensor2::ZERO, &with_reduction(TangentKind::None, 0.0)).unwrap();
     assert_eq!(back.stress.get(0, 0) - back.stress.get(1, 1), deviator);
 }
 
@@ -137,7 +138,7 @@ fn sliding_contacts_of_a_lattice_carry_the_friction_that_is_left() {
     let mut cell = GrainRve::new(&lattice(SQUARE, 1e-2, ContactTable::linear(1000.0, 0.5, friction))).unwrap();
     assert_eq!(cell.model().options.tolerance, tight().tolerance);
     for reduction in [0.0, 0.25, 0.5, 1.0] {
-        cell.trial(&in_plane([[0.0, 4e-3], [4e-3, 0.0]]), &asked(TangentKind::None, reduction)).unwrap();
+        cell.trial(&in_plane([[0.0, 4e-3], [4e-3, 0.0]]), &with_reduction(TangentKind::None, reduction)).unwrap();
         for contact in &cell.network().unwrap().contacts {
             let ratio = contact.tangential_force.abs() / contact.normal_force.abs();
             // A contact that sticks: k_t s / k_n o, with the slip s of the shear and the overlap o of the longer branch.
@@ -154,12 +155,12 @@ fn sliding_contacts_of_a_lattice_carry_the_friction_that_is_left() {
 fn a_share_that_is_none_is_refused_and_changes_nothing() {
     let mut cell = GrainRve::new(&hundred_discs(coarse())).unwrap();
     let target = in_plane([[0.0, 0.0], [0.0, -1e-5]]);
-    let before = timeless(cell.trial(&target, &asked(TangentKind::None, 0.0)).unwrap());
+    let before = timeless(cell.trial(&target, &with_reduction(TangentKind::None, 0.0)).unwrap());
     for share in [-0.1, 1.5, f64::NAN] {
-        match cell.trial(&target, &asked(TangentKind::None, share)) {
+        match cell.trial(&target, &with_reduction(TangentKind::None, share)) {
             Err(RveError::Unsupported(text)) => assert!(text.contains("between 0 and 1"), "{text}"),
             other => panic!("{share}: {other:?}"),
         }
     }
-    assert!(timeless(cell.trial(&target, &asked(TangentKind::None, 0.0)).unwrap()) == before);
+    assert!(timeless(cell.trial(&target, &with_reduction(TangentKind::None, 0.0)).unwrap()) == before);
 }

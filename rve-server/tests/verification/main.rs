@@ -11,6 +11,7 @@ mod large_shear;
 mod lattices;
 mod operators;
 mod packings;
+mod pair;
 mod rates_and_units;
 mod rest;
 mod samples;

@@ -73,14 +73,14 @@ fn coarse() -> PackingRecipe {
 #[test]
 fn full_stress_tensor_is_reached_in_the_axes_of_the_file() {
     let stress = vec![vec![-1.0e5, 2.0e4], vec![2.0e4, -1.6e5]];
-    let asked = PackingRecipe {
+    let recipe = PackingRecipe {
         pressure: None,
         stress: Some(stress),
         aspect: Some(vec![2.0, 1.0]),
         contact: rve_server::contact::ContactTable { friction: 0.3, ..coarse().contact },
         ..coarse()
     };
-    let (made, report) = generate::<Discs>(&asked, &mut |_| ()).unwrap();
+    let (made, report) = generate::<Discs>(&recipe, &mut |_| ()).unwrap();
     assert_eq!(made.periodicity[0][1], 0.0, "Y1 is axis 1");
     assert_close(report.stress[0][0], -1.0e5, 20.0, "sigma_11");
     assert_close(report.stress[1][1], -1.6e5, 20.0, "sigma_22");
@@ -93,8 +93,8 @@ fn full_stress_tensor_is_reached_in_the_axes_of_the_file() {
 #[test]
 fn void_ratio_is_met_through_the_preparation_friction() {
     let number = 50;
-    let asked = PackingRecipe { number, target: Some(void_ratio(0.232, 4e-3)), ..coarse() };
-    let (made, report) = generate::<Discs>(&asked, &mut |_| ()).unwrap();
+    let recipe = PackingRecipe { number, target: Some(void_ratio(0.232, 4e-3)), ..coarse() };
+    let (made, report) = generate::<Discs>(&recipe, &mut |_| ()).unwrap();
     assert_close(report.void_ratio, 0.232, 4e-3, "void ratio");
     let tried = &report.searches.friction;
     assert!(tried[0].value < tried[1].value, "friction makes loose: {tried:?}");

@@ -1,11 +1,12 @@
 //! Cells that the checks share.
 
 use protocol::{RveSolver, Tensor2, TrialOptions, TrialResult};
+use rve_server::cell::ContactNetwork;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{Accuracy, GrainDefinition, PackingFile, RveOptions};
 use rve_server::engine::GrainRve;
 use rve_server::space::plane::{self, Plane};
-use rve_server::space::{Discs, Space};
+use rve_server::space::{Discs, Space, Tensor};
 use std::path::Path;
 
 /// Options for checks against closed forms.
@@ -54,6 +55,22 @@ pub(crate) const SQUARE: Plane = [[1.0, 0.0], [0.0, 1.0]];
 
 /// Triangular lattice of unit spacing.
 pub(crate) const TRIANGULAR: Plane = [[1.0, 0.0], [0.5, 0.866_025_403_784_438_6]];
+
+/// The stress from the contacts that cross the border of the cell alone: `1/V sum f x (sum_k shift_k Yk)`, Pa. It differs
+/// from [`ContactNetwork::stress`] by the unbalanced forces only, so the difference measures them.
+pub(crate) fn border_stress<S: Space>(network: &ContactNetwork<S>) -> S::Tensor {
+    let mut sum = S::Tensor::ZERO;
+    for contact in &network.contacts {
+        let (force, across) = (network.force(contact), network.translation(contact));
+        for i in 0..S::DIMENSION {
+            for j in 0..S::DIMENSION {
+                sum[i][j] += force[i] * across[j];
+            }
+        }
+    }
+    let scale = 1.0 / network.volume();
+    S::Tensor::from_fn(|i, j| sum[i][j] * scale)
+}
 
 pub(crate) fn trial(cell: &mut GrainRve, h: &Plane) -> TrialResult {
     cell.trial(&Tensor2::from_plane(*h), &TrialOptions::default()).unwrap()

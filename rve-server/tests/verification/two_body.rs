@@ -1,6 +1,6 @@
 //! Two grains against closed forms and published benchmarks of collisions.
 
-use rve_server::contact::two_body::{Body, TwoBody};
+use crate::pair::{Body, TwoBody};
 use rve_server::contact::{
     ContactLaw, ExtendedLinear, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, RollingSpring,
     Unloading,

@@ -15,10 +15,17 @@ pub enum Kind {
     Study,
 }
 
-impl Kind {
-    /// All kinds.
-    pub const ALL: [Self; 5] = [Self::Scene, Self::ElementTest, Self::Recipe, Self::Specimen, Self::Study];
+protocol::keywords! {
+    pub Kind {
+        Scene => "scene",
+        ElementTest => "rve-test",
+        Recipe => "packing",
+        Specimen => "specimen",
+        Study => "study",
+    }
+}
 
+impl Kind {
     /// The key at the top that only this kind has.
     pub(super) fn mark(self) -> &'static str {
         match self {

@@ -3,6 +3,7 @@
 use super::renamed;
 use crate::input_error::InputError;
 use keys::{Member, Node, Value, type_name};
+use thiserror::Error;
 
 /// One `--set key.path=VALUE`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,11 +40,20 @@ impl Override {
     }
 }
 
+/// Why a value cannot be set at a path.
+#[derive(Debug, Error)]
+pub(super) enum InsertError {
+    #[error("`{name}` is a list of {count} entries, and '{key}' is none of them")]
+    NoEntry { name: String, count: usize, key: String },
+    #[error("`{name}` is {found}, which has no keys")]
+    NoKeys { name: String, found: &'static str },
+}
+
 /// Sets the value at `path`; tables on the way are made, entries of lists have to exist.
 ///
 /// # Errors
-/// There is no such entry, or a value on the way has no keys.
-pub(super) fn insert(node: &mut Node, name: &str, path: &[String], value: Node) -> Result<(), String> {
+/// [`InsertError`]: there is no such entry, or a value on the way has no keys.
+pub(super) fn insert(node: &mut Node, name: &str, path: &[String], value: Node) -> Result<(), InsertError> {
     let Some((key, rest)) = path.split_first() else {
         *node = value;
         return Ok(());
@@ -62,10 +72,10 @@ pub(super) fn insert(node: &mut Node, name: &str, path: &[String], value: Node) 
             let count = entries.len();
             match key.parse::<usize>().ok().and_then(|index| entries.get_mut(index)) {
                 Some(entry) => insert(entry, name, rest, value),
-                None => Err(format!("`{name}` is a list of {count} entries, and '{key}' is none of them")),
+                None => Err(InsertError::NoEntry { name: name.to_owned(), count, key: key.clone() }),
             }
         }
-        other => Err(format!("`{name}` is {}, which has no keys", type_name(other))),
+        other => Err(InsertError::NoKeys { name: name.to_owned(), found: type_name(other) }),
     }
 }
 

@@ -2,10 +2,9 @@
 
 use super::ProbeContext;
 use crate::input_error::InputError;
-use crate::tables::{ProbeTable, StatisticKeyword};
+use crate::tables::ProbeTable;
 use keys::Located;
 use macro_solver::mesh::Dimension;
-use macro_solver::output::Statistic;
 use macro_solver::problem::Axis;
 use std::ops::Range;
 
@@ -112,15 +111,5 @@ impl Keys<'_> {
     /// There is none of the name.
     pub(super) fn reference(&self) -> Result<Option<usize>, InputError> {
         self.table.get_ref().reference.as_ref().map(|name| self.context.stage(name)).transpose()
-    }
-}
-
-/// The statistic that a keyword names; without one the mean.
-pub(super) fn statistic(keyword: Option<&Located<StatisticKeyword>>) -> Statistic {
-    match keyword.map_or(StatisticKeyword::Mean, |keyword| *keyword.get_ref()) {
-        StatisticKeyword::Mean => Statistic::Mean,
-        StatisticKeyword::Minimum => Statistic::Minimum,
-        StatisticKeyword::Maximum => Statistic::Maximum,
-        StatisticKeyword::StandardDeviation => Statistic::StandardDeviation,
     }
 }

@@ -13,8 +13,9 @@ use super::materials::Materials;
 use super::sets::Sets;
 use super::tables::{ProbeKind, ProbeTable, SceneFile};
 use keys::Located;
-use keys_of_probe::{Keys, statistic};
-use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity};
+use keys_of_probe::Keys;
+use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity, Statistic};
+use macro_solver::problem::Axis;
 use measure::{Word, bare_measure, measure};
 
 /// Columns that every history has, that of a run with several stages, and those of a run with an estimated error.
@@ -88,46 +89,37 @@ fn quantity(context: &ProbeContext<'_>, table: &Located<ProbeTable>) -> Result<Q
     let keys = Keys { context, table };
     let probe = table.get_ref();
     let of_band = |property| band(&keys, property);
-    match probe.kind {
-        ProbeKind::Reaction | ProbeKind::Velocity | ProbeKind::Acceleration => {
-            keys.refuse_others(&["set", "component"])?;
-        }
-        ProbeKind::Displacement => keys.refuse_others(&["set", "component", "reference"])?,
-        ProbeKind::Strain | ProbeKind::Compression => {
-            keys.refuse_others(&["from", "to", "component", "reference"])?;
-        }
-        ProbeKind::HourglassEnergy | ProbeKind::KineticEnergy | ProbeKind::EnergyResidual => {
-            keys.refuse_others(&[])?
-        }
-        _ => {}
-    }
+    let axis_of_set = || -> Result<(String, Axis), InputError> {
+        keys.refuse_others(&["set", "component"])?;
+        Ok((keys.set("set", &probe.set)?, keys.axis()?))
+    };
+    let between = || -> Result<(String, String, Axis, Option<usize>), InputError> {
+        keys.refuse_others(&["from", "to", "component", "reference"])?;
+        Ok((keys.set("from", &probe.from)?, keys.set("to", &probe.to)?, keys.axis()?, keys.reference()?))
+    };
+    let of_body = |quantity| keys.refuse_others(&[]).map(|()| quantity);
     Ok(match probe.kind {
-        ProbeKind::Reaction => Quantity::Reaction { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
-        ProbeKind::Displacement => Quantity::Displacement {
-            set: keys.set("set", &probe.set)?,
-            axis: keys.axis()?,
-            reference: keys.reference()?,
-        },
-        ProbeKind::Strain => Quantity::Strain {
-            from: keys.set("from", &probe.from)?,
-            to: keys.set("to", &probe.to)?,
-            axis: keys.axis()?,
-            reference: keys.reference()?,
-        },
-        ProbeKind::Compression => Quantity::Compression {
-            from: keys.set("from", &probe.from)?,
-            to: keys.set("to", &probe.to)?,
-            axis: keys.axis()?,
-            reference: keys.reference()?,
-        },
-        ProbeKind::Velocity => Quantity::Velocity { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
-        ProbeKind::Acceleration => Quantity::Acceleration { set: keys.set("set", &probe.set)?, axis: keys.axis()? },
-        ProbeKind::HourglassEnergy => Quantity::HourglassEnergy,
-        ProbeKind::KineticEnergy => Quantity::KineticEnergy,
-        ProbeKind::EnergyResidual => Quantity::EnergyResidual,
+        ProbeKind::Reaction => axis_of_set().map(|(set, axis)| Quantity::Reaction { set, axis })?,
+        ProbeKind::Displacement => {
+            keys.refuse_others(&["set", "component", "reference"])?;
+            let set = keys.set("set", &probe.set)?;
+            Quantity::Displacement { set, axis: keys.axis()?, reference: keys.reference()? }
+        }
+        ProbeKind::Strain => {
+            between().map(|(from, to, axis, reference)| Quantity::Strain { from, to, axis, reference })?
+        }
+        ProbeKind::Compression => {
+            between().map(|(from, to, axis, reference)| Quantity::Compression { from, to, axis, reference })?
+        }
+        ProbeKind::Velocity => axis_of_set().map(|(set, axis)| Quantity::Velocity { set, axis })?,
+        ProbeKind::Acceleration => axis_of_set().map(|(set, axis)| Quantity::Acceleration { set, axis })?,
+        ProbeKind::HourglassEnergy => of_body(Quantity::HourglassEnergy)?,
+        ProbeKind::KineticEnergy => of_body(Quantity::KineticEnergy)?,
+        ProbeKind::EnergyResidual => of_body(Quantity::EnergyResidual)?,
         ProbeKind::BandWidth => of_band(BandProperty::Width)?,
         ProbeKind::BandInclination => of_band(BandProperty::Inclination)?,
         ProbeKind::BandQuality => of_band(BandProperty::Quality)?,
+        // All others are measured at Gauss points; `measure` names them.
         kind => Quantity::Field(field(&keys, kind)?),
     })
 }
@@ -151,7 +143,7 @@ fn field(keys: &Keys<'_>, kind: ProbeKind) -> Result<FieldProbe, InputError> {
     Ok(FieldProbe {
         measure,
         part: part::part(keys.context, probe.part.as_ref())?,
-        statistic: statistic(probe.statistic.as_ref()),
+        statistic: probe.statistic.as_ref().map_or(Statistic::default(), |one| *one.get_ref()),
         reference: keys.reference()?,
     })
 }

@@ -1,6 +1,5 @@
 //! `[[profile]]`.
 
-use super::keys_of_probe::statistic;
 use super::measure::{Word, measure};
 use super::part::part;
 use super::{ProbeContext, ProbeKind};
@@ -70,7 +69,7 @@ fn profile(context: &ProbeContext<'_>, table: &ProfileTable) -> Result<Profile, 
             .hint("`to` lies beyond `from`"));
     }
     let reference: Option<usize> = table.reference.as_ref().map(|name| context.stage(name)).transpose()?;
-    let statistic: Statistic = statistic(table.statistic.as_ref());
+    let statistic = table.statistic.as_ref().map_or(Statistic::default(), |one| *one.get_ref());
     Ok(Profile {
         name: table.name.get_ref().clone(),
         probe: FieldProbe { measure, part: part(context, table.part.as_ref())?, statistic, reference },

@@ -1,11 +1,12 @@
 //! `[initial_stress]`.
 
+use macro_solver::problem::{InitialLimits, InitialPreparation};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// `[initial_stress]`.
 #[derive(Debug, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub(crate) struct InitialStressTable {
     /// Stress expected everywhere, tension positive; a component that is left out is 0.
     #[schemars(extend("x-unit" = "Pa", "x-instead-of" = "geostatic"))]
@@ -14,19 +15,10 @@ pub(crate) struct InitialStressTable {
     /// surface, the horizontal one K0 times that.
     #[schemars(extend("x-instead-of" = "uniform"))]
     pub(crate) geostatic: Option<GeostaticTable>,
-    /// Whether the cells are brought to the expected stress of their Gauss points before the run starts; otherwise the packings must have
-    /// been prepared at it. Needs `uniform` or `geostatic`.
-    pub(crate) prepare: bool,
-    /// Pressures that differ by less than this share are prepared at their mean, in one cell; 0: every pressure has a cell of its own.
-    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 0.5))]
-    pub(crate) prepare_spacing: f64,
-    /// A start is refused if a stress component of any point differs from the expected one by more than this share of the largest
-    /// component expected.
-    #[schemars(extend("x-unit" = "-", "x-default" = "not checked"), range(min = 0.0))]
-    pub(crate) largest_deviation: Option<f64>,
-    /// A start is refused if the out-of-balance force over reactions or loads is larger.
-    #[schemars(extend("x-unit" = "-", "x-default" = "not checked"), range(min = 0.0))]
-    pub(crate) largest_imbalance: Option<f64>,
+    #[serde(flatten)]
+    pub(crate) limits: InitialLimits,
+    #[serde(flatten)]
+    pub(crate) preparation: InitialPreparation,
 }
 
 /// Components of a symmetric stress.

@@ -24,7 +24,7 @@ pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
 pub(crate) use output::*;
-pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable, StatisticKeyword};
+pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable};
 pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
 pub(crate) use solving::*;
@@ -36,6 +36,7 @@ use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::nonlocal::NonlocalSettings;
+use macro_solver::problem::LoadingSettings;
 use macro_solver::problem::dynamics::DynamicSettings;
 use macro_solver::problem::relaxation::RelaxationSettings;
 use rve_server::contact::ContactTable;
@@ -111,7 +112,7 @@ pub(crate) struct SceneFile {
     pub(crate) procedure: ProcedureKeyword,
     /// Load steps.
     #[serde(default)]
-    pub(crate) loading: Given<LoadingTable>,
+    pub(crate) loading: Given<LoadingSettings>,
     /// Explicit dynamics: keys of stages with procedure = "dynamic".
     #[serde(default)]
     pub(crate) dynamics: Given<DynamicSettings>,

@@ -1,6 +1,7 @@
 //! `[[probe]]` and `[[profile]]`.
 
 use keys::Located;
+use macro_solver::output::Statistic;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +28,7 @@ pub(crate) struct ProbeTable {
     pub(crate) part: Option<Located<PartTable>>,
     /// How the values at the Gauss points become one number; of kinds that are measured at Gauss points, energies excepted.
     #[schemars(extend("x-default" = "mean"))]
-    pub(crate) statistic: Option<Located<StatisticKeyword>>,
+    pub(crate) statistic: Option<Located<Statistic>>,
     /// Name of the stage from whose start displacement, strain or change of volume is counted, over lengths and volumes of that
     /// state. The value is 0 until the stage begins.
     #[schemars(extend("x-default" = "the start of the run"))]
@@ -69,7 +70,7 @@ pub(crate) struct ProfileTable {
     pub(crate) part: Option<Located<PartTable>>,
     /// How the values at the Gauss points of a bin become one number.
     #[schemars(extend("x-default" = "mean"))]
-    pub(crate) statistic: Option<Located<StatisticKeyword>>,
+    pub(crate) statistic: Option<Located<Statistic>>,
     /// As in `[[probe]]`.
     #[schemars(extend("x-default" = "the start of the run"))]
     pub(crate) reference: Option<Located<String>>,
@@ -97,21 +98,6 @@ pub(crate) struct PartTable {
     /// Upper corner of the box.
     #[schemars(extend("x-unit" = "m"))]
     pub(crate) to: Option<Vec<f64>>,
-}
-
-/// How values at Gauss points become one number.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum StatisticKeyword {
-    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of the
-    /// part as a whole.
-    Mean,
-    /// Smallest value.
-    Minimum,
-    /// Largest value.
-    Maximum,
-    /// Standard deviation, weighted with the current volume.
-    StandardDeviation,
 }
 
 /// Quantities that a probe can measure.
@@ -201,49 +187,62 @@ pub(crate) enum ProbeKind {
     BandQuality,
 }
 
-impl ProbeKind {
-    /// The word of the scene file.
-    pub(crate) fn keyword(self) -> &'static str {
-        match self {
-            Self::Reaction => "reaction",
-            Self::Displacement => "displacement",
-            Self::Strain => "strain",
-            Self::Compression => "compression",
-            Self::VolumeChange => "volume_change",
-            Self::MeanStress => "mean_stress",
-            Self::StressRatio => "stress_ratio",
-            Self::MeanPressure => "mean_pressure",
-            Self::Deviator => "deviator",
-            Self::VoidRatio => "void_ratio",
-            Self::CoordinationNumber => "coordination_number",
-            Self::ElasticEnergy => "elastic_energy",
-            Self::FrictionalDissipation => "frictional_dissipation",
-            Self::HourglassEnergy => "hourglass_energy",
-            Self::Velocity => "velocity",
-            Self::Acceleration => "acceleration",
-            Self::KineticEnergy => "kinetic_energy",
-            Self::EnergyResidual => "energy_residual",
-            Self::Porosity => "porosity",
-            Self::CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
-            Self::FabricAnisotropy => "fabric_anisotropy",
-            Self::Fabric => "fabric",
-            Self::SlidingFraction => "sliding_fraction",
-            Self::GrainRotation => "grain_rotation",
-            Self::PrincipalStress => "principal_stress",
-            Self::PrincipalRatio => "principal_ratio",
-            Self::SigmaBar => "sigma_bar",
-            Self::FrictionAngle => "friction_angle",
-            Self::VonMisesStress => "von_mises_stress",
-            Self::DisplacementGradient => "displacement_gradient",
-            Self::GreenLagrangeStrain => "green_lagrange_strain",
-            Self::ShearStrain => "shear_strain",
-            Self::ShearStrainIncrement => "shear_strain_increment",
-            Self::DeviatoricStrain => "deviatoric_strain",
-            Self::DeviatoricStrainIncrement => "deviatoric_strain_increment",
-            Self::LogVolumeStrain => "log_volume_strain",
-            Self::BandWidth => "band_width",
-            Self::BandInclination => "band_inclination",
-            Self::BandQuality => "band_quality",
+protocol::keywords! {
+    pub(crate) ProbeKind {
+        Reaction => "reaction",
+        Displacement => "displacement",
+        Strain => "strain",
+        Compression => "compression",
+        VolumeChange => "volume_change",
+        MeanStress => "mean_stress",
+        StressRatio => "stress_ratio",
+        MeanPressure => "mean_pressure",
+        Deviator => "deviator",
+        VoidRatio => "void_ratio",
+        CoordinationNumber => "coordination_number",
+        ElasticEnergy => "elastic_energy",
+        FrictionalDissipation => "frictional_dissipation",
+        HourglassEnergy => "hourglass_energy",
+        Velocity => "velocity",
+        Acceleration => "acceleration",
+        KineticEnergy => "kinetic_energy",
+        EnergyResidual => "energy_residual",
+        Porosity => "porosity",
+        CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
+        FabricAnisotropy => "fabric_anisotropy",
+        Fabric => "fabric",
+        SlidingFraction => "sliding_fraction",
+        GrainRotation => "grain_rotation",
+        PrincipalStress => "principal_stress",
+        PrincipalRatio => "principal_ratio",
+        SigmaBar => "sigma_bar",
+        FrictionAngle => "friction_angle",
+        VonMisesStress => "von_mises_stress",
+        DisplacementGradient => "displacement_gradient",
+        GreenLagrangeStrain => "green_lagrange_strain",
+        ShearStrain => "shear_strain",
+        ShearStrainIncrement => "shear_strain_increment",
+        DeviatoricStrain => "deviatoric_strain",
+        DeviatoricStrainIncrement => "deviatoric_strain_increment",
+        LogVolumeStrain => "log_volume_strain",
+        BandWidth => "band_width",
+        BandInclination => "band_inclination",
+        BandQuality => "band_quality",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tables::RowMeasure;
+
+    #[test]
+    fn keywords_are_those_of_files() {
+        for kind in ProbeKind::ALL {
+            assert_eq!(serde_json::to_value(kind).unwrap(), kind.keyword());
+        }
+        for measure in RowMeasure::ALL {
+            assert_eq!(serde_json::to_value(measure).unwrap(), measure.keyword());
         }
     }
 }

@@ -1,26 +1,8 @@
-//! `[loading]` and `[solver]`: tables that several settings of the solver share.
+//! `[solver]`: a table that several settings of the solver share.
 
-use macro_solver::problem::{EquationSettings, NamedStrategy, StepControl, Strategy, Tolerances};
+use macro_solver::problem::{EquationSettings, NamedStrategy, Strategy, Tolerances};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-/// `[loading]`.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub(crate) struct LoadingTable {
-    /// Length of the stage: the time of histories, and real time in a dynamic stage. In quasi-static stages it scales the column
-    /// `time` alone.
-    #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0))]
-    pub(crate) duration: f64,
-    #[serde(flatten)]
-    pub(crate) control: StepControl,
-}
-
-impl Default for LoadingTable {
-    fn default() -> Self {
-        Self { duration: 1.0, control: StepControl::default() }
-    }
-}
 
 /// `[solver]`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]

@@ -1,11 +1,12 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, FrictionTable, LoadingTable, NormalDisplacementTable, PeriodicTable,
-    PressureTable, RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
-    TiltingPlatenTable, TractionTable,
+    BodyForceTable, BoundaryTable, FrictionTable, NormalDisplacementTable, PeriodicTable, PressureTable,
+    RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable, TiltingPlatenTable,
+    TractionTable,
 };
 use keys::{Given, Located};
+use macro_solver::problem::LoadingSettings;
 use macro_solver::problem::dynamics::DynamicSettings;
 use macro_solver::problem::relaxation::RelaxationSettings;
 use schemars::JsonSchema;
@@ -64,7 +65,7 @@ pub(crate) struct StageTable {
     pub(crate) remove: Vec<Located<String>>,
     /// Keys of `[loading]` that differ in this stage.
     #[serde(default)]
-    pub(crate) loading: Given<LoadingTable>,
+    pub(crate) loading: Given<LoadingSettings>,
     /// Keys of `[solver]` that differ in this stage; not those that hold for the whole run.
     #[serde(default)]
     pub(crate) solver: Given<SolverTable>,

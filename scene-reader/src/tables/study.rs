@@ -133,29 +133,37 @@ pub enum RowMeasure {
     StressOverDilatancy,
 }
 
-impl RowMeasure {
-    /// Word of the key.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::StressRatio => "stress_ratio",
-            Self::MobilisedSine => "mobilised_sine",
-            Self::MeanPressure => "mean_pressure",
-            Self::VoidRatio => "void_ratio",
-            Self::CoordinationNumber => "coordination_number",
-            Self::CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
-            Self::FabricAnisotropy => "fabric_anisotropy",
-            Self::SlidingFraction => "sliding_fraction",
-            Self::VolumeStrain => "volume_strain",
-            Self::Dilatancy => "dilatancy",
-            Self::StressOverDilatancy => "stress_over_dilatancy",
-        }
+protocol::keywords! {
+    pub RowMeasure {
+        StressRatio => "stress_ratio",
+        MobilisedSine => "mobilised_sine",
+        MeanPressure => "mean_pressure",
+        VoidRatio => "void_ratio",
+        CoordinationNumber => "coordination_number",
+        CoordinationNumberNoRattlers => "coordination_number_no_rattlers",
+        FabricAnisotropy => "fabric_anisotropy",
+        SlidingFraction => "sliding_fraction",
+        VolumeStrain => "volume_strain",
+        Dilatancy => "dilatancy",
+        StressOverDilatancy => "stress_over_dilatancy",
     }
+}
 
+impl RowMeasure {
     /// Unit; `-` without one.
     pub fn unit(self) -> &'static str {
         match self {
             Self::MeanPressure => "Pa",
-            _ => "-",
+            Self::StressRatio
+            | Self::MobilisedSine
+            | Self::VoidRatio
+            | Self::CoordinationNumber
+            | Self::CoordinationNumberNoRattlers
+            | Self::FabricAnisotropy
+            | Self::SlidingFraction
+            | Self::VolumeStrain
+            | Self::Dilatancy
+            | Self::StressOverDilatancy => "-",
         }
     }
 

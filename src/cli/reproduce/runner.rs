@@ -61,7 +61,7 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
     let accepted: &[i32] = match run.command {
         Command::Stopping => &[0, 1],
         Command::Refused => &[0, 1, 2],
-        _ => &[0],
+        Command::Scene | Command::Element(_) | Command::Specimen => &[0],
     };
     let Some(code) = code.filter(|code| accepted.contains(code)) else {
         let code = code.map_or("-".to_owned(), |code| code.to_string());

@@ -2,18 +2,38 @@
 
 use super::grains::{Renderer, Snapshots, renderer};
 use macro_solver::material::PointId;
-use macro_solver::output::write_without_flush;
+use macro_solver::observer::StopRequest;
+use macro_solver::output::{OutputError, write_without_flush};
 use page::cell::{Cell, Contact, FOLDER, Grain};
+use protocol::RveError;
 use rve_server::definition::AnyDefinition;
 use rve_server::homogenization::picture::CellPicture;
 use scene_reader::Materials;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::{fs, io};
+use thiserror::Error;
 
 /// Most grains whose last states are written unasked: some 15 MB.
 const MOST_GRAINS: usize = 100_000;
+
+/// Why the cell of a Gauss point was not written.
+#[derive(Debug, Error)]
+enum CellError {
+    #[error("no step was accepted")]
+    NoStep,
+    #[error("there is no such point, or another engine solves it")]
+    NoState,
+    #[error(transparent)]
+    Definition(#[from] RveError),
+    #[error(transparent)]
+    Picture(#[from] StopRequest),
+    #[error(transparent)]
+    Folder(#[from] io::Error),
+    #[error(transparent)]
+    Write(#[from] OutputError),
+}
 
 /// Writes cells of accepted steps.
 pub(super) struct CellWriter<'a> {
@@ -58,7 +78,7 @@ impl<'a> CellWriter<'a> {
     pub(super) fn write(&mut self, point: PointId) {
         self.take_continued();
         if let Err(reason) = self.try_write(point) {
-            tracing::warn!(point, reason, "the cell of a Gauss point could not be written");
+            tracing::warn!(point, %reason, "the cell of a Gauss point could not be written");
         }
     }
 
@@ -80,21 +100,21 @@ impl<'a> CellWriter<'a> {
         }
     }
 
-    fn try_write(&mut self, point: PointId) -> Result<(), String> {
-        let Some((step, states)) = &self.accepted else { return Err("no step was accepted".to_owned()) };
+    fn try_write(&mut self, point: PointId) -> Result<(), CellError> {
+        let Some((step, states)) = &self.accepted else { return Err(CellError::NoStep) };
         let Some(snapshot) = states.get(&point) else {
-            return Err("there is no such point, or another engine solves it".to_owned());
+            return Err(CellError::NoState);
         };
         let definition = self.materials.made_of[point];
         if !self.renderers.contains_key(&definition) {
-            let made = renderer(&self.materials.definitions[definition]).map_err(|error| error.to_string())?;
+            let made = renderer(&self.materials.definitions[definition])?;
             self.renderers.insert(definition, made);
         }
-        let picture = self.renderers[&definition].picture(snapshot).map_err(|request| request.reason)?;
+        let picture = self.renderers[&definition].picture(snapshot)?;
         let folder = self.folder.join(FOLDER);
-        fs::create_dir_all(&folder).map_err(|error| error.to_string())?;
+        fs::create_dir_all(&folder)?;
         let text = cell(point, *step, &picture).to_json().to_string();
-        write_without_flush(&self.folder.join(Cell::file(point)), text.as_bytes()).map_err(|error| error.to_string())
+        Ok(write_without_flush(&self.folder.join(Cell::file(point)), text.as_bytes())?)
     }
 }
 

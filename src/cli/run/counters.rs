@@ -12,15 +12,10 @@ pub(crate) enum Concern {
     Harmless,
 }
 
-impl Concern {
-    pub(crate) const ALL: [Self; 2] = [Self::LookAtThis, Self::Harmless];
-
-    /// Its name in `summary.json`.
-    pub(crate) fn keyword(self) -> &'static str {
-        match self {
-            Self::LookAtThis => "look_at_this",
-            Self::Harmless => "harmless",
-        }
+protocol::keywords! {
+    pub(crate) Concern {
+        LookAtThis => "look_at_this",
+        Harmless => "harmless",
     }
 }
 

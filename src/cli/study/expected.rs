@@ -53,7 +53,10 @@ fn row(results: &Results<'_>, expectation: &Expectation) -> Comparison {
     };
     let unit = match statistic {
         EnsembleStatistic::Power => "-",
-        _ => results.study.quantities[ours.quantity].measure.unit(),
+        EnsembleStatistic::Mean
+        | EnsembleStatistic::Deviation
+        | EnsembleStatistic::Largest
+        | EnsembleStatistic::Smallest => results.study.quantities[ours.quantity].measure.unit(),
     };
     Comparison::new(described(results, *ours, *statistic), unit, theirs, origin, number, tolerance)
 }

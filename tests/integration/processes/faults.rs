@@ -226,10 +226,10 @@ fn a_deadly_question_is_set_aside_and_can_be_asked_again() {
     let named = ended.stderr.contains("has ended 3 workers") && ended.stderr.contains("--replay");
     assert!(named, "{}", ended.stderr);
     let case = out.join("quarantine.replay");
-    let asked =
+    let output =
         site.program(&["element", "--replay", case.to_str().unwrap()]).stdout(Stdio::piped()).output().unwrap();
-    assert!(asked.status.success(), "{}", String::from_utf8_lossy(&asked.stderr));
-    let text = String::from_utf8(asked.stdout).unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("Gauss point") && text.contains("ended a worker") && text.contains("stress"), "{text}");
     let damaged = site.path("damaged.replay");
     std::fs::write(&damaged, &std::fs::read(&case).unwrap()[..100]).unwrap();

@@ -28,8 +28,8 @@ fn attach(site: &Site, out: &str, run: &str) -> crate::harness::Watched {
 fn processor_time(pid: u32) -> f64 {
     let tasks = fs::read_dir(format!("/proc/{pid}/task")).unwrap().flatten();
     let used = |task: fs::DirEntry| -> f64 {
-        let told = fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
-        told.split_whitespace().next().map_or(0.0, |text| text.parse::<f64>().unwrap() * 1e-9)
+        let statistics = fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
+        statistics.split_whitespace().next().map_or(0.0, |text| text.parse::<f64>().unwrap() * 1e-9)
     };
     tasks.map(used).sum()
 }

@@ -150,7 +150,7 @@ impl ElementLaws<'_> {
             Formulation::TotalLagrangian => {
                 gradient * deformation.try_inverse().expect("a point that is turned inside out is never evaluated")
             }
-            _ => gradient,
+            Formulation::SmallStrain | Formulation::UpdatedLagrangian | Formulation::Corotational => gradient,
         };
         0.5 * (spatial + spatial.transpose())
     }

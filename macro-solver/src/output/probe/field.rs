@@ -7,6 +7,8 @@ use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
 use crate::output::units::energy;
 use protocol::Tensor2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A measure over Gauss points, reduced to one number.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,18 +48,19 @@ impl Part {
     }
 }
 
-/// How values at Gauss points become one number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How values at Gauss points become one number. Energies, which have no other statistic than the mean, are sums over the part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Statistic {
-    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of
-    /// the whole part, and energies are sums over the part.
+    /// Mean, weighted with the current volume. Functions of the stress are those of the mean stress, changes of volume those of the
+    /// part as a whole.
     #[default]
     Mean,
-    /// Smallest value of a point.
+    /// Smallest value.
     Minimum,
-    /// Largest value of a point.
+    /// Largest value.
     Maximum,
-    /// Standard deviation of the values of the points, weighted with the current volume.
+    /// Standard deviation, weighted with the current volume.
     StandardDeviation,
 }
 
@@ -116,7 +119,20 @@ fn mean_of_part<'a>(
         Measure::ElasticEnergy | Measure::FrictionalDissipation => {
             points.map(|(number, point)| point.volume * measure.at(number, point, origin)).sum()
         }
-        _ => mean(points, |number, point| measure.at(number, point, origin)),
+        Measure::VoidRatio
+        | Measure::Porosity
+        | Measure::Coordination
+        | Measure::CoordinationNoRattlers
+        | Measure::FabricAnisotropy
+        | Measure::Fabric(..)
+        | Measure::SlidingFraction
+        | Measure::GrainRotation(_)
+        | Measure::DisplacementGradient(..)
+        | Measure::Strain(..)
+        | Measure::ShearStrain(_)
+        | Measure::ShearStrainIncrement(_)
+        | Measure::DeviatoricStrain
+        | Measure::DeviatoricStrainIncrement => mean(points, |number, point| measure.at(number, point, origin)),
     }
 }
 
@@ -131,7 +147,12 @@ fn stress_of_part<'a>(measure: StressMeasure, points: impl Iterator<Item = (usiz
             -mean(points, trace) / axes as f64
         }
         StressMeasure::Deviator => mean(points, |_, point| point.stress.get(0, 0) - point.stress.get(1, 1)),
-        _ => measure.of(&Tensor2(std::array::from_fn(|pair| stress(pair / 3, pair % 3)))),
+        StressMeasure::Ratio
+        | StressMeasure::Principal(..)
+        | StressMeasure::PrincipalRatio(..)
+        | StressMeasure::SigmaBar
+        | StressMeasure::FrictionAngle(_)
+        | StressMeasure::VonMises => measure.of(&Tensor2(std::array::from_fn(|pair| stress(pair / 3, pair % 3)))),
     }
 }
 

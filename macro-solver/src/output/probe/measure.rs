@@ -58,7 +58,21 @@ impl Measure {
             Self::Stress(stress) => stress.unit(),
             Self::GrainRotation(_) => "rad",
             Self::ElasticEnergy | Self::FrictionalDissipation => "J/m3",
-            _ => "-",
+            Self::VoidRatio
+            | Self::Porosity
+            | Self::Coordination
+            | Self::CoordinationNoRattlers
+            | Self::FabricAnisotropy
+            | Self::Fabric(..)
+            | Self::SlidingFraction
+            | Self::DisplacementGradient(..)
+            | Self::Strain(..)
+            | Self::ShearStrain(_)
+            | Self::ShearStrainIncrement(_)
+            | Self::DeviatoricStrain
+            | Self::DeviatoricStrainIncrement
+            | Self::VolumeChange
+            | Self::LogVolumeStrain => "-",
         }
     }
 
@@ -99,7 +113,18 @@ impl Measure {
             Self::SlidingFraction => Observables::SLIDING_FRACTION,
             Self::GrainRotation(_) => Observables::ROTATION,
             Self::ElasticEnergy | Self::FrictionalDissipation => Observables::ENERGY,
-            _ => Observables::NONE,
+            Self::Stress(_)
+            | Self::VoidRatio
+            | Self::Porosity
+            | Self::Coordination
+            | Self::DisplacementGradient(..)
+            | Self::Strain(..)
+            | Self::ShearStrain(_)
+            | Self::ShearStrainIncrement(_)
+            | Self::DeviatoricStrain
+            | Self::DeviatoricStrainIncrement
+            | Self::VolumeChange
+            | Self::LogVolumeStrain => Observables::NONE,
         }
     }
 

@@ -144,7 +144,16 @@ impl Quantity {
     pub fn error(&self, view: &FieldsView<'_>, estimate: &ErrorEstimate) -> Option<f64> {
         match self {
             Self::Field(probe) => probe.error(view, estimate),
-            _ => None,
+            Self::Reaction { .. }
+            | Self::Displacement { .. }
+            | Self::Strain { .. }
+            | Self::Compression { .. }
+            | Self::Band(_)
+            | Self::HourglassEnergy
+            | Self::Velocity { .. }
+            | Self::Acceleration { .. }
+            | Self::KineticEnergy
+            | Self::EnergyResidual => None,
         }
     }
 
@@ -172,7 +181,15 @@ impl Quantity {
         match self {
             Self::Field(probe) => probe.measure.needs(),
             Self::Band(probe) => probe.measure.needs(),
-            _ => Observables::NONE,
+            Self::Reaction { .. }
+            | Self::Displacement { .. }
+            | Self::Strain { .. }
+            | Self::Compression { .. }
+            | Self::HourglassEnergy
+            | Self::Velocity { .. }
+            | Self::Acceleration { .. }
+            | Self::KineticEnergy
+            | Self::EnergyResidual => Observables::NONE,
         }
     }
 
@@ -184,7 +201,12 @@ impl Quantity {
             | Self::Compression { reference, .. } => *reference,
             Self::Field(probe) => probe.reference,
             Self::Band(probe) => probe.reference,
-            _ => None,
+            Self::Reaction { .. }
+            | Self::HourglassEnergy
+            | Self::Velocity { .. }
+            | Self::Acceleration { .. }
+            | Self::KineticEnergy
+            | Self::EnergyResidual => None,
         }
     }
 }

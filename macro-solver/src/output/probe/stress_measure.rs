@@ -53,7 +53,7 @@ impl StressMeasure {
         match self {
             Self::Ratio | Self::PrincipalRatio(..) | Self::SigmaBar => "-",
             Self::FrictionAngle(_) => "degrees",
-            _ => "Pa",
+            Self::Component(..) | Self::Pressure(_) | Self::Deviator | Self::Principal(..) | Self::VonMises => "Pa",
         }
     }
 

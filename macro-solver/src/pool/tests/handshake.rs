@@ -14,9 +14,9 @@ fn refusal_of(greeting: FromWorker, tangents: &[TangentKind]) -> (String, String
     let error = pool.evaluate(&questions(2, 0)).unwrap_err();
     assert!(matches!(error, MaterialError::WorkersLost(_)));
     assert_eq!(pool.statistics().workers_refused, 1);
-    let told = stage.world.borrow().told.clone();
-    let [(told_to, ToWorker::Refused { reason })] = &told[..] else { panic!("{told:?}") };
-    assert_eq!(*told_to, worker);
+    let sent = stage.world.borrow().sent.clone();
+    let [(recipient, ToWorker::Refused { reason })] = &sent[..] else { panic!("{sent:?}") };
+    assert_eq!(*recipient, worker);
     (reason.clone(), error.to_string())
 }
 
@@ -82,7 +82,7 @@ fn closing_sends_everybody_away() {
     let mut pool = stage.open(2);
     pool.gather(2).unwrap();
     pool.close();
-    let byes = stage.world.borrow().told.iter().filter(|(_, message)| *message == ToWorker::Bye).count();
+    let byes = stage.world.borrow().sent.iter().filter(|(_, message)| *message == ToWorker::Bye).count();
     assert_eq!(byes, 2);
     assert!(stage.world.borrow().killed.is_empty());
     assert_eq!(pool.statistics().workers_lost, 0);

@@ -202,7 +202,7 @@ fn states_stay_where_they_were_made() {
     let statistics = pool.statistics();
     assert_eq!((statistics.states_sent, statistics.state_misses, statistics.definition_misses), (0, 0, 0));
     let defined =
-        stage.world.borrow().told.iter().filter(|(_, message)| format!("{message:?}").contains("Define")).count();
+        stage.world.borrow().sent.iter().filter(|(_, message)| format!("{message:?}").contains("Define")).count();
     assert_eq!(defined, 2);
     assert!(stage.world.borrow().received.iter().all(|(_, carried)| *carried == 0));
 }

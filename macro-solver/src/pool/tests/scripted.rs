@@ -81,7 +81,7 @@ pub(super) struct World {
     /// Jobs received by any worker, with the bytes they carried.
     pub(super) received: Vec<(TrialJob, usize)>,
     /// Control messages received.
-    pub(super) told: Vec<(WorkerId, ToWorker)>,
+    pub(super) sent: Vec<(WorkerId, ToWorker)>,
     pub(super) killed: Vec<WorkerId>,
     /// Jobs of the longest slice that goes on from states.
     pub(super) longest_slice: usize,
@@ -330,7 +330,7 @@ impl MacroPort for ScriptedPort {
 
     fn send_control(&mut self, worker: WorkerId, message: &ToWorker) -> Result<(), TransportError> {
         let mut world = self.world.borrow_mut();
-        world.told.push((worker, message.clone()));
+        world.sent.push((worker, message.clone()));
         let Some(known) = world.workers.get_mut(&worker) else { return Err(TransportError::Gone(worker)) };
         match message {
             ToWorker::Define { definition } => {

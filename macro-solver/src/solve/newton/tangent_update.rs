@@ -44,7 +44,13 @@ impl TangentUpdater {
             {
                 TangentUpdate::Always
             }
-            update => update,
+            update @ (TangentUpdate::Always
+            | TangentUpdate::WhenSlow { .. }
+            | TangentUpdate::EachStep
+            | TangentUpdate::EachStepOrSlow { .. }
+            | TangentUpdate::SecondIterate
+            | TangentUpdate::SecondIterateOrSlow { .. }
+            | TangentUpdate::Once) => update,
         };
         // Nothing is known about a step before the first.
         Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: true }
@@ -159,7 +165,7 @@ mod tests {
     const WANTED: TangentKind = TangentKind::TrussLike;
 
     /// Kinds asked for over evaluations with these residuals, all within one attempt.
-    fn asked(tangent_update: TangentUpdate, residuals: &[f64]) -> String {
+    fn requests(tangent_update: TangentUpdate, residuals: &[f64]) -> String {
         let mut tangents = TangentUpdater::new(tangent_update, false);
         tangents.started(true);
         let mut letters = String::new();
@@ -183,20 +189,25 @@ mod tests {
 
     #[test]
     fn tangents_are_asked_for_as_the_rule_says() {
-        assert_eq!(asked(TangentUpdate::Always, &[1.0, 0.1]), "TFTF TFTF.");
-        assert_eq!(asked(TangentUpdate::EachStep, &[1.0, 0.1, 0.01]), "TFss TFss.");
-        assert_eq!(asked(TangentUpdate::Once, &[1.0, 0.1]), "sFs ss.", "the elastic ones of the initial state serve");
-        assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
-        assert_eq!(asked(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
-        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss TFss.");
-        assert_eq!(asked(TangentUpdate::EACH_STEP_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
-        assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0, 0.8, 0.7]), "TFss sTFs.", "slow or not");
-        assert_eq!(asked(TangentUpdate::SecondIterate, &[1.0]), "TF s.");
-        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss sTFs.");
-        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0]), "TF s.", "a first iterate in balance");
-        assert_eq!(asked(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
+        assert_eq!(requests(TangentUpdate::Always, &[1.0, 0.1]), "TFTF TFTF.");
+        assert_eq!(requests(TangentUpdate::EachStep, &[1.0, 0.1, 0.01]), "TFss TFss.");
+        assert_eq!(
+            requests(TangentUpdate::Once, &[1.0, 0.1]),
+            "sFs ss.",
+            "the elastic ones of the initial state serve"
+        );
+        assert_eq!(requests(TangentUpdate::WHEN_SLOW, &[1.0, 0.4, 0.15]), "TFss sss.");
+        assert_eq!(requests(TangentUpdate::WHEN_SLOW, &[1.0, 0.8, 0.1]), "TFsTF ssTF.");
+        let each_step_or_slow = TangentUpdate::EachStepOrSlow { contraction: 0.5 };
+        assert_eq!(requests(each_step_or_slow, &[1.0, 0.4, 0.15]), "TFss TFss.");
+        assert_eq!(requests(each_step_or_slow, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
+        assert_eq!(requests(TangentUpdate::SecondIterate, &[1.0, 0.8, 0.7]), "TFss sTFs.", "slow or not");
+        assert_eq!(requests(TangentUpdate::SecondIterate, &[1.0]), "TF s.");
+        assert_eq!(requests(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.4, 0.15]), "TFss sTFs.");
+        assert_eq!(requests(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0]), "TF s.", "a first iterate in balance");
+        assert_eq!(requests(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
-        assert_eq!(asked(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
+        assert_eq!(requests(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
     }
 
     #[test]

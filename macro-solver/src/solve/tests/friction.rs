@@ -14,13 +14,13 @@ use crate::solve::solve_with_checkpoints;
 struct Softened {
     inner: ElasticMaterial,
     /// Reduction of friction of the latest trial of each point.
-    asked: Vec<f64>,
+    reductions: Vec<f64>,
 }
 
 impl Softened {
     fn new(problem: &Problem) -> Self {
         let inner = elastic(ElasticLaw::SmallStrain, problem);
-        Self { inner, asked: vec![0.0; problem.point_count()] }
+        Self { inner, reductions: vec![0.0; problem.point_count()] }
     }
 }
 
@@ -29,7 +29,7 @@ impl PointMaterial for Softened {
         let mut answers = self.inner.evaluate(trials)?;
         for (trial, answer) in trials.iter().zip(&mut answers) {
             let reduction = trial.options.friction_reduction;
-            self.asked[trial.point] = reduction;
+            self.reductions[trial.point] = reduction;
             let factor = 1.0 - 0.5 * reduction;
             answer.stress.0.iter_mut().for_each(|value| *value *= factor);
             if let Some(tangent) = &mut answer.tangent {
@@ -123,7 +123,10 @@ fn each_point_is_asked_with_the_friction_of_its_moment() {
             let found = top.0[5 + step];
             assert!((found / softened(factor) - 1.0).abs() < within, "step {}: {found} at {factor}", 5 + step);
         }
-        assert!(material.asked.iter().all(|reduction| *reduction == 0.0), "the last stage has the whole friction");
+        assert!(
+            material.reductions.iter().all(|reduction| *reduction == 0.0),
+            "the last stage has the whole friction"
+        );
     }
 }
 
@@ -138,7 +141,7 @@ fn motion_asks_with_the_friction_of_the_instant() {
     let mut material = Softened::new(&problem);
     let outcome = solve(&problem, &mut material, &mut Top::default()).outcome;
     assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
-    let (lower, upper) = material.asked.split_at(problem.point_count() / 2);
+    let (lower, upper) = material.reductions.split_at(problem.point_count() / 2);
     assert!(lower.iter().all(|reduction| *reduction == 0.0));
     assert!(upper.iter().all(|reduction| (reduction - 0.8).abs() < 1e-12), "{upper:?}");
 }

@@ -1,8 +1,8 @@
-//! The stress that a body starts with: a ground at rest stays at rest, and what is out of balance is told.
+//! The stress that a body starts with: a ground at rest stays at rest, and what is out of balance is misfit.
 
 use super::*;
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, InitialState, InitialStress};
+use crate::problem::{Amplitude, Applied, InitialLimits, InitialState, InitialStress};
 
 const WEIGHT: f64 = 2.0e4;
 
@@ -28,8 +28,8 @@ fn a_ground_at_rest_needs_no_step_to_be_in_balance() {
         let (mut problem, rest) = layer(kind);
         problem.initial = InitialState {
             expected: Some(rest.clone()),
-            largest_deviation: Some(1e-12),
-            largest_imbalance: Some(1e-12),
+            limits: InitialLimits { largest_deviation: Some(1e-12), largest_imbalance: Some(1e-12) },
+            ..InitialState::default()
         };
         let (run, record) = run(&problem, &mut start(&problem, &rest));
         assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {:?}", run.outcome);
@@ -49,17 +49,17 @@ fn what_is_out_of_balance_is_told_and_equilibrated_or_refused() {
     problem.stages[0].tolerances = TIGHT;
     let (settled, record) = run(&problem, &mut start(&problem, &light));
     assert!(matches!(settled.outcome, Outcome::Completed), "{:?}", settled.outcome);
-    let told = (settled.statistics.initial_imbalance, settled.statistics.initial_deviation);
-    assert!((0.1..1.0).contains(&told.0) && (told.1 - 0.5).abs() < 0.1, "{told:?}");
+    let misfit = (settled.statistics.initial_imbalance, settled.statistics.initial_deviation);
+    assert!((0.1..1.0).contains(&misfit.0) && (misfit.1 - 0.5).abs() < 0.1, "{misfit:?}");
     assert!(record.steps[0].iterations > 0 && record.steps[0].force_ratio < 1e-9, "step 0 has settled it");
-    problem.initial.largest_imbalance = Some(0.05);
+    problem.initial.limits.largest_imbalance = Some(0.05);
     let (refused, record) = run(&problem, &mut start(&problem, &light));
     match refused.outcome {
         Outcome::DidNotConverge { reason } => assert!(reason.contains("out of balance by"), "{reason}"),
         other => panic!("{other:?}"),
     }
     assert!(record.steps.is_empty());
-    problem.initial.largest_deviation = Some(0.1);
+    problem.initial.limits.largest_deviation = Some(0.1);
     let (refused, _) = run(&problem, &mut start(&problem, &light));
     match refused.outcome {
         Outcome::DidNotConverge { reason } => assert!(reason.contains("what initial_stress expects"), "{reason}"),

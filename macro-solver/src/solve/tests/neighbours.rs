@@ -13,7 +13,7 @@ use protocol::TangentKind;
 const ELEMENTS: usize = 8;
 
 /// Trials of a strip of which one point is strained by 1e-4, with one ramp step for each 1e-6.
-fn asked(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial> {
+fn trials_of(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial> {
     let mut problem = Problem::new(block(ElementKind::Q4Single, ELEMENTS, 1), Vec::new());
     problem.formulation = Formulation::Corotational;
     problem.strain_per_step = 1e-6;
@@ -45,7 +45,7 @@ fn asked(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial> {
 #[test]
 fn averages_reach_through_periodic_faces() {
     let seen = |is_periodic, strained| {
-        asked(1.5, is_periodic, strained).iter().map(|trial| trial.target.get(1, 1)).collect::<Vec<f64>>()
+        trials_of(1.5, is_periodic, strained).iter().map(|trial| trial.target.get(1, 1)).collect::<Vec<f64>>()
     };
     let (open, closed) = (seen(false, 0), seen(true, 0));
     assert!(open[1] < 0.0 && open[ELEMENTS - 1] == 0.0, "{open:?}");
@@ -58,14 +58,14 @@ fn averages_reach_through_periodic_faces() {
     );
     // A neighbourhood that is wider than the period meets the same points again.
     let whole: f64 = seen(true, 3).iter().sum();
-    let wide: Vec<f64> = asked(40.0, true, 3).iter().map(|trial| trial.target.get(1, 1)).collect();
+    let wide: Vec<f64> = trials_of(40.0, true, 3).iter().map(|trial| trial.target.get(1, 1)).collect();
     assert!((wide.iter().sum::<f64>() / whole - 1.0).abs() < 1e-3, "an average keeps the sum: {wide:?}");
     assert!(wide.iter().all(|value| (value * 8.0 / whole - 1.0).abs() < 0.05), "{wide:?}");
 }
 
 #[test]
 fn ramps_are_as_fine_as_the_averages_want_them() {
-    for trial in asked(2.5, false, 3) {
+    for trial in trials_of(2.5, false, 3) {
         let largest = trial.target.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
         let per_step = largest / f64::from(trial.options.ramp_steps);
         assert!(per_step <= 1.5e-6, "point {}: {per_step:e} in a ramp step", trial.point);

@@ -42,9 +42,9 @@ fn compression_then_shear_is_one_run_with_steps_counted_through() {
     let (finished, record) = run(&problem, &mut material);
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     assert_eq!((finished.stage, finished.load, finished.statistics.steps), (1, 1.0, 5));
-    let told: Vec<_> = record.steps.iter().map(|step| (step.step, step.stage, step.load)).collect();
+    let steps: Vec<_> = record.steps.iter().map(|step| (step.step, step.stage, step.load)).collect();
     let thirds = [1.0 / 3.0, 2.0 / 3.0];
-    assert_eq!(told, [(0, 0, 0.0), (1, 0, 0.5), (2, 0, 1.0), (3, 1, thirds[0]), (4, 1, thirds[1]), (5, 1, 1.0)]);
+    assert_eq!(steps, [(0, 0, 0.0), (1, 0, 0.5), (2, 0, 1.0), (3, 1, thirds[0]), (4, 1, thirds[1]), (5, 1, 1.0)]);
     let times: Vec<f64> = record.steps.iter().map(|step| step.time).collect();
     assert!(
         times

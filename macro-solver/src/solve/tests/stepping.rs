@@ -114,7 +114,7 @@ fn grains_that_do_not_come_to_rest_cost_a_cut_back_and_are_counted() {
     spy.refuse = Box::new(move |trials| {
         let reason = RveError::NotEquilibrated {
             strain: 0.5 * trials[0].target.get(1, 1).abs(),
-            asked: trials[0].target.get(1, 1).abs(),
+            target: trials[0].target.get(1, 1).abs(),
             increments: 7,
             of: 14,
             unbalanced: 0.3,
@@ -176,8 +176,8 @@ fn unchanged_targets_are_skipped_without_changing_a_bit() {
     problem.stages[0].conditions.extend(still);
     let (thrifty, kept) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     problem.stages[0].strategy.keep_unchanged = false;
-    let (lavish, asked) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
-    assert_eq!((stresses(&kept), &kept.displacements), (stresses(&asked), &asked.displacements));
+    let (lavish, solved) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert_eq!((stresses(&kept), &kept.displacements), (stresses(&solved), &solved.displacements));
     assert!(thrifty.statistics.skipped > 0 && lavish.statistics.skipped == 0);
     assert_eq!(thrifty.statistics.evaluations + thrifty.statistics.skipped, lavish.statistics.evaluations);
     assert_eq!(thrifty.statistics.evaluations_per_point.iter().sum::<u64>(), thrifty.statistics.evaluations);

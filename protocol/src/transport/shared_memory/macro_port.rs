@@ -149,7 +149,7 @@ impl SharedMemoryMacroPort {
                 peer.doomed = Some("its port was closed".to_owned());
                 0
             }
-            _ => {
+            FrameKind::Control | FrameKind::Jobs | FrameKind::Replies => {
                 if let Err(error) = deliver_to_macro(worker, bytes, sink) {
                     sink(MacroEvent::Refused(format!("worker {}: {error}", worker.0)));
                 }

@@ -34,17 +34,11 @@ pub enum Waiting {
     Spin,
 }
 
-impl Waiting {
-    /// All policies.
-    pub const ALL: [Self; 3] = [Self::Block, Self::Hybrid, Self::Spin];
-
-    /// Name on the command line and in files.
-    pub fn keyword(self) -> &'static str {
-        match self {
-            Self::Block => "block",
-            Self::Hybrid => "hybrid",
-            Self::Spin => "spin",
-        }
+crate::keywords! {
+    pub Waiting {
+        Block => "block",
+        Hybrid => "hybrid",
+        Spin => "spin",
     }
 }
 
@@ -56,13 +50,13 @@ pub(super) struct Watchman {
     core_free: bool,
     counted: Option<Instant>,
     /// None: the next look must ask.
-    kernel_asked: Option<Instant>,
+    last_kernel_look: Option<Instant>,
 }
 
 impl Watchman {
     pub(super) fn new(waiting: Waiting) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
-        Self { waiting, cores, core_free: false, counted: None, kernel_asked: None }
+        Self { waiting, cores, core_free: false, counted: None, last_kernel_look: None }
     }
 
     /// Whether this look must include what only the kernel knows. Such a look costs several system calls, as much as a
@@ -71,16 +65,16 @@ impl Watchman {
         if self.waiting == Waiting::Block {
             return true;
         }
-        if self.kernel_asked.is_some_and(|time| time.elapsed() < KERNEL) {
+        if self.last_kernel_look.is_some_and(|time| time.elapsed() < KERNEL) {
             return false;
         }
-        self.kernel_asked = Some(Instant::now());
+        self.last_kernel_look = Some(Instant::now());
         true
     }
 
     /// The kernel has woken this end, so the next look must ask it why.
     pub(super) fn has_slept(&mut self) {
-        self.kernel_asked = None;
+        self.last_kernel_look = None;
     }
 
     /// Looks until `come` says yes or the time that the policy allows is over. Returns whether to look at the messages

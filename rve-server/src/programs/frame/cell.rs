@@ -276,7 +276,7 @@ impl FrameRve {
         let stress = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / plane::determinant(&total), &scaled);
         let mut flags = TrialFlags::default();
         if network.contacts.is_empty() {
-            flags.insert(TrialFlags::FLUID);
+            flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
         }
         if network.max_overlap_ratio() > 0.5 * LARGE_OVERLAP {
             flags.insert(TrialFlags::LARGE_OVERLAP);

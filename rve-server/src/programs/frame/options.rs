@@ -1,7 +1,7 @@
 //! How a frame is solved.
 
 use crate::definition::{Criterion, Damping, FrameConstraint, FrameControl, RveOptions};
-use crate::error::DefinitionError;
+use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,8 @@ pub enum FrameDamping {
     Fire,
     /// `f_d = -coefficient |f| sign(v)` per component; ends at a ratio of kinetic to stored energy, [Liu2018] eq. 31.
     Local {
-        /// Coefficient, in (0, 1); [Liu2018] uses 0.7.
-        #[schemars(extend("x-unit" = "-"))]
+        /// Coefficient; [Liu2018] uses 0.7.
+        #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
         coefficient: f64,
     },
 }
@@ -38,28 +38,28 @@ pub struct FrameOptions {
     pub damping: FrameDamping,
     /// Strain per ramp step.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
     pub strain_per_step: Option<f64>,
     /// Largest load left over mean normal contact force.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "x-default" = "1e-3"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-3", "exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
     /// Kinetic over stored energy at the end under local damping. The 1e-3 of [Liu2018] leaves motion.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "1e-6", "exclusiveMinimum" = 0))]
     pub energy_tolerance: Option<f64>,
     /// Residual of opposite boundary loads over mean contact force; default 1e-2 for servo and local damping, otherwise
     /// thirty times the force tolerance.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "x-default" = "by `control` and `damping`"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `control` and `damping`", "exclusiveMinimum" = 0))]
     pub servo_tolerance: Option<f64>,
     /// Most relaxation steps of one hold.
     #[serde(default)]
-    #[schemars(extend("x-default" = "50000"))]
+    #[schemars(extend("x-default" = "50000"), range(min = 1))]
     pub max_steps: Option<u32>,
     /// Most corrections of the servo in one trial.
     #[serde(default)]
-    #[schemars(extend("x-default" = "500"))]
+    #[schemars(extend("x-default" = "500"), range(min = 1))]
     pub most_corrections: Option<u32>,
 }
 
@@ -147,23 +147,6 @@ impl FrameOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
-        let numbers = [
-            ("strain_per_step", self.strain_per_step()),
-            ("tolerance", self.tolerance()),
-            ("energy_tolerance", self.energy_tolerance()),
-            ("servo_tolerance", self.servo_tolerance()),
-        ];
-        if let Some((key, value)) = numbers.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
-            return Err(DefinitionError(format!("frame.{key} = {value} must be a positive number")));
-        }
-        match self.damping {
-            FrameDamping::Local { coefficient } if !(coefficient > 0.0 && coefficient < 1.0) => {
-                return Err(DefinitionError(format!(
-                    "frame.damping.local.coefficient = {coefficient} must lie between 0 and 1"
-                )));
-            }
-            _ => (),
-        }
-        self.control.validate("frame.control")
+        in_declared_ranges(self, "frame")
     }
 }

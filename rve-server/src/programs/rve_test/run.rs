@@ -301,7 +301,7 @@ impl<S: SolverFor> Run<S> {
         summary.trials += u64::from(row.trials);
         summary.dem_steps += row.dem_steps;
         summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
-        summary.no_load += u64::from(row.flags.contains(TrialFlags::FLUID));
+        summary.no_load_bearing_contacts += u64::from(row.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
         summary.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
         summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
         if let Some(outcome) = &row.tangent {

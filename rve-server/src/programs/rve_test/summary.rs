@@ -22,7 +22,7 @@ pub struct ElementSummary {
     /// Rows whose relaxation ended before the grains were at rest.
     pub not_equilibrated: u64,
     /// Rows of a cell without load-bearing contacts.
-    pub no_load: u64,
+    pub no_load_bearing_contacts: u64,
     /// Rows whose relaxation stagnated and went on with another damping and smaller steps.
     pub damping_changed: u64,
     /// Rows with an overlap above 10 % of a grain diameter.
@@ -42,7 +42,7 @@ impl ElementSummary {
             ("not equilibrated", self.not_equilibrated),
             ("controlled stress not met at an instability of the cell", self.stress_jumps),
             ("controlled stress relaxed after the cell had snapped", self.relaxed_increments),
-            ("no load-bearing contacts", self.no_load),
+            ("no load-bearing contacts", self.no_load_bearing_contacts),
             ("relaxed with another damping", self.damping_changed),
             ("increments cut for the stress control", self.cut_increments),
             ("overlap above 10 %", self.large_overlap),

@@ -127,15 +127,6 @@ impl ElementTest {
         test.validated()
     }
 
-    /// Reads and checks a test given as a table, for instance after overrides.
-    ///
-    /// # Errors
-    /// [`ElementError::Test`] with the key of the first defect.
-    pub fn from_table(table: toml::Table) -> Result<Self, ElementError> {
-        let test: Self = table.try_into().map_err(|error: toml::de::Error| ElementError::Test(error.to_string()))?;
-        test.validated()
-    }
-
     /// Itself, if it is sound beyond the types and ranges of its keys.
     ///
     /// # Errors

@@ -49,6 +49,8 @@ pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
     pub(crate) pairs: Vec<Listed>,
     pub(crate) slots: Vec<Slot<S, C>>,
     pair_loads: Vec<PairLoad<S>>,
+    /// Sums of the blocks of pairs in the last evaluation, in their order.
+    block_sums: Vec<ContactSums>,
     images: Vec<S::Coordinates<f64>>,
     /// Pairs of each grain: `2 pair + 1` where the grain is the end; grain `i` has entries `starts[i]..starts[i + 1]`.
     members: Vec<u32>,
@@ -83,6 +85,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             pairs: Vec::new(),
             slots: Vec::new(),
             pair_loads: Vec::new(),
+            block_sums: Vec::new(),
             images: Vec::new(),
             members: Vec::new(),
             starts: Vec::new(),
@@ -231,13 +234,14 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         let (law, grains, images) = (&self.law, &self.grains, &self.images);
         let blocks = self.pairs.len().div_ceil(PAIRS_PER_BLOCK);
         let threaded = self.pairs.len() >= FEWEST_FOR_THREADS;
-        let mut sums = vec![ContactSums::default(); blocks];
+        self.block_sums.clear();
+        self.block_sums.resize(blocks, ContactSums::default());
         if threaded {
             self.pairs
                 .par_chunks(PAIRS_PER_BLOCK)
                 .zip(self.slots.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
-                .zip(sums.par_iter_mut())
+                .zip(self.block_sums.par_iter_mut())
                 .for_each(|(((pairs, slots), loads), sums)| {
                     *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
                 });
@@ -247,12 +251,12 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .chunks(PAIRS_PER_BLOCK)
                 .zip(self.slots.chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
-            for (((pairs, slots), loads), sums) in blocks.zip(&mut sums) {
+            for (((pairs, slots), loads), sums) in blocks.zip(&mut self.block_sums) {
                 *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
             }
         }
         self.collect(threaded);
-        sums.iter().fold(ContactSums::default(), |mut whole, block| {
+        self.block_sums.iter().fold(ContactSums::default(), |mut whole, block| {
             whole.add(block);
             whole
         })

@@ -83,6 +83,8 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     inertia_factor: f64,
     masses: Vec<f64>,
     skin: f64,
+    /// Sums of the blocks of grains in the last motion, in their order.
+    block_sums: Vec<GrainSums>,
 }
 
 impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
@@ -109,6 +111,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             inertia_factor: S::INERTIA_FACTOR,
             masses,
             skin: 0.1 * mean,
+            block_sums: Vec::new(),
         };
         dynamics.list_walls();
         dynamics.evaluate(0.0);
@@ -214,20 +217,21 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             sums
         };
         let count = self.body.grains.len();
-        let sums: Vec<GrainSums> = if count >= FEWEST_FOR_THREADS {
+        self.block_sums.clear();
+        self.block_sums.resize(count.div_ceil(GRAINS_PER_BLOCK), GrainSums::default());
+        if count >= FEWEST_FOR_THREADS {
             let blocks = self.body.grains.par_chunks_mut(GRAINS_PER_BLOCK).enumerate();
-            blocks
-                .zip(self.rotations.par_chunks_mut(GRAINS_PER_BLOCK))
-                .map(|((block, grains), rotations)| work(block * GRAINS_PER_BLOCK, grains, rotations))
-                .collect()
+            blocks.zip(self.rotations.par_chunks_mut(GRAINS_PER_BLOCK)).zip(self.block_sums.par_iter_mut()).for_each(
+                |(((block, grains), rotations), sums)| *sums = work(block * GRAINS_PER_BLOCK, grains, rotations),
+            );
         } else {
             let blocks = self.body.grains.chunks_mut(GRAINS_PER_BLOCK).enumerate();
-            blocks
-                .zip(self.rotations.chunks_mut(GRAINS_PER_BLOCK))
-                .map(|((block, grains), rotations)| work(block * GRAINS_PER_BLOCK, grains, rotations))
-                .collect()
-        };
-        sums.iter().fold(GrainSums::default(), |whole, block| GrainSums {
+            let blocks = blocks.zip(self.rotations.chunks_mut(GRAINS_PER_BLOCK)).zip(&mut self.block_sums);
+            for (((block, grains), rotations), sums) in blocks {
+                *sums = work(block * GRAINS_PER_BLOCK, grains, rotations);
+            }
+        }
+        self.block_sums.iter().fold(GrainSums::default(), |whole, block| GrainSums {
             kinetic_energy: whole.kinetic_energy + block.kinetic_energy,
             largest_force: whole.largest_force.max(block.largest_force),
             gravity_work: whole.gravity_work + block.gravity_work,

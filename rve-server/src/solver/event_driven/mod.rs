@@ -18,7 +18,7 @@ pub use linear::{DiscMotions, DiscPair, LinearResponses};
 
 use super::{End, GrainSolver, Job, relaxation};
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
-use crate::contact::{ContactLaws, ContactTable, LawName, PlainLinear};
+use crate::contact::{ContactLaws, ContactTable, PlainLinear};
 use crate::definition::{Criterion, GrainModel};
 use crate::error::DefinitionError;
 use crate::space::{Discs, Space, largest_component};
@@ -47,7 +47,7 @@ struct EventDrivenDiscs {
 /// # Errors
 /// A table that is not valid.
 pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Discs>>, DefinitionError> {
-    if contact.law != LawName::Linear || contact.is_extended() || !contact.has_tangential_springs() {
+    if !contact.law.is_linear() || contact.is_extended() || !contact.has_tangential_springs() {
         return for_others(contact);
     }
     let law = contact.plain_linear()?;

@@ -239,10 +239,10 @@ impl<S: Space> Run<S> {
     /// How far the run got, for those who want no answer out of equilibrium.
     fn gave_up<C>(&self, setting: &Setting<'_, C>, unbalanced: f64) -> RveError {
         let increments = if self.phase == Phase::Ramp { self.step } else { self.ramp_steps };
-        let asked = largest_component(&self.strain);
+        let target = largest_component(&self.strain);
         RveError::NotEquilibrated {
-            strain: asked * f64::from(increments) / f64::from(self.ramp_steps),
-            asked,
+            strain: target * f64::from(increments) / f64::from(self.ramp_steps),
+            target,
             increments: u64::from(increments),
             of: u64::from(self.ramp_steps),
             // Infinite before the first contact force; errors carry numbers.

@@ -47,7 +47,7 @@ fn sums(run: &Finished) -> Result<[Curve; 2], ReproduceError> {
     let points = run.summary(&["gauss_points"])?;
     let (steps, strain) = (table.column("step")?, table.column("axial_compression")?);
     let evaluations = table.column("evaluations")?;
-    let (mut iterations, mut asked) = (Curve::new(), Curve::new());
+    let (mut iterations, mut per_point) = (Curve::new(), Curve::new());
     let mut sum = [0.0; 2];
     for ((step, strain), evaluations) in steps.iter().zip(&strain).zip(&evaluations) {
         if *step > 0.0 {
@@ -55,9 +55,9 @@ fn sums(run: &Finished) -> Result<[Curve; 2], ReproduceError> {
             sum[1] += evaluations / points;
         }
         iterations.push([*strain, sum[0]]);
-        asked.push([*strain, sum[1]]);
+        per_point.push([*strain, sum[1]]);
     }
-    Ok([iterations, asked])
+    Ok([iterations, per_point])
 }
 
 /// What one operator needed.

@@ -49,7 +49,7 @@ fn runs(size: Size) -> Vec<Run> {
 }
 
 /// What the run of one mesh says.
-struct Told {
+struct MeshResult {
     mesh: (usize, usize),
     label: String,
     /// Size of a brick, mm.
@@ -66,7 +66,7 @@ struct Told {
     field: Panel,
 }
 
-fn told(run: &Finished, mesh: (usize, usize), step: usize) -> Result<Told, ReproduceError> {
+fn mesh_result(run: &Finished, mesh: (usize, usize), step: usize) -> Result<MeshResult, ReproduceError> {
     let table = run.table()?;
     let over = |column: &str| table.curve("axial_compression", column);
     let quality = table.column("band_quality")?;
@@ -88,7 +88,7 @@ fn told(run: &Finished, mesh: (usize, usize), step: usize) -> Result<Told, Repro
         }
         false => Vec::new(),
     };
-    Ok(Told {
+    Ok(MeshResult {
         mesh,
         brick: 1e3 * WIDTH / mesh.0 as f64,
         mean_ratio: running_mean(&ratio, WINDOW),
@@ -112,9 +112,9 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     for (kind, parts, figures) in
         [("local", ["local", "local-map"], ["16", "17"]), ("nonlocal", ["nonlocal", "nonlocal-map"], ["18", "19"])]
     {
-        let told = MESHES.map(|mesh| told(results.run(&name(kind, mesh))?, mesh, step));
-        let mut told = told.into_iter().collect::<Result<Vec<Told>, ReproduceError>>()?;
-        told.retain(|mesh| {
+        let meshes = MESHES.map(|mesh| mesh_result(results.run(&name(kind, mesh))?, mesh, step));
+        let mut meshes = meshes.into_iter().collect::<Result<Vec<MeshResult>, ReproduceError>>()?;
+        meshes.retain(|mesh| {
             let kept = reach(&mesh.ratio) >= SHORTEST;
             if !kept {
                 outcome
@@ -126,28 +126,28 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         let title = format!("[Liu2015] Fig. {}: {kind}, three meshes", figures[0]);
         let mut chart = Chart::new(&title, x, ("stress ratio", Scale::Linear));
         // The coarsest mesh has one run for both kinds.
-        let own: Vec<&Told> = told.iter().filter(|mesh| kind == "local" || mesh.mesh != MESHES[0]).collect();
+        let own: Vec<&MeshResult> = meshes.iter().filter(|mesh| kind == "local" || mesh.mesh != MESHES[0]).collect();
         for mesh in &own {
             widths.curve(&format!("{kind}, {}", mesh.label), mesh.width.clone());
         }
-        for mesh in &told {
+        for mesh in &meshes {
             chart.curve(&mesh.label, mesh.ratio.clone());
         }
         outcome.charts.push((parts[0], chart));
-        if told.is_empty() {
+        if meshes.is_empty() {
             continue;
         }
-        let end = told.iter().map(|mesh| reach(&mesh.ratio)).fold(f64::INFINITY, f64::min);
+        let end = meshes.iter().map(|mesh| reach(&mesh.ratio)).fold(f64::INFINITY, f64::min);
         outcome.maps.push((
             parts[1],
             Map {
                 title: format!("[Liu2015] Fig. {}: {kind}, three meshes", figures[1]),
                 quantity: format!("compressive strain at {:.1} % compression", 100.0 * compression),
-                panels: told.iter().map(|mesh| mesh.field.clone()).collect(),
+                panels: meshes.iter().map(|mesh| mesh.field.clone()).collect(),
             },
         ));
         outcome.comparisons.extend(of_meshes(kind, &own, end)?);
-        let [before, past] = apart(&told, end)?;
+        let [before, past] = apart(&meshes, end)?;
         spreads.push(past);
         let label = format!("{kind}: spread of the meshes");
         outcome.comparisons.push(Comparison::reported(
@@ -167,16 +167,16 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             ),
             _ => Comparison::reported(label, "-", past),
         });
-        let late = |mesh: &Told| mean_between(&mesh.width, 0.8 * end, end);
-        if told.len() < MESHES.len() {
+        let late = |mesh: &MeshResult| mean_between(&mesh.width, 0.8 * end, end);
+        if meshes.len() < MESHES.len() {
             continue;
         }
         outcome.comparisons.push(Comparison::new(
-            format!("{kind}: width of the band on {} over that on {}", told[1].label, told[2].label),
+            format!("{kind}: width of the band on {} over that on {}", meshes[1].label, meshes[2].label),
             "-",
-            Theirs::Value(if kind == "local" { told[1].brick / told[2].brick } else { 1.0 }),
+            Theirs::Value(if kind == "local" { meshes[1].brick / meshes[2].brick } else { 1.0 }),
             "[Liu2015] section 3.5: the bricks without averages, similar with them; band of J-6",
-            late(&told[1]) / late(&told[2]),
+            late(&meshes[1]) / late(&meshes[2]),
             Tolerance::Absolute(0.15),
         ));
     }
@@ -215,9 +215,9 @@ fn last_common_step(results: &Results) -> Result<usize, ReproduceError> {
 }
 
 /// Stress ratio and band of each mesh; the end is the last fifth of the run.
-fn of_meshes(kind: &str, told: &[&Told], end: f64) -> Result<Vec<Comparison>, ReproduceError> {
+fn of_meshes(kind: &str, meshes: &[&MeshResult], end: f64) -> Result<Vec<Comparison>, ReproduceError> {
     let mut rows = Vec::new();
-    for mesh in told {
+    for mesh in meshes {
         let label = format!("{kind}, {}", mesh.label);
         let late = |curve: &[[f64; 2]]| mean_between(curve, 0.8 * end, end);
         let top = peak(&mesh.mean_ratio)?;
@@ -248,7 +248,7 @@ fn of_meshes(kind: &str, told: &[&Told], end: f64) -> Result<Vec<Comparison>, Re
 
 /// Roscoe's and Coulomb's inclination of a band from the direction of the lateral pressure, degrees: 45 degrees and half the angle of
 /// dilatancy, past the peak, or half that of friction, at the peak.
-fn angles(mesh: &Told) -> Result<[f64; 2], ReproduceError> {
+fn angles(mesh: &MeshResult) -> Result<[f64; 2], ReproduceError> {
     let ratio = peak(&mesh.mean_ratio)?[1];
     let volume = |strain: f64| value_at(&mesh.volume, strain);
     let dilation = (volume(0.015) - volume(0.005)) / 0.01;
@@ -257,8 +257,8 @@ fn angles(mesh: &Told) -> Result<[f64; 2], ReproduceError> {
 }
 
 /// Spread of the mean stress ratios of the meshes before and past the peak of the finest, over that peak.
-fn apart(told: &[Told], end: f64) -> Result<[f64; 2], ReproduceError> {
-    let curves: Vec<&Curve> = told.iter().map(|mesh| &mesh.mean_ratio).collect();
+fn apart(meshes: &[MeshResult], end: f64) -> Result<[f64; 2], ReproduceError> {
+    let curves: Vec<&Curve> = meshes.iter().map(|mesh| &mesh.mean_ratio).collect();
     let top = peak(curves[curves.len() - 1])?;
     Ok([spread(&curves, 0.0, 0.6 * top[0]) / top[1], spread(&curves, top[0], end - 0.5 * WINDOW) / top[1]])
 }

@@ -3,30 +3,30 @@
 //! The grains have their real masses and move by an explicit leapfrog in real time. A plane is a grain that is very large
 //! and does not move.
 
-use super::law::{ContactLaw, ContactMotion};
-use crate::simd::Tuple;
-use crate::space::{Axial, Components, KernelSpace, Space};
+use rve_server::contact::{ContactLaw, ContactMotion};
+use rve_server::simd::Tuple;
+use rve_server::space::{Axial, Components, KernelSpace, Space};
 
 /// One of the two grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body<S: Space> {
+pub(crate) struct Body<S: Space> {
     /// Radius, m.
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// 1 / mass, 1/kg; 0 for a grain that does not move.
-    pub inverse_mass: f64,
+    pub(crate) inverse_mass: f64,
     /// 1 / moment of inertia, 1/(kg m2); 0 for a grain that does not rotate.
-    pub inverse_inertia: f64,
+    pub(crate) inverse_inertia: f64,
     /// Centre, m.
-    pub position: S::Vector,
+    pub(crate) position: S::Vector,
     /// Velocity, m/s.
-    pub velocity: S::Vector,
+    pub(crate) velocity: S::Vector,
     /// Angular velocity, rad/s.
-    pub rotation_velocity: S::Spin,
+    pub(crate) rotation_velocity: S::Spin,
 }
 
 impl<S: Space> Body<S> {
     /// A homogeneous grain of a density, kg/m3, at rest.
-    pub fn of_density(radius: f64, density: f64, position: S::Vector) -> Self {
+    pub(crate) fn of_density(radius: f64, density: f64, position: S::Vector) -> Self {
         let mass = density * S::grain_measure(radius);
         Self {
             inverse_mass: 1.0 / mass,
@@ -36,7 +36,7 @@ impl<S: Space> Body<S> {
     }
 
     /// A grain that neither moves nor rotates.
-    pub fn fixed(radius: f64, position: S::Vector) -> Self {
+    pub(crate) fn fixed(radius: f64, position: S::Vector) -> Self {
         Self {
             radius,
             inverse_mass: 0.0,
@@ -50,11 +50,11 @@ impl<S: Space> Body<S> {
 
 /// Two grains and what is between them.
 #[derive(Clone, Debug)]
-pub struct TwoBody<S: Space, L: ContactLaw<S::Kernel>> {
+pub(crate) struct TwoBody<S: Space, L: ContactLaw<S::Kernel>> {
     /// Contact law.
-    pub law: L,
+    pub(crate) law: L,
     /// Origin and end grain.
-    pub bodies: [Body<S>; 2],
+    pub(crate) bodies: [Body<S>; 2],
     constants: L::Constants<f64>,
     memory: L::Memory<f64>,
     tangential: Axial<S>,
@@ -67,7 +67,7 @@ pub struct TwoBody<S: Space, L: ContactLaw<S::Kernel>> {
 
 impl<S: Space, L: ContactLaw<S::Kernel>> TwoBody<S, L> {
     /// The two grains as they lie, with the forces of their overlap.
-    pub fn new(law: L, bodies: [Body<S>; 2]) -> Self {
+    pub(crate) fn new(law: L, bodies: [Body<S>; 2]) -> Self {
         let mut pair = Self {
             law,
             constants: law.constants([bodies[0].radius, bodies[1].radius]),
@@ -85,32 +85,32 @@ impl<S: Space, L: ContactLaw<S::Kernel>> TwoBody<S, L> {
     }
 
     /// Sum of the radii minus the distance of the centres, m; negative without contact.
-    pub fn overlap(&self) -> f64 {
+    pub(crate) fn overlap(&self) -> f64 {
         self.bodies[0].radius + self.bodies[1].radius - self.branch().norm()
     }
 
     /// Normal force, N, negative in compression; 0 without contact.
-    pub fn normal_force(&self) -> f64 {
+    pub(crate) fn normal_force(&self) -> f64 {
         self.normal_force
     }
 
     /// Tangential force on the origin grain, N.
-    pub fn tangential_force(&self) -> S::Tangential {
+    pub(crate) fn tangential_force(&self) -> S::Tangential {
         S::from_axial(self.tangential, self.direction)
     }
 
     /// Contact force on the origin grain, N; its opposite acts on the end grain.
-    pub fn force(&self) -> S::Vector {
+    pub(crate) fn force(&self) -> S::Vector {
         self.force
     }
 
     /// Moments of the contact on both grains, N m.
-    pub fn moments(&self) -> [S::Spin; 2] {
+    pub(crate) fn moments(&self) -> [S::Spin; 2] {
         self.moments
     }
 
     /// Kinetic energy, J; of grains that do not move none is counted.
-    pub fn kinetic_energy(&self) -> f64 {
+    pub(crate) fn kinetic_energy(&self) -> f64 {
         let half_over = |inverse: f64| if inverse > 0.0 { 0.5 / inverse } else { 0.0 };
         self.bodies
             .iter()
@@ -122,7 +122,7 @@ impl<S: Space, L: ContactLaw<S::Kernel>> TwoBody<S, L> {
     }
 
     /// One step of `duration` seconds: velocities from the present forces, then positions, then forces.
-    pub fn step(&mut self, duration: f64) {
+    pub(crate) fn step(&mut self, duration: f64) {
         for (body, sign, moment) in [(0, 1.0, self.moments[0]), (1, -1.0, self.moments[1])] {
             let body = &mut self.bodies[body];
             body.velocity = body.velocity.plus(self.force.times(sign * duration * body.inverse_mass));
@@ -133,7 +133,7 @@ impl<S: Space, L: ContactLaw<S::Kernel>> TwoBody<S, L> {
     }
 
     /// Moves both centres and rotates the grains by these angles in the same step.
-    pub fn place(&mut self, positions: [S::Vector; 2], spins: [S::Spin; 2]) {
+    pub(crate) fn place(&mut self, positions: [S::Vector; 2], spins: [S::Spin; 2]) {
         for (body, position) in self.bodies.iter_mut().zip(positions) {
             body.position = position;
         }
