@@ -98,6 +98,7 @@ impl Scene {
         let context = ProbeContext { document: &document, sets: &sets, file: &file, materials: &materials };
         let probes = probes(&context)?;
         let profiles = profiles(&context)?;
+        let pore_fluid = file.pore_fluid.as_ref().map(|table| context.pore_fluid(table)).transpose()?;
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let densities = materials.densities(&mesh);
@@ -117,6 +118,7 @@ impl Scene {
         problem.nonlocal = file.nonlocal.clone();
         equations(&document, &mut problem, &file.solver)?;
         problem.initial = initial_state(&document, &file.initial_stress)?;
+        problem.pore_fluid = pore_fluid;
         problem.observables = observables;
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();
         let error_estimate = error_estimate(&document, &file)?;

@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 21] = [
+pub const SHORT_SCENES: [ShortScene; 22] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -93,6 +93,18 @@ pub const SHORT_SCENES: [ShortScene; 21] = [
             "sum=[{ name = 'head', terms = [{ set = 'top', component = 'y', coefficient = 1.0 }, { set = 'left', \
              component = 'y', coefficient = 0.1 }], value = -3e-4 }]",
             "loading.increments=8",
+        ],
+    ),
+    scene(
+        "undrained",
+        "geotechnics/undrained-biaxial",
+        &[
+            "packing=../../packings/discs-100.json",
+            "contact.modulus=1e8",
+            "mesh.elements=[1, 2]",
+            "stage.0.loading.increments=2",
+            "stage.1.loading.increments=5",
+            "stage.1.boundary.0.displacement.y=-3e-4",
         ],
     ),
     // Prepared again, to the same bits, by a run that is continued.

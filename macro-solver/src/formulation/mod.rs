@@ -135,6 +135,14 @@ impl Formulation {
         }
     }
 
+    /// Logarithm of the volume over the initial one, for a total deformation gradient; its trace for small strain.
+    pub fn log_volume(self, deformation: &Matrix3<f64>) -> f64 {
+        match self {
+            Self::SmallStrain => deformation.trace() - 3.0,
+            Self::TotalLagrangian | Self::UpdatedLagrangian | Self::Corotational => deformation.determinant().ln(),
+        }
+    }
+
     /// Stress and moduli of a point from the material's result for [`Formulation::target`]: `stress` (Pa) and `tangent` as the
     /// material returned them, `gradient` the displacement gradient of the step on the configuration of
     /// [`Formulation::reference`], `committed` the deformation gradient of the committed configuration. `None` if the motion

@@ -59,10 +59,11 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
             let length = body.settled_geometry()[number].volume.powf(1.0 / body.mesh().dimension.count() as f64);
             laws.viscosity_of(element).moduli(laws.stiffness[number], length)
         };
+        let total = |number: usize| laws.points.all()[number].total(body.formulation()).moduli;
         let is_viscous = !laws.viscosity.is_none();
         let (springs, dampers) = laws.hourglass_factors(element);
         let operators = ElementOperators {
-            moduli: body.points_of(element).map(|number| laws.points.all()[number].response.moduli).collect(),
+            moduli: body.points_of(element).map(total).collect(),
             viscosity: body.points_of(element).filter(|_| is_viscous).map(viscous).collect(),
             hourglass: body.hourglass(element).map(|modes| (modes, springs, dampers)),
         };

@@ -236,8 +236,11 @@ pub struct PointFields {
     /// Displacement gradient of this step, relative to the configuration at its start (the initial one for small
     /// strain).
     pub step_gradient: Tensor2,
-    /// Cauchy stress, Pa, tension positive.
+    /// Cauchy stress of the grains (the effective stress where pores hold fluid), Pa, tension positive.
     pub stress: Tensor2,
+    /// Excess pressure of pore fluid that cannot drain, Pa, compression positive; the total stress is `stress` minus this on the
+    /// diagonal. `None` where pores drain.
+    pub pore_pressure: Option<f64>,
     /// Cheap scalars of the accepted answer.
     pub scalars: Scalars,
     /// Optional results of the accepted answer; only what [`Problem::observables`] asked for is meaningful.

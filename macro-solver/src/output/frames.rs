@@ -34,7 +34,7 @@ pub fn write_frame(path: &Path, view: &FieldsView<'_>, observables: Observables)
 /// [`OutputError::Write`].
 pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, observables: Observables) -> Result<(), OutputError> {
     let positions: Vec<[f64; 3]> = view.points.iter().map(|point| point.position).collect();
-    let mut fields = quantities(view.mesh.dimension, observables)
+    let mut fields = quantities(view.mesh.dimension, observables, has_fluid(view.points))
         .iter()
         .map(|quantity| quantity.of_points(view.points))
         .collect::<Vec<_>>();
@@ -44,9 +44,15 @@ pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, observables: Observ
     write_particles(path, &positions, &fields)
 }
 
+fn has_fluid(points: &[PointFields]) -> bool {
+    points.iter().any(|point| point.pore_pressure.is_some())
+}
+
 fn element_fields(dimension: Dimension, points: &[PointFields], observables: Observables) -> Vec<Field> {
-    let mut fields: Vec<Field> =
-        quantities(dimension, observables).iter().map(|quantity| quantity.of_elements(points)).collect();
+    let mut fields: Vec<Field> = quantities(dimension, observables, has_fluid(points))
+        .iter()
+        .map(|quantity| quantity.of_elements(points))
+        .collect();
     add_invariants(dimension, &mut fields);
     let sums = |value: fn(&PointFields) -> u64| {
         by_element(points).map(|element| element.iter().map(value).sum::<u64>() as f64).collect()
@@ -128,7 +134,8 @@ fn scalar(name: &'static str, value: fn(&PointFields) -> Vec<f64>) -> Quantity {
     Quantity { name, components: 1, value }
 }
 
-fn quantities(dimension: Dimension, observables: Observables) -> Vec<Quantity> {
+/// `has_fluid`: whether there is pore fluid that cannot drain.
+fn quantities(dimension: Dimension, observables: Observables, has_fluid: bool) -> Vec<Quantity> {
     let mut quantities = vec![
         Quantity { name: "stress", components: 9, value: |point| point.stress.0.to_vec() },
         Quantity { name: "strain", components: 9, value: |point| green_lagrange(&point.deformation).0.to_vec() },
@@ -155,6 +162,9 @@ fn quantities(dimension: Dimension, observables: Observables) -> Vec<Quantity> {
         (Observables::ENERGY, scalar("elastic_energy", |point| vec![point.observed.elastic_energy])),
         (Observables::ENERGY, scalar("frictional_dissipation", |point| vec![point.observed.frictional_dissipation])),
     ];
+    if has_fluid {
+        quantities.push(scalar("pore_pressure", |point| vec![point.pore_pressure.unwrap_or(0.0)]));
+    }
     quantities
         .extend(optional.into_iter().filter(|(bit, _)| observables.contains(*bit)).map(|(_, quantity)| quantity));
     quantities

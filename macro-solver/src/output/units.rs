@@ -107,7 +107,7 @@ const HISTORY: [(&str, &str); 13] = [
 ];
 
 /// Fields whose unit is not that of a force.
-const FIELDS: [(&str, &str); 26] = [
+const FIELDS: [(&str, &str); 27] = [
     ("displacement", "m"),
     ("stress", "Pa"),
     ("principal_stress_major", "Pa"),
@@ -117,6 +117,7 @@ const FIELDS: [(&str, &str); 26] = [
     ("q", "Pa"),
     ("strain", "-"),
     ("shear_strain", "-"),
+    ("pore_pressure", "Pa"),
     ("void_ratio", "-"),
     ("coordination_number", "-"),
     ("coordination_number_no_rattlers", "-"),

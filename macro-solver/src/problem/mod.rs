@@ -25,6 +25,7 @@ mod initial_stress;
 mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
+mod pore_fluid;
 mod rate_history;
 pub mod relaxation;
 mod rigid_motion;
@@ -42,6 +43,7 @@ pub use initial_stress::{InitialLimits, InitialPreparation, InitialState, Initia
 pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;
+pub use pore_fluid::PoreFluid;
 pub use rate_history::{Rate, RateHistory};
 pub use smooth_step::SmoothRamp;
 pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepControl, StepRule};
@@ -85,6 +87,8 @@ pub struct Problem {
     /// Error that the strain per ramp increment is chosen for, step by step, starting with `strain_per_step`; `None`: it stays. Needs a
     /// material that estimates its error.
     pub error_control: Option<ErrorControl>,
+    /// Fluid in the pores that cannot drain; `None`: pores are dry, or drain freely.
+    pub pore_fluid: Option<PoreFluid>,
 }
 
 impl Problem {
@@ -102,6 +106,7 @@ impl Problem {
             observables: Observables::NONE,
             strain_per_step: 0.0,
             error_control: None,
+            pore_fluid: None,
         }
     }
 

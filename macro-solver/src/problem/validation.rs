@@ -52,6 +52,9 @@ impl Problem {
         refuse_unsound(expected.map(|value| ("initial_stress", value, "a finite number", true)).collect())?;
         check_settings(&self.initial.limits, &["initial_stress"])?;
         check_settings(&self.initial.preparation, &["initial_stress"])?;
+        if let Some(fluid) = &self.pore_fluid {
+            check_settings(fluid, &["pore_fluid"])?;
+        }
         let single = self.mesh.kinds.iter().any(|kind| kind.needs_hourglass_control());
         let is_dynamic = |stage: &Stage| matches!(stage.procedure, Procedure::Dynamic(_));
         let is_viscous = matches!(self.hourglass, HourglassControl::Viscous { .. });

@@ -15,6 +15,7 @@ impl Solver<'_> {
         let largest = &mut self.statistics.largest_pressure;
         *largest = largest.max(pressures.sum::<f64>() / points.len() as f64);
         let gradients = self.body.gradients(correction);
+        // Of the grains: what pore fluid adds is no stress of theirs.
         let changes: Vec<Matrix3<f64>> = points
             .iter()
             .zip(&gradients)

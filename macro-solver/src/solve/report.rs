@@ -133,6 +133,7 @@ impl Solver<'_> {
                 deformation: tensor(&point.deformation),
                 step_gradient: tensor(&gradients[number]),
                 stress: tensor(&point.response.stress),
+                pore_pressure: point.pore_pressure(self.problem.formulation),
                 scalars: answer.scalars,
                 observed: answer.observed,
                 flags: answer.flags,

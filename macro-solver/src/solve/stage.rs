@@ -85,7 +85,7 @@ impl<'a> Solver<'a> {
         self.frictions = equations.frictions;
         self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
         let stage = &self.problem.stages[self.stage];
-        self.points.choose(self.problem, stage);
+        self.points.choose(self.problem, self.stage);
         let strategy = &stage.strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);

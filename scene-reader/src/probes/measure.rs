@@ -157,6 +157,7 @@ pub(super) fn measure(
         ProbeKind::Porosity => bare(Measure::Porosity),
         ProbeKind::CoordinationNumber => bare(Measure::Coordination),
         ProbeKind::CoordinationNumberNoRattlers => bare(Measure::CoordinationNoRattlers),
+        ProbeKind::PorePressure => bare(Measure::PorePressure),
         ProbeKind::FabricAnisotropy => bare(Measure::FabricAnisotropy),
         ProbeKind::Fabric => {
             let (row, column) = word.pair(component, of_cell)?;

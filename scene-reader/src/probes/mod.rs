@@ -11,11 +11,11 @@ use super::document::Document;
 use super::input_error::InputError;
 use super::materials::Materials;
 use super::sets::Sets;
-use super::tables::{ProbeKind, ProbeTable, SceneFile};
+use super::tables::{PoreFluidTable, ProbeKind, ProbeTable, SceneFile};
 use keys::Located;
 use keys_of_probe::Keys;
 use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity, Statistic};
-use macro_solver::problem::Axis;
+use macro_solver::problem::{Axis, PoreFluid};
 use measure::{Word, bare_measure, measure};
 
 /// Columns that every history has, that of a run with several stages, and those of a run with an estimated error.
@@ -44,6 +44,15 @@ pub(super) struct ProbeContext<'a> {
 }
 
 impl ProbeContext<'_> {
+    /// Pore fluid with the number of its stage.
+    ///
+    /// # Errors
+    /// There is no such stage.
+    pub(super) fn pore_fluid(&self, table: &PoreFluidTable) -> Result<PoreFluid, InputError> {
+        let from_stage = table.stage.as_ref().map_or(Ok(0), |name| self.stage(name))?;
+        Ok(PoreFluid { from_stage, ..table.fluid })
+    }
+
     /// Number of the stage of this name.
     ///
     /// # Errors
@@ -52,7 +61,7 @@ impl ProbeContext<'_> {
         let names: Vec<&str> = self.file.stage.iter().map(|stage| stage.get_ref().name.get_ref().as_str()).collect();
         names.iter().position(|one| one == name.get_ref()).ok_or_else(|| {
             let hint = if names.is_empty() {
-                "the scene has no [[stage]]; leave `reference` out to count from the start of the run".to_owned()
+                "the scene has no [[stage]]; leave it out to count from the start of the run".to_owned()
             } else {
                 format!("use one of: {}", names.join(", "))
             };

@@ -7,6 +7,7 @@ mod economy;
 mod initial_stress;
 mod mesh;
 mod output;
+mod pore_fluid;
 mod probe;
 mod region;
 mod run;
@@ -24,6 +25,7 @@ pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
 pub(crate) use output::*;
+pub(crate) use pore_fluid::PoreFluidTable;
 pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable};
 pub(crate) use region::{RegionTable, Vary};
 pub(crate) use run::*;
@@ -107,6 +109,8 @@ pub(crate) struct SceneFile {
     /// Checks of the stress at the start, which is that of the packings.
     #[serde(default)]
     pub(crate) initial_stress: InitialStressTable,
+    /// Fluid in the pores that cannot drain: an undrained body.
+    pub(crate) pore_fluid: Option<PoreFluidTable>,
     /// How all stages are solved that do not say otherwise.
     #[serde(default)]
     pub(crate) procedure: ProcedureKeyword,

@@ -123,6 +123,8 @@ pub(crate) enum ProbeKind {
     MeanPressure,
     /// `q = sigma_xx - sigma_yy`, Pa, positive in vertical compression.
     Deviator,
+    /// Excess pressure of pore fluid that cannot drain, Pa, compression positive; 0 before its stage, see `[pore_fluid]`.
+    PorePressure,
     /// Void ratio. The mean is that of the void ratios of the points; see "porosity".
     VoidRatio,
     /// Coordination number, rattlers included.
@@ -198,6 +200,7 @@ protocol::keywords! {
         StressRatio => "stress_ratio",
         MeanPressure => "mean_pressure",
         Deviator => "deviator",
+        PorePressure => "pore_pressure",
         VoidRatio => "void_ratio",
         CoordinationNumber => "coordination_number",
         ElasticEnergy => "elastic_energy",

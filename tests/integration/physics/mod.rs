@@ -8,3 +8,4 @@ mod reference_case_a;
 mod reference_case_b;
 mod single_elements;
 mod slope_by_friction;
+mod undrained;

@@ -89,7 +89,7 @@ impl ElementLaws<'_> {
         for number in self.body.points_of(element) {
             let (point, geometry) = (&self.points.all()[number], &motion.geometry[number]);
             let stress = averaged.map_or(point.response.stress, |stresses| stresses[number]);
-            let stress = point.nominal(formulation, &stress);
+            let stress = point.nominal(formulation, &point.with_pore_pressure(formulation, &stress));
             add_force(dimension, geometry, nodes.len(), &stress, &mut part.internal);
             if is_viscous {
                 let rate = self.rate(nodes, geometry, motion.velocity, &point.deformation);

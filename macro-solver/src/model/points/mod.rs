@@ -6,6 +6,7 @@
 mod evaluation;
 mod parts;
 mod point;
+mod pore_fluid;
 mod record;
 mod secant;
 
@@ -16,7 +17,7 @@ use crate::formulation::Formulation;
 use crate::mesh::{Dimension, point_places};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
-use crate::problem::{Problem, SecantGates, Stage};
+use crate::problem::{Problem, SecantGates};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observables};
 
@@ -62,9 +63,14 @@ impl Points {
         }
     }
 
-    /// Takes the settings of a stage.
-    pub(crate) fn choose(&mut self, problem: &Problem, stage: &Stage) {
+    /// Takes the settings of a stage of the problem, the number `number` from 0.
+    pub(crate) fn choose(&mut self, problem: &Problem, number: usize) {
+        let stage = &problem.stages[number];
         let strategy = &stage.strategy;
+        if let Some(fluid) = problem.pore_fluid.filter(|fluid| fluid.from_stage <= number) {
+            let formulation = self.formulation;
+            self.points.iter_mut().for_each(|point| point.close_pores(formulation, fluid.bulk_modulus));
+        }
         if let Some(neighbours) = &mut self.neighbours {
             let periods = problem.periods(stage).expect("checked before the run");
             let places = point_places(&problem.mesh);

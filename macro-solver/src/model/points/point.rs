@@ -1,5 +1,6 @@
 //! One Gauss point: its committed state, its latest evaluation, and its cost.
 
+use super::pore_fluid::Fluid;
 use super::secant::{ReferenceModuli, Sample};
 use crate::formulation::{Formulation, Operator, Response};
 use nalgebra::Matrix3;
@@ -10,7 +11,7 @@ use protocol::{Cost, TangentKind, TrialResult};
 pub(crate) struct Point {
     /// Committed total deformation gradient.
     pub(crate) deformation: Matrix3<f64>,
-    /// Stress and moduli of the latest evaluation, secant correction included.
+    /// Stress of the grains and moduli of the latest evaluation, secant correction included.
     pub(crate) response: Response,
     /// Committed stress, Pa.
     pub(super) committed_stress: Matrix3<f64>,
@@ -38,6 +39,8 @@ pub(crate) struct Point {
     pub(super) correction: Option<Box<Operator>>,
     /// Displacement gradient of the last accepted step.
     pub(super) last_step: Matrix3<f64>,
+    /// Fluid that cannot drain.
+    pub(super) fluid: Option<Fluid>,
 }
 
 impl Point {
@@ -61,6 +64,7 @@ impl Point {
             last_sample: None,
             correction: None,
             last_step: Matrix3::zeros(),
+            fluid: None,
         }
     }
 
@@ -94,10 +98,10 @@ impl Point {
             .expect("a point that is turned inside out is never evaluated")
     }
 
-    /// Stress and moduli of the latest evaluation as the element integrals need them.
+    /// Total stress and moduli of the latest evaluation as the element integrals need them.
     pub(crate) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
         formulation
-            .integrand(&self.trial_deformation, &self.response)
+            .integrand(&self.trial_deformation, &self.total(formulation))
             .expect("a point that is turned inside out is never evaluated")
     }
 

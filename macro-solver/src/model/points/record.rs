@@ -1,6 +1,7 @@
 //! What of a Gauss point goes into a checkpoint: everything that a later step can see. Between two steps no trial is
 //! held and no sample is kept, and the counters of a step start again with it.
 
+use super::pore_fluid::Fluid;
 use super::secant::ReferenceModuli;
 use super::{Point, Points};
 use crate::checkpoint::CheckpointError;
@@ -20,6 +21,8 @@ pub(crate) struct PointRecord {
     reference: Option<[f64; 3]>,
     correction: Option<Vec<f64>>,
     last_step: Vec<f64>,
+    /// Bulk modulus, Pa, and reference of the pore fluid.
+    fluid: Option<[f64; 2]>,
     ramp_steps: u32,
     evaluations: u64,
     cost: Cost,
@@ -88,6 +91,7 @@ impl Point {
             reference: self.reference.map(|reference| [reference.norm, reference.vertical, reference.shear]),
             correction: self.correction.as_ref().map(|correction| correction.as_slice().to_vec()),
             last_step: self.last_step.as_slice().to_vec(),
+            fluid: self.fluid.map(|fluid| [fluid.bulk_modulus, fluid.reference]),
             ramp_steps: self.ramp_steps,
             evaluations: self.evaluations,
             cost: self.cost,
@@ -107,6 +111,7 @@ impl Point {
         copy(section, self.response.stress.as_mut_slice(), &record.stress)?;
         self.committed_stress = self.response.stress;
         copy(section, self.last_step.as_mut_slice(), &record.last_step)?;
+        self.fluid = record.fluid.map(|[bulk_modulus, reference]| Fluid { bulk_modulus, reference });
         if let Some(values) = &record.correction {
             let mut correction = Box::new(Operator::zeros());
             copy(section, correction.as_mut_slice(), values)?;

@@ -119,7 +119,8 @@ fn mean_of_part<'a>(
         Measure::ElasticEnergy | Measure::FrictionalDissipation => {
             points.map(|(number, point)| point.volume * measure.at(number, point, origin)).sum()
         }
-        Measure::VoidRatio
+        Measure::PorePressure
+        | Measure::VoidRatio
         | Measure::Porosity
         | Measure::Coordination
         | Measure::CoordinationNoRattlers

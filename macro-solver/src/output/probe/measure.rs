@@ -13,6 +13,8 @@ use protocol::{Observables, Tensor2};
 pub enum Measure {
     /// A function of the Cauchy stress.
     Stress(StressMeasure),
+    /// Excess pressure of the pore fluid, compression positive; 0 where it drains.
+    PorePressure,
     /// Void volume over grain volume.
     VoidRatio,
     /// Void volume over total volume.
@@ -56,6 +58,7 @@ impl Measure {
     pub(super) fn unit(&self) -> &'static str {
         match self {
             Self::Stress(stress) => stress.unit(),
+            Self::PorePressure => "Pa",
             Self::GrainRotation(_) => "rad",
             Self::ElasticEnergy | Self::FrictionalDissipation => "J/m3",
             Self::VoidRatio
@@ -84,6 +87,7 @@ impl Measure {
         let observed = &point.observed;
         match *self {
             Self::Stress(stress) => stress.of(&point.stress),
+            Self::PorePressure => point.pore_pressure.unwrap_or(0.0),
             Self::VoidRatio => point.scalars.void_ratio,
             Self::Porosity => point.scalars.void_ratio / (1.0 + point.scalars.void_ratio),
             Self::Coordination => point.scalars.coordination_number,
@@ -114,6 +118,7 @@ impl Measure {
             Self::GrainRotation(_) => Observables::ROTATION,
             Self::ElasticEnergy | Self::FrictionalDissipation => Observables::ENERGY,
             Self::Stress(_)
+            | Self::PorePressure
             | Self::VoidRatio
             | Self::Porosity
             | Self::Coordination

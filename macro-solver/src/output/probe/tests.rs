@@ -37,6 +37,7 @@ pub(crate) fn point(volume: f64, stress: [[f64; 2]; 2], jacobian: f64) -> PointF
         deformation: Tensor2([jacobian, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
         step_gradient: Tensor2::ZERO,
         stress: Tensor2::from_plane(stress),
+        pore_pressure: None,
         scalars: Scalars { void_ratio: volume, ..Scalars::default() },
         observed: Observed { elastic_energy: 3.0, ..Observed::default() },
         flags: TrialFlags::default(),

@@ -74,10 +74,14 @@ impl Integrator {
         specimen.evaluate_points(&still, Moment { load: 0.0, time: 0.0 }, STIFFEST, material)?;
         material.rollback();
         specimen.points.forget_trials();
-        let dimension = specimen.problem.mesh.dimension;
+        let (dimension, formulation) = (specimen.problem.mesh.dimension, specimen.problem.formulation);
         let settings = specimen.settings;
-        let stiffness: Vec<Isotropic> =
-            specimen.points.all().iter().map(|point| Isotropic::of(dimension, &point.response.moduli)).collect();
+        let stiffness: Vec<Isotropic> = specimen
+            .points
+            .all()
+            .iter()
+            .map(|point| Isotropic::of(dimension, &point.total(formulation).moduli))
+            .collect();
         let viscosity = Viscosity::new(settings.damping, settings.viscosity, settings.density);
         let dashpots = Dashpots::of_stage(specimen, &stiffness);
         let velocity_constraints = specimen.velocity_constraints(&dashpots).map_err(Outcome::Refused)?;

@@ -16,6 +16,7 @@ mod noise;
 mod patch;
 mod path;
 mod plane_benchmarks;
+mod pore_fluid;
 pub(crate) mod stabilisation;
 mod stabilised_columns;
 mod stages;

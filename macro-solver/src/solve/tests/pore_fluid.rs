@@ -1,0 +1,110 @@
+//! Pore fluid that cannot drain, on an elastic skeleton: against the closed form of biaxial compression.
+
+use super::*;
+use crate::formulation::Formulation;
+use crate::observer::Outcome;
+use crate::problem::{Applied, Platen, PoreFluid, PressureKind};
+use nalgebra::Matrix3;
+
+const CONFINEMENT: f64 = 1e6;
+const BULK_MODULUS: f64 = 3e9;
+
+/// Compression by 3 % with open pores, then by 4 % more with closed ones.
+fn problem(formulation: Formulation) -> Problem {
+    let side =
+        |sides: &str| Condition::Pressure { sides: sides.into(), value: CONFINEMENT, kind: PressureKind::Follower };
+    let head = |displacement: f64| Condition::Platen {
+        nodes: "top".into(),
+        contact: Platen::Smooth,
+        axis: Axis::Y,
+        displacement,
+    };
+    let mut problem = Problem::new(
+        block(ElementKind::Q8, 2, 3),
+        vec![
+            Condition::fixed("bottom_left", Axis::X),
+            Condition::Platen { nodes: "bottom".into(), contact: Platen::Smooth, axis: Axis::Y, displacement: 0.0 },
+            head(-0.09),
+            side("left"),
+            side("right"),
+        ],
+    );
+    let mut closed = problem.stages[0].clone();
+    closed.name = "closed".into();
+    closed.conditions[2] = Applied::from(head(-0.12));
+    problem.stages.push(closed);
+    for stage in &mut problem.stages {
+        stage.control.increments = 4;
+        stage.tolerances = TIGHT;
+    }
+    problem.formulation = formulation;
+    problem.pore_fluid = Some(PoreFluid { bulk_modulus: BULK_MODULUS, from_stage: 1 });
+    problem
+}
+
+fn confined(problem: &Problem) -> ElasticMaterial {
+    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([
+        [-CONFINEMENT, 0.0, 0.0],
+        [0.0, -CONFINEMENT, 0.0],
+        [0.0; 3],
+    ])
+}
+
+/// Lateral stretch at which skeleton and fluid together balance the pressure at the sides; `volume`: that at which the fluid has no
+/// pressure, `None` for open pores.
+fn lateral_stretch(material: &ElasticMaterial, axial: f64, volume: Option<f64>) -> f64 {
+    let excess = |lateral: f64| {
+        let skeleton = material.stress(&Matrix3::from_diagonal(&[lateral, axial, 1.0].into()))[(0, 0)];
+        let fluid = volume.map_or(0.0, |volume| BULK_MODULUS * (lateral * axial / volume).ln());
+        skeleton + fluid + CONFINEMENT
+    };
+    let (mut low, mut high) = (0.9, 1.2);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if excess(middle) < 0.0 { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[test]
+fn closed_pores_carry_what_the_skeleton_does_not() {
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian] {
+        let problem = problem(formulation);
+        let mut material = confined(&problem);
+        let (run, record) = run(&problem, &mut material);
+        assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+        let law = confined(&problem);
+        let drained = 0.97 * lateral_stretch(&law, 0.97, None);
+        let lateral = lateral_stretch(&law, 0.93, Some(drained));
+        let pressure = -BULK_MODULUS * (lateral * 0.93 / drained).ln();
+        assert!(pressure > 1e5, "the fluid takes part of the load: {pressure}");
+        let exact = law.stress(&Matrix3::from_diagonal(&[lateral, 0.93, 1.0].into()));
+        for point in &record.points {
+            let found = point.pore_pressure.unwrap();
+            assert!((found / pressure - 1.0).abs() < 1e-7, "{formulation:?}: {found} for {pressure}");
+            assert!((point.stress.get(1, 1) / exact[(1, 1)] - 1.0).abs() < 1e-7);
+        }
+        let top: f64 = problem.mesh.node_sets["top"].iter().map(|&node| record.reactions[node][1]).sum();
+        assert!((top / ((exact[(1, 1)] - pressure) * 2.0 * lateral) - 1.0).abs() < 1e-7, "{top}");
+        // Moduli that lacked a part of the fluid's would need tens of iterations.
+        let most = record.steps.iter().map(|step| step.iterations).max().unwrap();
+        assert!(most <= 6, "{most} iterations");
+    }
+}
+
+/// With small strain the excess pressure is linear in the volume strain, and a sealed, confined body is as stiff as both together.
+#[test]
+fn small_strain_adds_the_stiffness_of_the_fluid() {
+    let mut problem = problem(Formulation::SmallStrain);
+    problem.stages.truncate(1);
+    problem.pore_fluid = Some(PoreFluid { bulk_modulus: BULK_MODULUS, from_stage: 0 });
+    let sides = ["left", "right"].map(|side| Applied::from(Condition::fixed(side, Axis::X)));
+    problem.stages[0].conditions.truncate(3);
+    problem.stages[0].conditions.extend(sides);
+    let (run, record) = run(&problem, &mut elastic(ElasticLaw::SmallStrain, &problem));
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    for point in &record.points {
+        assert!((point.pore_pressure.unwrap() / (0.03 * BULK_MODULUS) - 1.0).abs() < 1e-9);
+    }
+    assert!(record.steps.iter().all(|step| step.iterations <= 2));
+}
