@@ -44,7 +44,7 @@ impl Points {
     /// Undeformed points.
     pub(crate) fn new(problem: &Problem) -> Self {
         let strategy = &problem.stages[0].strategy;
-        Self {
+        let mut points = Self {
             points: vec![Point::new(); problem.point_count()],
             dimension: problem.mesh.dimension,
             formulation: problem.formulation,
@@ -60,17 +60,22 @@ impl Points {
             strains: Vec::new(),
             target_grid: strategy.target_grid,
             grid: 0.0,
-        }
+        };
+        points.close_pores(problem, 0);
+        points
+    }
+
+    /// Closes the pores if their fluid cannot drain in a stage, the number `number` from 0.
+    fn close_pores(&mut self, problem: &Problem, number: usize) {
+        let Some(fluid) = problem.pore_fluid.filter(|fluid| fluid.from_stage <= number) else { return };
+        self.points.iter_mut().for_each(|point| point.close_pores(problem.formulation, fluid.bulk_modulus));
     }
 
     /// Takes the settings of a stage of the problem, the number `number` from 0.
     pub(crate) fn choose(&mut self, problem: &Problem, number: usize) {
         let stage = &problem.stages[number];
         let strategy = &stage.strategy;
-        if let Some(fluid) = problem.pore_fluid.filter(|fluid| fluid.from_stage <= number) {
-            let formulation = self.formulation;
-            self.points.iter_mut().for_each(|point| point.close_pores(formulation, fluid.bulk_modulus));
-        }
+        self.close_pores(problem, number);
         if let Some(neighbours) = &mut self.neighbours {
             let periods = problem.periods(stage).expect("checked before the run");
             let places = point_places(&problem.mesh);
