@@ -136,7 +136,7 @@ fn each(all: &[(&Variant, &StrategyRun)], points: f64) -> Table {
         "stress_ratio",
     ]);
     for (variant, result) in all {
-        for Step { report, ratio } in &result.steps {
+        for Step { report, ratio, .. } in &result.steps {
             table.row([
                 variant.name.as_str().into(),
                 report.step.into(),

@@ -1,13 +1,15 @@
 //! One problem solved on grains, with workers in this process.
 
 use anyhow::Context;
+use macro_solver::material::PointMaterial;
+use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, replicas};
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use macro_solver::problem::{Problem, Stabilisation};
 use macro_solver::solve::solve;
 use protocol::Definition;
 use protocol::transport::in_process::channel;
-use rve_server::definition::{Accuracy, GrainDefinition, Packing, PackingFile, RveOptions};
+use rve_server::definition::{Accuracy, AnyDefinition, GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use rve_server::preparation::{PackingRecipe, generate_any};
 use rve_server::server::{ServeOptions, serve};
@@ -39,6 +41,8 @@ pub(crate) struct Step {
     pub(crate) report: StepReport,
     /// Mean vertical over mean horizontal stress.
     pub(crate) ratio: f64,
+    /// Mean stress, Pa, as 11, 12, 13, 21, ...
+    pub(crate) stress: [f64; 9],
 }
 
 impl StrategyRun {
@@ -84,8 +88,12 @@ struct Recorder {
 
 impl Observer for Recorder {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        let mean = |axis: usize| fields.points.iter().map(|p| p.volume * p.stress.get(axis, axis)).sum::<f64>();
-        self.steps.push(Step { report: *report, ratio: mean(1) / mean(0) });
+        let volume: f64 = fields.points.iter().map(|point| point.volume).sum();
+        let mean = |row: usize, column: usize| {
+            fields.points.iter().map(|p| p.volume * p.stress.get(row, column)).sum::<f64>() / volume
+        };
+        let stress = std::array::from_fn(|place| mean(place / 3, place % 3));
+        self.steps.push(Step { report: *report, ratio: mean(1, 1) / mean(0, 0), stress });
         if Instant::now() > self.end {
             return Err(StopRequest { reason: "the time limit of one variant is reached".into() });
         }
@@ -109,20 +117,52 @@ const LONGEST: Duration = Duration::from_secs(1500);
 /// # Errors
 /// A worker ends early.
 pub(crate) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> anyhow::Result<StrategyRun> {
+    let draw = |point| drawn(DEAL, point as u64, definitions.len());
+    let points: Vec<usize> = (0..problem.point_count()).map(draw).collect();
+    solve_with(problem, definitions.to_vec(), &points, &|problem, pool, recorder| solve(problem, pool, recorder))
+}
+
+/// Solves `problem` with one worker, all points with the same cell. If the problem keeps to an error, replicas estimate it as in a scene.
+///
+/// # Errors
+/// A worker ends early.
+pub(crate) fn solve_on_cell(problem: &Problem, definition: &AnyDefinition) -> anyhow::Result<StrategyRun> {
+    let mut definitions = vec![definition.to_protocol()];
+    let mut made_of = vec![0; problem.point_count()];
+    let mut plans = Vec::new();
+    if problem.error_control.is_some() {
+        plans = replicas(&vec![Some(0); made_of.len()], &ErrorEstimateSettings::default());
+        definitions.push(definition.with_half_tolerance().to_protocol());
+        made_of.extend(plans.iter().map(|_| 1));
+    }
+    let axes = definition.dimension() as usize;
+    solve_with(problem, definitions, &made_of, &|problem, pool, recorder| match plans.is_empty() {
+        true => solve(problem, pool, recorder),
+        false => solve(problem, &mut ErrorEstimator::new(pool, axes, &plans), recorder),
+    })
+}
+
+/// How a problem is solved on a pool.
+type Solving<'a> = dyn Fn(&Problem, &mut dyn PointMaterial, &mut Recorder) -> Run + 'a;
+
+fn solve_with(
+    problem: &Problem,
+    definitions: Vec<Definition>,
+    points: &[usize],
+    solving: &Solving<'_>,
+) -> anyhow::Result<StrategyRun> {
     let (port, door) = channel();
     std::thread::scope(|scope| {
         let mut worker = door.join();
         let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton")));
-        let draw = |point| drawn(DEAL, point as u64, definitions.len());
-        let points: Vec<usize> = (0..problem.point_count()).map(draw).collect();
         // As in a run: enough trials at a time for the lanes.
         let settings = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
         let supply = Box::new(JoiningWorkers);
-        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, definitions.to_vec(), &points);
+        let mut pool = Pool::new(port, supply, Interrupt::new(), settings, definitions, points);
         pool.gather(1)?;
         let begin = Instant::now();
         let mut recorder = Recorder { steps: Vec::new(), end: begin + LONGEST };
-        let run = solve(problem, &mut pool, &mut recorder);
+        let run = solving(problem, &mut pool, &mut recorder);
         let wall = begin.elapsed().as_secs_f64();
         let PoolStatistics { solved: computed, .. } = pool.statistics();
         pool.close();

@@ -11,6 +11,9 @@ use std::path::PathBuf;
 /// Every fifth case is one of spheres.
 const SPHERES_AMONG: u64 = 5;
 
+/// Share of the cases whose accuracy is an error that is asked for, `rve.error`.
+const ERROR_SHARE: f64 = 0.35;
+
 /// What is expected of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Range {
@@ -61,12 +64,12 @@ pub(super) fn sampled(seed: u64, number: u64, slots: &[Slot], has_long_cycles: b
     let packing = &slots[slot];
     let contact = sampled_contact(range, packing, stream);
     let accuracy = sampled_accuracy(range, packing, stream);
-    let course = sampled_course(range, kind, accuracy, packing, has_long_cycles, stream);
+    let course = sampled_course(range, kind, &accuracy, packing, has_long_cycles, stream);
     let test = ElementTest {
         packing: PathBuf::from(format!("{}.json", packing.name)),
         stress_tolerance: 1e-3,
         contact,
-        rve: RveOptions { accuracy, ..RveOptions::default() },
+        rve: accuracy,
         frame: None,
         path: segments(kind, &course, stream),
     };
@@ -138,20 +141,30 @@ pub(super) fn sampled_contact(range: Range, slot: &Slot, stream: &mut RandomStre
     contact
 }
 
-fn sampled_accuracy(range: Range, slot: &Slot, stream: &mut RandomStream) -> Accuracy {
+/// A named accuracy, or an error as scenes ask for one. A cell without a run around it takes the error as fixed: no estimate tells it more.
+fn sampled_accuracy(range: Range, slot: &Slot, stream: &mut RandomStream) -> RveOptions {
+    if stream.chance(ERROR_SHARE) {
+        return RveOptions { error: Some(sampled_error(stream)), ..RveOptions::default() };
+    }
     let is_large = slot.number > 400;
     let draft = if is_large { 0.95 } else { 0.6 };
-    match stream.unit() {
+    let accuracy = match stream.unit() {
         share if share < draft => Accuracy::Draft,
         share if range == Range::Everyday || is_large || share < 0.97 => Accuracy::Default,
         _ => Accuracy::Tight,
-    }
+    };
+    RveOptions { accuracy, ..RveOptions::default() }
+}
+
+/// An error of the stress over the pressure, around the 5e-3 that scenes keep to by default.
+pub(super) fn sampled_error(stream: &mut RandomStream) -> f64 {
+    stream.decades(1e-3, 1e-2)
 }
 
 fn sampled_course(
     range: Range,
     kind: Kind,
-    accuracy: Accuracy,
+    accuracy: &RveOptions,
     slot: &Slot,
     has_long_cycles: bool,
     stream: &mut RandomStream,
@@ -171,10 +184,10 @@ fn sampled_course(
         _ => 5 + stream.below(21) as u32,
     };
     // Strain steps are the price of accuracy, and grains that of a step.
-    let dearness = match accuracy {
-        Accuracy::Draft => 1.0,
-        Accuracy::Default => 0.5,
-        Accuracy::Tight => 0.01,
+    let dearness = match accuracy.strain_per_step() {
+        step if step > 3e-6 => 1.0,
+        step if step > 5e-7 => 0.5,
+        _ => 0.01,
     } * if slot.number > 400 { 0.2 } else { 1.0 };
     let increment = if is_everyday { increment } else { increment * dearness };
     let count = if is_everyday && slot.number > 400 { 8 } else { count };

@@ -14,7 +14,7 @@ pub(super) const BUDGET: [f64; 2] = [3e8, 1e8];
 
 /// Share of the pressure of the packing as given, below which a cell bears nothing that anybody could feel: what the grains are
 /// not at rest under are touches of rounding errors.
-const VANISHED: f64 = 1e-8;
+pub(super) const VANISHED: f64 = 1e-8;
 
 /// How a case ended. The order is that of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -70,7 +70,7 @@ impl Class {
 }
 
 /// One accepted increment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Increment {
     /// Deformation gradient relative to the packing.
     pub(super) deformation: [[f64; 3]; 3],
@@ -82,6 +82,10 @@ pub(super) struct Increment {
     pub(super) lost: f64,
     /// Force evaluations, those of rejected trials of the stress control included.
     pub(super) evaluations: u64,
+    /// Value of the equilibrium criterion.
+    pub(super) unbalanced: f64,
+    /// 2 x contacts over grains.
+    pub(super) coordination: f64,
     /// Shortcuts.
     pub(super) flags: TrialFlags,
 }
@@ -196,6 +200,8 @@ fn increment_of(row: &ElementRow) -> Increment {
         stored: row.elastic_energy * volume,
         lost: row.frictional_dissipation * volume,
         evaluations: row.dem_steps,
+        unbalanced: row.unbalanced_force_ratio,
+        coordination: row.coordination_number,
         flags: row.flags,
     }
 }

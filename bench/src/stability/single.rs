@@ -66,11 +66,14 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
     let checked = subject.checked(is_plain && !options.unchecked);
     report.note(&format!("\n{} {}", checked.class.name(), checked.reason))?;
     report.note(&format!(
-        "error {} of the mean pressure, bound {}, gap {}; free energy {}",
+        "error {} of the mean pressure, bound {}, gap {}; energy ledger open by {} (over increments cut into {} by {}) {}",
         short(checked.error),
         checked.bound,
         short(checked.gap),
-        short(checked.energy)
+        short(checked.ledger.open),
+        checked.ledger.split,
+        short(checked.ledger.best()),
+        checked.ledger.cause
     ))?;
     Ok(())
 }

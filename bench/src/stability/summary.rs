@@ -3,6 +3,7 @@
 use super::campaign::Campaign;
 use super::case::Range;
 use super::check::{Checked, SHARE};
+use super::ledger::Ledger;
 use super::outcome::{Class, Outcome};
 use crate::repeat::quantile;
 use crate::report::Report;
@@ -43,7 +44,7 @@ pub(super) fn write(
     campaign: &Campaign,
     outcomes: &[Outcome],
     checks: &[Checked],
-    [classes, worst]: [&Table; 2],
+    parts: &[(&str, Table)],
     report: &mut Report,
 ) -> anyhow::Result<()> {
     let of = |range: Range, count: fn(&Outcome, u32) -> usize| -> usize {
@@ -72,13 +73,14 @@ pub(super) fn write(
         report.note(sentence)?;
     }
     report.file("summary.json", &serde_json::to_vec_pretty(&summary)?)?;
+    let parts: String =
+        parts.iter().map(|(title, table)| format!("## {title}\n\n{}\n", table.to_markdown())).collect();
     let text = format!(
-        "# Stability campaign, seed {}\n\n{}\n\n{}\n\n## How cases ended\n\n{}\n## The worst cases\n\n{}",
+        "# Stability campaign, seed {}\n\n{}\n\n{}\n\n{}",
         campaign.seed,
         summary.machine.line(),
         headline.join("\n"),
-        classes.to_markdown(),
-        worst.to_markdown()
+        parts.trim_end().to_owned() + "\n"
     );
     Ok(report.file("stability.md", text.as_bytes())?)
 }
@@ -88,7 +90,9 @@ fn headline(summary: &Summary, checks: &[Checked]) -> Vec<String> {
         let share = super::tables::share(increments.saturating_sub(not), increments);
         if share.is_nan() { "none".to_owned() } else { format!("{share:.3} % of {increments}") }
     };
-    let closures: Vec<f64> = checks.iter().map(|checked| checked.energy).filter(|energy| !energy.is_nan()).collect();
+    let ledgers = || checks.iter().map(|checked| checked.ledger).filter(|ledger| !ledger.open.is_nan());
+    let closures: Vec<f64> = ledgers().map(|ledger| ledger.open).collect();
+    let best: Vec<f64> = ledgers().map(|ledger| ledger.best()).collect();
     let errors: Vec<f64> = checks.iter().map(|checked| checked.error).filter(|error| !error.is_nan()).collect();
     vec![
         format!(
@@ -108,9 +112,14 @@ fn headline(summary: &Summary, checks: &[Checked]) -> Vec<String> {
             short(quantile(&errors, 0.99))
         ),
         format!(
-            "energy stored and lost beyond the work done, over the largest of them: median {}, 99th percentile {}",
+            "energy stored and lost beyond the work done, over the largest of them: median {}, 99th percentile {}, over smaller increments \
+             where it is past 10 %: {}; closed within 10 % in {} of {} cases, {} more than that out of nothing",
             short(quantile(&closures, 0.5)),
-            short(quantile(&closures, 0.99))
+            short(quantile(&closures, 0.99)),
+            short(quantile(&best, 0.99)),
+            ledgers().filter(Ledger::is_closed).count(),
+            closures.len(),
+            ledgers().filter(Ledger::is_free).count()
         ),
     ]
 }

@@ -8,7 +8,8 @@ use super::path::Kind;
 use crate::report::Report;
 use crate::table::Table;
 use rve_server::contact::{ContactTable, LawName, Rotations};
-use rve_server::definition::Accuracy;
+use rve_server::definition::{Accuracy, RveOptions};
+use std::collections::BTreeMap;
 
 /// Writes `cases.csv`: one row per case.
 ///
@@ -46,7 +47,10 @@ pub(super) fn cases(
         "error_over_pressure",
         "bound",
         "gap",
-        "free_energy",
+        "energy_open",
+        "energy_open_finest",
+        "split",
+        "energy_cause",
         "pressure_end_Pa",
         "seconds",
     ]);
@@ -68,7 +72,7 @@ pub(super) fn cases(
             contact.cohesion.into(),
             contact.damping.into(),
             (if contact.rotations == Rotations::Free { "free" } else { "blocked" }).into(),
-            accuracy(case.test.rve.accuracy).into(),
+            accuracy(&case.test.rve).as_str().into(),
             planned.into(),
             outcome.answered().into(),
             outcome.not_at_rest().into(),
@@ -80,7 +84,10 @@ pub(super) fn cases(
             checked.error.into(),
             checked.bound.into(),
             checked.gap.into(),
-            checked.energy.into(),
+            checked.ledger.open.into(),
+            checked.ledger.finest.into(),
+            u64::from(checked.ledger.split).into(),
+            checked.ledger.cause.into(),
             outcome.increments.last().map_or(f64::NAN, |last| last.pressure(slot.dimension)).into(),
             outcome.seconds.into(),
         ]);
@@ -101,12 +108,38 @@ fn ratio(contact: &ContactTable) -> f64 {
     contact.stiffness_ratio.or(of_poisson).unwrap_or(f64::NAN)
 }
 
-fn accuracy(accuracy: Accuracy) -> &'static str {
-    match accuracy {
-        Accuracy::Draft => "draft",
-        Accuracy::Default => "default",
-        Accuracy::Tight => "tight",
+/// Name of the accuracy, or the error that is asked for.
+pub(super) fn accuracy(options: &RveOptions) -> String {
+    match (options.error, options.accuracy) {
+        (Some(error), _) => format!("error {error:.2e}"),
+        (None, Accuracy::Draft) => "draft".to_owned(),
+        (None, Accuracy::Default) => "default".to_owned(),
+        (None, Accuracy::Tight) => "tight".to_owned(),
     }
+}
+
+/// Energy ledgers that are open, by range and cause.
+pub(super) fn ledgers(campaign: &Campaign, checks: &[Checked]) -> Table {
+    let mut of_cause: BTreeMap<(Range, &str), Vec<(f64, u64)>> = BTreeMap::new();
+    for (case, checked) in campaign.cases.iter().zip(checks).filter(|(_, checked)| !checked.ledger.cause.is_empty()) {
+        let found = of_cause.entry((case.range, checked.ledger.cause)).or_default();
+        found.push((checked.ledger.best(), case.number));
+    }
+    let mut table = Table::new(["range", "cause", "cases", "median", "largest", "in_case"]);
+    for ((range, cause), mut found) in of_cause {
+        found.sort_by(|one, other| one.0.abs().total_cmp(&other.0.abs()));
+        let (largest, number) = found[found.len() - 1];
+        let median = found[found.len() / 2].0;
+        table.row([
+            range.name().into(),
+            cause.into(),
+            found.len().into(),
+            median.into(),
+            largest.into(),
+            number.into(),
+        ]);
+    }
+    table
 }
 
 /// Writes `packings.csv`: the packings that the cases use, and what making them took.

@@ -33,7 +33,7 @@ where
     other
 }
 
-/// E-6 in the plane: powers of two leave every bit alone, other factors round differently.
+/// E-6 in the plane: powers of two leave every bit alone, other factors round differently: measured 2.4e-12 of the pressure.
 #[test]
 fn units_do_not_matter_to_discs() {
     let mut plain = hundred_discs(RveOptions { tolerance: Some(1e-10), ..tight() });
@@ -42,7 +42,7 @@ fn units_do_not_matter_to_discs() {
     let stress = |definition: &GrainDefinition| trial(&mut GrainRve::new(definition).unwrap(), &h).stress.plane();
     let expected = stress(&plain);
     for (length, scale, tolerance) in
-        [(1024.0, 0.25, 0.0), (0.125, 4096.0, 0.0), (1e3, 1e-6, 1e-8), (1e-5, 1e3, 1e-8)]
+        [(1024.0, 0.25, 0.0), (0.125, 4096.0, 0.0), (1e3, 1e-6, 1e-11), (1e-5, 1e3, 1e-11)]
     {
         let found = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / scale, &stress(&rescaled(&plain, length, scale)));
         let error = plane::largest_component(&plane::add_scaled(&found, -1.0, &expected)) / PRESSURE;
@@ -50,14 +50,14 @@ fn units_do_not_matter_to_discs() {
     }
 }
 
-/// E-6 in space.
+/// E-6 in space: measured 1.1e-13.
 #[test]
 fn units_do_not_matter_to_spheres() {
     let mut plain = thousand(spheres::coarse());
     plain.packing.contacts.clear();
     let stress = |definition: &GrainDefinition<_>| spheres::stress_after(definition, &scaled(&spheres::STRAIN, 0.3));
     let expected = stress(&plain);
-    for (length, scale, tolerance) in [(1024.0, 0.25, 0.0), (1e-4, 1e5, 1e-8)] {
+    for (length, scale, tolerance) in [(1024.0, 0.25, 0.0), (1e-4, 1e5, 1e-12)] {
         let found = scaled(&stress(&rescaled(&plain, length, scale)), 1.0 / scale);
         let error = largest_component(&add_scaled(&found, -1.0, &expected));
         assert!(error <= tolerance, "lengths x {length}, stresses x {scale}: {error:e}");

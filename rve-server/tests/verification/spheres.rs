@@ -222,7 +222,8 @@ fn superposed_rotation_turns_the_stress_of_spheres() {
     let rotation = Spheres::rotation_matrix(turn);
     let h = add_scaled(&product(&rotation, &stretch), -1.0, &Matrix::IDENTITY);
     let error = add_scaled(&stress_after(&definition, &h), -1.0, &rotated(&plain, &rotation));
-    assert!(largest_component(&error) < 1e-7, "{:e}", largest_component(&error));
+    // Measured 6e-14: rounding, which sliding contacts amplify.
+    assert!(largest_component(&error) < 1e-11, "{:e}", largest_component(&error));
 }
 
 /// E-3, E-4: the stress from the contacts that cross the border is that of all contacts, and it is symmetric, both up to
@@ -236,8 +237,10 @@ fn stress_of_spheres_is_consistent_and_states_are_complete() {
     let (whole, border) = (network.stress(), border_stress(&network));
     let unbalanced = first.scalars.unbalanced_force_ratio;
     assert!(unbalanced <= 1e-9);
-    assert!(largest_component(&add_scaled(&whole, -1.0, &border)) < 100.0 * unbalanced);
-    assert!(largest_component(&add_scaled(&whole, -1.0, &transpose(&whole))) < 100.0 * unbalanced);
+    // Measured 0.36 and 1e-3 of the ratio.
+    let [gap, skew] = [&border, &transpose(&whole)].map(|other| largest_component(&add_scaled(&whole, -1.0, other)));
+    assert!(gap < unbalanced, "{gap:e} at {unbalanced:e}");
+    assert!(skew < 0.01 * unbalanced, "{skew:e} at {unbalanced:e}");
     cell.commit().unwrap();
 
     let mut bytes = Vec::new();
@@ -264,7 +267,8 @@ fn basis_origin_and_numbering_do_not_matter_to_spheres() {
     moved.packing.grains.reverse();
     for (name, changed) in [("basis", basis), ("origin and numbering", moved)] {
         let error = largest_component(&add_scaled(&stress_after(&changed, &STRAIN), -1.0, &expected));
-        assert!(error < 1e-7, "{name}: {error:e}");
+        // Measured 3e-14.
+        assert!(error < 1e-11, "{name}: {error:e}");
     }
 }
 

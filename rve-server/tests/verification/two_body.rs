@@ -224,14 +224,15 @@ fn oblique_impacts_follow_the_table_of_both_laws() {
             collide(&mut pair, 1.5e-11);
             let left = pair.kinetic_energy() / before;
             assert!(
-                (left - energy).abs() < 1e-3,
+                (left - energy).abs() < 2e-4,
                 "{unloading:?}, x = {x}: {left} of the energy is left, not {energy}"
             );
             let body = &pair.bodies[0];
             let turning = body.rotation_velocity[1] * radius;
             let found = [(body.velocity[0] - turning) / (friction * v_n), turning / (friction * v_n)];
+            // Measured 2e-4, and 5e-5 of the energy; half of it are the four digits of the table.
             assert!(
-                (found[0] - surface).abs() < 3e-3 && (found[1] - spin).abs() < 3e-3,
+                (found[0] - surface).abs() < 5e-4 && (found[1] - spin).abs() < 5e-4,
                 "{unloading:?}, x = {x}: {found:?}, expected {surface} and {spin}"
             );
         }

@@ -372,7 +372,7 @@ impl FrameRelaxation<'_, PlainLinear> {
             let normal_force = slot.weight * slot.normal_force;
             let tangential_force = slot.weight * slot.tangential_force[0];
             let (origin, end, shift) = (key.origin, key.end, key.shift);
-            let limit = self.body.law().friction * slot.normal_force.abs() * slot.weight;
+            let limit = slot.weight * slot.friction_limit(self.body.law());
             NetworkContact {
                 origin,
                 end,

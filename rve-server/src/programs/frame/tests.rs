@@ -80,6 +80,21 @@ fn boundary_forces_give_the_stress_of_the_contacts() {
     }
 }
 
+/// Cohesion presses grains together, and friction holds by the whole repulsion: the contacts that a frame shows as sliding are those
+/// that its law lets slide.
+#[test]
+fn cohesion_holds_contacts_that_would_slide_without_it() {
+    // Of the order of the overlaps under 100 kPa.
+    let contact = ContactTable { cohesion: 3e-7, ..sand() };
+    let definition = FrameDefinition { packing: packing(), contact, frame: options(FrameConstraint::Periodic) };
+    let mut frame = FrameRve::new(&definition).unwrap();
+    let answer = trial(&mut frame, [[1e-3, 0.0], [0.0, -1e-3]]);
+    let shown = frame.network().unwrap().contacts.iter().filter(|contact| contact.at_limit).count();
+    let share = shown as f64 / frame.network().unwrap().contacts.len() as f64;
+    assert!(answer.observed.sliding_fraction > 0.0);
+    assert_eq!(share, answer.observed.sliding_fraction, "{shown} contacts are shown at the limit");
+}
+
 /// Blocked rotations of the inner grains, or of all: a part of the frame that may do less is stiffer, and inner grains do not turn while
 /// those of the boundary do ([Liu2018] section 4.4).
 #[test]

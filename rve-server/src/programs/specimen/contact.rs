@@ -150,6 +150,11 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         law.stiffness(&self.constants, self.overlap)
     }
 
+    /// Largest tangential force at the last overlap, N: what cohesion adds to the repulsion counts.
+    pub(crate) fn friction_limit(&self, law: &C) -> f64 {
+        law.friction_limit(&self.constants, self.overlap)
+    }
+
     /// Contribution of the contact to the stability bound of its grain of radius `radius`.
     pub(super) fn own(&self, law: &C, radius: f64, inertia_factor: f64) -> OwnStiffness {
         let stiffness = self.stiffness(law);
