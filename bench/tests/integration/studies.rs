@@ -24,7 +24,9 @@ fn every_study_runs_and_leaves_its_findings() {
         assert!(!tables.is_empty(), "bench {name} left no table");
         for table in tables {
             let rows = csv_rows(&table);
-            assert!(rows >= 1, "{} has no rows", table.display());
+            // It lists increments that did not come to rest; most seeds have none in so few cases.
+            let may_be_empty = table.ends_with("stability/restless.csv");
+            assert!(rows >= 1 || may_be_empty, "{} has no rows", table.display());
         }
     }
 }
