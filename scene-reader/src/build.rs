@@ -9,6 +9,7 @@ use super::input_error::InputError;
 use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::packing::read_packing;
+use super::preparation::CellPreparation;
 use super::probes::{ProbeContext, probes, profiles};
 use super::recording::{observables, plot, points};
 use super::sets::Sets;
@@ -20,6 +21,7 @@ use crate::FRAME_ENGINE;
 use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
+use macro_solver::mesh::ElementKind;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, ProblemError, Tolerances};
 use rve_server::definition::{AnyDefinition, RveOptions};
@@ -49,6 +51,8 @@ pub struct Scene {
     pub grains: Vec<usize>,
     /// Whether the last states of all Gauss points are written for the page.
     pub cells: bool,
+    /// The cells that have been brought to the stress of their points.
+    pub prepared: Option<CellPreparation>,
     /// Whether the run keeps to an error that the scene does not name itself.
     pub keeps_default_error: bool,
     /// What the stages are held to where it does not.
@@ -145,6 +149,7 @@ impl Scene {
         let pool = PoolKeys::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();
         remarks.extend(loose_tolerances(&problem));
+        remarks.extend(volumetric_locking(&problem));
         let scene = Self {
             name,
             document,
@@ -155,6 +160,7 @@ impl Scene {
             record,
             grains,
             cells: file.output.cells,
+            prepared: None,
             keeps_default_error,
             tolerances_without_error: without_error.into_iter().map(|stage| stage.tolerances).collect(),
             error_estimate,
@@ -197,6 +203,17 @@ fn loose_tolerances(problem: &Problem) -> Vec<String> {
         }
     }
     remarks
+}
+
+/// Elements that cannot keep their volume at all points while they change their shape: with pore fluid they are far too stiff.
+fn volumetric_locking(problem: &Problem) -> Option<String> {
+    problem.pore_fluid?;
+    let locks = |kind: &ElementKind| !kind.is_quadratic() && !kind.needs_hourglass_control();
+    let kind = problem.mesh.kinds_present().into_iter().find(locks)?;
+    Some(format!(
+        "pore fluid makes elements `{}` lock: pressures are far too high; take elements with mid-side nodes or one point",
+        kind.keyword()
+    ))
 }
 
 /// A defect that the solver's own check found, at the key that caused it.

@@ -6,7 +6,8 @@ use macro_solver::mesh::point_places;
 use macro_solver::problem::InitialPreparation;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
-use rve_server::definition::{AnyDefinition, PackingError};
+use rve_server::definition::PackingError;
+use rve_server::preparation::PreparedCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -20,6 +21,8 @@ pub struct CellPreparation {
     pub cells: usize,
     /// Lowest and highest vertical pressure, Pa, compression positive; along axis y.
     pub vertical_pressure: [f64; 2],
+    /// How many of them took smaller steps; 0 before they are prepared.
+    pub in_smaller_steps: usize,
 }
 
 /// One cell to prepare.
@@ -43,6 +46,7 @@ impl Scene {
                 vertical().fold(f64::INFINITY, f64::min),
                 vertical().fold(f64::NEG_INFINITY, f64::max),
             ],
+            in_smaller_steps: 0,
         })
     }
 
@@ -51,11 +55,8 @@ impl Scene {
     ///
     /// # Errors
     /// A stress that the grains of a point cannot carry, with its place and remedy.
-    pub fn prepare_cells(
-        &mut self,
-        progress: &(dyn Fn(usize) + Sync),
-    ) -> Result<Option<CellPreparation>, InputError> {
-        let Some(preparation) = self.preparation() else { return Ok(None) };
+    pub fn prepare_cells(&mut self, progress: &(dyn Fn(usize) + Sync)) -> Result<(), InputError> {
+        let Some(preparation) = self.preparation() else { return Ok(()) };
         let planned = self.planned_cells();
         let done = AtomicUsize::new(0);
         let prepare = |cell: &PlannedCell| {
@@ -64,8 +65,8 @@ impl Scene {
             made.map_err(|error| self.refusal(cell, &error))
         };
         // The error of the first cell that fails, whichever thread comes first.
-        let made: Vec<Result<AnyDefinition, InputError>> = planned.par_iter().map(prepare).collect();
-        let definitions = made.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let made: Vec<Result<PreparedCell, InputError>> = planned.par_iter().map(prepare).collect();
+        let made = made.into_iter().collect::<Result<Vec<_>, _>>()?;
         // The first definition stays: it is the packing of the scene itself.
         let first = self.materials.definitions.len();
         for (place, cell) in planned.iter().enumerate() {
@@ -73,8 +74,10 @@ impl Scene {
                 self.materials.made_of[point] = first + place;
             }
         }
-        self.materials.definitions.extend(definitions);
-        Ok(Some(preparation))
+        let in_smaller_steps = made.iter().filter(|cell| cell.in_smaller_steps).count();
+        self.materials.definitions.extend(made.into_iter().map(|cell| cell.definition));
+        self.prepared = Some(CellPreparation { in_smaller_steps, ..preparation });
+        Ok(())
     }
 
     /// The cells to prepare, in the order of their first points.

@@ -109,7 +109,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     let mut notes: Vec<String> = packing.listed_forces.warning().into_iter().collect();
     notes.extend(packing.remarks());
     if let Some(mismatch) = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load()) {
-        notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::REMEDY));
+        notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::remedy(scene)));
     }
     notes.extend(scene.remarks.iter().cloned());
     for note in notes {

@@ -158,10 +158,20 @@ fn comparison(problem: &Problem, packing: &PackingState, imbalance: f64) -> Stri
     )
 }
 
-/// Remedy if loads and packing do not match.
-pub(crate) const REMEDY: &str = "start at the stress of the packing (a pressure with history = \"constant\") and apply the \
+/// Remedy if loads and packing do not match, and cells are not prepared.
+const REMEDY: &str = "start at the stress of the packing (a pressure with history = \"constant\") and apply the \
                                  loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
                                  `grainspan check` compares both";
+
+/// Remedy if loads and stress at the start do not match.
+pub(crate) fn remedy(scene: &Scene) -> &'static str {
+    if scene.preparation().is_some() {
+        "give the body force and the pressures that carry the stress of [initial_stress] with history = \"constant\" from the first \
+         stage on, or correct `geostatic`; `grainspan check` compares both"
+    } else {
+        REMEDY
+    }
+}
 
 /// Out-of-balance force of the stress at the start under the initial loads, over the loads or reactions; `None` where the
 /// first stage is a motion, or the mesh is too large to be assembled for a check.

@@ -159,6 +159,10 @@ pub struct Summary {
     /// Largest deviation of that stress from what `[initial_stress]` expects, over the largest component expected.
     #[serde(default)]
     pub initial_deviation: f64,
+    /// Cells that `[initial_stress] prepare` has brought to their stress, by name: all `cells`, and those that took smaller steps
+    /// (`in_smaller_steps`). Left out of runs that prepare none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub prepared: BTreeMap<String, u64>,
     /// The slowest 1 % of the trials and what they cost.
     #[serde(default)]
     pub slowest_trials: SlowestTrials,
@@ -236,6 +240,7 @@ mod tests {
             reissued_jobs: 0,
             cut_backs: 1,
             initial_imbalance: 0.25,
+            prepared: BTreeMap::new(),
             initial_deviation: 0.0,
             slowest_trials: SlowestTrials::default(),
             fallbacks: BTreeMap::new(),

@@ -17,6 +17,7 @@ mod rotation;
 mod servo;
 mod stress_target;
 
+pub use at_stress::PreparedCell;
 pub use friction_search::FrictionAttempt;
 pub use generate::{generate, generate_any};
 pub use grading::Grading;

@@ -84,6 +84,10 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         ("checkpoints", checkpoints(&summary.checkpoint)),
         ("initial residual", initial_residual(summary.initial_imbalance)),
     ];
+    if let Some(cells) = summary.prepared.get("cells") {
+        let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
+        lines.push(("initial stress", format!("{cells} cells brought to it, {smaller} of them in smaller steps")));
+    }
     lines.push(match listed(&summary.fallback_groups, Concern::LookAtThis) {
         found if found.is_empty() => ("warnings", "none".to_owned()),
         found => ("warnings", format!("{found} ({EXPLAINED})")),

@@ -100,6 +100,7 @@ pub(super) fn execute<P: MacroPort>(
         other_build,
         allowed: allowed(scene),
         hosts: hosts(),
+        prepared: scene.prepared,
     };
     let summary = summary(&solved.run, &statistics, inputs);
     let written = write_results(scene, &solved, &summary, folder);

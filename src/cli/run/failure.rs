@@ -77,7 +77,7 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
         Some(remark) => remark.clone(),
         None => start_state::mismatch(scene, &packing)?,
     };
-    Some(format!("{explained}\nhint: {}", start_state::REMEDY))
+    Some(format!("{explained}\nhint: {}", start_state::remedy(scene)))
 }
 
 /// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.

@@ -25,7 +25,7 @@ use crate::exit::{Exit, Failure};
 use folder::OutputFolder;
 use protocol::transport::shared_memory::Waiting;
 use resume::{RunDescription, Start};
-use scene_reader::Scene;
+use scene_reader::{CellPreparation, Scene};
 use std::path::PathBuf;
 
 /// Arguments of `grainspan run`.
@@ -155,6 +155,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         assignment.remarks().for_each(|remark| eprintln!("note: {remark}"));
     }
     assignment.remarks().for_each(|remark| tracing::info!(remark, "engine"));
+    if let Some(CellPreparation { cells, in_smaller_steps, .. }) = scene.prepared {
+        tracing::info!(event = "cells_prepared", cells, in_smaller_steps);
+    }
     for remark in &scene.remarks {
         tracing::warn!(remark, "scene");
         print_unless_quiet(arguments, &format!("warning: {remark}"));

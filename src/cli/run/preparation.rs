@@ -15,8 +15,8 @@ pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool) -> Result<(), Failur
     let heartbeat = Heartbeat::start(quiet);
     scene.prepare_cells(&|done| heartbeat.set(format!("cell {done} of {} brought to its stress", planned.cells)))?;
     drop(heartbeat);
-    let [lowest, highest] = planned.vertical_pressure;
-    let (cells, seconds) = (planned.cells, begun.elapsed().as_secs_f64());
+    let (cells, [lowest, highest], seconds) =
+        (planned.cells, planned.vertical_pressure, begun.elapsed().as_secs_f64());
     if !quiet {
         eprintln!(
             "{cells} cells brought to vertical pressures of {lowest:.3e} to {highest:.3e} Pa in {seconds:.1} s"

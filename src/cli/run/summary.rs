@@ -12,6 +12,7 @@ use macro_solver::output::{
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
+use scene_reader::CellPreparation;
 use std::collections::BTreeMap;
 
 /// Inputs of the summary that neither solver nor pool knows.
@@ -46,6 +47,8 @@ pub(super) struct SummaryInputs {
     pub(super) allowed: Allowed,
     /// What happened between hosts.
     pub(super) hosts: BTreeMap<String, u64>,
+    /// Cells brought to their stress before the run.
+    pub(super) prepared: Option<CellPreparation>,
 }
 
 /// Shortcuts that `[economy]` allows.
@@ -138,6 +141,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         reissued_jobs: pool.reissued,
         cut_backs: statistics.cut_backs,
         initial_imbalance: statistics.initial_imbalance,
+        prepared: prepared(inputs.prepared),
         initial_deviation: statistics.initial_deviation,
         slowest_trials: statistics.trial_costs.slowest(0.01),
         fallbacks,
@@ -266,6 +270,12 @@ fn balance(statistics: &Statistics) -> Option<BalanceSummary> {
     })
 }
 
+fn prepared(cells: Option<CellPreparation>) -> BTreeMap<String, u64> {
+    cells.map_or_else(BTreeMap::new, |cells| {
+        named([("cells", cells.cells as u64), ("in_smaller_steps", cells.in_smaller_steps as u64)])
+    })
+}
+
 fn named<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
     counts.into_iter().map(|(name, count)| (name.to_owned(), count)).collect()
 }
@@ -300,6 +310,7 @@ mod tests {
                 tolerance: 1e-3,
             },
             hosts: BTreeMap::new(),
+            prepared: None,
         };
         let run = Run { outcome, stage: 0, load: 1.0, statistics };
         let summary = summary(&run, pool, inputs);

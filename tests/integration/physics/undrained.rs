@@ -36,6 +36,23 @@ fn program(words: &[&str]) {
 const CELL: &str = "[contact]\nlaw = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
                     [rve]\nerror = 1e-3\n";
 
+/// Four-node elements with four points cannot shear at constant volume, which is said before the run.
+#[test]
+fn elements_that_lock_are_named() {
+    let scene = "scenes/geotechnics/undrained-biaxial.toml";
+    let check = |element: &str| {
+        let set = format!("mesh.element={element}");
+        let checked = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+            .args(["check", scene, "--set", &set])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        String::from_utf8_lossy(&checked.stdout).into_owned()
+    };
+    assert!(check("q4").contains("elements `q4` lock"));
+    assert!(!check("q8").contains("lock:") && !check("q4_single").contains("lock:"));
+}
+
 /// Both mean pressure and deviator of the grains agree within 2 % of the pressure, and the sides see total pressure.
 #[test]
 fn a_sealed_specimen_follows_a_cell_of_constant_volume() {

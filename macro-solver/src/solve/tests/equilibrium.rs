@@ -4,8 +4,6 @@ use super::*;
 use crate::observer::Outcome;
 use crate::problem::{Platen, PressureKind, ProblemError};
 
-const CONFINEMENT: f64 = 1e6;
-
 fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
     let side = |sides: &str| Condition::Pressure { sides: sides.into(), value: CONFINEMENT, kind: pressure };
     let mut problem = Problem::new(
@@ -23,29 +21,15 @@ fn biaxial(kind: ElementKind, pressure: PressureKind) -> Problem {
     problem
 }
 
-fn confined(problem: &Problem) -> ElasticMaterial {
-    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([
-        [-CONFINEMENT, 0.0, 0.0],
-        [0.0, -CONFINEMENT, 0.0],
-        [0.0; 3],
-    ])
-}
-
 /// Horizontal stretch at which the lateral stress balances the pressure, by bisection on the law itself.
 fn lateral_stretch(material: &ElasticMaterial, axial: f64, pressure: PressureKind) -> f64 {
-    let excess = |lateral: f64| {
+    stretch_in_balance(|lateral| {
         let stress = material.stress(&nalgebra::Matrix3::from_diagonal(&[lateral, axial, 1.0].into()))[(0, 0)];
         match pressure {
             PressureKind::Follower => stress + CONFINEMENT,
             PressureKind::Dead => stress * axial + CONFINEMENT,
         }
-    };
-    let (mut low, mut high) = (0.9, 1.2);
-    for _ in 0..100 {
-        let middle = 0.5 * (low + high);
-        if excess(middle) < 0.0 { low = middle } else { high = middle }
-    }
-    low
+    })
 }
 
 #[test]

@@ -155,6 +155,28 @@ fn plane_stress_moduli(young: f64, poisson: f64) -> (f64, f64) {
     (0.5 * young / (1.0 - poisson), 0.5 * young / (1.0 + poisson))
 }
 
+/// Pressure at the sides of a biaxial test, Pa.
+const CONFINEMENT: f64 = 1e6;
+
+/// A material that starts under the pressure of a biaxial test.
+fn confined(problem: &Problem) -> ElasticMaterial {
+    elastic(ElasticLaw::SaintVenant, problem).with_initial_stress([
+        [-CONFINEMENT, 0.0, 0.0],
+        [0.0, -CONFINEMENT, 0.0],
+        [0.0; 3],
+    ])
+}
+
+/// Lateral stretch at which nothing is in excess of the pressure at the sides, by bisection.
+fn stretch_in_balance(excess: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.9, 1.2);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if excess(middle) < 0.0 { low = middle } else { high = middle }
+    }
+    low
+}
+
 fn elastic(law: ElasticLaw, problem: &Problem) -> ElasticMaterial {
     match problem.mesh.dimension {
         Dimension::Plane => ElasticMaterial::new(law, 2.0e7, 1.0e7, problem.point_count()),
