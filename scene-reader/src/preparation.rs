@@ -59,14 +59,23 @@ impl Scene {
         let Some(preparation) = self.preparation() else { return Ok(()) };
         let planned = self.planned_cells();
         let done = AtomicUsize::new(0);
-        let prepare = |cell: &PlannedCell| {
+        let first_to_fail = AtomicUsize::new(usize::MAX);
+        let prepare = |(place, cell): (usize, &PlannedCell)| {
+            // The error of the first cell in order is reported, so cells behind one that failed no longer matter.
+            if place > first_to_fail.load(Ordering::Relaxed) {
+                return None;
+            }
             let made = self.materials.definitions[cell.definition].at_stress(&cell.stress);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            made.map_err(|error| self.refusal(cell, &error))
+            if made.is_err() {
+                first_to_fail.fetch_min(place, Ordering::Relaxed);
+            }
+            Some(made.map_err(|error| self.refusal(cell, &error)))
         };
-        // The error of the first cell that fails, whichever thread comes first.
-        let made: Vec<Result<PreparedCell, InputError>> = planned.par_iter().map(prepare).collect();
-        let made = made.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let made: Vec<Option<Result<PreparedCell, InputError>>> =
+            planned.par_iter().enumerate().map(prepare).collect();
+        // Cells that were left out stand behind the error that ends this.
+        let made = made.into_iter().flatten().collect::<Result<Vec<_>, _>>()?;
         // The first definition stays: it is the packing of the scene itself.
         let first = self.materials.definitions.len();
         for (place, cell) in planned.iter().enumerate() {

@@ -6,7 +6,7 @@
 //! a fine one: when the ranges of both groups lie farther apart than it.
 
 use super::groups::{Compared, FINER, compared, gap};
-use super::ledger::{self, Ledger};
+use super::ledger::{Ledger, Refinement};
 use super::outcome::{BUDGET, Class, Increment, Outcome, run};
 use super::packings::Slot;
 use super::random_stream::{Purpose, RandomStream};
@@ -128,9 +128,21 @@ impl Subject<'_> {
 
     /// The ledger of the outcome, with the work over smaller increments where it does not close.
     fn ledger(&self) -> Ledger {
-        Ledger::of(&self.outcome.increments).explained(&self.test.contact, self.outcome, |split| {
-            run(&ledger::split(self.test, split), self.slot, self.packing, ALLOWANCE)
+        Ledger::of(&self.outcome.increments).explained(&self.test.contact, self.outcome, |refinement| {
+            run(&self.refined(refinement), self.slot, self.packing, ALLOWANCE)
         })
+    }
+
+    /// The same path in smaller increments, or in smaller steps of its grains.
+    fn refined(&self, Refinement { split, strain_per_step }: Refinement) -> ElementTest {
+        let mut finer = self.test.clone();
+        for segment in &mut finer.path {
+            segment.increments *= split;
+        }
+        if strain_per_step < 1.0 {
+            finer.rve = varied(&self.test.rve, [strain_per_step, 1.0]);
+        }
+        finer
     }
 
     fn compare(&self, checked: &mut Checked) {

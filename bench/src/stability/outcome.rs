@@ -80,6 +80,8 @@ pub(super) struct Increment {
     pub(super) stored: f64,
     /// Energy lost to friction over the same volume, J/m3.
     pub(super) lost: f64,
+    /// Work done on the cell over the same volume, J/m3, states between increments included.
+    pub(super) work: f64,
     /// Force evaluations, those of rejected trials of the stress control included.
     pub(super) evaluations: u64,
     /// Value of the equilibrium criterion.
@@ -199,6 +201,7 @@ fn increment_of(row: &ElementRow) -> Increment {
         stress: row.stress,
         stored: row.elastic_energy * volume,
         lost: row.frictional_dissipation * volume,
+        work: row.work * volume,
         evaluations: row.dem_steps,
         unbalanced: row.unbalanced_force_ratio,
         coordination: row.coordination_number,

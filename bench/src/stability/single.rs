@@ -66,12 +66,13 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
     let checked = subject.checked(is_plain && !options.unchecked);
     report.note(&format!("\n{} {}", checked.class.name(), checked.reason))?;
     report.note(&format!(
-        "error {} of the mean pressure, bound {}, gap {}; energy ledger open by {} (over increments cut into {} by {}) {}",
+        "error {} of the mean pressure, bound {}, gap {}; energy ledger open by {} (over increments cut into {} and {} times the strain per step by {}) {}",
         short(checked.error),
         checked.bound,
         short(checked.gap),
         short(checked.ledger.open),
         checked.ledger.split,
+        checked.ledger.strain_per_step,
         short(checked.ledger.best()),
         checked.ledger.cause
     ))?;

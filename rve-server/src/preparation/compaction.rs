@@ -1,7 +1,7 @@
 //! A cell in preparation: compressed, sheared, brought to a stress and written as a packing.
 
 use super::progress::{PackingProgress, ProgressLog};
-use super::servo::{LARGEST_STRAIN, Response, StagnationMonitor, aim, pressure};
+use super::servo::{LARGEST_STRAIN, Response, ServoLimits, StagnationMonitor, aim, pressure};
 use super::stress_target::{Matrix, StressTarget, turned_in, turned_out};
 use crate::cell::ContactRecord;
 use crate::contact::ContactTable;
@@ -74,8 +74,7 @@ pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
     target: StressTarget,
     tolerances: Tolerances,
-    /// Most servo steps.
-    most_increments: u32,
+    limits: ServoLimits<S::Tensor>,
     log: &'a ProgressLog<'a>,
 }
 
@@ -94,12 +93,22 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
         let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
         cell.solve_operators_to(Closeness::RESULT);
-        Ok(Self { cell, target, tolerances, most_increments: MOST_INCREMENTS, log })
+        let limits = ServoLimits::increments(MOST_INCREMENTS);
+        Ok(Self { cell, target, tolerances, limits, log })
     }
 
-    /// Gives the cell another target, for so many servo steps.
-    pub(crate) fn aim_at(&mut self, target: StressTarget, tolerances: Tolerances, most_increments: u32) {
-        (self.target, self.tolerances, self.most_increments) = (target, tolerances, most_increments);
+    /// Gives the cell another target, for so many servo steps and so much strain from here on: grains that flow at a lower stress than
+    /// the target would otherwise be sheared on for as long as there are steps.
+    pub(crate) fn aim_at(
+        &mut self,
+        target: StressTarget,
+        tolerances: Tolerances,
+        most_increments: u32,
+        most_strain: f64,
+    ) {
+        (self.target, self.tolerances) = (target, tolerances);
+        self.limits =
+            ServoLimits::increments_and_strain(most_increments, self.cell.committed().cell.rows, most_strain);
     }
 
     /// Isotropic compression until the grains carry load; increments that overshoot are taken back and halved.
@@ -176,9 +185,12 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let learns = S::DIMENSION == 3;
         let (mut best, mut since_best) = (f64::INFINITY, 0);
         let (mut watch, mut careful_steps, mut slack) = (StagnationMonitor::new(), 0, 0);
-        for increment in 0..self.most_increments {
+        for increment in 0..self.limits.increments {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
+            if self.limits.are_passed_by(&self.cell.committed().cell.rows) {
+                return Err(PackingError::Content("the grains flow without reaching the target".into()));
+            }
             let error = self.stress_error(&answer.stress);
             if refined
                 && error <= self.tolerances.stress
@@ -234,7 +246,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             }
             answer = next;
         }
-        let steps = self.most_increments;
+        let steps = self.limits.increments;
         // Recipes name their tolerances; other callers have none that a user could change.
         let remedy = if steps == MOST_INCREMENTS { "; loosen tolerance or stress_tolerance" } else { "" };
         Err(PackingError::Content(format!("the stress did not reach the target in {steps} servo steps{remedy}")))

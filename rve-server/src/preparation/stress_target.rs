@@ -61,6 +61,13 @@ impl StressTarget {
         Ok(Self { pressure, deviator: stress, dimension })
     }
 
+    /// Smallest and largest principal pressure, Pa, compression positive.
+    pub(crate) fn principal_pressures(&self) -> [f64; 2] {
+        let stress = nalgebra::DMatrix::from_fn(self.dimension, self.dimension, |i, j| self.component(i, j));
+        let values = stress.symmetric_eigenvalues();
+        [-values.max(), -values.min()]
+    }
+
     /// Component `ij` of the target, Pa.
     pub fn component(&self, i: usize, j: usize) -> f64 {
         if i == j { -self.pressure + self.deviator[i][j] } else { self.deviator[i][j] }

@@ -60,6 +60,7 @@ impl<W: Write> ElementCsv<W> {
         if row.force_anisotropy.is_some() {
             names.extend(["a_c", "a_n", "a_t"].map(str::to_owned));
         }
+        names.push("work".to_owned());
         self.has_header = true;
         if self.has_units {
             names.iter_mut().for_each(|name| *name = headed(name));
@@ -101,6 +102,7 @@ impl<W: Write> ElementCsv<W> {
         let mut last = vec![row.elastic_energy, row.frictional_dissipation];
         last.extend(upper(row.dimension).map(|place| flat(&row.fabric)[place]));
         last.extend(row.force_anisotropy.iter().flat_map(|one| [one.contacts, one.normal, one.tangential]));
+        last.push(row.work);
         fields.extend(last.into_iter().map(shortest));
         self.writer.write_record(&fields)?;
         self.writer.flush()?;
@@ -112,7 +114,7 @@ impl<W: Write> ElementCsv<W> {
 fn headed(name: &str) -> String {
     match name.split('_').next() {
         Some("sigma" | "C") => format!("{name} [Pa]"),
-        Some("elastic" | "frictional") => format!("{name} [J/m3]"),
+        Some("elastic" | "frictional" | "work") => format!("{name} [J/m3]"),
         _ => name.to_owned(),
     }
 }

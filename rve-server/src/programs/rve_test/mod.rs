@@ -12,10 +12,12 @@ mod requests;
 mod row;
 mod run;
 mod servo;
+mod step;
 mod stress_control;
 mod stress_relaxation;
 mod summary;
 mod test_file;
+mod work;
 
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@ use super::error::ElementError;
 use super::row::ElementRow;
 use super::summary::ElementSummary;
 use super::test_file::{Components, ElementTest, Segment};
+use super::work::PathWork;
 use crate::definition::PackingFile;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::plane::{self, Plane};
@@ -41,6 +42,7 @@ pub(super) fn run_frame_element(
         stress_tolerance: test.stress_tolerance,
         deformation: plane::IDENTITY,
         summary: ElementSummary::default(),
+        work: None,
         on_row,
     };
     run.deliver(&first, 0, 0);
@@ -59,6 +61,8 @@ struct Run<'a> {
     deformation: Plane,
     stress: [f64; 4],
     summary: ElementSummary,
+    /// Work along the rows; none before the first.
+    work: Option<PathWork>,
     on_row: &'a mut dyn FnMut(&ElementRow),
 }
 
@@ -181,6 +185,11 @@ impl Run<'_> {
 
     fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) {
         let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
+        match &mut self.work {
+            Some(work) => work.advance(row.deformation, row.stress),
+            none => *none = Some(PathWork::new(row.deformation, row.stress)),
+        }
+        row.work = self.work.as_ref().map_or(0.0, PathWork::over_present_volume);
         row.trials = trials;
         row.dem_steps = dem_steps;
         self.summary.rows += 1;

@@ -36,6 +36,9 @@ pub struct ElementRow {
     pub elastic_energy: f64,
     /// Energy lost to friction since the packing as given, over the volume of the cell, J/m3.
     pub frictional_dissipation: f64,
+    /// Work done on the cell since the packing as given, over the volume of the cell, J/m3; by trapezoids over all committed states, those
+    /// between two rows included.
+    pub work: f64,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,
     /// Contact fabric `1/C sum n x n`.
@@ -76,6 +79,7 @@ impl ElementRow {
             max_overlap_ratio: answer.scalars.max_overlap_ratio,
             elastic_energy: answer.observed.elastic_energy,
             frictional_dissipation: answer.observed.frictional_dissipation,
+            work: 0.0,
             dem_steps: 0,
             fabric: tensor_of(&answer.observed.fabric.0),
             force_anisotropy: None,

@@ -6,10 +6,12 @@ use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, 
 use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::servo::{Miss, Servo};
+use super::step::Step;
 use super::stress_control::StressControl;
 use super::stress_relaxation::Relaxation;
 use super::summary::ElementSummary;
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
+use super::work::PathWork;
 use crate::cell::ContactNetwork;
 use crate::definition::{GrainDefinition, Packing, PackingFile};
 use crate::engine::GrainRve;
@@ -117,6 +119,7 @@ fn run_in_space<S: SolverFor>(
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
+        work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO),
         network: None,
         last_change: None,
         sound: None,
@@ -146,6 +149,8 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
+    /// Work along the committed states.
+    work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
     network: Option<ContactNetwork<S>>,
     /// Change of G in the last increment of the same segment.
@@ -185,6 +190,7 @@ impl<S: SolverFor> Run<S> {
             self.cell.rollback();
             operator.expect("one was requested")
         });
+        self.work = PathWork::new(self.deformation, tensor_of(&answer.stress.0));
         let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         Ok(self.deliver(row, on_row))
     }
@@ -268,6 +274,7 @@ impl<S: SolverFor> Run<S> {
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);
+        self.work.advance(self.deformation, self.stress);
     }
 
     fn accept(
@@ -282,6 +289,7 @@ impl<S: SolverFor> Run<S> {
         row.trials = self.spent.trials;
         row.dem_steps = self.spent.dem_steps;
         row.stress_control = control;
+        row.work = self.work.over_present_volume();
         self.deliver(row, on_row)
     }
 
@@ -441,6 +449,7 @@ impl<S: SolverFor> Run<S> {
             }
             self.cell.commit().expect("the trial is the latest");
             step.go_on_from(gradient);
+            self.work.advance(step.kinematics.committed, stress);
             taken += 1;
             self.spent.relaxed += 1;
             let elastic = self.by_operator(TangentKind::TrussLike, &gradient);
@@ -466,56 +475,4 @@ impl<S: SolverFor> Run<S> {
 
 fn is_out_of_range(reason: &RveError) -> bool {
     matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
-}
-
-/// Targets of one increment.
-#[derive(Clone)]
-struct Step {
-    kinematics: SegmentKinematics,
-    /// G of the committed state.
-    committed_gradient: Matrix,
-    /// G with its prescribed components at their new values and its unknown ones as committed.
-    gradient: Matrix,
-    /// Stress targets of the controlled components, Pa.
-    targets: [Option<f64>; COMPONENTS],
-}
-
-impl Step {
-    /// Makes `gradient` the committed state.
-    fn go_on_from(&mut self, gradient: Matrix) {
-        self.committed_gradient = gradient;
-        self.kinematics.committed = self.kinematics.deformation(&gradient);
-    }
-
-    /// The controlled component farthest from its target.
-    fn miss(&self, stress: &Matrix) -> Miss {
-        Miss::farthest(stress, &self.targets)
-    }
-
-    /// `gradient` with its unknown components taken from `source`.
-    fn with_unknowns(&self, source: &Matrix) -> Matrix {
-        let (mut values, source) = (flat(&self.gradient), flat(source));
-        for place in 0..COMPONENTS {
-            if self.targets[place].is_some() {
-                values[place] = source[place];
-            }
-        }
-        tensor_of(&values)
-    }
-
-    /// Stress to first order if only the prescribed components move.
-    fn expected_stress(&self, stress: &Matrix, derivative: &Operator) -> Matrix {
-        let change = flat(&add_scaled(&self.gradient, -1.0, &self.committed_gradient));
-        let mut expected = flat(stress);
-        for (value, row) in expected.iter_mut().zip(derivative) {
-            *value += row.iter().zip(&change).map(|(coefficient, part)| coefficient * part).sum::<f64>();
-        }
-        tensor_of(&expected)
-    }
-
-    /// Scale of the stress tolerance, Pa.
-    fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
-        let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
-        self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
-    }
 }

@@ -140,7 +140,7 @@ fn table_has_the_documented_columns_and_equal_bytes() {
         text.lines().next().unwrap(),
         "increment,F_xx,F_xy,F_yx,F_yy,sigma_xx,sigma_xy,sigma_yx,sigma_yy,void_ratio,coordination_number,\
          coordination_number_no_rattlers,fabric_anisotropy,sliding_fraction,unbalanced_force_ratio,max_overlap_ratio,\
-         dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t"
+         dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t,work"
     );
     let mut bytes = Vec::new();
     let mut csv = ElementCsv::new(&mut bytes, TangentKind::None).unwrap().with_units(true);

@@ -1,0 +1,57 @@
+//! What one increment of an element test aims at.
+
+use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_of};
+use super::servo::Miss;
+use crate::space::add_scaled;
+
+/// Targets of one increment.
+#[derive(Clone)]
+pub(super) struct Step {
+    pub(super) kinematics: SegmentKinematics,
+    /// G of the committed state.
+    pub(super) committed_gradient: Matrix,
+    /// G with its prescribed components at their new values and its unknown ones as committed.
+    pub(super) gradient: Matrix,
+    /// Stress targets of the controlled components, Pa.
+    pub(super) targets: [Option<f64>; COMPONENTS],
+}
+
+impl Step {
+    /// Makes `gradient` the committed state.
+    pub(super) fn go_on_from(&mut self, gradient: Matrix) {
+        self.committed_gradient = gradient;
+        self.kinematics.committed = self.kinematics.deformation(&gradient);
+    }
+
+    /// The controlled component farthest from its target.
+    pub(super) fn miss(&self, stress: &Matrix) -> Miss {
+        Miss::farthest(stress, &self.targets)
+    }
+
+    /// `gradient` with its unknown components taken from `source`.
+    pub(super) fn with_unknowns(&self, source: &Matrix) -> Matrix {
+        let (mut values, source) = (flat(&self.gradient), flat(source));
+        for place in 0..COMPONENTS {
+            if self.targets[place].is_some() {
+                values[place] = source[place];
+            }
+        }
+        tensor_of(&values)
+    }
+
+    /// Stress to first order if only the prescribed components move.
+    pub(super) fn expected_stress(&self, stress: &Matrix, derivative: &Operator) -> Matrix {
+        let change = flat(&add_scaled(&self.gradient, -1.0, &self.committed_gradient));
+        let mut expected = flat(stress);
+        for (value, row) in expected.iter_mut().zip(derivative) {
+            *value += row.iter().zip(&change).map(|(coefficient, part)| coefficient * part).sum::<f64>();
+        }
+        tensor_of(&expected)
+    }
+
+    /// Scale of the stress tolerance, Pa.
+    pub(super) fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
+        let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
+        self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
+    }
+}

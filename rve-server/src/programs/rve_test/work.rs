@@ -1,0 +1,103 @@
+//! Work done on a cell along the states that it was committed in.
+
+use super::path::Matrix;
+
+/// Work over the volume of the packing as given, by trapezoids over committed states: mean second Piola stress on the change of the Green
+/// strain, so that rotations do not enter, however large.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathWork {
+    deformation: Matrix,
+    /// Cauchy stress, Pa, tension positive.
+    stress: Matrix,
+    /// J/m3 of the packing as given.
+    total: f64,
+}
+
+impl PathWork {
+    /// Before anything has moved.
+    pub(super) fn new(deformation: Matrix, stress: Matrix) -> Self {
+        Self { deformation, stress, total: 0.0 }
+    }
+
+    /// Adds the work from the last state to this one: deformation gradient relative to the packing as given, and Cauchy stress, Pa.
+    pub(super) fn advance(&mut self, deformation: Matrix, stress: Matrix) {
+        let pioles = [second_piola(&self.deformation, &self.stress), second_piola(&deformation, &stress)];
+        let strains = [right_cauchy_green(&self.deformation), right_cauchy_green(&deformation)];
+        self.total +=
+            (0..9).map(|k| 0.25 * (pioles[0][k] + pioles[1][k]) * (strains[1][k] - strains[0][k])).sum::<f64>();
+        (self.deformation, self.stress) = (deformation, stress);
+    }
+
+    /// Work so far over the present volume, J/m3.
+    pub(super) fn over_present_volume(&self) -> f64 {
+        self.total / volume(&self.deformation, &cofactor(&self.deformation))
+    }
+}
+
+/// `F^T F`, as 11, 12, 13, 21, ...
+fn right_cauchy_green(f: &Matrix) -> [f64; 9] {
+    std::array::from_fn(|place| (0..3).map(|k| f[k][place / 3] * f[k][place % 3]).sum())
+}
+
+/// `J F^-T`.
+fn cofactor(f: &Matrix) -> Matrix {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let ([a, b], [c, d]) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
+            f[a][c] * f[b][d] - f[a][d] * f[b][c]
+        })
+    })
+}
+
+/// Determinant, from the gradient and its cofactors.
+fn volume(f: &Matrix, cofactor: &Matrix) -> f64 {
+    (0..3).map(|k| f[0][k] * cofactor[0][k]).sum()
+}
+
+/// Second Piola stress relative to the packing as given, Pa: `J F^-1 sigma F^-T` by cofactors.
+fn second_piola(f: &Matrix, stress: &Matrix) -> [f64; 9] {
+    let cofactor = cofactor(f);
+    let volume = volume(f, &cofactor);
+    std::array::from_fn(|place| {
+        let (i, j) = (place / 3, place % 3);
+        let terms = (0..9).map(|pair| cofactor[pair / 3][i] * stress[pair / 3][pair % 3] * cofactor[pair % 3][j]);
+        terms.sum::<f64>() / volume
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNIT: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    /// A pressure of 10 against which a cell is compressed to half of its height in a hundred steps, turned by 0.3 in each: the work is 5 per
+    /// volume at the start, 10 per volume at the end.
+    #[test]
+    fn work_of_a_constant_pressure_is_pressure_times_volume_whatever_the_rotation() {
+        let pressed = [[-10.0, 0.0, 0.0], [0.0, -10.0, 0.0], [0.0, 0.0, -10.0]];
+        let mut work = PathWork::new(UNIT, pressed);
+        for number in 1..=100 {
+            let (sine, cosine) = (0.3 * f64::from(number)).sin_cos();
+            let height = 1.0 - 0.005 * f64::from(number);
+            work.advance([[cosine, -sine * height, 0.0], [sine, cosine * height, 0.0], [0.0, 0.0, 1.0]], pressed);
+        }
+        // Measured 1e-4.
+        assert!((work.over_present_volume() - 10.0).abs() < 1e-3, "{}", work.over_present_volume());
+    }
+
+    /// A uniaxial stress that turns with the cell does no work.
+    #[test]
+    fn a_stressed_cell_that_only_turns_takes_no_work() {
+        let (sine, cosine) = 0.3f64.sin_cos();
+        let turned = [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]];
+        let mut work = PathWork::new(UNIT, [[7.0, 0.0, 0.0], [0.0; 3], [0.0; 3]]);
+        let along_turned = [
+            [7.0 * cosine * cosine, 7.0 * cosine * sine, 0.0],
+            [7.0 * cosine * sine, 7.0 * sine * sine, 0.0],
+            [0.0; 3],
+        ];
+        work.advance(turned, along_turned);
+        assert!(work.over_present_volume().abs() < 1e-14);
+    }
+}
