@@ -98,7 +98,7 @@ fn operator_columns_come_only_when_asked_for() {
     let output = succeeded(&["element", &test, "--tangent", "truss_like", "--set", "path.0.increments=1"]);
     let text = String::from_utf8(output.stdout).unwrap();
     let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
-    assert_eq!(header.len(), 17 + 16 + 8);
+    assert_eq!(header.len(), 17 + 16 + 9);
     assert_eq!((header[17], header[32]), ("C_1111", "C_2222"));
 }
 
