@@ -2,15 +2,16 @@
 //! folder is made or any process started.
 
 use super::accuracy::{choose, error_control, error_estimate};
-use super::document::{Document, Kind, explain_command};
+use super::document::{Document, Kind};
 use super::engines::EnginePlan;
-use super::initial::initial_state;
+use super::initial::{find_equilibrium, initial_state};
 use super::input_error::InputError;
 use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::packing::read_packing;
 use super::preparation::CellPreparation;
 use super::probes::{ProbeContext, probes, profiles};
+use super::problem_error::problem_error;
 use super::recording::{observables, plot, points};
 use super::sets::Sets;
 use super::solving::equations;
@@ -23,7 +24,7 @@ use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::mesh::ElementKind;
 use macro_solver::output::RecordPlan;
-use macro_solver::problem::{Problem, ProblemError, Tolerances};
+use macro_solver::problem::{Problem, Tolerances};
 use rve_server::definition::{AnyDefinition, RveOptions};
 use std::path::{Path, PathBuf};
 
@@ -128,6 +129,7 @@ impl Scene {
         let error_estimate = error_estimate(&document, &file)?;
         problem.error_control = error_control(materials.definitions[0].options());
         problem.validate().map_err(|error| problem_error(&document, &error))?;
+        find_equilibrium(&document, &file.initial_stress, &mut problem)?;
         let grains = points(&document, &file.output.grains, problem.point_count())?;
         let record = RecordPlan {
             probes,
@@ -214,37 +216,6 @@ fn volumetric_locking(problem: &Problem) -> Option<String> {
         "pore fluid makes elements `{}` lock: pressures are far too high; take elements with mid-side nodes or one point",
         kind.keyword()
     ))
-}
-
-/// A defect that the solver's own check found, at the key that caused it.
-fn problem_error(document: &Document, error: &ProblemError) -> InputError {
-    let (stage, cause) = match error {
-        ProblemError::Stage { number, error, .. } => (Some(number.to_string()), &**error),
-        cause => (None, cause),
-    };
-    if let ProblemError::Contradiction { first_set, second_set, .. } = cause {
-        return document.error(error).hint(format!(
-            "a node follows one condition along each axis: move one of '{first_set}' and '{second_set}' along another axis, give \
-             both the same displacement, or use a mesh in which they share no node"
-        ));
-    }
-    let key = match cause {
-        ProblemError::Setting(fault) => fault.path.clone(),
-        ProblemError::Number { what, .. } if what.contains('.') => what.split('.').map(str::to_owned).collect(),
-        _ => {
-            return document
-                .error(error)
-                .hint("docs/reference/scene.md says how [[boundary]] and [mesh] work together");
-        }
-    };
-    let in_stage: Vec<String> =
-        stage.iter().flat_map(|number| ["stage".to_owned(), number.clone()]).chain(key.clone()).collect();
-    let place = if document.is_written(&parts(&in_stage)) { in_stage } else { key };
-    document.error_at_key(&parts(&place), error).hint(explain_command(&place))
-}
-
-fn parts(path: &[String]) -> Vec<&str> {
-    path.iter().map(String::as_str).collect()
 }
 
 fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, InputError> {

@@ -17,6 +17,7 @@ mod motion;
 mod packing;
 mod preparation;
 mod probes;
+mod problem_error;
 mod recording;
 mod reference;
 mod sets;

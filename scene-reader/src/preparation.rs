@@ -3,7 +3,7 @@
 use super::build::Scene;
 use super::input_error::InputError;
 use macro_solver::mesh::point_places;
-use macro_solver::problem::InitialPreparation;
+use macro_solver::problem::{InitialPreparation, InitialStress};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rve_server::definition::PackingError;
@@ -94,7 +94,8 @@ impl Scene {
         let InitialPreparation { prepare, prepare_spacing: spacing } = self.problem.initial.preparation;
         let Some(expected) = self.problem.initial.expected.as_ref().filter(|_| prepare) else { return Vec::new() };
         let places = point_places(&self.problem.mesh);
-        let stresses: Vec<Matrix3<f64>> = places.iter().map(|place| expected.at(*place)).collect();
+        let stresses: Vec<Matrix3<f64>> =
+            places.iter().enumerate().map(|(point, place)| expected.at(point, *place)).collect();
         let pressures = stresses.iter().map(|stress| -stress[(1, 1)]);
         let lowest = pressures.clone().filter(|pressure| *pressure > 0.0).fold(f64::INFINITY, f64::min);
         let mut places_of: BTreeMap<(usize, i64), usize> = BTreeMap::new();
@@ -102,7 +103,13 @@ impl Scene {
         for (point, pressure) in pressures.enumerate() {
             let level = (pressure / lowest).ln() / spacing.max(ROUNDING).ln_1p();
             // Pressures that are not positive are refused with their cell.
-            let level = if level.is_finite() { level.round() as i64 } else { i64::MIN };
+            let level = match expected {
+                InitialStress::AtPoints(_) => i64::try_from(point).expect("points are far fewer"),
+                InitialStress::Uniform(_) | InitialStress::Geostatic { .. } if level.is_finite() => {
+                    level.round() as i64
+                }
+                InitialStress::Uniform(_) | InitialStress::Geostatic { .. } => i64::MIN,
+            };
             let definition = self.materials.made_of[point];
             let place = *places_of.entry((definition, level)).or_insert_with(|| {
                 planned.push(PlannedCell { definition, stress: [[0.0; 3]; 3], points: Vec::new() });
@@ -126,12 +133,17 @@ impl Scene {
         } else {
             format!("({x:.4}, {y:.4}, {z:.4})")
         };
-        let [[xx, ..], [_, yy, _], [.., zz]] = cell.stress;
+        let [[xx, xy, xz], [_, yy, yz], [.., zz]] = cell.stress;
+        let shear = if self.problem.mesh.dimension.count() == 2 {
+            format!("xy {xy:.3e}")
+        } else {
+            format!("xy {xy:.3e}, xz {xz:.3e}, yz {yz:.3e}")
+        };
         self.document
             .error_at_key(
                 &["initial_stress", "prepare"],
                 format!(
-                    "the cell of Gauss point {point} at {at} m cannot be brought to the stress xx {xx:.3e}, yy {yy:.3e}, zz {zz:.3e} Pa \
+                    "the cell of Gauss point {point} at {at} m cannot be brought to the stress xx {xx:.3e}, yy {yy:.3e}, zz {zz:.3e}, {shear} Pa \
                      (tension positive): {error}"
                 ),
             )

@@ -183,11 +183,11 @@ fn imbalance(scene: &Scene) -> Option<f64> {
     }
     let stresses = match (&problem.initial.expected, scene.preparation()) {
         (Some(expected), Some(_)) => {
-            let at = |place: &[f64; 3]| {
-                let stress = expected.at(*place);
+            let at = |(point, place): (usize, &[f64; 3])| {
+                let stress = expected.at(point, *place);
                 Tensor2(std::array::from_fn(|entry| stress[(entry / 3, entry % 3)]))
             };
-            point_places(&problem.mesh).iter().map(at).collect()
+            point_places(&problem.mesh).iter().enumerate().map(at).collect()
         }
         _ => stresses_of_packings(scene)?,
     };

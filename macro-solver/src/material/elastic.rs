@@ -90,7 +90,11 @@ impl ElasticMaterial {
                 std::array::from_fn(share)
             })
         });
-        self.initial_stress.iter_mut().zip(places).for_each(|(stress, place)| *stress = field.at(place));
+        self.initial_stress
+            .iter_mut()
+            .zip(places)
+            .enumerate()
+            .for_each(|(point, (stress, place))| *stress = field.at(point, place));
         self
     }
 

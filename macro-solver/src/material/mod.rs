@@ -7,6 +7,7 @@ pub mod damage;
 pub mod difference;
 pub mod elastic;
 pub mod error_estimate;
+pub mod frictional;
 
 use crate::checkpoint::{Archive, CheckpointError};
 use error_estimate::ErrorEstimate;

@@ -39,7 +39,7 @@ pub use condition::{Applied, Axis, Condition, Origin, Platen, PressureKind};
 pub use criteria::{ConvergenceMeasures, Criteria, DisplacementMeasure, ForceMeasure, Tolerances};
 pub use equations::EquationSettings;
 pub use error_control::ErrorControl;
-pub use initial_stress::{InitialLimits, InitialPreparation, InitialState, InitialStress};
+pub use initial_stress::{EquilibriumSettings, InitialLimits, InitialPreparation, InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
 pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
 pub use path_control::PathControl;

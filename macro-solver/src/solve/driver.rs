@@ -170,6 +170,14 @@ impl<'a> Solver<'a> {
         })
     }
 
+    /// Step 0 alone, with the material left in it.
+    pub(super) fn solve_start(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
+        match self.method() {
+            StageMethod::LoadSteps(method) => self.equilibrate(method, session),
+            StageMethod::Motion(_) => Ok(()),
+        }
+    }
+
     fn run(&mut self, session: &mut Session<'_>) -> Result<(), Outcome> {
         session.observer.started(self.problem).map_err(Outcome::Stopped)?;
         if !self.resume(session).map_err(Outcome::CheckpointRefused)? {

@@ -53,7 +53,7 @@ impl Solver<'_> {
         let axes = self.body.mesh().dimension.count();
         let (mut deviation, mut largest) = (0.0f64, 0.0f64);
         for (number, point) in self.points.all().iter().enumerate() {
-            let wanted = expected.at(self.body.place(number, &self.body.mesh().nodes));
+            let wanted = expected.at(number, self.body.place(number, &self.body.mesh().nodes));
             for i in 0..axes {
                 for j in 0..axes {
                     largest = largest.max(wanted[(i, j)].abs());

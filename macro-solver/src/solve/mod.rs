@@ -7,6 +7,7 @@
 mod balance_error;
 mod checkpoint;
 mod driver;
+mod equilibrium_stress;
 mod explicit;
 mod initial;
 mod linear_solver;
@@ -20,3 +21,4 @@ mod stage;
 pub(crate) mod tests;
 
 pub use driver::{solve, solve_with_checkpoints};
+pub use equilibrium_stress::{EquilibriumError, equilibrium_stress};

@@ -1,6 +1,6 @@
 //! `[initial_stress]`.
 
-use macro_solver::problem::{InitialLimits, InitialPreparation};
+use macro_solver::problem::{EquilibriumSettings, InitialLimits, InitialPreparation};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ pub(crate) struct InitialStressTable {
     /// surface, the horizontal one K0 times that.
     #[schemars(extend("x-instead-of" = "uniform"))]
     pub(crate) geostatic: Option<GeostaticTable>,
+    /// Stress of an elastic, frictional body on the mesh in equilibrium with the loads at the start: of a slope, an embankment or any other
+    /// ground that is not level. Not together with `uniform` or `geostatic`.
+    pub(crate) equilibrium: Option<EquilibriumSettings>,
     #[serde(flatten)]
     pub(crate) limits: InitialLimits,
     #[serde(flatten)]

@@ -54,6 +54,51 @@ fn the_wall_carries_the_earth_pressure_at_rest() {
     assert!((force / 1e5 - 1.0).abs() < 0.02, "{force}");
 }
 
+const SLOPE: &str = "scenes/geotechnics/slope-at-rest.toml";
+
+/// A slope of twenty cells with shear stresses: in balance with its weight before anything moves, and the same bytes for two workers and one.
+#[test]
+fn a_slope_starts_in_balance_with_its_weight() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, workers: &str| {
+        let out = folder.path().join(name);
+        let words = ["run", SLOPE, "--size", "small", "--workers", workers, "--out", out.to_str().unwrap()];
+        let sets = [
+            "mesh.elements=[2, 1, 1, 1]",
+            "stage.0.friction.0.factor=0.9",
+            "stage.0.loading.increments=1",
+            "initial_stress.largest_deviation=1e-5",
+        ];
+        let ran = program(&words, &sets);
+        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+        let summary = fs::read(out.join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+        (fs::read(out.join("history.csv")).unwrap(), summary)
+    };
+    let (history, summary) = run("two", "2");
+    let imbalance = summary["initial_imbalance"].as_f64().unwrap();
+    // Measured 1e-7.
+    assert!(imbalance < 1e-5, "{imbalance}");
+    assert_eq!(summary["prepared"]["cells"], 20, "{summary}");
+    assert_eq!(history, run("one", "1").0);
+}
+
+/// What friction does not bear, and keys that contradict each other, are refused when the scene is read.
+#[test]
+fn slopes_without_equilibrium_are_refused() {
+    for (set, part) in [
+        ("initial_stress.equilibrium.friction_angle=5.0", "in equilibrium with the loads"),
+        ("initial_stress.equilibrium.friction_angle=95.0", "below 90"),
+        ("initial_stress.prepare_spacing=0.1", "a cell, of its own"),
+        ("initial_stress.uniform={ xx = -1e5, yy = -1e5 }", "another stress at the start"),
+    ] {
+        let refused = program(&["check", SLOPE, "--size", "small"], &[set]);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{set}: {said}");
+        assert!(said.contains(part) && said.contains("hint"), "{set}: {said}");
+    }
+}
+
 /// Ground without a surcharge has points near a pressure of zero; what they cannot carry is refused with its place.
 #[test]
 fn stresses_that_grains_cannot_carry_are_refused() {

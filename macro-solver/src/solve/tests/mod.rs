@@ -6,6 +6,7 @@ mod bending;
 mod continued;
 mod convergence;
 mod equilibrium;
+mod equilibrium_stress;
 mod formulations;
 mod friction;
 mod guided;

@@ -57,7 +57,11 @@ fn strain_path_follows_closed_form_pressure_and_row_0_is_the_packing() {
         assert!((row.deformation[0][0] - stretch).abs() < 1e-14 && row.deformation[0][1] == 0.0);
         // Nothing slides: what is done on the springs is in the springs. Both are over the volume of the row; trapezoids measured 7e-7.
         let stored = row.elastic_energy * stretch * stretch - rows[0].elastic_energy;
-        assert!((row.work * stretch * stretch - stored).abs() <= 2e-6 * stored, "row {number}: {} {stored}", row.work);
+        assert!(
+            (row.work * stretch * stretch - stored).abs() <= 2e-6 * stored,
+            "row {number}: {} {stored}",
+            row.work
+        );
         let pressure = lattice_pressure(SPACING * stretch);
         for axis in 0..2 {
             assert!((row.stress[axis][axis] + pressure).abs() < 1e-8 * pressure, "row {number}: {row:?}");
