@@ -2,6 +2,7 @@
 
 mod coupled;
 mod frames;
+mod free_vibration;
 mod ground_at_rest;
 mod lattice_elements;
 mod reference_case_a;

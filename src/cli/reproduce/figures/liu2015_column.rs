@@ -7,7 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-column",
     source: "[Liu2015] Figs. 7, 8",
     shows: "shear wave of 10 kHz in a column: stress-strain loops, porosity and contacts of element 9",
-    run_time: ("10 s", "6 h"),
+    run_time: ("10 s", "4 min"),
     entries: &[("J-4", "")],
     runs,
     evaluate,

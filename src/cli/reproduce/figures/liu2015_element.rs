@@ -6,7 +6,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-element",
     source: "[Liu2015] Figs. 5, 6",
     shows: "one brick against its own cell: plane strain compression and simple shear at 416 kPa",
-    run_time: ("20 s", "1 h"),
+    run_time: ("20 s", "5 min"),
     entries: &[("J-3", "")],
     runs,
     evaluate,
