@@ -1,5 +1,6 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
+use crate::cli::this_program;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
@@ -54,15 +55,6 @@ impl RunDescription {
             figures: CheckpointFigures::default(),
         }
     }
-}
-
-/// Version and content of this executable: only the same one promises the same bits.
-fn this_program() -> String {
-    let content = std::env::current_exe()
-        .and_then(File::open)
-        .and_then(ContentId::of_reader)
-        .map_or("unknown".to_owned(), |content| content.to_string());
-    format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
 }
 
 /// A run to be continued.
