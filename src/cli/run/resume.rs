@@ -6,10 +6,9 @@ use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
 };
 use macro_solver::output::{RunStatus, Summary, write_atomically};
-use protocol::ContentId;
 use scene_reader::changes;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 
 const SECTION: &str = "run";

@@ -94,12 +94,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     output.restart = restart;
     let checkpoints = Checkpoints { every, from: earlier.as_ref().map(|earlier| &earlier.state[..]) };
     let ended = match &packing {
-        Packing::Discs(packing) => {
-            run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event))
-        }
-        Packing::Spheres(packing) => {
-            run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event))
-        }
+        Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
+        Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
     };
     let restart = output.restart.take();
     let bytes = output.finish()?;

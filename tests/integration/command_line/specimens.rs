@@ -94,7 +94,10 @@ fn a_sheared_layer_has_columns_of_its_own() {
     assert_eq!(code, 0, "{text}");
     assert!(text.contains("3 grains were removed from regions"), "{text}");
     let table = String::from_utf8(output.stdout).unwrap();
-    assert!(table.lines().next().unwrap().ends_with("missing_energy [J],shear_xy,wall_sigma_xy [Pa],shear_work [J]"), "{table}");
+    assert!(
+        table.lines().next().unwrap().ends_with("missing_energy [J],shear_xy,wall_sigma_xy [Pa],shear_work [J]"),
+        "{table}"
+    );
     let (strain, stress) = (column(&table, "shear_xy"), column(&table, "wall_sigma_xy [Pa]"));
     let last = strain.len() - 1;
     assert!((strain[last] / 0.02 - 1.0).abs() < 0.02 && strain[0] == 0.0, "{strain:?}");

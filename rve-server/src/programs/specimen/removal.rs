@@ -81,7 +81,8 @@ pub(super) fn weakened<S: SpecimenSpace>(
     let before = assembled.grains.len();
     for (number, region) in regions.iter().enumerate() {
         let refuse = |reason: String| DefinitionError(format!("region {}: {reason}", number + 1));
-        let inside: Vec<usize> = (0..assembled.grains.len()).filter(|grain| holds(region, &assembled, *grain)).collect();
+        let inside: Vec<usize> =
+            (0..assembled.grains.len()).filter(|grain| holds(region, &assembled, *grain)).collect();
         let count = match (region.number, region.share) {
             (Some(number), _) => number,
             (None, share) => (share.unwrap_or(0.0) * inside.len() as f64).round() as usize,
@@ -168,12 +169,13 @@ mod tests {
         let ends = |assembled: &Assembled<Discs>, history: &History<Discs>| {
             [history.contact.origin, history.contact.end].map(|grain| assembled.grains[grain as usize])
         };
-        let kept = whole.histories.iter().filter(|history| !gone.clone().any(|grain| ends(&whole, history).contains(grain)));
+        let kept =
+            whole.histories.iter().filter(|history| !gone.clone().any(|grain| ends(&whole, history).contains(grain)));
         assert_eq!(
             kept.map(|history| (ends(&whole, history), history.moment)).collect::<Vec<_>>(),
             weak.histories.iter().map(|history| (ends(&weak, history), history.moment)).collect::<Vec<_>>()
         );
-        assert_eq!(weakened(whole.clone(), &[band.clone()]).unwrap().0, weak, "the same again");
+        assert_eq!(weakened(whole.clone(), std::slice::from_ref(&band)).unwrap().0, weak, "the same again");
         let other = Region { seed: 6, ..band };
         assert_ne!(weakened(whole, &[other]).unwrap().0, weak);
     }
@@ -185,7 +187,10 @@ mod tests {
         let shares = region([0.25, 0.25], [0.5, 0.5]);
         let corner = |share: f64| vec![share * width, share * height];
         let metres = Region { from: corner(0.25), to: corner(0.5), unit: RegionUnit::M, ..shares.clone() };
-        assert_eq!(weakened(whole.clone(), &[metres]).unwrap(), weakened(whole.clone(), &[shares.clone()]).unwrap());
+        assert_eq!(
+            weakened(whole.clone(), &[metres]).unwrap(),
+            weakened(whole.clone(), std::slice::from_ref(&shares)).unwrap()
+        );
         let reason = |region: Region| weakened(specimen(), &[region]).unwrap_err().to_string();
         assert!(reason(Region { share: Some(1e-4), ..shares.clone() }).contains("less than half a grain"));
         assert!(reason(Region { share: None, number: Some(1000), ..shares.clone() }).contains("but the box holds"));

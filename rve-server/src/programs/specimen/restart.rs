@@ -43,7 +43,11 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
     pub(super) fn restore(&mut self, state: &[u8]) -> Result<(), SpecimenError> {
         let mut keeper = Keeper::loading(state);
         self.keep(&mut keeper);
-        if keeper.fits() && self.place.stage as usize <= self.test.stage.len() { Ok(()) } else { Err(SpecimenError::Unfit) }
+        if keeper.fits() && self.place.stage as usize <= self.test.stage.len() {
+            Ok(())
+        } else {
+            Err(SpecimenError::Unfit)
+        }
     }
 
     fn keep(&mut self, keeper: &mut Keeper<'_>) {
@@ -57,11 +61,9 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         }
         self.dynamics.keep(keeper);
         keeper.grain_sums(&mut self.last);
-        for count in [
-            &mut self.summary.unbalanced_stages,
-            &mut self.summary.servo_misses,
-            &mut self.summary.energy_misses,
-        ] {
+        for count in
+            [&mut self.summary.unbalanced_stages, &mut self.summary.servo_misses, &mut self.summary.energy_misses]
+        {
             keeper.count(count);
         }
         keeper.number(&mut self.summary.largest_servo_error);

@@ -1,6 +1,8 @@
 //! Runs that go on from a state have the bits of undisturbed ones.
 
-use super::{Checkpoints, SpecimenError, SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen_from};
+use super::{
+    Checkpoints, SpecimenError, SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen_from,
+};
 use crate::definition::PackingFile;
 use crate::space::{Discs, Spheres};
 use std::path::Path;

@@ -46,7 +46,8 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
                 [slid / self.sides[side], force / self.area(side)]
             }
             None => {
-                let moved = self.dynamics.body.period(side).map_or(0.0, |period| period[along]) - self.leans[side][along];
+                let moved =
+                    self.dynamics.body.period(side).map_or(0.0, |period| period[along]) - self.leans[side][along];
                 [moved / self.sides[side], 0.0]
             }
         }

@@ -244,7 +244,8 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     fn begin(&mut self, stage: &Stage) {
         self.use_friction_of(stage);
         self.place.lengths = std::array::from_fn(|axis| self.length(axis));
-        let gripping: Vec<usize> = stage.glued_axes().into_iter().filter_map(|axis| self.walls[axis]).flatten().collect();
+        let gripping: Vec<usize> =
+            stage.glued_axes().into_iter().filter_map(|axis| self.walls[axis]).flatten().collect();
         if !gripping.is_empty() {
             self.dynamics.grip(gripping.into_iter(), self.test.walls.glue_depth);
         }

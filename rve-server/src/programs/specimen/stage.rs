@@ -172,7 +172,9 @@ impl Stage {
         for name in &self.glue {
             match axis_of(name) {
                 Some(axis) if axis < dimension && !periodic[axis] => {}
-                _ => return Err(DefinitionError(format!("glue = \"{name}\" is no axis with walls in this specimen"))),
+                _ => {
+                    return Err(DefinitionError(format!("glue = \"{name}\" is no axis with walls in this specimen")));
+                }
             }
         }
         Ok(())

@@ -145,13 +145,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
 
     /// Fixes the grains whose surface is nearer than `depth`, m, to the wall, except those that are `taken`, and marks them as such.
     /// Their contacts with the wall end; the energy stored in them, J, is returned.
-    pub(crate) fn grip(
-        &mut self,
-        grains: &[Grain<S>],
-        loads: &[Load<S>],
-        depth: f64,
-        taken: &mut [bool],
-    ) -> f64 {
+    pub(crate) fn grip(&mut self, grains: &[Grain<S>], loads: &[Load<S>], depth: f64, taken: &mut [bool]) -> f64 {
         let mut stored = 0.0;
         for (index, grain) in grains.iter().enumerate() {
             let gap = grain.position.minus(self.point).dot(self.normal) - grain.radius;

@@ -143,7 +143,8 @@ mod tests {
 
     #[test]
     fn the_gradient_takes_every_period_to_its_rate_in_space_too() {
-        let mut periods = Periods::<Spheres>::at_rest([Some([2.0, 0.0, 0.0]), Some([0.3, 3.0, 0.0]), Some([0.9, 2.4, 4.0])]);
+        let mut periods =
+            Periods::<Spheres>::at_rest([Some([2.0, 0.0, 0.0]), Some([0.3, 3.0, 0.0]), Some([0.9, 2.4, 4.0])]);
         periods.rates = [[0.1, 0.0, 0.0], [0.2, -0.3, 0.0], [0.4, 0.5, 0.6]];
         let foldings = periods.fold();
         assert_eq!(foldings.len(), 1, "{foldings:?}");

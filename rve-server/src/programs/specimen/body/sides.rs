@@ -24,8 +24,8 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         self.periods.are_moving().then(|| self.periods.gradient())
     }
 
-    /// Whether some unlisted pair may touch where the sides have moved since the list was made: a homogeneous strain moves a pair by as much as it stretches its branch, and
-    /// what is left is each grain's own way.
+    /// Whether some unlisted pair may touch where the sides have moved since the list was made: a homogeneous strain moves a
+    /// pair by as much as it stretches its branch, and what is left is each grain's own way.
     pub(super) fn has_left_the_flow(&self) -> bool {
         let strain = self.periods.strain_since(&self.listed_periods);
         let limit = 0.5 * (self.skin - norm(&strain) * self.reach());
@@ -85,9 +85,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     /// Translations and velocities of all images from the sides as they are.
     pub(super) fn place_images(&mut self) {
         let sum = |shift: &S::Shift, part: &dyn Fn(usize) -> S::Vector| {
-            let whole = (0..S::DIMENSION).filter(|axis| shift[*axis] != 0).fold(S::Vector::ZERO, |sum, axis| {
-                Components::plus(sum, part(axis).times(f64::from(shift[axis])))
-            });
+            let whole = (0..S::DIMENSION)
+                .filter(|axis| shift[*axis] != 0)
+                .fold(S::Vector::ZERO, |sum, axis| Components::plus(sum, part(axis).times(f64::from(shift[axis]))));
             <S::Coordinates<f64>>::build(|axis| whole[axis])
         };
         let periods = &self.periods;

@@ -1,4 +1,4 @@
-//! What sides do beside pressing: glued layers, walls that move along their planes, periodic sides that strain.
+//! What sides do besides pressing: glued layers, walls that move along their planes, periodic sides that strain.
 
 use super::super::SpecimenSpace;
 use super::super::body::mean_place;
