@@ -106,7 +106,7 @@ fn a_sheared_layer_has_columns_of_its_own() {
     assert!(work[last] > 0.0 && work[0] == 0.0 && work[last] < 3.0 * wall[last].abs(), "{work:?}, {wall:?}");
 }
 
-/// A run that is killed goes on from its checkpoint to the bytes of an undisturbed one, in another number of threads, with its pictures;
+/// a run that is killed goes on from its checkpoint to the bytes of an undisturbed one, in another number of threads, with its pictures;
 /// another test is refused, and a run that has ended leaves no checkpoint.
 #[test]
 fn a_killed_specimen_goes_on_to_the_same_bytes() {

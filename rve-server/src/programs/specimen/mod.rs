@@ -16,7 +16,6 @@ mod error;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
-mod keeper;
 mod removal;
 mod restart;
 #[cfg(test)]
@@ -27,6 +26,7 @@ pub mod run;
 #[cfg(test)]
 mod shear_tests;
 mod stage;
+mod state_stream;
 pub mod test_file;
 #[cfg(test)]
 mod tests;

@@ -15,8 +15,10 @@ use serde::{Deserialize, Serialize};
 pub struct Region {
     /// Lower corner, as shares of the specimen's sides or, with `unit = "m"`, in metres from its lower corner. The region holds the
     /// grains whose centres lie in the box, the upper faces left out.
+    #[schemars(extend("x-unit" = "-, m"))]
     pub from: Vec<f64>,
     /// Upper corner.
+    #[schemars(extend("x-unit" = "-, m"))]
     pub to: Vec<f64>,
     /// Unit of the corners.
     #[serde(default)]

@@ -2,8 +2,8 @@
 
 use super::assembly::Joinable;
 use super::error::SpecimenError;
-use super::keeper::Keeper;
 use super::run::Run;
+use super::state_stream::StateStream;
 use crate::contact::ContactLaw;
 
 /// How a run keeps its state, and what it begins with.
@@ -31,9 +31,9 @@ pub(super) struct Place {
 impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
     /// The state as bytes.
     pub(super) fn state(&mut self) -> Vec<u8> {
-        let mut keeper = Keeper::saving();
-        self.keep(&mut keeper);
-        keeper.into_bytes()
+        let mut stream = StateStream::saving();
+        self.keep(&mut stream);
+        stream.into_bytes()
     }
 
     /// Goes on from a state.
@@ -41,32 +41,32 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
     /// # Errors
     /// A state of another test or packing.
     pub(super) fn restore(&mut self, state: &[u8]) -> Result<(), SpecimenError> {
-        let mut keeper = Keeper::loading(state);
-        self.keep(&mut keeper);
-        if keeper.fits() && self.place.stage as usize <= self.test.stage.len() {
+        let mut stream = StateStream::loading(state);
+        self.keep(&mut stream);
+        if stream.fits() && self.place.stage as usize <= self.test.stage.len() {
             Ok(())
         } else {
             Err(SpecimenError::Unfit)
         }
     }
 
-    fn keep(&mut self, keeper: &mut Keeper<'_>) {
-        keeper.count(&mut self.place.stage);
-        keeper.count(&mut self.place.done);
-        keeper.count(&mut self.place.row);
-        keeper.numbers(&mut self.place.lengths);
+    fn keep(&mut self, stream: &mut StateStream<'_>) {
+        stream.count(&mut self.place.stage);
+        stream.count(&mut self.place.done);
+        stream.count(&mut self.place.row);
+        stream.numbers(&mut self.place.lengths);
         // Constants of contacts follow from the law of the stage.
         if let Some(stage) = self.test.stage.get(self.place.stage as usize) {
             self.use_friction_of(stage);
         }
-        self.dynamics.keep(keeper);
-        keeper.grain_sums(&mut self.last);
+        self.dynamics.keep(stream);
+        stream.grain_sums(&mut self.last);
         for count in
             [&mut self.summary.unbalanced_stages, &mut self.summary.servo_misses, &mut self.summary.energy_misses]
         {
-            keeper.count(count);
+            stream.count(count);
         }
-        keeper.number(&mut self.summary.largest_servo_error);
-        keeper.number(&mut self.summary.largest_energy_error);
+        stream.number(&mut self.summary.largest_servo_error);
+        stream.number(&mut self.summary.largest_energy_error);
     }
 }

@@ -1,4 +1,4 @@
-//! Runs that go on from a state have the bits of undisturbed ones.
+//! runs that go on from a state have the bits of undisturbed ones.
 
 use super::{
     Checkpoints, SpecimenError, SpecimenEvent, SpecimenRow, SpecimenSummary, SpecimenTest, run_specimen_from,

@@ -45,7 +45,7 @@ fn assert_energy_is_accounted_for(dynamics: &Dynamics<Discs, PlainLinear>, withi
     assert!(missing.abs() < within * turnover, "{missing:e} of {turnover:e} J are missing");
 }
 
-/// Three discs that do not rotate, the outer ones glued: the middle one goes half the way, both contacts slip by that half and turn
+/// B-11: three discs that do not rotate, the outer ones glued: the middle one goes half the way, both contacts slip by that half and turn
 /// by it over their branch, which turns the normal force as well.
 #[test]
 fn glued_layers_shear_a_grain_between_them_like_two_springs_in_series() {
@@ -72,7 +72,7 @@ fn glued_layers_shear_a_grain_between_them_like_two_springs_in_series() {
     assert_energy_is_accounted_for(&dynamics, 1e-6);
 }
 
-/// Between rough plates without glue a disc that cannot rotate slides under `mu N`, and friction takes what the plate gives. A
+/// B-11: between rough plates without glue a disc that cannot rotate slides under `mu N`, and friction takes what the plate gives. A
 /// free one rolls and bears nothing.
 #[test]
 fn rough_walls_shear_a_grain_by_the_friction_limit_and_roll_a_free_one() {
@@ -98,7 +98,7 @@ fn rough_walls_shear_a_grain_by_the_friction_limit_and_roll_a_free_one() {
     }
 }
 
-/// The normal stress of a wall is held while it slides, and through its glued layer too.
+/// B-11: the normal stress of a wall is held while it slides, and through its glued layer too.
 #[test]
 fn a_servo_wall_holds_its_force_while_it_slides() {
     let branch = 2.0 * RADIUS;
@@ -155,7 +155,7 @@ fn sum_over_images(angle: f64) -> [[f64; 2]; 2] {
     sum
 }
 
-/// C-12 like, affine: with one grain in the cell nothing but the images moves, and the stress is known at any angle, across every
+/// B-9, affine: with one grain in the cell nothing but the images moves, and the stress is known at any angle, across every
 /// folding. The work of the sides is what the contacts store.
 #[test]
 fn a_lattice_sheared_past_itself_has_the_stress_of_its_images() {
@@ -182,7 +182,7 @@ fn a_lattice_sheared_past_itself_has_the_stress_of_its_images() {
     assert_energy_is_accounted_for(&dynamics, 1e-4);
 }
 
-/// Small shear of the square lattice with friction: `k_t/2` in shear, less the turned normal force where nothing rotates.
+/// B-9: small shear of the square lattice with friction: `k_t/2` in shear, less the turned normal force where nothing rotates.
 #[test]
 fn a_lattice_has_the_shear_modulus_of_its_tangential_springs() {
     for rotations_free in [false, true] {
@@ -258,7 +258,7 @@ fn run(test: &SpecimenTest, packing: &PackingFile<Discs>) -> (Vec<SpecimenRow>, 
     (rows, summary.unwrap())
 }
 
-/// A periodic specimen under shear and compression of its sides has the stress of the periodic cell under the same path.
+/// B-10: a periodic specimen under shear and compression of its sides has the stress of the periodic cell under the same path.
 #[test]
 fn periodic_sides_strain_a_packing_as_its_cell_is_strained() {
     let packing = packing::<Discs>("discs-100.json");

@@ -3,7 +3,7 @@
 
 use super::SpecimenSpace;
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, Slot};
-use super::keeper::Keeper;
+use super::state_stream::StateStream;
 use crate::contact::ContactLaw;
 use crate::simd::Tuple;
 use std::collections::BTreeMap;
@@ -226,26 +226,26 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
     }
 
     /// Saves or loads its state. What drives it is set in every step.
-    pub(crate) fn keep(&mut self, keeper: &mut Keeper<'_>, grains: &[Grain<S>]) {
+    pub(crate) fn keep(&mut self, stream: &mut StateStream<'_>, grains: &[Grain<S>]) {
         for vector in [&mut self.point, &mut self.glide, &mut self.slid, &mut self.force] {
-            keeper.numbers(vector.as_mut());
+            stream.numbers(vector.as_mut());
         }
         for number in [&mut self.stiffness, &mut self.velocity, &mut self.travelled] {
-            keeper.number(number);
+            stream.number(number);
         }
         let mut touching: Vec<u32> = self.slots.keys().copied().collect();
         for list in [&mut self.glued, &mut self.near, &mut touching] {
-            keeper.list(list, &0, |keeper, grain| keeper.index(grain));
+            stream.list(list, &0, |stream, grain| stream.index(grain));
             if list.iter().any(|grain| *grain as usize >= grains.len()) {
-                keeper.refuse();
+                stream.refuse();
                 return;
             }
         }
-        if keeper.is_loading() {
+        if stream.is_loading() {
             let law = &self.law;
             let slot = |grain: u32| Slot::at_wall(law, grains[grain as usize].radius, 1.0, self.damping_ratio);
             self.slots = touching.iter().map(|grain| (*grain, slot(*grain))).collect();
         }
-        self.slots.values_mut().for_each(|slot| keeper.slot(slot));
+        self.slots.values_mut().for_each(|slot| stream.slot(slot));
     }
 }

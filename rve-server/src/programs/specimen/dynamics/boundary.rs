@@ -3,7 +3,7 @@
 use super::super::SpecimenSpace;
 use super::super::body::mean_place;
 use super::super::contact::Grain;
-use super::super::keeper::Keeper;
+use super::super::state_stream::StateStream;
 use super::Dynamics;
 use crate::contact::ContactLaw;
 use crate::simd::Tuple;
@@ -129,16 +129,16 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
     }
 
     /// Saves or loads the state of grains, contacts, walls and energy.
-    pub(crate) fn keep(&mut self, keeper: &mut Keeper<'_>) {
-        self.body.keep(keeper);
-        self.walls.iter_mut().for_each(|wall| wall.keep(keeper, &self.body.grains));
-        keeper.fixed(&mut self.driven, |keeper, driven| keeper.flag(driven));
-        keeper.fixed(&mut self.masses, |keeper, mass| keeper.number(mass));
-        keeper.fixed(&mut self.rotations, |keeper, rotation| keeper.numbers(rotation.as_mut()));
-        keeper.count(&mut self.steps);
-        keeper.count(&mut self.shortenings);
-        keeper.sums(&mut self.contacts);
-        keeper.numbers(&mut self.works);
+    pub(crate) fn keep(&mut self, stream: &mut StateStream<'_>) {
+        self.body.keep(stream);
+        self.walls.iter_mut().for_each(|wall| wall.keep(stream, &self.body.grains));
+        stream.fixed(&mut self.driven, |stream, driven| stream.flag(driven));
+        stream.fixed(&mut self.masses, |stream, mass| stream.number(mass));
+        stream.fixed(&mut self.rotations, |stream, rotation| stream.numbers(rotation.as_mut()));
+        stream.count(&mut self.steps);
+        stream.count(&mut self.shortenings);
+        stream.sums(&mut self.contacts);
+        stream.numbers(&mut self.works);
         for number in [
             &mut self.time,
             &mut self.step,
@@ -147,13 +147,13 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             &mut self.raised,
             &mut self.first_energy,
         ] {
-            keeper.number(number);
+            stream.number(number);
         }
         let mut flows = self.flow.is_some();
-        keeper.flag(&mut flows);
+        stream.flag(&mut flows);
         if flows {
             let mut centre = self.flow.map_or(Tuple::zero(), |flow| flow.centre);
-            keeper.numbers(centre.as_mut());
+            stream.numbers(centre.as_mut());
             self.flow = Some(Flow::new(centre, self.body.flow_gradient().unwrap_or(S::Tensor::ZERO)));
         }
     }

@@ -9,7 +9,7 @@ use super::dynamics::GrainSums;
 use crate::contact::ContactLaw;
 
 /// Walks over a state, either writing it down or putting back what was written.
-pub(crate) struct Keeper<'a> {
+pub(crate) struct StateStream<'a> {
     saved: Vec<u8>,
     /// What is left to be put back; `None` while saving.
     rest: Option<&'a [u8]>,
@@ -17,15 +17,15 @@ pub(crate) struct Keeper<'a> {
     is_unfit: bool,
 }
 
-impl<'a> Keeper<'a> {
+impl<'a> StateStream<'a> {
     /// One that writes down.
     pub(crate) fn saving() -> Self {
-        Keeper { saved: Vec::new(), rest: None, is_unfit: false }
+        StateStream { saved: Vec::new(), rest: None, is_unfit: false }
     }
 
     /// One that puts back.
     pub(crate) fn loading(state: &'a [u8]) -> Self {
-        Keeper { saved: Vec::new(), rest: Some(state), is_unfit: false }
+        StateStream { saved: Vec::new(), rest: Some(state), is_unfit: false }
     }
 
     /// What was written down.
@@ -160,28 +160,28 @@ impl<'a> Keeper<'a> {
 mod tests {
     use super::*;
 
-    fn walk(keeper: &mut Keeper<'_>, number: &mut f64, list: &mut Vec<i32>) {
-        keeper.number(number);
-        keeper.list(list, &0, |keeper, value| keeper.integer(value));
+    fn walk(stream: &mut StateStream<'_>, number: &mut f64, list: &mut Vec<i32>) {
+        stream.number(number);
+        stream.list(list, &0, |stream, value| stream.integer(value));
     }
 
     #[test]
     fn what_is_saved_comes_back_bit_by_bit_and_what_is_cut_short_is_refused() {
-        let mut saving = Keeper::saving();
+        let mut saving = StateStream::saving();
         walk(&mut saving, &mut f64::from_bits(0x7ff8_0000_0000_0001), &mut vec![3, -7]);
         let bytes = saving.into_bytes();
         let (mut number, mut list) = (0.0, vec![1, 2, 3, 4]);
-        let mut loading = Keeper::loading(&bytes);
+        let mut loading = StateStream::loading(&bytes);
         walk(&mut loading, &mut number, &mut list);
         assert!(loading.fits());
         assert_eq!((number.to_bits(), list), (0x7ff8_0000_0000_0001, vec![3, -7]));
         for length in [bytes.len() - 8, 8, 0] {
-            let mut loading = Keeper::loading(&bytes[..length]);
+            let mut loading = StateStream::loading(&bytes[..length]);
             walk(&mut loading, &mut 0.0, &mut Vec::new());
             assert!(!loading.fits(), "{length}");
         }
         let longer: Vec<u8> = bytes.iter().copied().chain([0; 8]).collect();
-        let mut loading = Keeper::loading(&longer);
+        let mut loading = StateStream::loading(&longer);
         walk(&mut loading, &mut 0.0, &mut Vec::new());
         assert!(!loading.fits());
     }
