@@ -136,3 +136,12 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
         }
     }
 }
+
+/// Version and content of this executable: only the same one promises the same bits.
+pub(crate) fn this_program() -> String {
+    let content = std::env::current_exe()
+        .and_then(std::fs::File::open)
+        .and_then(protocol::ContentId::of_reader)
+        .map_or("unknown".to_owned(), |content| content.to_string());
+    format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
+}

@@ -23,6 +23,7 @@ pub use generate::{generate, generate_any};
 pub use grading::Grading;
 pub use preshear::ShearAttempt;
 pub use progress::PackingProgress;
+pub(crate) use random_placement::chosen;
 pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
 pub(crate) use report::anisotropy_of_fabric;
 pub use report::{PackingReport, Requirement, Searches};

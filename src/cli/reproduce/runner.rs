@@ -1,4 +1,5 @@
-//! Makes the runs of a figure, each in a process of its own. A scene that was interrupted is continued; what is finished stays.
+//! Makes the runs of a figure, each in a process of its own. A scene or specimen that was interrupted is continued; what is finished
+//! stays.
 
 use super::Arguments;
 use super::error::ReproduceError;
@@ -112,6 +113,7 @@ fn execute(
         Command::Specimen => {
             command.arg("specimen").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
             command.args(workers.iter().flat_map(|count| ["--threads", count]));
+            command.arg("--checkpoint").arg(folder).args(resume.then_some("--resume"));
         }
     }
     command.args(run.size.iter().flat_map(|size| ["--size", size]));

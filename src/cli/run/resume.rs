@@ -1,14 +1,14 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
+use crate::cli::this_program;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
 };
 use macro_solver::output::{RunStatus, Summary, write_atomically};
-use protocol::ContentId;
 use scene_reader::changes;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 
 const SECTION: &str = "run";
@@ -54,15 +54,6 @@ impl RunDescription {
             figures: CheckpointFigures::default(),
         }
     }
-}
-
-/// Version and content of this executable: only the same one promises the same bits.
-fn this_program() -> String {
-    let content = std::env::current_exe()
-        .and_then(File::open)
-        .and_then(ContentId::of_reader)
-        .map_or("unknown".to_owned(), |content| content.to_string());
-    format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
 }
 
 /// A run to be continued.

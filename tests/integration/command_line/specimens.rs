@@ -70,6 +70,78 @@ fn a_specimen_with_rolling_and_damping_comes_to_balance() {
     assert!(missing.last().unwrap().abs() < 1e-2 * column(&table, "elastic_energy").last().unwrap(), "{table}");
 }
 
+/// A layer between glued walls, sheared at constant stress, written to `file`.
+fn sheared_layer(site: &Site, steps: u64) -> String {
+    let file = site.path("layer.toml");
+    let packing = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
+    let text = format!(
+        "packing = \"{}\"\ntiles = [1, 2]\nperiodic = [\"x\"]\n[contact]\nlaw = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\n\
+         friction = 0.5\n[walls]\nglue_depth = 1e-4\nservo_gain = 0.2\n[[region]]\nfrom = [0.0, 0.4]\nto = [1.0, 0.7]\nnumber = 3\n\
+         [[stage]]\nname = \"press\"\nsteps = 3000\nrows = 1\nstress = {{ yy = -1e5 }}\n\
+         [[stage]]\nname = \"shear\"\nsteps = {steps}\nrows = 20\nglue = [\"y\"]\nshear = {{ xy = 0.02 }}\nstress = {{ yy = -1e5 }}\n",
+        packing.display()
+    );
+    std::fs::write(&file, text).unwrap();
+    file.to_str().unwrap().to_owned()
+}
+
+/// Columns of shear come last and are those of the walls; grains that a region has lost are told.
+#[test]
+fn a_sheared_layer_has_columns_of_its_own() {
+    let site = Site::new();
+    let test = sheared_layer(&site, 20_000);
+    let (code, text, output) = run(&site, &["specimen", &test, "--units"]);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("3 grains were removed from regions"), "{text}");
+    let table = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        table.lines().next().unwrap().ends_with("missing_energy [J],shear_xy,wall_sigma_xy [Pa],shear_work [J]"),
+        "{table}"
+    );
+    let (strain, stress) = (column(&table, "shear_xy"), column(&table, "wall_sigma_xy [Pa]"));
+    let last = strain.len() - 1;
+    assert!((strain[last] / 0.02 - 1.0).abs() < 0.02 && strain[0] == 0.0, "{strain:?}");
+    assert!(stress[last] > 1e4 && stress[last] < 1e5, "{stress:?}");
+    let (work, wall) = (column(&table, "shear_work [J]"), column(&table, "wall_work [J]"));
+    assert!(work[last] > 0.0 && work[0] == 0.0 && work[last] < 3.0 * wall[last].abs(), "{work:?}, {wall:?}");
+}
+
+/// A-10: a run that is killed goes on from its checkpoint to the bytes of an undisturbed one, in another number of threads, with its pictures;
+/// another test is refused, and a run that has ended leaves no checkpoint.
+#[test]
+fn a_killed_specimen_goes_on_to_the_same_bytes() {
+    let site = Site::new();
+    let test = sheared_layer(&site, 60_000);
+    let (whole, broken) = (site.path("whole.csv"), site.path("broken.csv"));
+    let (checkpoint, pictures) = (site.path("checkpoint"), site.path("pictures"));
+    let (code, text, _) = run(&site, &["specimen", &test, "--threads", "1", "--out", whole.to_str().unwrap()]);
+    assert_eq!(code, 0, "{text}");
+    let mut arguments = vec!["specimen", &test, "--out", broken.to_str().unwrap(), "--checkpoint-every", "5000"];
+    arguments.extend(["--checkpoint", checkpoint.to_str().unwrap(), "--pictures", pictures.to_str().unwrap()]);
+    let file = checkpoint.join("checkpoint.bin");
+    let mut child = site.program(&arguments).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let begun = std::time::Instant::now();
+    while !file.exists() {
+        assert!(begun.elapsed().as_secs() < 300 && child.try_wait().unwrap().is_none(), "no checkpoint was written");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success() && !broken.exists(), "it ended before it was killed");
+
+    arguments.push("--resume");
+    let changed = ["--set", "contact.friction=0.4"];
+    let (code, text, _) = run(&site, &[&arguments[..], &changed[..]].concat());
+    assert!(code == 2 && text.contains("another test") && text.contains("friction"), "{code}: {text}");
+    let (code, text, _) = run(&site, &[&arguments[..], &["--threads", "2"][..]].concat());
+    assert!(code == 0 && !text.contains("no checkpoint"), "{code}: {text}");
+    assert_eq!(std::fs::read_to_string(&broken).unwrap(), std::fs::read_to_string(&whole).unwrap());
+    let series = std::fs::read_to_string(pictures.join("grains.pvd")).unwrap();
+    assert_eq!(series.matches("<DataSet").count(), 21, "{series}");
+    assert!(!file.exists(), "a run that has ended leaves no checkpoint");
+    let (code, text, _) = run(&site, &["specimen", &test, "--resume"]);
+    assert!(code == 2 && text.contains("--checkpoint"), "{text}");
+}
+
 /// What cannot be run is refused before anything moves, with the place and the remedy.
 #[test]
 fn specimens_that_are_not_sound_are_refused() {
@@ -80,6 +152,8 @@ fn specimens_that_are_not_sound_are_refused() {
         ("motion.safety=1.5", "motion.safety = 1.5 must lie between 0 and 1"),
         ("tiles=[1]", "needs 2 whole numbers"),
         ("contact.damping=-1.0", "contact.damping must be at least 0, not -1"),
+        ("stage.1.shear={xy=0.1}", "set walls.friction, or glue = [\"y\"]"),
+        ("region=[{from=[0.0, 0.0], to=[1.0, 1.0], share=2.0}]", "share = 2 must be above 0 and at most 1"),
     ] {
         let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
         assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");

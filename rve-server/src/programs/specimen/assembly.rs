@@ -52,6 +52,25 @@ impl<S: SpecimenSpace> History<S> {
     }
 }
 
+/// The packing after a homogeneous shear that makes periodic axes upright where they lean along walled ones. Contacts keep their
+/// tangential forces.
+pub fn straightened<S: SpecimenSpace>(packing: &PackingFile<S>, periodic: [bool; 3]) -> PackingFile<S> {
+    let mut upright = packing.clone();
+    for i in (0..S::DIMENSION).filter(|axis| periodic[*axis]) {
+        for j in (0..i).filter(|axis| !periodic[*axis]) {
+            let lean = upright.periodicity[i][j] / upright.periodicity[i][i];
+            for row in 0..S::DIMENSION {
+                upright.periodicity[row][j] -= lean * upright.periodicity[row][i];
+            }
+            upright.periodicity[i][j] = 0.0;
+            for grain in &mut upright.grains {
+                grain[j] -= lean * grain[i];
+            }
+        }
+    }
+    upright
+}
+
 /// Repeats a packing as whole tiles from the origin on. A skewed cell stays as it is: the copies tile the plane, or space,
 /// and the specimen is the upright box `tiles` cells wide, which holds every grain of every copy once because Y1 points
 /// along x and Y2 lies in the plane of x and y.
@@ -78,7 +97,7 @@ pub fn tiled<S: SpecimenSpace>(
     if let Some((i, j)) = axes().find(|(i, j)| j < i && periodic[*i] && !periodic[*j] && part((*i, *j)) > UPRIGHT) {
         return Err(PackingError::Content(format!(
             "the packing's vector Y{} leans by {:.4} along {}, where this specimen has walls: make {} periodic as well, or \
-             neither, or use a packing whose cell is upright",
+             neither, set straighten = true, or use a packing whose cell is upright",
             i + 1,
             part((i, j)),
             ["x", "y", "z"][j],

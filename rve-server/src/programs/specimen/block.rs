@@ -25,6 +25,8 @@ pub(super) struct Block<'a, S: SpecimenSpace, C: ContactLaw<S>> {
     pub grains: &'a [Grain<S>],
     /// Shifts of the periodic images.
     pub images: &'a [S::Coordinates<f64>],
+    /// Velocities of the images, m/s; empty while the periodic sides stand still.
+    pub image_velocities: &'a [S::Coordinates<f64>],
     /// The pairs of this block.
     pub pairs: &'a [Listed],
     /// Histories of the contacts of these pairs.
@@ -61,6 +63,14 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Block<'_, S, C> {
             let ends = [&self.grains[pair.origin as usize], &self.grains[pair.end as usize]];
             let branch = ends[1].position.minus(ends[0].position).plus(self.images[pair.image as usize]);
             if branch.dot(branch) < pair.near_square {
+                let image;
+                let ends = match self.image_velocities.get(pair.image as usize) {
+                    Some(velocity) => {
+                        image = Grain { velocity: ends[1].velocity.plus(*velocity), ..*ends[1] };
+                        [ends[0], &image]
+                    }
+                    None => ends,
+                };
                 *load = slot.press(self.law, branch, ends, self.step, &mut sums);
             } else if slot.touches {
                 slot.open(self.law, &mut sums);

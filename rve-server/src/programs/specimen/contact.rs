@@ -150,6 +150,21 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         law.stiffness(&self.constants, self.overlap)
     }
 
+    /// Stored energy at the last evaluation, J.
+    pub(super) fn stored(&self, law: &C) -> f64 {
+        let energy = law.energy(&self.constants, self.overlap, S::length(self.tangential_force), &self.memory);
+        if self.touches { self.weight * energy } else { 0.0 }
+    }
+
+    /// The same contact named from its other grain.
+    pub(super) fn seen_from_end(self, law: &C) -> Self {
+        let mut slot = self;
+        slot.radii.reverse();
+        slot.direction = slot.direction.scaled(-1.0);
+        law.carry(&mut slot.memory, |moment| moment.scaled(-1.0));
+        slot
+    }
+
     /// Largest tangential force at the last overlap, N: what cohesion adds to the repulsion counts.
     pub(crate) fn friction_limit(&self, law: &C) -> f64 {
         law.friction_limit(&self.constants, self.overlap)

@@ -1,6 +1,7 @@
 //! Rows of a specimen test as CSV. Equal rows give equal bytes; no column holds a wall-clock time.
 
 use super::results::SpecimenRow;
+use super::test_file::SpecimenTest;
 use std::io::Write;
 
 const NAMES: [&str; 28] = [
@@ -47,20 +48,32 @@ fn unit(name: &str) -> Option<&'static str> {
 /// Writes the header and then one line per row.
 pub struct SpecimenCsv<W: Write> {
     writer: csv::Writer<W>,
+    /// Per component of shear, whether its walls have a stress.
+    shear: Vec<bool>,
 }
 
 impl<W: Write> SpecimenCsv<W> {
-    /// Starts a table whose header may hold units, `sigma_xx [Pa]`.
+    /// Starts a table whose header may hold units, `sigma_xx [Pa]`. Columns of shear come last, where a stage asks for it.
     ///
     /// # Errors
     /// Errors of the output.
-    pub fn new(output: W, has_units: bool) -> csv::Result<Self> {
+    pub fn new(output: W, has_units: bool, test: &SpecimenTest) -> csv::Result<Self> {
         let mut writer = csv::Writer::from_writer(output);
-        writer.write_record(NAMES.map(|name| match unit(name) {
+        let mut names = NAMES.map(str::to_owned).to_vec();
+        let mut shear = Vec::new();
+        for sheared in test.sheared() {
+            let is_walled = !test.periodic.iter().any(|axis| super::test_file::axis_of(axis) == Some(sheared.side));
+            names.push(format!("shear_{}", sheared.name));
+            names.extend(is_walled.then(|| format!("wall_sigma_{}", sheared.name)));
+            shear.push(is_walled);
+        }
+        names.extend((!shear.is_empty()).then(|| "shear_work".to_owned()));
+        writer.write_record(names.iter().map(|name| match unit(name) {
             Some(unit) if has_units => format!("{name} [{unit}]"),
-            _ => name.to_owned(),
+            _ => name.clone(),
         }))?;
-        Ok(Self { writer })
+        writer.flush()?;
+        Ok(Self { writer, shear })
     }
 
     /// Writes one row.
@@ -85,6 +98,11 @@ impl<W: Write> SpecimenCsv<W> {
             row.missing_energy,
         ]);
         cells.extend(numbers.map(|number| number.to_string()));
+        for ([strain, stress], is_walled) in row.shear.iter().zip(&self.shear) {
+            cells.push(strain.to_string());
+            cells.extend(is_walled.then(|| stress.to_string()));
+        }
+        cells.extend((!self.shear.is_empty()).then(|| row.shear_work.to_string()));
         self.writer.write_record(&cells)?;
         self.writer.flush()?;
         Ok(())
@@ -92,6 +110,20 @@ impl<W: Write> SpecimenCsv<W> {
 }
 
 impl SpecimenCsv<Vec<u8>> {
+    /// Goes on behind the rows of an earlier process, which [`so_far`](Self::so_far) gave.
+    ///
+    /// # Errors
+    /// Errors of the output.
+    pub fn resumed(table: Vec<u8>, has_units: bool, test: &SpecimenTest) -> csv::Result<Self> {
+        let Self { shear, .. } = Self::new(Vec::new(), has_units, test)?;
+        Ok(Self { writer: csv::Writer::from_writer(table), shear })
+    }
+
+    /// The bytes so far.
+    pub fn so_far(&self) -> &[u8] {
+        self.writer.get_ref()
+    }
+
     /// The bytes of the table.
     ///
     /// # Errors

@@ -13,6 +13,9 @@ pub enum SpecimenError {
     /// The packing does not suit the specimen.
     #[error(transparent)]
     Packing(#[from] PackingError),
+    /// A state that belongs to another test or packing.
+    #[error("the saved state does not fit this test and packing; start again without it")]
+    Unfit,
     /// Velocities are no longer finite.
     #[error(
         "stage \"{stage}\": the motion went out of control at step {step}; lower motion.safety or the strain per step"

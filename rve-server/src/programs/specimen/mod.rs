@@ -16,8 +16,17 @@ mod error;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
+mod removal;
+mod restart;
+#[cfg(test)]
+mod restart_tests;
 mod results;
+mod rows;
 pub mod run;
+#[cfg(test)]
+mod shear_tests;
+mod stage;
+mod state_stream;
 pub mod test_file;
 #[cfg(test)]
 mod tests;
@@ -30,8 +39,11 @@ pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
 pub use error::SpecimenError;
+pub use removal::{Region, RegionUnit};
+pub use restart::Checkpoints;
 pub use results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
-pub use run::{SpecimenFor, run_specimen};
+pub use run::{SpecimenFor, run_specimen, run_specimen_from};
+pub use stage::{AxisTable, ShearTable, Sheared, Stage};
 pub use test_file::SpecimenTest;
 pub use wall::{Wall, WallDrive};
 

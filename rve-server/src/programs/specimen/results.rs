@@ -37,8 +37,13 @@ pub struct SpecimenRow {
     pub damping_work: f64,
     /// Largest overlap over the smaller diameter.
     pub max_overlap_ratio: f64,
-    /// Work of the walls on the grains since the start, J.
+    /// Work of the walls and periodic sides on the grains since the start, J.
     pub wall_work: f64,
+    /// Shear strain and wall shear stress, Pa, per component that some stage of the test asks for: see
+    /// [`SpecimenTest::sheared`](super::SpecimenTest::sheared).
+    pub shear: Vec<[f64; 2]>,
+    /// Part of the work that came from walls moving along their planes and from periodic sides, J.
+    pub shear_work: f64,
     /// Energy put in since the start that is neither stored nor booked as lost, J; negative if there is more than was put in.
     pub missing_energy: f64,
 }
@@ -58,6 +63,8 @@ pub struct SpecimenStart {
     pub dropped: usize,
     /// Displacement over height by which the copies lean against the walls.
     pub slant: f64,
+    /// Grains that regions have lost.
+    pub removed: usize,
 }
 
 /// Cost of a test, and counts of missed tolerances.
@@ -107,6 +114,9 @@ pub enum SpecimenEvent<'a> {
         /// Steps done in it.
         step: u64,
     },
+    /// The state of the run, from which [`run_specimen_from`](super::run_specimen_from) goes on with the same bits; called as often as
+    /// [`Checkpoints`](super::Checkpoints) ask for it, after the row of the same step.
+    State(Vec<u8>),
     /// A row, with a picture of the grains at this moment on request.
     Row(&'a SpecimenRow, &'a dyn Fn() -> SpecimenPicture),
 }

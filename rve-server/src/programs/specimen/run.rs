@@ -1,16 +1,19 @@
 //! The driver of a specimen test: stages of wall motion, rows of results.
 
-use super::assembly::{Joinable, assembled};
+use super::assembly::{Joinable, assembled, straightened};
 use super::body::Body;
 use super::dynamics::{Dynamics, GrainSums, Motion};
 use super::error::SpecimenError;
-use super::results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
-use super::test_file::{SpecimenTest, Stage};
+use super::removal::weakened;
+use super::restart::{Checkpoints, Place};
+use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
+use super::stage::{Sheared, Stage};
+use super::test_file::SpecimenTest;
 use super::wall::{Wall, WallDrive};
 use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
 use crate::definition::PackingFile;
 use crate::simd::Tuple;
-use crate::space::{Discs, Spheres};
+use crate::space::{Components, Discs, Spheres};
 
 /// Default speed of the servo per missing force, relative to the walls' stiffness.
 const SERVO_GAIN: f64 = 0.02;
@@ -37,19 +40,34 @@ pub fn run_specimen<S: SpecimenFor>(
     packing: &PackingFile<S>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),
 ) -> Result<SpecimenSummary, SpecimenError> {
-    S::run(test, packing, listener)
+    S::run(test, packing, &Checkpoints::default(), listener)
+}
+
+/// As [`run_specimen`], with states on the way, or from one on: the rows from there on, and the summary, are those of an undisturbed
+/// run, bit for bit.
+///
+/// # Errors
+/// As [`run_specimen`]; a state of another test or packing.
+pub fn run_specimen_from<S: SpecimenFor>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    checkpoints: &Checkpoints<'_>,
+    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+) -> Result<SpecimenSummary, SpecimenError> {
+    S::run(test, packing, checkpoints, listener)
 }
 
 /// Spaces whose specimens can be run. The method is not generic, unlike what it calls: the dynamics are compiled once per
 /// space, in this crate, and not again in every program that uses it.
 pub trait SpecimenFor: Joinable {
-    /// As [`run_specimen`].
+    /// As [`run_specimen_from`].
     ///
     /// # Errors
-    /// As [`run_specimen`].
+    /// As [`run_specimen_from`].
     fn run(
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
+        checkpoints: &Checkpoints<'_>,
         listener: &mut dyn FnMut(&SpecimenEvent<'_>),
     ) -> Result<SpecimenSummary, SpecimenError>;
 }
@@ -58,9 +76,10 @@ impl SpecimenFor for Discs {
     fn run(
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
+        checkpoints: &Checkpoints<'_>,
         listener: &mut dyn FnMut(&SpecimenEvent<'_>),
     ) -> Result<SpecimenSummary, SpecimenError> {
-        run_stages(test, packing, listener)
+        run_stages(test, packing, checkpoints, listener)
     }
 }
 
@@ -68,26 +87,29 @@ impl SpecimenFor for Spheres {
     fn run(
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
+        checkpoints: &Checkpoints<'_>,
         listener: &mut dyn FnMut(&SpecimenEvent<'_>),
     ) -> Result<SpecimenSummary, SpecimenError> {
-        run_stages(test, packing, listener)
+        run_stages(test, packing, checkpoints, listener)
     }
 }
 
 fn run_stages<S: Joinable + ContactLaws>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
+    checkpoints: &Checkpoints<'_>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),
 ) -> Result<SpecimenSummary, SpecimenError> {
     test.validate(S::DIMENSION)?;
     let contact = test.contact_without_damping();
-    contact.compile::<S, _>(Stages { test, packing, listener })?
+    contact.compile::<S, _>(Stages { test, packing, checkpoints, listener })?
 }
 
 /// All stages of a test, with whichever law its contact table chooses.
 struct Stages<'a, S: Joinable> {
     test: &'a SpecimenTest,
     packing: &'a PackingFile<S>,
+    checkpoints: &'a Checkpoints<'a>,
     listener: &'a mut dyn FnMut(&SpecimenEvent<'_>),
 }
 
@@ -96,8 +118,11 @@ impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
 
     fn visit<C: ContactLaw<S>>(self, law: C) -> Self::Output {
         let mut run = Run::new(self.test, self.packing, law)?;
-        for (number, stage) in self.test.stage.iter().enumerate() {
-            run.follow(number, stage, self.listener)?;
+        if let Some(state) = self.checkpoints.from {
+            run.restore(state)?;
+        }
+        while let Some(stage) = self.test.stage.get(run.place.stage as usize) {
+            run.follow(stage, self.checkpoints.every, self.listener)?;
         }
         Ok(SpecimenSummary {
             grains: run.dynamics.body.grains.len(),
@@ -109,24 +134,31 @@ impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
     }
 }
 
-struct Run<'a, S: Joinable, C: ContactLaw<S>> {
-    test: &'a SpecimenTest,
-    dynamics: Dynamics<S, C>,
+pub(super) struct Run<'a, S: Joinable, C: ContactLaw<S>> {
+    pub(super) test: &'a SpecimenTest,
+    pub(super) dynamics: Dynamics<S, C>,
     /// Numbers of the lower and upper wall of every walled axis.
-    walls: [Option<[usize; 2]>; 3],
+    pub(super) walls: [Option<[usize; 2]>; 3],
+    /// What shear columns of the table are about.
+    pub(super) sheared: Vec<Sheared>,
     /// Side lengths of the box at the start, m.
-    sides: [f64; 3],
-    thickness: f64,
-    solid: f64,
+    pub(super) sides: [f64; 3],
+    /// Periods at the start, m: what they lean by.
+    pub(super) leans: [[f64; 3]; 3],
+    pub(super) thickness: f64,
+    pub(super) solid: f64,
     /// Counts during the run.
-    summary: SpecimenSummary,
-    last: GrainSums,
+    pub(super) summary: SpecimenSummary,
+    pub(super) last: GrainSums,
+    pub(super) place: Place,
 }
 
 impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: C) -> Result<Self, SpecimenError> {
         let periodic = test.periodic_axes(S::DIMENSION)?;
-        let assembled = assembled(packing, &test.tiles, test.cut, periodic)?;
+        let upright = test.straighten.then(|| straightened(packing, periodic));
+        let whole = assembled(upright.as_ref().unwrap_or(packing), &test.tiles, test.cut, periodic)?;
+        let (assembled, removed) = weakened(whole, &test.region)?;
         let wall_law = law.with_friction(test.walls.friction);
         let thickness = packing.thickness;
         let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
@@ -158,6 +190,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
                 ));
             }
         }
+        let leans = assembled.periods.map(|period| {
+            let parts = period.map(|period| period.components().to_vec()).unwrap_or_default();
+            std::array::from_fn(|along| parts.get(along).copied().unwrap_or(0.0))
+        });
         let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
         let histories = assembled.histories.iter();
         let dropped =
@@ -175,11 +211,14 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             test,
             dynamics,
             walls: numbers,
+            sheared: test.sheared(),
             sides,
+            leans,
             thickness: if S::DIMENSION == 2 { thickness } else { 1.0 },
             solid,
             summary: SpecimenSummary::default(),
             last: GrainSums::default(),
+            place: Place::default(),
         };
         let forces = run.dynamics.body.loads.iter().map(|load| load.force.dot(load.force).sqrt());
         run.last.largest_force = forces.fold(0.0, f64::max);
@@ -190,26 +229,44 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             cut_through: assembled.cut_through,
             dropped,
             slant: assembled.slant,
+            removed,
         };
         Ok(run)
     }
 
-    fn follow(
-        &mut self,
-        number: usize,
-        stage: &Stage,
-        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
-    ) -> Result<(), SpecimenError> {
+    /// Sets the friction between the grains to that of a stage.
+    pub(super) fn use_friction_of(&mut self, stage: &Stage) {
         let friction = stage.friction.unwrap_or(self.test.contact.friction);
         let law = self.dynamics.body.law().with_friction(friction);
         self.dynamics.body.change_law(law);
-        let lengths: [f64; 3] = std::array::from_fn(|axis| self.length(axis));
+    }
+
+    fn begin(&mut self, stage: &Stage) {
+        self.use_friction_of(stage);
+        self.place.lengths = std::array::from_fn(|axis| self.length(axis));
+        let gripping: Vec<usize> =
+            stage.glued_axes().into_iter().filter_map(|axis| self.walls[axis]).flatten().collect();
+        if !gripping.is_empty() {
+            self.dynamics.grip(gripping.into_iter(), self.test.walls.glue_depth);
+        }
+    }
+
+    /// What is left of a stage.
+    fn follow(
+        &mut self,
+        stage: &Stage,
+        every: Option<u64>,
+        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    ) -> Result<(), SpecimenError> {
+        if self.place.done == 0 {
+            self.begin(stage);
+        }
         let mut balanced = stage.until_balance.is_none();
-        let mut row = 0;
-        for step in 0..stage.steps {
-            self.drive(stage, &lengths);
+        while self.place.done < stage.steps {
+            self.drive(stage);
             self.last = self.dynamics.advance();
-            let done = step + 1;
+            self.place.done += 1;
+            let done = self.place.done;
             if !self.last.kinetic_energy.is_finite() {
                 return Err(SpecimenError::Diverged { stage: stage.name.clone(), step: done });
             }
@@ -219,21 +276,28 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
                 && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
             if done.is_multiple_of(BALANCE_INTERVAL) {
-                listener(&SpecimenEvent::Progress { stage: number, step: done });
+                listener(&SpecimenEvent::Progress { stage: self.place.stage as usize, step: done });
             }
             // Row k of n is due when k / n of the stage is done.
-            if done * stage.rows >= (row + 1) * stage.steps || at_balance || done == stage.steps {
-                row = done * stage.rows / stage.steps;
+            if done * stage.rows >= (self.place.row + 1) * stage.steps || at_balance || done == stage.steps {
+                self.place.row = done * stage.rows / stage.steps;
                 let result = self.row(stage);
                 self.count(stage, &result);
                 listener(&SpecimenEvent::Row(&result, &|| self.picture()));
             }
-            if at_balance {
-                balanced = true;
+            balanced |= at_balance;
+            let is_last = at_balance || done == stage.steps;
+            if is_last {
+                self.summary.unbalanced_stages += u64::from(!balanced);
+                self.place = Place { stage: self.place.stage + 1, ..Place::default() };
+            }
+            if every.is_some_and(|every| self.dynamics.steps.is_multiple_of(every)) {
+                listener(&SpecimenEvent::State(self.state()));
+            }
+            if is_last {
                 break;
             }
         }
-        self.summary.unbalanced_stages += u64::from(!balanced);
         Ok(())
     }
 
@@ -278,7 +342,8 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     }
 
     /// Sets every wall's drive for the next step.
-    fn drive(&mut self, stage: &Stage, lengths: &[f64; 3]) {
+    fn drive(&mut self, stage: &Stage) {
+        let lengths = self.place.lengths;
         let step = self.dynamics.step;
         let (strains, stresses) = (stage.strain.values(), stage.stress.values());
         for axis in 0..S::DIMENSION {
@@ -302,7 +367,11 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             for wall in pair {
                 self.dynamics.walls[wall].drive = drive;
             }
+            let shear = stage.shear.of_side(axis);
+            let speed = lengths[axis] / stage.steps as f64 / step;
+            self.dynamics.walls[pair[1]].glide = <S::Coordinates<f64>>::build(|along| shear[along] * speed);
         }
+        self.dynamics.strain_sides(std::array::from_fn(|axis| self.side_rate(stage, axis, lengths[axis], step)));
     }
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
@@ -310,98 +379,13 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit
     }
 
-    /// Distance of the walls of an axis, or its period, m.
-    fn length(&self, axis: usize) -> f64 {
-        match self.walls[axis] {
-            Some([low, high]) => {
-                let place = |wall: usize| self.dynamics.walls[wall].point.as_ref()[axis];
-                place(high) - place(low)
-            }
-            None => self.sides[axis],
+    /// Rate of a periodic axis, m/s: the strain along it and the shear across it.
+    fn side_rate(&self, stage: &Stage, axis: usize, length: f64, step: f64) -> S::Vector {
+        if axis >= S::DIMENSION || self.walls[axis].is_some() {
+            return S::Vector::ZERO;
         }
-    }
-
-    /// Area of a wall, m2.
-    fn area(&self, axis: usize) -> f64 {
-        (0..S::DIMENSION).filter(|other| *other != axis).map(|other| self.length(other)).product::<f64>()
-            * self.thickness
-    }
-
-    fn wall_stress(&self, axis: usize) -> f64 {
-        self.walls[axis].map_or(0.0, |[low, high]| {
-            let force = |wall: usize| self.dynamics.walls[wall].normal_force();
-            -0.5 * (force(low) + force(high)) / self.area(axis)
-        })
-    }
-
-    fn unbalanced(&self) -> f64 {
-        let contacts = &self.dynamics.contacts;
-        if contacts.contacts == 0 {
-            return 0.0;
-        }
-        self.last.largest_force / (contacts.normal_force / contacts.contacts as f64)
-    }
-
-    /// Volume of the box, m3.
-    fn volume(&self) -> f64 {
-        (0..S::DIMENSION).map(|axis| self.length(axis)).product::<f64>() * self.thickness
-    }
-
-    fn contact_stress(&self) -> [f64; 6] {
-        let (sum, volume) = (self.dynamics.body.stress_sum(), self.volume());
-        [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
-            .map(|(i, j): (usize, usize)| 0.5 * (sum[i][j] + sum[j][i]) / volume)
-    }
-
-    fn row(&self, stage: &Stage) -> SpecimenRow {
-        let body = &self.dynamics.body;
-        let contacts = &self.dynamics.contacts;
-        let volume = self.volume();
-        let at_walls: usize = self.dynamics.walls.iter().map(Wall::contacts).sum();
-        let inside = contacts.contacts.saturating_sub(at_walls as u64) as f64;
-        SpecimenRow {
-            stage: stage.name.clone(),
-            step: self.dynamics.steps,
-            time: self.dynamics.time,
-            strain: std::array::from_fn(|axis| self.length(axis) / self.sides[axis] - 1.0),
-            wall_stress: std::array::from_fn(|axis| self.wall_stress(axis)),
-            contact_stress: self.contact_stress(),
-            void_ratio: (volume - self.solid) / self.solid,
-            coordination_number: 2.0 * inside / body.grains.len() as f64,
-            fabric_anisotropy: crate::preparation::anisotropy_of_fabric(&body.fabric(), S::DIMENSION),
-            sliding_fraction: contacts.sliding as f64 / contacts.contacts.max(1) as f64,
-            unbalanced_force_ratio: self.unbalanced(),
-            kinetic_energy: self.last.kinetic_energy,
-            elastic_energy: contacts.elastic_energy,
-            friction_work: self.dynamics.works[0],
-            viscous_work: self.dynamics.works[1],
-            damping_work: self.dynamics.works[2],
-            max_overlap_ratio: 0.5 * contacts.largest_overlap,
-            wall_work: self.dynamics.wall_work,
-            missing_energy: self.dynamics.missing_energy(),
-        }
-    }
-
-    fn picture(&self) -> SpecimenPicture {
-        let spread = |components: &[f64]| {
-            let mut all = [0.0; 3];
-            all[..components.len()].copy_from_slice(components);
-            all
-        };
-        let grains = &self.dynamics.body.grains;
-        SpecimenPicture {
-            centres: grains.iter().map(|grain| spread(grain.position.as_ref())).collect(),
-            radii: grains.iter().map(|grain| grain.radius).collect(),
-            rotations: self
-                .dynamics
-                .rotations
-                .iter()
-                .map(|rotation| match rotation.as_ref() {
-                    [about_z] => [0.0, 0.0, *about_z],
-                    components => spread(components),
-                })
-                .collect(),
-            velocities: grains.iter().map(|grain| spread(grain.velocity.as_ref())).collect(),
-        }
+        let (strain, shear) = (stage.strain.values()[axis].unwrap_or(0.0), stage.shear.of_side(axis));
+        let speed = length / stage.steps as f64 / step;
+        S::Vector::from_fn(|along| speed * if along == axis { strain } else { shear[along] })
     }
 }

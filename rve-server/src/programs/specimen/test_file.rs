@@ -1,9 +1,19 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
+use super::removal::Region;
+use super::stage::{Sheared, Stage};
 use crate::contact::ContactTable;
 use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Names of the axes.
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Number of the axis of this name.
+pub(super) fn axis_of(name: &str) -> Option<usize> {
+    AXES.iter().position(|axis| *axis == name)
+}
 
 /// The document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,12 +31,19 @@ pub struct SpecimenTest {
     /// Axes along which the specimen is periodic (`"x"`, `"y"`, `"z"`) instead of walled.
     #[serde(default)]
     pub periodic: Vec<String>,
+    /// Whether periodic axes that lean along a walled one are made upright by a homogeneous shear of the packing, which the first
+    /// stage has to bring back to its stress. Otherwise such a packing is refused.
+    #[serde(default)]
+    pub straighten: bool,
     /// Motion.
     #[serde(default)]
     pub motion: MotionTable,
     /// Walls.
     #[serde(default)]
     pub walls: WallTable,
+    /// Regions that lose grains before the first stage, as in [Liu2015] section 3.4.
+    #[serde(default)]
+    pub region: Vec<Region>,
     /// Stages, one after the other.
     pub stage: Vec<Stage>,
 }
@@ -82,62 +99,10 @@ pub struct WallTable {
     /// Largest strain of one step of a servo-controlled wall.
     #[schemars(extend("x-unit" = "-", "x-default" = "1e-5"))]
     pub largest_strain_per_step: Option<f64>,
-}
-
-/// One stage. Each axis has at most one of a strain and a stress; axes with neither keep their walls.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Stage {
-    /// Name in the table of results.
-    pub name: String,
-    /// Steps of the stage, or the most of them if `until_balance` is given.
-    #[schemars(range(min = 1))]
-    pub steps: u64,
-    /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
-    /// targets over the mean target, are below this.
-    #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
-    pub until_balance: Option<f64>,
-    /// Strain over the stage per axis, relative to its start, extension positive.
-    #[serde(default)]
-    #[schemars(extend("x-unit" = "-"))]
-    pub strain: AxisTable,
-    /// Stress on the walls per axis, Pa, tension positive.
-    #[serde(default)]
-    #[schemars(extend("x-unit" = "Pa"))]
-    pub stress: AxisTable,
-    /// Rows of the result table in this stage.
-    #[serde(default = "some_rows")]
-    #[schemars(range(min = 1))]
-    pub rows: u64,
-    /// Friction between the grains in this stage, if not that of `[contact]`.
-    #[serde(default)]
-    #[schemars(extend("x-unit" = "-", "x-default" = "that of `[contact]`"), range(min = 0.0))]
-    pub friction: Option<f64>,
-}
-
-fn some_rows() -> u64 {
-    20
-}
-
-/// Values by axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-#[schemars(extend("x-folded" = true))]
-pub struct AxisTable {
-    /// Along x.
-    pub xx: Option<f64>,
-    /// Along y.
-    pub yy: Option<f64>,
-    /// Along z.
-    pub zz: Option<f64>,
-}
-
-impl AxisTable {
-    /// Values along x, y and z; `None` where the table has no such key.
-    pub fn values(&self) -> [Option<f64>; 3] {
-        [self.xx, self.yy, self.zz]
-    }
+    /// Thickness of the layer that `glue` of a stage fixes to a wall: grains whose surface is closer to it than this. 0 (default)
+    /// takes the grains that touch it.
+    #[schemars(extend("x-unit" = "m"), range(min = 0.0))]
+    pub glue_depth: f64,
 }
 
 impl SpecimenTest {
@@ -179,6 +144,17 @@ impl SpecimenTest {
                 return Err(DefinitionError(format!("walls.{key} must lie between 0 and 1")));
             }
         }
+        if !(self.walls.glue_depth.is_finite() && self.walls.glue_depth >= 0.0) {
+            return Err(DefinitionError(format!(
+                "walls.glue_depth = {} must be zero or positive, m",
+                self.walls.glue_depth
+            )));
+        }
+        for (number, region) in self.region.iter().enumerate() {
+            region
+                .validate(dimension)
+                .map_err(|reason| DefinitionError(format!("region {}: {reason}", number + 1)))?;
+        }
         if self.stage.is_empty() {
             return Err(DefinitionError("at least one [[stage]] is needed".into()));
         }
@@ -186,8 +162,40 @@ impl SpecimenTest {
         self.stage.iter().enumerate().try_for_each(|(number, stage)| {
             stage
                 .validate(dimension, periodic)
+                .and_then(|()| self.check_grip(&self.stage[..=number], periodic))
                 .map_err(|reason| DefinitionError(format!("stage {}: {reason}", number + 1)))
         })
+    }
+
+    /// Whether the last of these stages can do what it asks of walls and glued layers.
+    fn check_grip(&self, stages: &[Stage], periodic: [bool; 3]) -> Result<(), DefinitionError> {
+        let Some(stage) = stages.last() else { return Ok(()) };
+        let is_glued = |side: usize| stages.iter().any(|stage| stage.glued_axes().contains(&side));
+        for sheared in stage.shear.components() {
+            if !periodic[sheared.side] && self.walls.friction == 0.0 && !is_glued(sheared.side) {
+                return Err(DefinitionError(format!(
+                    "shear.{}: smooth walls slide along the grains; set walls.friction, or glue = [\"{}\"] in this stage or before",
+                    sheared.name, AXES[sheared.side]
+                )));
+            }
+        }
+        let strains_sides = (0..3).any(|axis| periodic[axis] && stage.moves(axis));
+        if strains_sides && (0..3).any(is_glued) {
+            return Err(DefinitionError(
+                "a glued layer is rigid and cannot follow periodic sides that strain; take out glue, or the strain or shear \
+                 of the periodic axes"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Components of shear that some stage asks for, in the order of the table's columns.
+    pub fn sheared(&self) -> Vec<Sheared> {
+        let mut all: Vec<Sheared> = self.stage.iter().flat_map(|stage| stage.shear.components()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
     }
 
     fn check_motion(&self, dimension: usize) -> Result<(), DefinitionError> {
@@ -227,7 +235,7 @@ impl SpecimenTest {
     pub fn periodic_axes(&self, dimension: usize) -> Result<[bool; 3], DefinitionError> {
         let mut periodic = [false; 3];
         for name in &self.periodic {
-            match ["x", "y", "z"].iter().position(|axis| axis == name) {
+            match axis_of(name) {
                 Some(axis) if axis < dimension => periodic[axis] = true,
                 _ => {
                     return Err(DefinitionError(format!(
@@ -242,37 +250,5 @@ impl SpecimenTest {
     /// The contact table with its viscosity taken out, as periodic cells know it.
     pub fn contact_without_damping(&self) -> ContactTable {
         ContactTable { damping: 0.0, ..self.contact.clone() }
-    }
-}
-
-impl Stage {
-    fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), DefinitionError> {
-        if self.steps == 0 || self.rows == 0 {
-            return Err(DefinitionError("steps and rows must be at least 1".into()));
-        }
-        if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
-            return Err(DefinitionError("until_balance must be a positive number".into()));
-        }
-        if self.friction.is_some_and(|value| !(value.is_finite() && value >= 0.0)) {
-            return Err(DefinitionError("friction must be zero or positive".into()));
-        }
-        for (axis, (strain, stress)) in self.strain.values().into_iter().zip(self.stress.values()).enumerate() {
-            let name = ["xx", "yy", "zz"][axis];
-            if (strain.is_some() || stress.is_some()) && (axis >= dimension || periodic[axis]) {
-                return Err(DefinitionError(format!("{name} has no walls in this specimen")));
-            }
-            if strain.is_some() && stress.is_some() {
-                return Err(DefinitionError(format!("{name}: give strain or stress, not both")));
-            }
-            if strain.is_some_and(|value| !(value > -0.9 && value < 10.0)) {
-                return Err(DefinitionError(format!("strain.{name} must lie between -0.9 and 10")));
-            }
-            if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
-                return Err(DefinitionError(format!(
-                    "stress.{name} must be compressive (negative): grains bear no tension"
-                )));
-            }
-        }
-        Ok(())
     }
 }

@@ -1,12 +1,14 @@
-//! Plane walls: rigid, smooth or rough, held, driven at a velocity or servo-controlled to a stress.
+//! Plane walls: rigid, smooth or rough, held, driven at a velocity or servo-controlled to a stress. Any of them can slide along
+//! its plane and carry a layer of glued grains.
 
 use super::SpecimenSpace;
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, Slot};
+use super::state_stream::StateStream;
 use crate::contact::ContactLaw;
 use crate::simd::Tuple;
 use std::collections::BTreeMap;
 
-/// How a wall moves along its normal.
+/// How a wall moves along its normal; along its plane it moves with [`Wall::glide`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WallDrive {
     /// At this velocity along the inward normal, m/s; 0 holds it.
@@ -35,9 +37,15 @@ pub struct Wall<S: SpecimenSpace, C: ContactLaw<S>> {
     pub law: C,
     /// How it moves.
     pub drive: WallDrive,
-    /// Contact force of the grains on the wall at the last evaluation, N.
+    /// Velocity along its plane, m/s.
+    pub glide: S::Coordinates<f64>,
+    /// Way along its plane so far, m.
+    pub slid: S::Coordinates<f64>,
+    /// Grains that move with it, ascending.
+    pub glued: Vec<u32>,
+    /// Force of the grains on the wall and its glued layer at the last evaluation, N.
     pub force: S::Coordinates<f64>,
-    /// Sum of the normal stiffnesses of its contacts, N/m.
+    /// Sum of the normal stiffnesses of its contacts and of those between its glued layer and free grains, N/m.
     pub stiffness: f64,
     velocity: f64,
     damping_ratio: f64,
@@ -62,6 +70,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
             normal,
             law,
             drive,
+            glide: Tuple::zero(),
+            slid: Tuple::zero(),
+            glued: Vec::new(),
             force: Tuple::zero(),
             stiffness: 0.0,
             velocity: 0.0,
@@ -80,6 +91,17 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
     /// Velocity along the inward normal, m/s.
     pub fn velocity(&self) -> f64 {
         self.velocity
+    }
+
+    /// Velocity with the part along its plane, m/s.
+    pub(crate) fn motion(&self) -> S::Coordinates<f64> {
+        let along_normal = self.normal.scaled(self.velocity);
+        if self.glide == Tuple::zero() { along_normal } else { along_normal.plus(self.glide) }
+    }
+
+    /// Power that its motion along its plane puts into the grains, W.
+    pub(crate) fn shear_power(&self) -> f64 {
+        -self.force.dot(self.glide)
     }
 
     /// Number of grains that touch it.
@@ -105,17 +127,43 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         let way = self.velocity * step;
         self.point = self.normal.scaled_plus(way, self.point);
         self.travelled += way.abs();
+        self.slid = self.glide.scaled_plus(step, self.slid);
     }
 
     /// Lists the grains that may touch before the next renewal: those within `skin`.
     pub(crate) fn list(&mut self, grains: &[Grain<S>], skin: f64) {
         self.near.clear();
         for (index, grain) in grains.iter().enumerate() {
-            if grain.position.minus(self.point).dot(self.normal) < grain.radius + skin {
+            if grain.position.minus(self.point).dot(self.normal) < grain.radius + skin
+                && self.glued.binary_search(&(index as u32)).is_err()
+            {
                 self.near.push(index as u32);
             }
         }
         self.travelled = 0.0;
+    }
+
+    /// Fixes the grains whose surface is nearer than `depth`, m, to the wall, except those that are `taken`, and marks them as such.
+    /// Their contacts with the wall end; the energy stored in them, J, is returned.
+    pub(crate) fn grip(&mut self, grains: &[Grain<S>], loads: &[Load<S>], depth: f64, taken: &mut [bool]) -> f64 {
+        let mut stored = 0.0;
+        for (index, grain) in grains.iter().enumerate() {
+            let gap = grain.position.minus(self.point).dot(self.normal) - grain.radius;
+            if taken[index] || gap >= depth {
+                continue;
+            }
+            taken[index] = true;
+            let number = index as u32;
+            self.glued.push(number);
+            self.near.retain(|near| *near != number);
+            if let Some(slot) = self.slots.remove(&number) {
+                stored += slot.stored(&self.law);
+            }
+            // What the wall gave to the grain is now within the layer, what others gave to it is borne by the wall.
+            self.force = self.force.plus(loads[index].force);
+        }
+        self.glued.sort_unstable();
+        stored
     }
 
     /// Whether the list must be renewed although no grain has gone far.
@@ -134,7 +182,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
     ) {
         self.force = Tuple::zero();
         self.stiffness = 0.0;
-        let velocity = self.normal.scaled(self.velocity);
+        let velocity = self.motion();
         for &index in &self.near {
             let grain = &grains[index as usize];
             let overlap = grain.radius - grain.position.minus(self.point).dot(self.normal);
@@ -175,5 +223,29 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         for (grain, slot) in &mut self.slots {
             slot.change_mass(masses[*grain as usize], self.damping_ratio);
         }
+    }
+
+    /// Saves or loads its state. What drives it is set in every step.
+    pub(crate) fn keep(&mut self, stream: &mut StateStream<'_>, grains: &[Grain<S>]) {
+        for vector in [&mut self.point, &mut self.glide, &mut self.slid, &mut self.force] {
+            stream.numbers(vector.as_mut());
+        }
+        for number in [&mut self.stiffness, &mut self.velocity, &mut self.travelled] {
+            stream.number(number);
+        }
+        let mut touching: Vec<u32> = self.slots.keys().copied().collect();
+        for list in [&mut self.glued, &mut self.near, &mut touching] {
+            stream.list(list, &0, |stream, grain| stream.index(grain));
+            if list.iter().any(|grain| *grain as usize >= grains.len()) {
+                stream.refuse();
+                return;
+            }
+        }
+        if stream.is_loading() {
+            let law = &self.law;
+            let slot = |grain: u32| Slot::at_wall(law, grains[grain as usize].radius, 1.0, self.damping_ratio);
+            self.slots = touching.iter().map(|grain| (*grain, slot(*grain))).collect();
+        }
+        self.slots.values_mut().for_each(|slot| stream.slot(slot));
     }
 }

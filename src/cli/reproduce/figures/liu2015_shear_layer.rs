@@ -1,4 +1,4 @@
-//! [Liu2015] Figs. 10 to 14: simple shear of a layer with a weak row, local and nonlocal. J-5.
+//! [Liu2015] Figs. 10 to 14: simple shear of a layer with a weak row, local, nonlocal and all grains at once. J-5.
 
 use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
@@ -7,7 +7,7 @@ use crate::cli::reproduce::results::Finished;
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-shear-layer",
     source: "[Liu2015] Figs. 10 to 14",
-    shows: "simple shear of a layer with a weak row: stress, porosity, contacts, width of the band, local and nonlocal",
+    shows: "simple shear of a layer with a weak row: stress, porosity, contacts, width of the band, local, nonlocal and all grains",
     run_time: ("6 min", "days"),
     entries: &[("J-5", "")],
     runs,
@@ -26,7 +26,8 @@ fn runs(size: Size) -> Vec<Run> {
     // Below the distance of the rows nothing is averaged.
     let local = Run::new("local", scene, Command::Stopping, size).set("nonlocal.radius=1e-3");
     let nonlocal = Run::new("nonlocal", scene, Command::Stopping, size).set("nonlocal.radius=13.5e-3");
-    vec![local, nonlocal]
+    let grains = Run::new("grains", "scenes/liu2015/grains-shear-layer.toml", Command::Specimen, size);
+    vec![local, nonlocal, grains]
 }
 
 /// Width of the zone that shears more than half as fast as the fastest row, m, with straight lines between the rows.
@@ -70,6 +71,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         ("height, mm", Scale::Linear),
     );
     let mut comparisons = Vec::new();
+    let mut multiscale = Vec::new();
     for name in ["local", "nonlocal"] {
         let run = results.run(name)?;
         let table = run.table()?;
@@ -109,6 +111,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         let residual = table.column("energy_residual")?.iter().map(|value| value.abs()).fold(0.0, f64::max);
         comparisons.push(Comparison::reported(format!("{name}: residual of the energy balance"), "-", residual));
         let forces: Vec<f64> = table.column("top_force")?.iter().map(|force| force / AREA / 1e3).collect();
+        multiscale.push((name, shear.clone()));
         stress.curve(&format!("{name}, mean of the cells"), shear);
         stress.curve(&format!("{name}, force on the head"), over(forces, 1.0));
         mean.curve(name, over(table.column("mean_pressure")?, 1e-3));
@@ -118,9 +121,70 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         let profile = Fields::read(run, last)?.profile("void_ratio", 1)?;
         rows.curve(name, profile.into_iter().map(|[height, value]| [value, 1e3 * height]));
     }
+    let grains = Grains::read(results.run("grains")?)?;
+    let top = peak(&grains.shear)?;
+    let end = grains.shear[grains.shear.len() - 1];
+    let late = mean_between(&grains.shear, 0.8 * end[0], end[0]);
+    comparisons.push(Comparison::reported("all grains: largest shear stress", "kPa", top[1]));
+    comparisons.push(Comparison::reported("all grains: shear angle at the largest shear stress", "-", top[0]));
+    comparisons.push(Comparison::new(
+        "all grains: drop from the largest shear stress to the last fifth of the run, over the largest",
+        "-",
+        Theirs::Between(0.06, 0.08),
+        "[Liu2015] section 3.4",
+        1.0 - late / top[1],
+        Tolerance::Absolute(0.05),
+    ));
+    for (name, shear) in &multiscale {
+        // Both at the same angles, where both have rows.
+        let last = end[0].min(shear[shear.len() - 1][0]);
+        let mean = |curve: &Curve| mean_between(curve, 0.2 * last, last);
+        comparisons.push(Comparison::reported(
+            format!("{name}: mean shear stress past a fifth of the run, over that of all grains"),
+            "-",
+            mean(shear) / mean(&grains.shear),
+        ));
+    }
+    let void = &grains.void;
+    comparisons.push(Comparison::holds(
+        "all grains: void ratio grows over the run",
+        "[Liu2015] section 3.4",
+        void[void.len() - 1][1] > void[0][1],
+    ));
+    stress.curve("all grains, force on the walls", grains.shear);
+    mean.curve("all grains", grains.pressure);
+    voids.curve("all grains", grains.void);
+    contacts.curve("all grains", grains.contacts);
     let charts =
         vec![("", stress), ("mean-pressure", mean), ("voids", voids), ("contacts", contacts), ("profile", rows)];
     Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
+}
+
+/// Curves of the layer of grains over its shear angle.
+struct Grains {
+    /// Shear stress of the glued layers, kPa.
+    shear: Curve,
+    /// Mean pressure of the contacts, kPa.
+    pressure: Curve,
+    void: Curve,
+    contacts: Curve,
+}
+
+impl Grains {
+    fn read(run: &Finished) -> Result<Self, ReproduceError> {
+        let table = run.table()?.stage("shear")?;
+        let curve = |column: &str, factor: f64| -> Result<Curve, ReproduceError> {
+            Ok(table.curve("shear_xy", column)?.into_iter().map(|[x, y]| [x, factor * y]).collect())
+        };
+        let [xx, yy, zz] = ["sigma_xx", "sigma_yy", "sigma_zz"].map(|column| curve(column, -1e-3 / 3.0));
+        let pressure = xx?.into_iter().zip(yy?).zip(zz?).map(|((xx, yy), zz)| [xx[0], xx[1] + yy[1] + zz[1]]);
+        Ok(Self {
+            shear: curve("wall_sigma_xy", 1e-3)?,
+            pressure: pressure.collect(),
+            void: curve("void_ratio", 1.0)?,
+            contacts: curve("coordination_number", 1.0)?,
+        })
+    }
 }
 
 #[cfg(test)]

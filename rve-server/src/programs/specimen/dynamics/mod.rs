@@ -4,6 +4,9 @@
 //! limit; it is checked whenever the pair list is renewed and shortened if contacts have become stiffer, which is
 //! counted.
 
+mod boundary;
+
+use self::boundary::Flow;
 use super::SpecimenSpace;
 use super::body::Body;
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, bound};
@@ -56,7 +59,7 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     pub body: Body<S, C>,
     /// Walls.
     pub walls: Vec<Wall<S, C>>,
-    /// Grains whose velocity is prescribed: they keep it whatever acts on them.
+    /// Grains whose velocity is prescribed: they keep it whatever acts on them. Their kinetic energy counts for nothing.
     pub driven: Vec<bool>,
     /// Motion settings.
     pub motion: Motion,
@@ -74,8 +77,10 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     pub contacts: ContactSums,
     /// Work lost to friction, to contact viscosity and to local damping, and work of gravity, J.
     pub works: [f64; 4],
-    /// Work that the walls have done on the grains, J.
+    /// Work that the walls and the periodic sides have done on the grains, J.
     pub wall_work: f64,
+    /// Part of it that came from walls moving along their planes and from periodic sides, J.
+    pub shear_work: f64,
     /// Kinetic energy that came with masses that were raised during the run, J.
     pub raised: f64,
     /// Stored and kinetic energy at the first evaluation, J.
@@ -83,6 +88,8 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     inertia_factor: f64,
     masses: Vec<f64>,
     skin: f64,
+    /// Flow of moving periodic sides.
+    flow: Option<Flow<S>>,
     /// Sums of the blocks of grains in the last motion, in their order.
     block_sums: Vec<GrainSums>,
 }
@@ -106,11 +113,13 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             contacts: ContactSums::default(),
             works: [0.0; 4],
             wall_work: 0.0,
+            shear_work: 0.0,
             raised: 0.0,
             first_energy: 0.0,
             inertia_factor: S::INERTIA_FACTOR,
             masses,
             skin: 0.1 * mean,
+            flow: None,
             block_sums: Vec::new(),
         };
         dynamics.list_walls();
@@ -127,6 +136,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let half = 0.5 * self.step;
         let mut sum = 0.0;
         for (index, (grain, load)) in self.body.grains.iter().zip(&self.body.loads).enumerate() {
+            if self.driven[index] {
+                continue;
+            }
             let mass = self.masses[index];
             let inertia = self.inertia_factor * mass * grain.radius * grain.radius;
             sum += 0.5 * (mass * grain.velocity.dot(grain.velocity) + inertia * grain.spin.dot(grain.spin));
@@ -136,7 +148,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
     }
 
     /// Energy put in less energy stored and lost, J: 0 but for rounding and for errors of finite steps
-    /// out. Grains with prescribed velocities are not accounted for.
+    /// out. Grains with prescribed velocities that no wall carries are not accounted for.
     pub fn missing_energy(&self) -> f64 {
         let [friction, viscosity, damping, gravity] = self.works;
         let given = self.first_energy + self.wall_work + gravity + self.raised;
@@ -161,13 +173,17 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
     /// Advances by one step.
     pub fn advance(&mut self) -> GrainSums {
         let step = self.step;
-        let sums = self.kick_and_move(step);
         for wall in &mut self.walls {
             // Half of the work of this step is done by the forces at its start, half by those at its end.
             let force = wall.normal_force();
             wall.advance(step);
             self.wall_work += 0.5 * force * wall.velocity() * step;
         }
+        self.add_shear_work(0.5 * step);
+        self.carry_glued();
+        let sums = self.kick_and_move(step);
+        self.body.move_sides(step);
+        self.follow_sides();
         if self.body.keep_list_complete() {
             self.list_walls();
             self.choose_step();
@@ -178,6 +194,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         for wall in &self.walls {
             self.wall_work += 0.5 * wall.normal_force() * wall.velocity() * step;
         }
+        self.add_shear_work(0.5 * step);
         self.time += step;
         self.steps += 1;
         self.works[2] += sums.damping_work;
@@ -190,6 +207,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         for wall in &mut self.walls {
             wall.press(&self.body.grains, &self.masses, step, &mut self.body.loads, &mut self.contacts);
         }
+        self.gather_glued();
         self.works[0] += self.contacts.dissipation;
         self.works[1] += self.contacts.viscous_work;
     }
@@ -203,13 +221,13 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
     fn kick_and_move(&mut self, step: f64) -> GrainSums {
         let (motion, factor) = (self.motion, self.inertia_factor);
         let gravity = <S::Coordinates<f64>>::build(|axis| motion.gravity[axis]);
-        let (loads, masses, driven) = (&self.body.loads, &self.masses, &self.driven);
+        let (loads, masses, driven, flow) = (&self.body.loads, &self.masses, &self.driven, self.flow.as_ref());
         let work = |first: usize, grains: &mut [Grain<S>], rotations: &mut [S::Axial<f64>]| {
             let mut sums = GrainSums::default();
             for (offset, (grain, rotation)) in grains.iter_mut().zip(rotations).enumerate() {
                 let index = first + offset;
                 if !driven[index] {
-                    kick(grain, &loads[index], masses[index], factor, &motion, gravity, step, &mut sums);
+                    kick(grain, &loads[index], masses[index], factor, &motion, gravity, flow, step, &mut sums);
                 }
                 grain.position = grain.velocity.scaled_plus(step, grain.position);
                 *rotation = grain.spin.scaled_plus(step, *rotation);
@@ -276,7 +294,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             let after = before.max(own.mass_for(self.motion.safety, ratio)).max(f64::MIN_POSITIVE);
             let grain = &self.body.grains[index];
             let turning = self.inertia_factor * grain.radius * grain.radius * grain.spin.dot(grain.spin);
-            self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
+            if !self.driven[index] {
+                self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
+            }
             self.masses[index] = after;
         }
         self.body.change_masses(&self.masses);
@@ -323,6 +343,7 @@ fn kick<S: SpecimenSpace>(
     inertia_factor: f64,
     motion: &Motion,
     gravity: S::Coordinates<f64>,
+    flow: Option<&Flow<S>>,
     step: f64,
     sums: &mut GrainSums,
 ) {
@@ -330,8 +351,9 @@ fn kick<S: SpecimenSpace>(
     let weight = gravity.scaled(mass);
     let force = load.force.plus(weight);
     sums.largest_force = sums.largest_force.max(force.dot(force).sqrt());
-    let damped = damped(motion.local_damping, force, grain.velocity);
-    let turning = damped_moment::<S>(motion, load.moment, grain.spin);
+    let (own, own_spin) = flow.map_or((grain.velocity, grain.spin), |flow| flow.own_motion(grain));
+    let damped = damped(motion.local_damping, force, own);
+    let turning = damped_moment::<S>(motion, load.moment, own_spin);
     let (old, old_spin) = (grain.velocity, grain.spin);
     grain.velocity = damped.scaled_plus(step / mass, old);
     grain.spin = if motion.rotations_free { turning.scaled_plus(step / inertia, old_spin) } else { Tuple::zero() };

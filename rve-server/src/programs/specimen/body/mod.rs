@@ -4,6 +4,12 @@
 //! its own record, every grain then collects the records of its own pairs in pair order, and sums of blocks are added in
 //! block order: no sum depends on who computed what.
 
+mod kept;
+mod periods;
+mod sides;
+
+use self::periods::Periods;
+pub(super) use self::sides::mean_place;
 use super::SpecimenSpace;
 use super::block::{Block, Listed};
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
@@ -36,8 +42,8 @@ struct Sides {
 #[derive(Clone, Debug)]
 pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
     law: C,
-    /// Translations to the next image along the periodic axes, m; nothing where a body ends.
-    periods: [Option<S::Vector>; 3],
+    /// Translations to the next image along the periodic axes; nothing where a body ends.
+    periods: Periods<S>,
     /// The grains.
     pub grains: Vec<Grain<S>>,
     /// Loads of the last evaluation.
@@ -52,12 +58,21 @@ pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
     /// Sums of the blocks of pairs in the last evaluation, in their order.
     block_sums: Vec<ContactSums>,
     images: Vec<S::Coordinates<f64>>,
+    /// Numbers of periods of each image.
+    shifts: Vec<S::Shift>,
+    /// Velocities of the images, m/s; empty while the sides stand still.
+    image_velocities: Vec<S::Coordinates<f64>>,
+    /// Sum over the contacts of the force on the origin grain times the number of periods to the end grain, per axis, N: what
+    /// works when the sides move, and is computed only then.
+    side_forces: [S::Vector; 3],
     /// Pairs of each grain: `2 pair + 1` where the grain is the end; grain `i` has entries `starts[i]..starts[i + 1]`.
     members: Vec<u32>,
     starts: Vec<u32>,
     finder: PairFinder<S>,
     skin: f64,
     listed_at: Vec<S::Coordinates<f64>>,
+    /// The sides when pairs were listed.
+    listed_periods: [Option<S::Vector>; 3],
     /// Renewals of the pair list so far.
     pub renewals: u64,
 }
@@ -75,7 +90,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         let mean = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len().max(1) as f64;
         let mut body = Self {
             law,
-            periods,
+            periods: Periods::at_rest(periods),
             loads: vec![Load::none(); grains.len()],
             grains,
             masses,
@@ -87,11 +102,15 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             pair_loads: Vec::new(),
             block_sums: Vec::new(),
             images: Vec::new(),
+            shifts: Vec::new(),
+            image_velocities: Vec::new(),
+            side_forces: [S::Vector::ZERO; 3],
             members: Vec::new(),
             starts: Vec::new(),
             finder: PairFinder::default(),
             skin: SKIN * mean,
             listed_at: Vec::new(),
+            listed_periods: periods,
             renewals: 0,
         };
         body.list_pairs();
@@ -211,6 +230,15 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     ///
     /// Returns whether it was renewed.
     pub fn keep_list_complete(&mut self) -> bool {
+        let renew =
+            if self.periods.carried == self.listed_periods { self.has_wandered() } else { self.has_left_the_flow() };
+        if renew {
+            self.list_pairs();
+        }
+        renew
+    }
+
+    fn has_wandered(&self) -> bool {
         let limit = 0.25 * self.skin * self.skin;
         let has_wandered = |(grain, listed): (&Grain<S>, &S::Coordinates<f64>)| {
             let way = grain.position.minus(*listed);
@@ -218,20 +246,28 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             // A position that is not a number has moved as well.
             covered.is_nan() || covered >= limit
         };
-        let renew = if self.grains.len() >= FEWEST_FOR_THREADS {
+        if self.grains.len() >= FEWEST_FOR_THREADS {
             self.grains.par_iter().zip(&self.listed_at).any(has_wandered)
         } else {
             self.grains.iter().zip(&self.listed_at).any(has_wandered)
-        };
-        if renew {
-            self.list_pairs();
         }
-        renew
+    }
+
+    /// Sum of the normal stiffnesses of a grain's contacts with grains that are not `driven`, N/m.
+    pub(crate) fn stiffness_against_free(&self, grain: usize, driven: &[bool]) -> f64 {
+        let members = &self.members[self.starts[grain] as usize..self.starts[grain + 1] as usize];
+        let pairs = members.iter().map(|member| (*member >> 1) as usize).filter(|pair| self.slots[*pair].touches);
+        pairs.fold(0.0, |sum, index| {
+            let pair = &self.pairs[index];
+            let is_free = !(driven[pair.origin as usize] && driven[pair.end as usize]);
+            if is_free { sum + self.slots[index].stiffness(&self.law)[0] } else { sum }
+        })
     }
 
     /// All contact forces after a motion of `step` seconds; loads hold contact forces alone afterwards.
     pub fn evaluate(&mut self, step: f64) -> ContactSums {
         let (law, grains, images) = (&self.law, &self.grains, &self.images);
+        let image_velocities = &self.image_velocities;
         let blocks = self.pairs.len().div_ceil(PAIRS_PER_BLOCK);
         let threaded = self.pairs.len() >= FEWEST_FOR_THREADS;
         self.block_sums.clear();
@@ -243,7 +279,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.block_sums.par_iter_mut())
                 .for_each(|(((pairs, slots), loads), sums)| {
-                    *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
+                    *sums = Block { law, grains, images, image_velocities, pairs, slots, loads, step }.evaluate();
                 });
         } else {
             let blocks = self
@@ -252,10 +288,11 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.slots.chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
             for (((pairs, slots), loads), sums) in blocks.zip(&mut self.block_sums) {
-                *sums = Block { law, grains, images, pairs, slots, loads, step }.evaluate();
+                *sums = Block { law, grains, images, image_velocities, pairs, slots, loads, step }.evaluate();
             }
         }
         self.collect(threaded);
+        self.side_forces = self.sum_of_side_forces();
         self.block_sums.iter().fold(ContactSums::default(), |mut whole, block| {
             whole.add(block);
             whole
@@ -303,50 +340,62 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     }
 
     fn list_pairs(&mut self) {
+        self.fold_periods();
         let cell = self.enclosing_cell();
         let radii: Vec<f64> = self.grains.iter().map(|grain| grain.radius).collect();
         let positions = self.grains.iter().map(|grain| S::Vector::from_fn(|axis| grain.position.as_ref()[axis]));
         let mut keys = Vec::new();
         self.finder.find(&cell, positions, &radii, self.skin, &mut keys);
-        let mut shifts: Vec<S::Shift> = keys.iter().map(|key| key.shift).collect();
-        shifts.sort_unstable();
-        shifts.dedup();
-        self.images.clear();
-        self.images.extend(shifts.iter().map(|shift| {
-            let translation = cell.translation(*shift);
-            <S::Coordinates<f64>>::build(|axis| translation[axis])
-        }));
-        let (mut pairs, mut slots) = (Vec::with_capacity(keys.len()), Vec::with_capacity(keys.len()));
+        let mut slots = Vec::with_capacity(keys.len());
         let mut old = self.keys.iter().zip(&self.slots).peekable();
         for key in &keys {
             while old.next_if(|(old_key, _)| *old_key < key).is_some() {}
-            let (origin, end) = (key.origin as usize, key.end as usize);
-            let sides = (self.sides.masks.get(origin), self.sides.masks.get(end));
-            let is_shared = matches!(sides, (Some(first), Some(second)) if first & second != 0);
-            let weight = if is_shared { self.sides.weight } else { 1.0 };
             let slot = match old.next_if(|(old_key, _)| *old_key == key) {
-                Some((_, slot)) => Slot { weight, ..*slot },
-                None => Slot::new(
-                    &self.law,
-                    [radii[origin], radii[end]],
-                    [self.masses[origin], self.masses[end]],
-                    self.damping_ratio,
-                    weight,
-                ),
+                Some((_, slot)) => Slot { weight: self.weight(key), ..*slot },
+                None => self.fresh_slot(key),
             };
-            let range = radii[origin] + radii[end];
-            let image = shifts.binary_search(&key.shift).expect("every shift was collected") as u32;
-            pairs.push(Listed { origin: key.origin, end: key.end, image, near_square: range * range });
             slots.push(slot);
         }
         drop(old);
-        (self.keys, self.pairs, self.slots) = (keys, pairs, slots);
+        (self.keys, self.slots) = (keys, slots);
+        self.list_shifts();
+        self.pairs = self.keys.iter().map(|key| self.listed(key)).collect();
         self.pair_loads.clear();
         self.pair_loads.resize(self.pairs.len(), PairLoad::none());
         self.list_members();
         self.listed_at.clear();
         self.listed_at.extend(self.grains.iter().map(|grain| grain.position));
+        self.listed_periods = self.periods.carried;
+        self.place_images();
         self.renewals += 1;
+    }
+
+    /// Share of a contact that belongs to this body.
+    fn weight(&self, key: &PairKey<S>) -> f64 {
+        let sides = (self.sides.masks.get(key.origin as usize), self.sides.masks.get(key.end as usize));
+        let is_shared = matches!(sides, (Some(first), Some(second)) if first & second != 0);
+        if is_shared { self.sides.weight } else { 1.0 }
+    }
+
+    /// A pair that does not touch yet.
+    fn fresh_slot(&self, key: &PairKey<S>) -> Slot<S, C> {
+        let ends = [key.origin as usize, key.end as usize];
+        let (radii, masses) = (ends.map(|end| self.grains[end].radius), ends.map(|end| self.masses[end]));
+        Slot::new(&self.law, radii, masses, self.damping_ratio, self.weight(key))
+    }
+
+    /// The images that the keys name.
+    fn list_shifts(&mut self) {
+        self.shifts.clear();
+        self.shifts.extend(self.keys.iter().map(|key| key.shift));
+        self.shifts.sort_unstable();
+        self.shifts.dedup();
+    }
+
+    fn listed(&self, key: &PairKey<S>) -> Listed {
+        let range = self.grains[key.origin as usize].radius + self.grains[key.end as usize].radius;
+        let image = self.shifts.binary_search(&key.shift).expect("every shift was collected") as u32;
+        Listed { origin: key.origin, end: key.end, image, near_square: range * range }
     }
 
     fn list_members(&mut self) {
@@ -379,7 +428,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             (high - low).max(0.0) + 2.0 * reach
         };
         Cell {
-            rows: S::Tensor::from_fn(|i, j| match &self.periods[i] {
+            rows: S::Tensor::from_fn(|i, j| match self.periods.in_use(i) {
                 Some(period) => period[j],
                 None if i == j => along(i),
                 None => 0.0,

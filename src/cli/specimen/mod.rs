@@ -1,13 +1,16 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
+mod restart;
+
+use self::restart::Restart;
 use crate::exit::{Exit, Failure};
 use crate::stdout::deliver;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
 use rve_server::definition::Packing;
 use rve_server::programs::specimen::{
-    SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary, SpecimenTest,
-    run_specimen,
+    Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary,
+    SpecimenTest, run_specimen_from,
 };
 use scene_reader::{Document, Kind};
 use std::path::{Path, PathBuf};
@@ -16,7 +19,8 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
-  grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]")]
+  grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]
+  grainspan specimen scenes/specimen-biaxial.toml --out curve.csv --checkpoint out/specimen --resume")]
 pub(crate) struct Arguments {
     /// Specimen test: packing, tiles, contact law, walls and stages; see docs/guide/specimens.md
     #[arg(value_name = "TEST.toml")]
@@ -27,6 +31,15 @@ pub(crate) struct Arguments {
     /// Folder for ParaView files of the grains, one per row
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+    /// Folder for checkpoints of the run; removed when it has ended
+    #[arg(long, value_name = "DIR")]
+    checkpoint: Option<PathBuf>,
+    /// Steps between two checkpoints
+    #[arg(long, value_name = "N", default_value_t = 10_000, requires = "checkpoint", value_parser = clap::value_parser!(u64).range(1..))]
+    checkpoint_every: u64,
+    /// Go on from the checkpoint, to the same table; from the beginning if there is none
+    #[arg(long, requires = "checkpoint")]
+    resume: bool,
     /// Threads [default: one per core]; the results do not depend on it
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -62,15 +75,36 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             .build_global()
             .map_err(|error| Failure::new(Exit::BadInput, format!("--threads {threads}: {error}")))?;
     }
-    let mut output = Output::new(arguments, &test)?;
-    let ended = match &packing {
-        Packing::Discs(packing) => run_specimen(&test, packing, &mut |event| output.take(event)),
-        Packing::Spheres(packing) => run_specimen(&test, packing, &mut |event| output.take(event)),
+    let restart = match &arguments.checkpoint {
+        Some(folder) => {
+            let packing = document.resolve(Path::new(&test.packing));
+            Some(Restart::new(folder, document.as_run(&[])?, &packing, arguments.units)?)
+        }
+        None => None,
     };
+    let earlier = match &restart {
+        Some(restart) if arguments.resume => restart.earlier()?,
+        _ => None,
+    };
+    let mut output = Output::new(arguments, &test)?;
+    if let Some(earlier) = &earlier {
+        output.go_on(arguments, &test, earlier)?;
+    }
+    let every = restart.is_some().then_some(arguments.checkpoint_every);
+    output.restart = restart;
+    let checkpoints = Checkpoints { every, from: earlier.as_ref().map(|earlier| &earlier.state[..]) };
+    let ended = match &packing {
+        Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
+        Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
+    };
+    let restart = output.restart.take();
     let bytes = output.finish()?;
     deliver(arguments.out.as_deref(), &bytes)?;
     match ended {
         Ok(summary) => {
+            if let Some(restart) = &restart {
+                restart.remove()?;
+            }
             if !arguments.quiet {
                 eprintln!("{}", closing(&summary));
             }
@@ -87,6 +121,7 @@ struct Output {
     bar: ProgressBar,
     /// Steps before each stage.
     before: Vec<u64>,
+    restart: Option<Restart>,
     failure: Option<Failure>,
 }
 
@@ -103,18 +138,36 @@ impl Output {
             .expect("the template is a constant");
         bar.set_style(style);
         Ok(Self {
-            csv: SpecimenCsv::new(Vec::new(), arguments.units)
+            csv: SpecimenCsv::new(Vec::new(), arguments.units, test)
                 .map_err(|error| Failure::new(Exit::BadInput, error))?,
             pictures: arguments.pictures.as_deref().map(Pictures::create).transpose()?,
             bar,
             before,
+            restart: None,
             failure: None,
         })
+    }
+
+    /// Goes on behind the rows and pictures of an earlier process.
+    fn go_on(&mut self, arguments: &Arguments, test: &SpecimenTest, earlier: &restart::Kept) -> Result<(), Failure> {
+        self.csv = SpecimenCsv::resumed(earlier.table.clone(), arguments.units, test)
+            .map_err(|error| Failure::new(Exit::BadInput, error))?;
+        if let Some(pictures) = &mut self.pictures {
+            pictures.drawn = earlier.frames.len();
+            pictures.series.restore(earlier.frames.clone())?;
+        }
+        Ok(())
     }
 
     fn take(&mut self, event: &SpecimenEvent<'_>) {
         match event {
             SpecimenEvent::Progress { stage, step } => self.bar.set_position(self.before[*stage] + step),
+            SpecimenEvent::State(state) => {
+                if let Some(restart) = &mut self.restart {
+                    let frames = self.pictures.as_ref().map_or(&[][..], |pictures| pictures.series.frames());
+                    restart.write(self.csv.so_far(), frames, state);
+                }
+            }
             SpecimenEvent::Row(row, picture) => {
                 self.bar.set_message(format!("{}: unbalanced {:.1e}", row.stage, row.unbalanced_force_ratio));
                 let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
@@ -207,6 +260,9 @@ fn start_text(start: &SpecimenStart) -> String {
     }
     if start.dropped > 0 {
         parts.push(format!("{} of pairs that do not touch were dropped", start.dropped));
+    }
+    if start.removed > 0 {
+        parts.push(format!("{} grains were removed from regions", start.removed));
     }
     if start.slant > 1e-3 {
         parts.push(format!(

@@ -1,0 +1,132 @@
+//! Checkpoints of a specimen: table, pictures and state in one file, written while it runs and read by `--resume`.
+
+use crate::exit::{Exit, Failure};
+use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFile, StoredCheckpoint};
+use protocol::ContentId;
+use scene_reader::changes;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+const SECTION: &str = "specimen";
+
+/// Counts changes of [`Kept`] and of the state that it holds.
+const VERSION: u32 = 1;
+
+/// What a checkpoint holds.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Kept {
+    /// The test as run.
+    test: String,
+    /// Content identity of the packing file.
+    packing: String,
+    /// The program that wrote it.
+    program: String,
+    /// Whether the header of the table has units.
+    units: bool,
+    /// Table so far.
+    #[serde(with = "serde_bytes")]
+    pub(super) table: Vec<u8>,
+    /// Pictures so far: step and file.
+    pub(super) frames: Vec<(f64, String)>,
+    /// State of the run.
+    #[serde(with = "serde_bytes")]
+    pub(super) state: Vec<u8>,
+}
+
+/// Where checkpoints of this run go.
+pub(super) struct Restart {
+    folder: PathBuf,
+    file: CheckpointFile,
+    /// What is the same in every checkpoint.
+    blank: Kept,
+    /// Whether a checkpoint could not be written; people are told once.
+    has_failed: bool,
+}
+
+impl Restart {
+    /// Checkpoints in `folder` of the test `test` with the packing in `packing`.
+    ///
+    /// # Errors
+    /// The folder cannot be made, or the packing not be read again.
+    pub(super) fn new(folder: &Path, test: String, packing: &Path, units: bool) -> Result<Self, Failure> {
+        let system = |action, path: &Path, source| {
+            let error = CheckpointError::System { action, path: path.to_owned(), source };
+            Failure::new(Exit::BadInput, error)
+        };
+        std::fs::create_dir_all(folder).map_err(|source| system("make", folder, source))?;
+        let bytes = std::fs::read(packing).map_err(|source| system("read", packing, source))?;
+        let blank = Kept {
+            test,
+            packing: ContentId::of(&bytes).to_string(),
+            program: crate::cli::this_program(),
+            units,
+            ..Kept::default()
+        };
+        let file = CheckpointFile::in_folder(folder);
+        Ok(Self { folder: folder.to_owned(), file, blank, has_failed: false })
+    }
+
+    /// What an earlier process of the same run has left; `None`, with a remark for people, if it has left nothing.
+    ///
+    /// # Errors
+    /// Its checkpoint cannot be used, or belongs to another test.
+    pub(super) fn earlier(&self) -> Result<Option<Kept>, Failure> {
+        let unusable = |error: CheckpointError| Failure::new(Exit::BadInput, error);
+        let (archive, damage) = match self.file.read().map_err(unusable)? {
+            StoredCheckpoint::Nothing => {
+                eprintln!("{} holds no checkpoint; starting from the beginning", self.folder.display());
+                return Ok(None);
+            }
+            StoredCheckpoint::Archive(archive, damage) => (archive, damage),
+        };
+        if let Some(damage) = damage {
+            eprintln!("warning: {damage}; continuing from the checkpoint before it");
+        }
+        let kept: Kept = archive.get(SECTION, VERSION).map_err(unusable)?;
+        let mut found = changes(&kept.test, &self.blank.test);
+        if kept.packing != self.blank.packing {
+            found.push("packing: the content of the packing file is not the same".to_owned());
+        }
+        if kept.units != self.blank.units {
+            found.push("--units: the table was begun otherwise".to_owned());
+        }
+        if !found.is_empty() {
+            let text = format!(
+                "the specimen in {} cannot be continued with another test:\n  {}\nhint: continue it as it was, or start \
+                 again without --resume, which replaces the checkpoint",
+                self.folder.display(),
+                found.join("\n  ")
+            );
+            return Err(Failure::new(Exit::BadInput, text));
+        }
+        if kept.program != self.blank.program {
+            eprintln!(
+                "warning: the checkpoint was written by another build ({}, this is {}): the rest of the run may differ in the last \
+                 digits from a run in one piece",
+                kept.program, self.blank.program
+            );
+        }
+        Ok(Some(kept))
+    }
+
+    /// Writes a checkpoint. A disk that is full does not end the run: the checkpoint before is still there.
+    pub(super) fn write(&mut self, table: &[u8], frames: &[(f64, String)], state: &[u8]) {
+        let kept =
+            Kept { table: table.to_vec(), frames: frames.to_vec(), state: state.to_vec(), ..self.blank.clone() };
+        let mut archive = Archive::new();
+        archive.put(SECTION, VERSION, &kept);
+        if let Err(error) = self.file.write(&archive)
+            && !std::mem::replace(&mut self.has_failed, true)
+        {
+            eprintln!("warning: {error}; the run goes on");
+        }
+    }
+
+    /// Nothing is left to be continued.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub(super) fn remove(&self) -> Result<(), Failure> {
+        self.file.remove().map_err(|error| Failure::new(Exit::BadInput, error))
+    }
+}
