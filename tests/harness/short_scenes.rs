@@ -52,7 +52,13 @@ pub const SHORT_SCENES: [ShortScene; 23] = [
     scene(
         "averaged-newton",
         "biaxial-nonlocal-newton",
-        &["mesh.elements=[2, 3]", "stage.1.loading.increments=6", "stage.1.boundary.0.displacement.y=-6e-4"],
+        &[
+            "mesh.elements=[2, 3]",
+            "region=[]",
+            "nonlocal.radius=0.04",
+            "stage.1.loading.increments=6",
+            "stage.1.boundary.0.displacement.y=-6e-4",
+        ],
     ),
     scene("relaxed", "biaxial-relaxation", &["loading.increments=8", "mesh.elements=[2, 2]"]),
     scene("spheres", "single-hexahedron-shear", &["rve.accuracy=draft", "loading.increments=8"]),

@@ -42,9 +42,7 @@ impl Formulation {
                 strain: symmetric_part(),
             }),
             Self::TotalLagrangian | Self::UpdatedLagrangian => None,
-            Self::Corotational => {
-                Corotation::of_step(committed, gradient)?.averaged_moduli(average, stress, tangent)
-            }
+            Self::Corotational => Corotation::of_step(committed, gradient)?.averaged_moduli(average, stress, tangent),
         }
     }
 
@@ -67,9 +65,7 @@ impl Formulation {
     pub fn volumetric_moduli(self, stress: &Matrix3<f64>) -> Operator {
         match self {
             Self::SmallStrain | Self::TotalLagrangian => Operator::zeros(),
-            Self::UpdatedLagrangian | Self::Corotational => {
-                column(stress) * column(&Matrix3::identity()).transpose()
-            }
+            Self::UpdatedLagrangian | Self::Corotational => column(stress) * column(&Matrix3::identity()).transpose(),
         }
     }
 }
@@ -119,9 +115,8 @@ mod tests {
                 formulation.cauchy(&committed, gradient, &law(&target(gradient, average))).unwrap()
             };
             let sent = target(&gradient, &average);
-            let moduli = formulation
-                .averaged_moduli(&committed, &gradient, &average, &law(&sent), &tangent(&sent))
-                .unwrap();
+            let moduli =
+                formulation.averaged_moduli(&committed, &gradient, &average, &law(&sent), &tangent(&sent)).unwrap();
             for pair in 0..9 {
                 let step = 1e-6 * unit(pair);
                 let moved = match formulation {

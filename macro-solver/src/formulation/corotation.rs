@@ -99,9 +99,8 @@ impl Corotation {
         let to_target = (Matrix3::identity() - 0.5 * seen).try_inverse()?;
         let from_start = (Matrix3::identity() + seen * to_target).try_inverse()?;
         let (middle, end) = (&self.midpoint.rotation, &self.end.rotation);
-        let answer = |strain: &Matrix3<f64>| {
-            from_column(&(tangent * column(&(to_target * strain * to_target * from_start))))
-        };
+        let answer =
+            |strain: &Matrix3<f64>| from_column(&(tangent * column(&(to_target * strain * to_target * from_start))));
         let mut moduli =
             AveragedModuli { own: Operator::zeros(), seen: Operator::zeros(), strain: Operator::zeros() };
         for pair in 0..9 {

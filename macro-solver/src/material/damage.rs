@@ -79,7 +79,13 @@ impl DamageMaterial {
     /// Undeformed points, each with its law.
     pub fn new(laws: Vec<DamageLaw>) -> Self {
         let start = State { strain: Matrix3::zeros(), largest: 0.0 };
-        Self { committed: vec![start; laws.len()], marked: Vec::new(), trials: vec![None; laws.len()], laws, consistent: false }
+        Self {
+            committed: vec![start; laws.len()],
+            marked: Vec::new(),
+            trials: vec![None; laws.len()],
+            laws,
+            consistent: false,
+        }
     }
 
     /// With the derivative of the stress as tangent in place of the secant, softening included, exact in trials of any size.

@@ -1,9 +1,9 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, FrictionTable, NonlocalTable, NormalDisplacementTable, PeriodicTable, PressureTable,
-    RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable, TiltingPlatenTable,
-    TractionTable,
+    BodyForceTable, BoundaryTable, FrictionTable, NonlocalTable, NormalDisplacementTable, PeriodicTable,
+    PressureTable, RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
+    TiltingPlatenTable, TractionTable,
 };
 use keys::{Given, Located};
 use macro_solver::problem::LoadingSettings;

@@ -70,9 +70,8 @@ impl Body {
         let dimension = self.mesh().dimension.count();
         let elements = self.mesh().elements.iter().map(|nodes| degrees_of_freedom(dimension, nodes));
         let square = elements.chain(loads.block_dofs()).map(BlockDofs::square);
-        let coupled = coupling.map(|coupling| {
-            (0..self.mesh().elements.len()).map(|element| self.coupled_dofs(element, coupling))
-        });
+        let coupled = coupling
+            .map(|coupling| (0..self.mesh().elements.len()).map(|element| self.coupled_dofs(element, coupling)));
         square.chain(coupled.into_iter().flatten()).collect()
     }
 

@@ -122,9 +122,8 @@ impl Points {
     /// Changes of the grains' stresses for changes of all displacement gradients, Pa, by the latest moduli.
     pub(crate) fn stress_changes(&self, gradients: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
         let Some(coupling) = self.coupling() else {
-            let change = |(point, gradient): (&Point, &Matrix3<f64>)| {
-                from_column(&(point.response.moduli * column(gradient)))
-            };
+            let change =
+                |(point, gradient): (&Point, &Matrix3<f64>)| from_column(&(point.response.moduli * column(gradient)));
             return self.points.iter().zip(gradients).map(change).collect();
         };
         let averaged: Vec<Cow<'_, AveragedModuli>> =

@@ -353,8 +353,7 @@ mod tests {
     fn singular_systems_are_refused() {
         let block = Block { dofs: BlockDofs::square(vec![0, 1]), matrix: vec![1.0, -1.0, -1.0, 1.0] };
         let constraints = split(2, false);
-        let mut solver =
-            LinearSolver::new(std::iter::once(&block.dofs), &constraints, EquationSolver::Direct);
+        let mut solver = LinearSolver::new(std::iter::once(&block.dofs), &constraints, EquationSolver::Direct);
         let outcome = solver.factorize(std::slice::from_ref(&block)).and_then(|()| solver.solve(&[1.0, 0.0]));
         assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
         assert_eq!(
@@ -374,11 +373,11 @@ mod tests {
             let up = (y + 1 < side).then(|| [node(x, y), node(x, y + 1)]);
             right.into_iter().chain(up)
         });
-        let blocks: Vec<Block> =
-            pairs.map(|dofs| Block { dofs: BlockDofs::square(dofs.to_vec()), matrix: vec![1.0, -0.9, -1.1, 1.0] }).collect();
+        let blocks: Vec<Block> = pairs
+            .map(|dofs| Block { dofs: BlockDofs::square(dofs.to_vec()), matrix: vec![1.0, -0.9, -1.1, 1.0] })
+            .collect();
         let constraints = split(side * side, true);
-        let solver =
-            |method| LinearSolver::new(blocks.iter().map(|block| &block.dofs), &constraints, method);
+        let solver = |method| LinearSolver::new(blocks.iter().map(|block| &block.dofs), &constraints, method);
         let (mut direct, mut iterative) = (solver(EquationSolver::Direct), solver(EquationSolver::Iterative));
         let right: Vec<f64> = (0..side * side - 1).map(|row| (row as f64).cos()).collect();
         direct.factorize(&blocks).unwrap();
@@ -390,8 +389,7 @@ mod tests {
         assert_eq!((iterative.symbolic_count(), direct.symbolic_count()), (0, 1));
         let block = Block { dofs: BlockDofs::square(vec![0, 1]), matrix: vec![1.0, -1.0, -1.0, 1.0] };
         let free = split(2, false);
-        let mut singular =
-            LinearSolver::new(std::iter::once(&block.dofs), &free, EquationSolver::Iterative);
+        let mut singular = LinearSolver::new(std::iter::once(&block.dofs), &free, EquationSolver::Iterative);
         let outcome = singular.factorize(std::slice::from_ref(&block));
         assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
         assert_eq!(singular.fallback_count(), 1);

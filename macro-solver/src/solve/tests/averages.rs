@@ -67,7 +67,10 @@ fn newton_with_averages_converges_quadratically() {
 fn assert_squares(record: &Recorder, step: usize, what: &str) {
     let ratios = orders(record, step).0;
     let small: Vec<&[f64]> = ratios.windows(2).filter(|pair| pair[0] < 0.05).collect();
-    assert!(!small.is_empty() && small.iter().all(|pair| pair[1] <= (2.0 * pair[0] * pair[0]).max(1e-13)), "{what}: {ratios:?}");
+    assert!(
+        !small.is_empty() && small.iter().all(|pair| pair[1] <= (2.0 * pair[0] * pair[0]).max(1e-13)),
+        "{what}: {ratios:?}"
+    );
 }
 
 /// Strain at which softening begins.
@@ -126,7 +129,10 @@ fn the_band_of_a_bar_in_equilibrium_does_not_follow_the_mesh() {
     for (_, _, record) in &wide {
         let iterations: Vec<usize> = record.steps.iter().map(|step| step.iterations).collect();
         // The first step beyond the peak is cut back.
-        assert!(iterations.iter().all(|iterations| *iterations <= 5) && record.cut_backs.len() <= 2, "{iterations:?}");
+        assert!(
+            iterations.iter().all(|iterations| *iterations <= 5) && record.cut_backs.len() <= 2,
+            "{iterations:?}"
+        );
         let last = record.steps.last().expect("the end is reported").step;
         let ratios = orders(record, last).0;
         assert!(ratios.windows(2).any(|pair| pair[1] < 1e-3 * pair[0]), "{ratios:?}");
@@ -147,7 +153,8 @@ fn all_ways_to_the_answer_agree_with_averages() {
         };
         let pushed = Condition::BodyForce { elements: "all".into(), value: [1e5, 0.0, 0.0] };
         let stage = &mut problem.stages[0];
-        stage.conditions = [platen("bottom", 0.0), platen("top", -0.1), pushed].into_iter().map(Applied::from).collect();
+        stage.conditions =
+            [platen("bottom", 0.0), platen("top", -0.1), pushed].into_iter().map(Applied::from).collect();
         stage.nonlocal = Some(NonlocalSettings { adjoint, ..averages(1.8) });
         (stage.control.increments, stage.control.max_iterations) = (2, 60);
         stage.tolerances = Tolerances::both(1e-9, 1e-9);
