@@ -54,7 +54,7 @@ pub const SHORT_SCENES: [ShortScene; 23] = [
         "biaxial-nonlocal-newton",
         &[
             "mesh.elements=[2, 3]",
-            "region=[]",
+            "region.0.to=[0.02, 0.06]",
             "nonlocal.radius=0.04",
             "stage.1.loading.increments=6",
             "stage.1.boundary.0.displacement.y=-6e-4",
