@@ -120,7 +120,6 @@ impl Scene {
         }
         let mut problem = Problem::new(mesh, Vec::new());
         problem.stages = stages;
-        problem.nonlocal = file.nonlocal.clone();
         equations(&document, &mut problem, &file.solver)?;
         problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.pore_fluid = pore_fluid;

@@ -8,8 +8,9 @@ use super::materials::Densities;
 use super::motion::{MotionTables, procedure};
 use super::sets::Sets;
 use super::solving::{loading, refuse_equations, solver};
-use super::tables::{ProcedureKeyword, SceneFile, SolverTable, StageTable};
+use super::tables::{NonlocalTable, ProcedureKeyword, SceneFile, SolverTable, StageTable};
 use keys::{Key, Located, Table};
+use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::output::StageOutput;
 use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stage, Tolerances};
 
@@ -59,6 +60,7 @@ pub(super) fn stages(
         change(document, &mut stage, &place, table)?;
         let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
+        stage.nonlocal = nonlocal(document, &[(&[], &file.nonlocal), (&place, &table.nonlocal)])?;
         stabilise_soon(&mut stage, &[&file.loading, &table.loading]);
         refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
@@ -68,6 +70,7 @@ pub(super) fn stages(
     if stages.is_empty() {
         let base = base(file.procedure, None)?;
         let mut stage = Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base };
+        stage.nonlocal = nonlocal(document, &[(&[], &file.nonlocal)])?;
         stabilise_soon(&mut stage, &[&file.loading]);
         stages.push(stage);
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
@@ -128,6 +131,20 @@ fn base(
     loading(document, &mut stage, &[], &file.loading)?;
     solver(document, &mut stage, &[], &file.solver)?;
     Ok(stage)
+}
+
+/// Averages of a stage from the tables `nonlocal` at their places: each one that is written switches averages on or says that there are
+/// none, and changes the keys that it names.
+fn nonlocal(
+    document: &Document,
+    tables: &[(&[&str], &keys::Given<NonlocalTable>)],
+) -> Result<Option<NonlocalSettings>, InputError> {
+    let mut averages = NonlocalTable::default();
+    for (place, given) in tables {
+        averages.enabled |= document.is_written(&[*place, &["nonlocal"]].concat());
+        averages = given.over(&averages).map_err(|fault| document.fault(&fault))?;
+    }
+    Ok(averages.enabled.then_some(averages.settings))
 }
 
 /// Increments of stabilisation where supports drive the stage: a body that softens as a whole takes more than a snap does. Under loads that
@@ -331,6 +348,28 @@ mod tests {
         assert!(of(&[first, "stage.1.remove=['all']"], 1).is_empty());
         let error = stages(&["stage.0.friction=[{ factor = 1.2 }]"]).unwrap_err();
         assert!(error.contains("stage.0.friction.0.factor must be at least 0 and at most 1"), "{error}");
+    }
+
+    #[test]
+    fn stages_switch_averages_on_and_off_and_change_them() {
+        let radii = |more: &[&str]| {
+            let formulation = "solver.formulation=corotational";
+            let stages = stages(&[&[formulation], more].concat()).unwrap();
+            stages.iter().map(|stage| stage.nonlocal.as_ref().map(|averages| averages.radius)).collect::<Vec<_>>()
+        };
+        let top = "nonlocal.radius=0.02";
+        assert_eq!(radii(&[]), [None, None]);
+        assert_eq!(radii(&[top]), [Some(0.02), Some(0.02)]);
+        assert_eq!(radii(&[top, "stage.0.nonlocal.enabled=false"]), [None, Some(0.02)]);
+        assert_eq!(radii(&[top, "nonlocal.enabled=false", "stage.1.nonlocal={}"]), [None, Some(0.02)]);
+        assert_eq!(radii(&[top, "stage.1.nonlocal.radius=0.03"]), [Some(0.02), Some(0.03)]);
+        assert_eq!(radii(&["stage.1.nonlocal={ radius = 0.03, kernel = \"cone\" }"]), [None, Some(0.03)]);
+        let error = stages(&["solver.formulation=corotational", "stage.1.nonlocal={}"]).unwrap_err();
+        assert!(error.contains("nonlocal.radius = 0 must be a positive length"), "{error}");
+        let error = stages(&["stage.1.nonlocal.radius=0.03"]).unwrap_err();
+        assert!(error.contains("\"corotational\""), "{error}");
+        let error = stages(&["stage.1.nonlocal.reach=0.03"]).unwrap_err();
+        assert!(error.contains("reach"), "{error}");
     }
 
     #[test]

@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 22] = [
+pub const SHORT_SCENES: [ShortScene; 23] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -48,6 +48,17 @@ pub const SHORT_SCENES: [ShortScene; 22] = [
         "averaged-back",
         "biaxial-nonlocal",
         &["mesh.elements=[2, 5]", "nonlocal.adjoint=true", "loading.duration=0.01", "dynamics.output_interval=1e-3"],
+    ),
+    scene(
+        "averaged-newton",
+        "biaxial-nonlocal-newton",
+        &[
+            "mesh.elements=[2, 3]",
+            "region.0.to=[0.02, 0.06]",
+            "nonlocal.radius=0.04",
+            "stage.1.loading.increments=6",
+            "stage.1.boundary.0.displacement.y=-6e-4",
+        ],
     ),
     scene("relaxed", "biaxial-relaxation", &["loading.increments=8", "mesh.elements=[2, 2]"]),
     scene("spheres", "single-hexahedron-shear", &["rve.accuracy=draft", "loading.increments=8"]),

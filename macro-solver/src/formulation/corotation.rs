@@ -7,6 +7,7 @@
 //! `E^2 / 2` in every step and be of first order only. Its stress `s` becomes `sigma = R_end s R_end^T` with `F_end = (I + G) F_n = R_end U_end`.
 //! The paper's listing of the algorithm is missing; this is the standard midpoint rule that its text describes.
 
+use super::AveragedModuli;
 use super::tensor::{Operator, column, from_column, unit};
 use nalgebra::{Matrix3, Vector3};
 
@@ -84,6 +85,38 @@ impl Corotation {
             change.set_column(pair, &column(&turned));
         }
         Some(change)
+    }
+
+    /// Parts of the derivative of the stress of a point that was given `average`, a strain increment in the fixed axes, in place of
+    /// its own; `stress` and `tangent` are those of the corotated frame. `None` for increments that no motion has.
+    pub fn averaged_moduli(
+        &self,
+        average: &Matrix3<f64>,
+        stress: &Matrix3<f64>,
+        tangent: &Operator,
+    ) -> Option<AveragedModuli> {
+        let seen = self.into_frame(average);
+        let to_target = (Matrix3::identity() - 0.5 * seen).try_inverse()?;
+        let from_start = (Matrix3::identity() + seen * to_target).try_inverse()?;
+        let (middle, end) = (&self.midpoint.rotation, &self.end.rotation);
+        let answer =
+            |strain: &Matrix3<f64>| from_column(&(tangent * column(&(to_target * strain * to_target * from_start))));
+        let mut moduli =
+            AveragedModuli { own: Operator::zeros(), seen: Operator::zeros(), strain: Operator::zeros() };
+        for pair in 0..9 {
+            let unit = unit(pair);
+            let step = unit * (Matrix3::identity() + self.gradient);
+            let rate = self.to_midpoint * step * self.to_midpoint;
+            moduli.strain.set_column(pair, &column(&(0.5 * (rate + rate.transpose()))));
+            let spin_middle = self.midpoint.spin(&(0.5 * step * self.committed));
+            let spin_end = self.end.spin(&(step * self.committed));
+            let turned = answer(&(seen * spin_middle - spin_middle * seen));
+            let own = end * (turned + spin_end * stress - stress * spin_end) * end.transpose();
+            moduli.own.set_column(pair, &column(&own));
+            let straight = end * answer(&(middle.transpose() * unit * middle)) * end.transpose();
+            moduli.seen.set_column(pair, &column(&straight));
+        }
+        Some(moduli)
     }
 }
 

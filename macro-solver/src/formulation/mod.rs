@@ -6,11 +6,13 @@
 //! `F_n` of the committed configuration, and the displacement gradient `G` of the step, taken on the configuration of
 //! [`Formulation::reference`]. Nothing here depends on a time integrator: implicit and explicit solvers share it.
 
+mod averages;
 pub mod conversion;
 pub mod corotation;
 mod small_strain;
 pub mod tensor;
 
+pub use averages::AveragedModuli;
 use conversion::{first_piola, piola_moduli, spatial_moduli};
 use corotation::Corotation;
 use nalgebra::Matrix3;

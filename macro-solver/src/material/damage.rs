@@ -6,7 +6,7 @@
 //! linear elasticity in rate form, exact to rounding for strains of any size.
 
 use crate::checkpoint::{Archive, CheckpointError};
-use crate::formulation::tensor::{matrix, tensor, wire_operator};
+use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
 use crate::material::elastic::isotropic_moduli;
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::Matrix3;
@@ -72,13 +72,25 @@ pub struct DamageMaterial {
     committed: Vec<State>,
     marked: Vec<State>,
     trials: Vec<Option<State>>,
+    consistent: bool,
 }
 
 impl DamageMaterial {
     /// Undeformed points, each with its law.
     pub fn new(laws: Vec<DamageLaw>) -> Self {
         let start = State { strain: Matrix3::zeros(), largest: 0.0 };
-        Self { committed: vec![start; laws.len()], marked: Vec::new(), trials: vec![None; laws.len()], laws }
+        Self {
+            committed: vec![start; laws.len()],
+            marked: Vec::new(),
+            trials: vec![None; laws.len()],
+            laws,
+            consistent: false,
+        }
+    }
+
+    /// With the derivative of the stress as tangent in place of the secant, softening included, exact in trials of any size.
+    pub fn with_consistent_tangents(self) -> Self {
+        Self { consistent: true, ..self }
     }
 
     /// Share of the stiffness that a point has left.
@@ -99,7 +111,12 @@ impl DamageMaterial {
         let gradient = matrix(&trial.target);
         let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
         let largest = committed.largest.max(law.equivalent_strain(&strain));
-        Ok((State { strain, largest }, answer(law, &strain, law.integrity(largest), &trial.options)))
+        let mut answer = answer(law, &strain, law.integrity(largest), &trial.options);
+        if self.consistent && answer.tangent.is_some() {
+            let softens = largest > committed.largest && largest > law.threshold;
+            answer.tangent = Some(Box::new(wire_operator(&derivative(law, &strain, largest, softens, &gradient))));
+        }
+        Ok((State { strain, largest }, answer))
     }
 }
 
@@ -114,6 +131,27 @@ fn answer(law: &DamageLaw, strain: &Matrix3<f64>, integrity: f64, options: &Tria
         cost: Cost { force_evaluations: 1, ramp_steps: u64::from(options.ramp_steps), ..Cost::default() },
         flags: TrialFlags::default(),
     }
+}
+
+/// `d sigma / d F` at the end of a trial of the target `gradient` to the total strain `strain`.
+fn derivative(
+    law: &DamageLaw,
+    strain: &Matrix3<f64>,
+    largest: f64,
+    softens: bool,
+    gradient: &Matrix3<f64>,
+) -> Operator {
+    let integrity = law.integrity(largest);
+    let mut change = isotropic_moduli(integrity * law.lambda, integrity * law.shear);
+    if softens {
+        // g = k0 / k exp(-(k - k0) / kf), dk = C : e : de / (M k).
+        let stress = column(&law.elastic_stress(strain));
+        let slope = -integrity * (1.0 / largest + 1.0 / law.softening) / ((law.lambda + 2.0 * law.shear) * largest);
+        change += slope * stress * stress.transpose();
+    }
+    // The target changes by dL (I + H).
+    let end = Matrix3::identity() + gradient;
+    Operator::from_fn(|row, pair| (0..3).map(|r| change[(row, 3 * (pair / 3) + r)] * end[(pair % 3, r)]).sum())
 }
 
 impl PointMaterial for DamageMaterial {

@@ -4,7 +4,7 @@
 //! free ones in ascending order. With `u = T v + g` of the free components `v`, forces become `T^T f` and the stiffness
 //! `T^T K T`, block by block.
 
-use crate::model::assembly::block::Block;
+use crate::model::assembly::block::{Block, BlockDofs};
 use crate::problem::elimination::Dependent;
 use crate::problem::{Amplitude, Moment, Origin, Prescribed};
 use std::borrow::Cow;
@@ -178,7 +178,12 @@ impl Constraints {
     }
 
     /// Degrees of freedom of a condensed block, in the order of [`Constraints::condense`].
-    pub(crate) fn condensed_dofs(&self, dofs: &[usize]) -> Vec<usize> {
+    pub(crate) fn condensed_dofs(&self, dofs: &BlockDofs) -> BlockDofs {
+        dofs.map(|dofs| self.masters_of(dofs))
+    }
+
+    /// Degrees of freedom in which those that follow others are replaced by them.
+    fn masters_of(&self, dofs: &[usize]) -> Vec<usize> {
         let mut condensed: Vec<usize> = dofs.iter().copied().filter(|&dof| self.follower_of[dof].is_none()).collect();
         for follower in dofs.iter().filter_map(|&dof| self.follower_of[dof]) {
             for &(master, _) in &self.followers[follower].masters {
@@ -191,26 +196,17 @@ impl Constraints {
     }
 
     fn condensed(&self, block: &Block) -> Block {
-        if block.dofs.iter().all(|&dof| self.follower_of[dof].is_none()) {
+        let (rows, columns) = (&block.dofs.rows, block.dofs.columns());
+        if rows.iter().chain(columns).all(|&dof| self.follower_of[dof].is_none()) {
             return block.clone();
         }
         let mut condensed = Block::zero(self.condensed_dofs(&block.dofs));
-        let width = condensed.dofs.len();
-        let place = |wanted: usize| condensed.dofs.iter().position(|&dof| dof == wanted);
-        let shares: Vec<Vec<(usize, f64)>> = block
-            .dofs
-            .iter()
-            .map(|&dof| match self.follower_of[dof] {
-                None => place(dof).map(|place| (place, 1.0)).into_iter().collect(),
-                Some(follower) => {
-                    let masters = &self.followers[follower].masters;
-                    masters.iter().filter_map(|&(master, share)| Some((place(master)?, share))).collect()
-                }
-            })
-            .collect();
-        for (row, row_shares) in shares.iter().enumerate() {
-            for (column, column_shares) in shares.iter().enumerate() {
-                let entry = block.matrix[row * block.dofs.len() + column];
+        let width = condensed.dofs.columns().len();
+        let row_shares = self.shares(rows, &condensed.dofs.rows);
+        let column_shares = self.shares(columns, condensed.dofs.columns());
+        for (row, row_shares) in row_shares.iter().enumerate() {
+            for (column, column_shares) in column_shares.iter().enumerate() {
+                let entry = block.matrix[row * columns.len() + column];
                 for &(target, row_share) in row_shares {
                     for &(source, column_share) in column_shares {
                         condensed.matrix[target * width + source] += row_share * column_share * entry;
@@ -219,6 +215,20 @@ impl Constraints {
             }
         }
         condensed
+    }
+
+    /// For each degree of freedom the places of those that it follows among `condensed`, with coefficients; its own place if it
+    /// follows none.
+    fn shares(&self, dofs: &[usize], condensed: &[usize]) -> Vec<Vec<(usize, f64)>> {
+        let place = |wanted: usize| condensed.iter().position(|&dof| dof == wanted);
+        let of_dof = |&dof: &usize| match self.follower_of[dof] {
+            None => place(dof).map(|place| (place, 1.0)).into_iter().collect(),
+            Some(follower) => {
+                let masters = &self.followers[follower].masters;
+                masters.iter().filter_map(|&(master, share)| Some((place(master)?, share))).collect()
+            }
+        };
+        dofs.iter().map(of_dof).collect()
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::element::side::{SideShape, area_vector, side_shapes};
 use crate::element::{point_geometry, shapes_at_points};
 use crate::mesh::{Mesh, Side};
-use crate::model::assembly::block::Block;
+use crate::model::assembly::block::{Block, BlockDofs};
 use crate::model::body::degrees_of_freedom;
 use crate::problem::{Amplitude, Applied, Condition, Moment, PressureKind, Problem, ProblemError, Stage};
 use nalgebra::Vector3;
@@ -151,8 +151,8 @@ impl Follower {
 
     /// `p integral N_a d(t_1 x t_2)/du_b`: constant in the plane, where the normal is linear in the positions.
     fn stiffness(&self, positions: &[[f64; 3]], factor: f64) -> Block {
-        let mut block = Block::zero(degrees_of_freedom(self.dimension, &self.nodes));
-        let width = block.dofs.len();
+        let mut block = Block::zero(BlockDofs::square(degrees_of_freedom(self.dimension, &self.nodes)));
+        let width = block.dofs.rows.len();
         for shape in self.shapes {
             let [first, second] = shape.tangents(self.nodes.iter().map(|&node| positions[node]));
             let scale = factor * self.pressure * shape.weight;

@@ -41,13 +41,9 @@ impl NonlocalLayer {
         self.operator.settings().adjoint
     }
 
-    /// The same for a body that repeats otherwise from now on.
-    ///
-    /// # Errors
-    /// See [`NonlocalOperator::new`].
-    pub fn with_periods(&self, positions: &[[f64; 3]], periods: &[[f64; 3]]) -> Result<Self, NonlocalError> {
-        let operator = NonlocalOperator::new(positions, periods, self.operator.settings())?;
-        Ok(Self { operator, previous: self.previous.clone() })
+    /// The table of weights.
+    pub fn operator(&self) -> &NonlocalOperator {
+        &self.operator
     }
 
     /// The increments of a step have been committed.

@@ -36,29 +36,25 @@ pub enum Update {
 
 /// What a nonlocal operator is made of.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default)]
 pub struct NonlocalSettings {
     /// Radius of influence R. Below the distance of neighbouring Gauss points nothing is averaged.
-    #[schemars(extend("x-unit" = "m"))]
+    #[schemars(extend("x-unit" = "m", "x-default" = "none, has to be given"))]
     pub radius: f64,
     /// Weights over distance.
-    #[serde(default)]
     pub kernel: Kernel,
     /// Share of the point's own increment that is kept in addition to the average; 0.1 makes the bell stable in many cases.
-    #[serde(default)]
+    /// In equilibrium beyond the peak it also keeps strains from alternating between elements that the average cannot tell apart.
     #[schemars(extend("x-unit" = "-"))]
     pub local_share: f64,
     /// Which values are averaged.
-    #[serde(default)]
     pub update: Update,
     /// Whether the stress is averaged by the transpose as well. The work of the averaged stress on the strain of the elements
     /// then equals the work of the stress on the averaged strain, and the stiffness stays symmetric and not negative with
     /// every kernel; some waves of the mesh may be left without stiffness.
-    #[serde(default)]
     pub adjoint: bool,
     /// Whether combinations of kernel, radius and mesh that are known to be unstable run all the same, for the comparison that shows
     /// why they are refused.
-    #[serde(default)]
     pub allow_unstable: bool,
 }
 
@@ -206,6 +202,13 @@ impl NonlocalOperator {
     pub fn row(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.starts[point]..self.starts[point + 1];
         self.neighbours[range.clone()].iter().copied().zip(self.weights[range].iter().copied())
+    }
+
+    /// Those of them whose increment of this step a point sees, with their weights: all but what [`Update::Staggered`] takes from the step
+    /// before.
+    pub fn row_of_this_step(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
+        let is_staggered = self.settings.update == Update::Staggered;
+        self.row(point).filter(move |(neighbour, _)| !(is_staggered && *neighbour > point))
     }
 
     /// What every point sees: averages of `current`, the increments of this step; `previous` holds those of the step before

@@ -7,7 +7,7 @@ use crate::element::hourglass::HourglassControl;
 use crate::element::mass::MassError;
 use crate::formulation::Formulation;
 use crate::mesh::{Mesh, MeshError};
-use crate::nonlocal::{NonlocalError, NonlocalSettings};
+use crate::nonlocal::NonlocalError;
 use keys::Fault;
 use protocol::{Observables, TangentKind};
 use schemars::JsonSchema;
@@ -76,8 +76,6 @@ pub struct Problem {
     pub equations: EquationSolver,
     /// What holds the hourglass modes of elements with one point.
     pub hourglass: HourglassControl,
-    /// Average of strain increments over neighbouring points; `None`: every point sees its own.
-    pub nonlocal: Option<NonlocalSettings>,
     /// Optional results asked of every point in every evaluation.
     pub observables: Observables,
     /// Strain that a point applies in one ramp increment: a step fixes each point's number of increments to its
@@ -102,7 +100,6 @@ impl Problem {
             formulation: Formulation::default(),
             equations: EquationSolver::default(),
             hourglass: HourglassControl::default(),
-            nonlocal: None,
             observables: Observables::NONE,
             strain_per_step: 0.0,
             error_control: None,
@@ -249,12 +246,6 @@ pub enum ProblemError {
         /// Keyword of the formulation.
         formulation: &'static str,
     },
-    /// Newton's matrix knows no neighbours.
-    #[error(
-        "the tangent of averaged strains couples points of different elements, which Newton's method does not assemble; use \
-         procedure = \"dynamic\" or \"relaxation\", or leave [nonlocal] out"
-    )]
-    NonlocalNewton,
     /// A condition acts along z on a plane mesh.
     #[error("a plane problem has no direction z: displacements and forces along it must be left out")]
     NoThirdAxis,

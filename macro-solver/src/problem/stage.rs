@@ -2,6 +2,7 @@
 
 use super::condition::Action;
 use super::{Applied, Moment, PathControl, Strategy, Tolerances};
+use crate::nonlocal::NonlocalSettings;
 use crate::problem::dynamics::DynamicSettings;
 use crate::problem::relaxation::RelaxationSettings;
 use schemars::JsonSchema;
@@ -48,6 +49,8 @@ pub struct Stage {
     pub tolerances: Tolerances,
     /// Path to the answer.
     pub strategy: Strategy,
+    /// Average of strain increments over neighbouring points; `None`: every point sees its own.
+    pub nonlocal: Option<NonlocalSettings>,
 }
 
 impl Stage {
@@ -61,6 +64,7 @@ impl Stage {
             control: StepControl::default(),
             tolerances: Tolerances::default(),
             strategy: Strategy::default(),
+            nonlocal: None,
         }
     }
 

@@ -64,7 +64,6 @@ impl Problem {
         if self.stages.is_empty() {
             return Err(ProblemError::NoStage);
         }
-        self.validate_nonlocal()?;
         for (number, stage) in self.stages.iter().enumerate() {
             self.validate_stage(stage).map_err(|error| match self.stages.len() {
                 1 => error,
@@ -76,6 +75,7 @@ impl Problem {
 
     fn validate_stage(&self, stage: &Stage) -> Result<(), ProblemError> {
         check_stage_settings(stage)?;
+        self.validate_nonlocal(stage)?;
         refuse_unsound(condition_numbers(stage))?;
         for applied in &stage.conditions {
             if let Some(reason) = applied.history.defect() {
@@ -121,18 +121,13 @@ impl Problem {
         }
     }
 
-    fn validate_nonlocal(&self) -> Result<(), ProblemError> {
-        let Some(settings) = &self.nonlocal else { return Ok(()) };
+    fn validate_nonlocal(&self, stage: &Stage) -> Result<(), ProblemError> {
+        let Some(settings) = &stage.nonlocal else { return Ok(()) };
         if !self.formulation.has_strain_increments() {
             return Err(ProblemError::NonlocalFormulation { formulation: self.formulation.keyword() });
         }
-        if self.stages.iter().any(|stage| stage.procedure == Procedure::Implicit) {
-            return Err(ProblemError::NonlocalNewton);
-        }
         // Periodic faces change where a body ends, and with it what is stable.
-        for stage in &self.stages {
-            NonlocalOperator::new(&point_places(&self.mesh), &self.periods(stage)?, settings)?;
-        }
+        NonlocalOperator::new(&point_places(&self.mesh), &self.periods(stage)?, settings)?;
         Ok(())
     }
 

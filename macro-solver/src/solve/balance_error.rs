@@ -1,7 +1,6 @@
 //! Error of the stresses that the tolerances of the equilibrium leave.
 
 use super::driver::Solver;
-use crate::formulation::tensor::{column, from_column};
 use crate::observer::BalanceError;
 use nalgebra::Matrix3;
 
@@ -16,11 +15,7 @@ impl Solver<'_> {
         *largest = largest.max(pressures.sum::<f64>() / points.len() as f64);
         let gradients = self.body.gradients(correction);
         // Of the grains: what pore fluid adds is no stress of theirs.
-        let changes: Vec<Matrix3<f64>> = points
-            .iter()
-            .zip(&gradients)
-            .map(|(point, gradient)| from_column(&(point.response.moduli * column(gradient))))
-            .collect();
+        let changes = self.points.stress_changes(&gradients);
         (*largest > 0.0).then(|| relative(&changes, *largest))
     }
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 20;
+const VERSION: u32 = 21;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

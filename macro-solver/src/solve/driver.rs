@@ -128,8 +128,9 @@ impl<'a> Solver<'a> {
         let first = &problem.stages[0];
         let body = Body::new(problem.mesh.clone(), problem.formulation, problem.hourglass);
         let stage_start = body.zero();
+        let points = Points::new(problem);
         let Equations { constraints, loads, frictions, linear } =
-            Equations::new(problem, first, &body, &stage_start)?;
+            Equations::new(problem, first, &body, &stage_start, points.coupling())?;
         let empty =
             Balance { internal: body.zero(), external: body.zero(), blocks: Vec::new(), hourglass_energy: 0.0 };
         let statistics = Statistics {
@@ -145,7 +146,7 @@ impl<'a> Solver<'a> {
             loads,
             frictions,
             linear,
-            points: Points::new(problem),
+            points,
             body,
             // No ramp has been seen yet that could tell which contacts slip.
             tangent_kind: TangentKind::TrussLike,

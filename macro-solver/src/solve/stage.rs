@@ -5,10 +5,12 @@ use super::linear_solver::LinearSolver;
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
+use crate::model::assembly::block::BlockDofs;
 use crate::model::body::Body;
 use crate::model::constraints::Constraints;
 use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
+use crate::model::points::Coupling;
 use crate::observer::Outcome;
 use crate::problem::elimination::dependents;
 use crate::problem::{Moment, Problem, ProblemError, Stage};
@@ -22,19 +24,26 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// The equations of a stage that begins with the displacements `start`, m.
+    /// The equations of a stage that begins with the displacements `start`, m, and whose points are coupled by averages over
+    /// neighbours or not.
     ///
     /// # Errors
     /// A condition that does not fit the mesh.
-    pub(super) fn new(problem: &Problem, stage: &Stage, body: &Body, start: &[f64]) -> Result<Self, ProblemError> {
+    pub(super) fn new(
+        problem: &Problem,
+        stage: &Stage,
+        body: &Body,
+        start: &[f64],
+        coupling: Option<&Coupling>,
+    ) -> Result<Self, ProblemError> {
         let prescribed = problem.prescribed_displacements(stage)?;
         // About where the stage begins, also when a run goes on within it.
         let equations = problem.equations(stage, &body.positions_at(start))?;
         let constraints = Constraints::new(&prescribed, &dependents(&equations, &prescribed)?, start);
         let loads = Loads::new(problem, stage)?;
-        let block_dofs: Vec<Vec<usize>> =
-            body.block_dofs(&loads).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect();
-        let linear = LinearSolver::new(block_dofs.iter().map(Vec::as_slice), &constraints, problem.equations);
+        let block_dofs: Vec<BlockDofs> =
+            body.block_dofs(&loads, coupling).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect();
+        let linear = LinearSolver::new(block_dofs.iter(), &constraints, problem.equations);
         let frictions = Frictions::new(problem, stage, body)?;
         Ok(Self { constraints, loads, frictions, linear })
     }
@@ -79,18 +88,18 @@ impl<'a> Solver<'a> {
     /// # Errors
     /// As [`Equations::new`].
     pub(super) fn set_up(&mut self) -> Result<(), ProblemError> {
-        let equations = Equations::new(self.problem, self.stage(), &self.body, &self.stage_start)?;
+        self.points.choose(self.problem, self.stage);
+        let (stage, coupling) = (self.stage(), self.points.coupling());
+        let equations = Equations::new(self.problem, stage, &self.body, &self.stage_start, coupling)?;
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
         self.frictions = equations.frictions;
         self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
-        let stage = &self.problem.stages[self.stage];
-        self.points.choose(self.problem, self.stage);
-        let strategy = &stage.strategy;
+        let strategy = &self.stage().strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
         let moment = self.moment(self.load);
-        self.balance = self.body.balance(&self.body.zero(), self.points.all(), &self.loads, moment);
+        self.balance = self.body.balance(&self.body.zero(), &self.points, &self.loads, moment);
         self.committed_balance.clone_from(&self.balance);
         Ok(())
     }

@@ -6,6 +6,7 @@ mod constraints;
 mod economy;
 mod initial_stress;
 mod mesh;
+mod nonlocal;
 mod output;
 mod pore_fluid;
 mod probe;
@@ -24,6 +25,7 @@ pub(crate) use constraints::{
 pub(crate) use economy::EconomyTable;
 pub(crate) use initial_stress::{InitialStressTable, StressTable};
 pub(crate) use mesh::{Generator, MeshTable};
+pub(crate) use nonlocal::NonlocalTable;
 pub(crate) use output::*;
 pub(crate) use pore_fluid::PoreFluidTable;
 pub(crate) use probe::{PartTable, ProbeKind, ProbeTable, ProfileTable};
@@ -37,7 +39,6 @@ pub(crate) use study::{ExpectedEntry, QuantityEntry, StudyFile, Take};
 use keys::{Given, Located};
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
-use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::problem::LoadingSettings;
 use macro_solver::problem::dynamics::DynamicSettings;
 use macro_solver::problem::relaxation::RelaxationSettings;
@@ -124,8 +125,9 @@ pub(crate) struct SceneFile {
     #[serde(default)]
     pub(crate) relaxation: Given<RelaxationSettings>,
     /// Nonlocal averages of strain increments over neighbouring Gauss points. Needs `solver.formulation` "corotational" or
-    /// "small_strain" and no implicit stage.
-    pub(crate) nonlocal: Option<NonlocalSettings>,
+    /// "small_strain". A stage may have a table `nonlocal` of its own.
+    #[serde(default)]
+    pub(crate) nonlocal: Given<NonlocalTable>,
     /// Loading stages, one after the other. The conditions at the top of the scene act from the beginning of the first one.
     #[serde(default)]
     pub(crate) stage: Vec<Located<StageTable>>,

@@ -1,9 +1,9 @@
 //! `[[stage]]`.
 
 use super::{
-    BodyForceTable, BoundaryTable, FrictionTable, NormalDisplacementTable, PeriodicTable, PressureTable,
-    RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable, TiltingPlatenTable,
-    TractionTable,
+    BodyForceTable, BoundaryTable, FrictionTable, NonlocalTable, NormalDisplacementTable, PeriodicTable,
+    PressureTable, RadialDisplacementTable, RigidBodyTable, SolverTable, StageOutputTable, SumTable,
+    TiltingPlatenTable, TractionTable,
 };
 use keys::{Given, Located};
 use macro_solver::problem::LoadingSettings;
@@ -69,6 +69,9 @@ pub(crate) struct StageTable {
     /// Keys of `[solver]` that differ in this stage; not those that hold for the whole run.
     #[serde(default)]
     pub(crate) solver: Given<SolverTable>,
+    /// Keys of `[nonlocal]` that differ in this stage, such as the radius; `enabled = false` switches averages off.
+    #[serde(default)]
+    pub(crate) nonlocal: Given<NonlocalTable>,
     /// Keys of `[output]` that differ in this stage.
     #[serde(default)]
     pub(crate) output: StageOutputTable,

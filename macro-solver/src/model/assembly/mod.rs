@@ -3,6 +3,7 @@
 
 pub(crate) mod balance;
 pub(crate) mod block;
+mod coupling;
 pub(crate) mod forces;
 pub(crate) mod isotropic;
 pub(crate) mod viscosity;

@@ -2,13 +2,21 @@
 
 use super::Points;
 use super::secant::{ReferenceModuli, Sample, corrected, floored};
-use crate::formulation::Response;
+use crate::formulation::Operator;
 use crate::formulation::tensor::{matrix, operator, tensor};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::model::failure::{Failure, failure};
 use crate::observer::Statistics;
 use nalgebra::Matrix3;
 use protocol::{Cost, TangentKind, TrialOptions, TrialResult};
+
+/// Motion of a point that a trial was made of.
+struct TrialMotion {
+    /// Displacement gradient of the step at the point itself.
+    gradient: Matrix3<f64>,
+    /// Average of the strain increments that the material was given in place of its own.
+    average: Option<Matrix3<f64>>,
+}
 
 /// One evaluation of all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,7 +104,11 @@ impl Points {
         assert_eq!(answers.len(), trials.len(), "a material answers every trial");
         for (trial, answer) in trials.iter().zip(answers) {
             self.count(trial.point, &answer, statistics);
-            self.take(trial, &gradients[trial.point], answer, statistics)?;
+            let motion = TrialMotion {
+                gradient: gradients[trial.point],
+                average: seen.as_ref().map(|seen| seen[trial.point]),
+            };
+            self.take(trial, &motion, answer, statistics)?;
         }
         Ok(counts)
     }
@@ -142,7 +154,7 @@ impl Points {
     fn take(
         &mut self,
         trial: &PointTrial,
-        gradient: &Matrix3<f64>,
+        TrialMotion { gradient, average }: &TrialMotion,
         answer: TrialResult,
         statistics: &mut Statistics,
     ) -> Result<(), Failure> {
@@ -163,52 +175,62 @@ impl Points {
             }
             let reference =
                 *point.reference.get_or_insert_with(|| ReferenceModuli::of(self.dimension, &point.tangent));
-            let response = formulation
+            let mut response = formulation
                 .response(&point.deformation, gradient, &matrix(&answer.stress), &point.tangent)
                 .ok_or_else(|| inside_out(trial.point))?;
-            self.points[trial.point].response =
-                self.improved(trial.point, &reference, gradient, response, statistics);
+            if let (Some(_), Some(average)) = (&self.coupling, average) {
+                let stress = matrix(&answer.stress);
+                let mut averaged = formulation
+                    .averaged_moduli(&point.deformation, gradient, average, &stress, &point.tangent)
+                    .ok_or_else(|| inside_out(trial.point))?;
+                // Floor and secants are about the strain that the material has seen.
+                let sample = Sample::of_strain(average, &response.stress);
+                averaged.seen = self.improved(trial.point, &reference, averaged.seen, Some(sample), statistics);
+                self.points[trial.point].averaged = Some(Box::new(averaged));
+            } else {
+                let sample = Sample::new(formulation, gradient, &response.stress);
+                response.moduli = self.improved(trial.point, &reference, response.moduli, sample, statistics);
+            }
+            self.points[trial.point].response = response;
         }
         self.points[trial.point].hold(formulation, gradient, answer);
         Ok(())
     }
 
-    /// A response with the tangent floor and the secant corrections of the strategy.
+    /// Moduli with the tangent floor and the secant corrections of the strategy; `sample` is the evaluation that they come from.
     fn improved(
         &mut self,
         number: usize,
         reference: &ReferenceModuli,
-        gradient: &Matrix3<f64>,
-        mut response: Response,
+        mut moduli: Operator,
+        sample: Option<Sample>,
         statistics: &mut Statistics,
-    ) -> Response {
-        let (dimension, formulation) = (self.dimension, self.formulation);
+    ) -> Operator {
+        let dimension = self.dimension;
         let point = &mut self.points[number];
-        let floor = self.tangent_floor.and_then(|floor| floored(dimension, &response.moduli, reference, floor));
-        if let Some(moduli) = floor {
-            response.moduli = moduli;
+        if let Some(stiffened) = self.tangent_floor.and_then(|floor| floored(dimension, &moduli, reference, floor)) {
+            moduli = stiffened;
             statistics.floored_tangents += 1;
         }
-        let Some(gates) = self.secant else { return response };
-        let plain = response.moduli;
+        let Some(gates) = self.secant else { return moduli };
+        let plain = moduli;
         if let Some(correction) = &point.correction {
-            response.moduli += correction.as_ref();
+            moduli += correction.as_ref();
         }
-        let sample = Sample::new(formulation, gradient, &response.stress);
         if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
-            match corrected(dimension, &response.moduli, last, sample, reference, &gates) {
-                Some(moduli) => {
-                    response.moduli = moduli;
+            match corrected(dimension, &moduli, last, sample, reference, &gates) {
+                Some(better) => {
+                    moduli = better;
                     statistics.secant_corrections += 1;
                 }
                 None => statistics.secant_refusals += 1,
             }
         }
         if gates.carried {
-            point.correction = Some(Box::new(response.moduli - plain));
+            point.correction = Some(Box::new(moduli - plain));
         }
         point.last_sample = sample;
-        response
+        moduli
     }
 }
 

@@ -3,6 +3,7 @@
 //! Every trial starts from the committed state. Within a step the number of ramp increments of a point is fixed, so
 //! that its stress is one function of its target.
 
+mod coupling;
 mod evaluation;
 mod parts;
 mod point;
@@ -10,16 +11,18 @@ mod pore_fluid;
 mod record;
 mod secant;
 
+pub(crate) use coupling::Coupling;
 pub(crate) use point::Point;
 pub(crate) use record::{PointRecord, copy};
 
-use crate::formulation::Formulation;
+use crate::formulation::{Formulation, Operator};
 use crate::mesh::{Dimension, point_places};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
-use crate::problem::{Problem, SecantGates};
+use crate::problem::{Problem, Procedure, SecantGates};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observables};
+use std::sync::Arc;
 
 /// All Gauss points and the settings of their evaluation.
 #[derive(Clone, Debug)]
@@ -33,6 +36,8 @@ pub(crate) struct Points {
     secant: Option<SecantGates>,
     keep_unchanged: bool,
     neighbours: Option<NonlocalLayer>,
+    /// Of stages whose stiffness is needed.
+    coupling: Option<Arc<Coupling>>,
     /// Strain increments of the latest evaluation before they were averaged; empty without neighbours.
     strains: Vec<Matrix3<f64>>,
     target_grid: Option<f64>,
@@ -53,14 +58,13 @@ impl Points {
             tangent_floor: strategy.tangent_floor,
             secant: strategy.secant,
             keep_unchanged: strategy.keep_unchanged,
-            neighbours: problem.nonlocal.as_ref().map(|settings| {
-                let periods = problem.periods(&problem.stages[0]).expect("checked before the run");
-                NonlocalLayer::new(&point_places(&problem.mesh), &periods, settings).expect("checked before the run")
-            }),
+            neighbours: None,
+            coupling: None,
             strains: Vec::new(),
             target_grid: strategy.target_grid,
             grid: 0.0,
         };
+        points.choose_neighbours(problem, 0);
         points.close_pores(problem, 0);
         points
     }
@@ -71,16 +75,33 @@ impl Points {
         self.points.iter_mut().for_each(|point| point.close_pores(problem.formulation, fluid.bulk_modulus));
     }
 
+    /// Takes the neighbourhoods of a stage, the number `number` from 0. Increments of the step before are those of the elements,
+    /// whatever they have been averaged over.
+    fn choose_neighbours(&mut self, problem: &Problem, number: usize) {
+        let stage = &problem.stages[number];
+        let before = self.neighbours.take().map(|neighbours| neighbours.previous().to_vec());
+        self.neighbours = stage.nonlocal.as_ref().map(|settings| {
+            let periods = problem.periods(stage).expect("checked before the run");
+            let mut neighbours =
+                NonlocalLayer::new(&point_places(&problem.mesh), &periods, settings).expect("checked before the run");
+            before.into_iter().for_each(|strains| neighbours.commit(strains));
+            neighbours
+        });
+        self.strains = Vec::new();
+        let is_implicit = stage.procedure == Procedure::Implicit;
+        let coupled = self.neighbours.as_ref().filter(|_| is_implicit);
+        self.coupling = coupled.map(|neighbours| Arc::new(Coupling::new(&problem.mesh, neighbours)));
+        if self.coupling.is_none() {
+            self.points.iter_mut().for_each(|point| point.averaged = None);
+        }
+    }
+
     /// Takes the settings of a stage of the problem, the number `number` from 0.
     pub(crate) fn choose(&mut self, problem: &Problem, number: usize) {
         let stage = &problem.stages[number];
         let strategy = &stage.strategy;
         self.close_pores(problem, number);
-        if let Some(neighbours) = &mut self.neighbours {
-            let periods = problem.periods(stage).expect("checked before the run");
-            let places = point_places(&problem.mesh);
-            *neighbours = neighbours.with_periods(&places, &periods).expect("checked before the run");
-        }
+        self.choose_neighbours(problem, number);
         self.tangent_floor = strategy.tangent_floor;
         self.secant = strategy.secant;
         self.keep_unchanged = strategy.keep_unchanged;
@@ -113,6 +134,26 @@ impl Points {
     /// The points, by number.
     pub(crate) fn all(&self) -> &[Point] {
         &self.points
+    }
+
+    /// Stress and moduli of a point as the element integrals need them, its pore fluid included; `averaged` are the Cauchy stresses
+    /// that take the place of those of the points, see [`Points::integrated_stresses`]. What the motion of other points changes is
+    /// not in the moduli, see [`Points::coupling`].
+    pub(crate) fn integrand(&self, number: usize, averaged: Option<&[Matrix3<f64>]>) -> (Matrix3<f64>, Operator) {
+        let (point, formulation) = (&self.points[number], self.formulation);
+        let mut response = point.response.clone();
+        if let Some(stresses) = averaged {
+            response.stress = stresses[number];
+        }
+        if let Some(coupling) = self.coupling() {
+            let geometric = formulation.geometric_moduli(&response.stress);
+            response.moduli = if coupling.integrates_averages() {
+                geometric - formulation.volumetric_moduli(&response.stress)
+            } else {
+                geometric + point.averaged(formulation).own
+            };
+        }
+        point.integrand(formulation, response)
     }
 
     /// Prepares the points for an attempt whose first iterate has these displacement gradients.

@@ -2,17 +2,21 @@
 
 use super::pore_fluid::Fluid;
 use super::secant::{ReferenceModuli, Sample};
-use crate::formulation::{Formulation, Operator, Response};
+use crate::formulation::{AveragedModuli, Formulation, Operator, Response};
 use nalgebra::Matrix3;
 use protocol::{Cost, TangentKind, TrialResult};
+use std::borrow::Cow;
 
 /// One Gauss point.
 #[derive(Clone, Debug)]
 pub(crate) struct Point {
     /// Committed total deformation gradient.
     pub(crate) deformation: Matrix3<f64>,
-    /// Stress of the grains and moduli of the latest evaluation, secant correction included.
+    /// Stress of the grains and moduli of the latest evaluation, secant correction included; with averages the moduli are those of a
+    /// point that sees its own strain.
     pub(crate) response: Response,
+    /// Parts of the moduli with averages, secant correction included; of stages in which points are coupled.
+    pub(super) averaged: Option<Box<AveragedModuli>>,
     /// Committed stress, Pa.
     pub(super) committed_stress: Matrix3<f64>,
     /// Total deformation gradient at the latest evaluation.
@@ -50,6 +54,7 @@ impl Point {
             deformation: Matrix3::identity(),
             committed_stress: Matrix3::zeros(),
             response: Response { stress: Matrix3::zeros(), moduli: Operator::zeros() },
+            averaged: None,
             trial_deformation: Matrix3::identity(),
             answer: None,
             step_evaluations: 0,
@@ -98,10 +103,18 @@ impl Point {
             .expect("a point that is turned inside out is never evaluated")
     }
 
-    /// Total stress and moduli of the latest evaluation as the element integrals need them.
-    pub(crate) fn integrand(&self, formulation: Formulation) -> (Matrix3<f64>, Operator) {
+    /// Parts of the moduli with averages; before the first tangent of the stage those that its last moduli leave.
+    pub(super) fn averaged(&self, formulation: Formulation) -> Cow<'_, AveragedModuli> {
+        match &self.averaged {
+            Some(averaged) => Cow::Borrowed(averaged),
+            None => Cow::Owned(formulation.averaged_moduli_of(&self.response)),
+        }
+    }
+
+    /// Stress and moduli of grains at the latest evaluation together with the pore fluid, as the element integrals need them.
+    pub(super) fn integrand(&self, formulation: Formulation, grains: Response) -> (Matrix3<f64>, Operator) {
         formulation
-            .integrand(&self.trial_deformation, &self.total(formulation))
+            .integrand(&self.trial_deformation, &self.with_fluid(formulation, grains))
             .expect("a point that is turned inside out is never evaluated")
     }
 

@@ -41,8 +41,13 @@ impl Point {
 
     /// Total stress and moduli of the latest evaluation: those of grains and fluid together.
     pub(crate) fn total(&self, formulation: Formulation) -> Response {
+        self.with_fluid(formulation, self.response.clone())
+    }
+
+    /// The same for another response of the grains.
+    pub(super) fn with_fluid(&self, formulation: Formulation, grains: Response) -> Response {
         let (Some(fluid), Some(pressure)) = (self.fluid, self.pore_pressure(formulation)) else {
-            return self.response.clone();
+            return grains;
         };
         let pressure = Matrix3::from_diagonal_element(-pressure);
         let unit = column(&Matrix3::identity());
@@ -53,6 +58,6 @@ impl Point {
                 spatial_moduli(&moduli, &pressure)
             }
         };
-        Response { stress: self.response.stress + pressure, moduli: self.response.moduli + moduli }
+        Response { stress: grains.stress + pressure, moduli: grains.moduli + moduli }
     }
 }

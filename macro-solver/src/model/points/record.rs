@@ -5,7 +5,7 @@ use super::pore_fluid::Fluid;
 use super::secant::ReferenceModuli;
 use super::{Point, Points};
 use crate::checkpoint::CheckpointError;
-use crate::formulation::Operator;
+use crate::formulation::{AveragedModuli, Operator};
 use crate::nonlocal::NonlocalLayer;
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags, TrialResult};
@@ -17,6 +17,8 @@ pub(crate) struct PointRecord {
     deformation: Vec<f64>,
     stress: Vec<f64>,
     moduli: Vec<f64>,
+    /// Own, seen and strain part of the moduli with averages, where points are coupled.
+    averaged: Option<[Vec<f64>; 3]>,
     tangent: Vec<f64>,
     reference: Option<[f64; 3]>,
     correction: Option<Vec<f64>>,
@@ -87,6 +89,9 @@ impl Point {
             deformation: self.deformation.as_slice().to_vec(),
             stress: self.response.stress.as_slice().to_vec(),
             moduli: self.response.moduli.as_slice().to_vec(),
+            averaged: self.averaged.as_ref().map(|averaged| {
+                [&averaged.own, &averaged.seen, &averaged.strain].map(|part| part.as_slice().to_vec())
+            }),
             tangent: self.tangent.as_slice().to_vec(),
             reference: self.reference.map(|reference| [reference.norm, reference.vertical, reference.shear]),
             correction: self.correction.as_ref().map(|correction| correction.as_slice().to_vec()),
@@ -118,6 +123,15 @@ impl Point {
             self.correction = Some(correction);
         }
         copy(section, self.response.moduli.as_mut_slice(), &record.moduli)?;
+        if let Some(parts) = &record.averaged {
+            let mut averaged =
+                AveragedModuli { own: Operator::zeros(), seen: Operator::zeros(), strain: Operator::zeros() };
+            let targets = [&mut averaged.own, &mut averaged.seen, &mut averaged.strain];
+            for (target, values) in targets.into_iter().zip(parts) {
+                copy(section, target.as_mut_slice(), values)?;
+            }
+            self.averaged = Some(Box::new(averaged));
+        }
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
         self.reference = record.reference.map(|[norm, vertical, shear]| ReferenceModuli { norm, vertical, shear });
         self.ramp_steps = record.ramp_steps;

@@ -29,6 +29,12 @@ impl Sample {
         Self { gradient: Matrix3::zeros(), nominal: *stress, carrier: Matrix3::identity() }
     }
 
+    /// From the strain increment that a point has seen, an average over neighbours, and its Cauchy stress. What its own rotation does to
+    /// the stress is counted as an answer to the strain.
+    pub(crate) fn of_strain(strain: &Matrix3<f64>, stress: &Matrix3<f64>) -> Self {
+        Self { gradient: *strain, nominal: *stress, carrier: Matrix3::identity() }
+    }
+
     /// From the gradient of the step and the Cauchy stress at its end: `P = det F sigma F^-T`.
     pub(crate) fn new(formulation: Formulation, gradient: &Matrix3<f64>, stress: &Matrix3<f64>) -> Option<Self> {
         if formulation.reference() == Configuration::Initial {

@@ -1,12 +1,12 @@
 //! Sparse solution of the global equations, direct or iterative.
 //!
-//! The direct way is LU with partial pivoting: the matrix is not symmetric (slip tangents, follower pressure) and past the peak not
-//! definite. The pattern and its symbolic factor are computed once per stage. One thread and a fixed order of additions
+//! The direct way is LU with partial pivoting: the matrix is not symmetric (slip tangents, follower pressure, averages over
+//! neighbours) and past the peak not definite. The pattern and its symbolic factor are computed once per stage. One thread and a fixed order of additions
 //! make the result reproducible to the bit.
 
 mod krylov;
 
-use crate::model::assembly::block::Block;
+use crate::model::assembly::block::{Block, BlockDofs};
 use crate::model::constraints::Constraints;
 use crate::problem::EquationSolver;
 use crate::solve::linear_solver::krylov::{Columns, IncompleteFactors};
@@ -66,15 +66,21 @@ pub(super) struct LinearSolver {
 impl LinearSolver {
     /// Prepares the pattern for blocks over these degrees of freedom; later blocks must keep this order.
     pub(super) fn new<'a>(
-        blocks: impl Iterator<Item = &'a [usize]> + Clone,
+        blocks: impl Iterator<Item = &'a BlockDofs> + Clone,
         constraints: &Constraints,
         method: EquationSolver,
     ) -> Self {
         let size = constraints.free().len();
         let mut columns: Vec<Vec<usize>> = vec![Vec::new(); size];
+        let unknowns = |dofs: &[usize]| dofs.iter().filter_map(|&dof| constraints.unknown(dof)).collect::<Vec<_>>();
         for dofs in blocks.clone() {
-            for column in dofs.iter().filter_map(|&dof| constraints.unknown(dof)) {
-                columns[column].extend(dofs.iter().filter_map(|&dof| constraints.unknown(dof)));
+            let (rows, others) = (unknowns(&dofs.rows), unknowns(dofs.columns()));
+            for &column in &others {
+                columns[column].extend_from_slice(&rows);
+            }
+            if rows != others {
+                // The incomplete factors rely on a symmetric pattern, also where distances differ by rounding.
+                rows.iter().for_each(|&row| columns[row].extend_from_slice(&others));
             }
         }
         let mut starts = vec![0];
@@ -87,8 +93,8 @@ impl LinearSolver {
         }
         let mut places = Vec::new();
         for dofs in blocks {
-            for &row in dofs {
-                for &column in dofs {
+            for &row in &dofs.rows {
+                for &column in dofs.columns() {
                     places.push(constraints.unknown(row).zip(constraints.unknown(column)).map(|(row, column)| {
                         let within =
                             columns[column].binary_search(&row).expect("the pattern holds every block entry");
@@ -323,7 +329,7 @@ mod tests {
 
     fn chain(length: usize) -> (Vec<Block>, Constraints) {
         let blocks = (0..length).map(|first| Block {
-            dofs: vec![first, first + 1],
+            dofs: BlockDofs::square(vec![first, first + 1]),
             matrix: vec![1.5 - (first % 3) as f64, -1.2, -0.8, 0.25 * (first % 2) as f64],
         });
         (blocks.collect(), split(length + 1, true))
@@ -333,7 +339,7 @@ mod tests {
     fn indefinite_nonsymmetric_systems_are_solved_and_the_symbolic_factor_is_kept() {
         let (blocks, constraints) = chain(60);
         let mut solver =
-            LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints, EquationSolver::Direct);
+            LinearSolver::new(blocks.iter().map(|block| &block.dofs), &constraints, EquationSolver::Direct);
         for round in 1..4 {
             solver.factorize(&blocks).unwrap();
             let right: Vec<f64> = (0..60).map(|row| (row as f64).sin()).collect();
@@ -345,10 +351,9 @@ mod tests {
 
     #[test]
     fn singular_systems_are_refused() {
-        let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
+        let block = Block { dofs: BlockDofs::square(vec![0, 1]), matrix: vec![1.0, -1.0, -1.0, 1.0] };
         let constraints = split(2, false);
-        let mut solver =
-            LinearSolver::new(std::iter::once(block.dofs.as_slice()), &constraints, EquationSolver::Direct);
+        let mut solver = LinearSolver::new(std::iter::once(&block.dofs), &constraints, EquationSolver::Direct);
         let outcome = solver.factorize(std::slice::from_ref(&block)).and_then(|()| solver.solve(&[1.0, 0.0]));
         assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
         assert_eq!(
@@ -368,11 +373,11 @@ mod tests {
             let up = (y + 1 < side).then(|| [node(x, y), node(x, y + 1)]);
             right.into_iter().chain(up)
         });
-        let blocks: Vec<Block> =
-            pairs.map(|dofs| Block { dofs: dofs.to_vec(), matrix: vec![1.0, -0.9, -1.1, 1.0] }).collect();
+        let blocks: Vec<Block> = pairs
+            .map(|dofs| Block { dofs: BlockDofs::square(dofs.to_vec()), matrix: vec![1.0, -0.9, -1.1, 1.0] })
+            .collect();
         let constraints = split(side * side, true);
-        let solver =
-            |method| LinearSolver::new(blocks.iter().map(|block| block.dofs.as_slice()), &constraints, method);
+        let solver = |method| LinearSolver::new(blocks.iter().map(|block| &block.dofs), &constraints, method);
         let (mut direct, mut iterative) = (solver(EquationSolver::Direct), solver(EquationSolver::Iterative));
         let right: Vec<f64> = (0..side * side - 1).map(|row| (row as f64).cos()).collect();
         direct.factorize(&blocks).unwrap();
@@ -382,10 +387,9 @@ mod tests {
         assert!(norm(&error) < 1e-7 * norm(&one), "{:e}", norm(&error) / norm(&one));
         assert!(iterative.iteration_count() > 3 && iterative.fallback_count() == 0);
         assert_eq!((iterative.symbolic_count(), direct.symbolic_count()), (0, 1));
-        let block = Block { dofs: vec![0, 1], matrix: vec![1.0, -1.0, -1.0, 1.0] };
+        let block = Block { dofs: BlockDofs::square(vec![0, 1]), matrix: vec![1.0, -1.0, -1.0, 1.0] };
         let free = split(2, false);
-        let mut singular =
-            LinearSolver::new(std::iter::once(block.dofs.as_slice()), &free, EquationSolver::Iterative);
+        let mut singular = LinearSolver::new(std::iter::once(&block.dofs), &free, EquationSolver::Iterative);
         let outcome = singular.factorize(std::slice::from_ref(&block));
         assert!(matches!(outcome, Err(LinearSolverError::Singular { .. })), "{outcome:?}");
         assert_eq!(singular.fallback_count(), 1);

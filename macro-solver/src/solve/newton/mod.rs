@@ -346,7 +346,7 @@ impl Solver<'_> {
         self.tangents.evaluated();
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
-            self.body.balance(increment, self.points.all(), &self.loads, moment)
+            self.body.balance(increment, &self.points, &self.loads, moment)
         });
         Ok(self.residual_norms(evaluations))
     }

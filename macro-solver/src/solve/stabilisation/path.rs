@@ -3,7 +3,7 @@
 use crate::element::integrals::add_stiffness;
 use crate::formulation::{Configuration, Formulation};
 use crate::material::elastic::isotropic_moduli;
-use crate::model::assembly::block::Block;
+use crate::model::assembly::block::{Block, BlockDofs};
 use crate::model::body::{Body, degrees_of_freedom};
 use crate::observer::Stabilised;
 use nalgebra::Matrix3;
@@ -125,7 +125,7 @@ impl StabilisedPath {
 fn first_stiffness(body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block> {
     let (dimension, geometry) = (body.mesh().dimension.count(), body.settled_geometry());
     let of_element = |(element, nodes): (usize, &Vec<usize>)| {
-        let mut block = Block::zero(degrees_of_freedom(dimension, nodes));
+        let mut block = Block::zero(BlockDofs::square(degrees_of_freedom(dimension, nodes)));
         for point in body.points_of(element) {
             let [lambda, shear] = moduli(point);
             let moduli = isotropic_moduli(lambda, shear);

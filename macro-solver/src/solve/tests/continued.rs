@@ -4,6 +4,7 @@ use super::stages::Shelf;
 use super::*;
 use crate::formulation::Formulation;
 use crate::material::damage::{DamageLaw, DamageMaterial};
+use crate::nonlocal::{NonlocalSettings, Update};
 use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
@@ -152,4 +153,30 @@ fn stages_of_all_procedures_go_on_to_the_same_bits() {
         &squeezed(ElementKind::Q4, Formulation::UpdatedLagrangian, Head::Turned, &linked),
         "motion between",
     );
+}
+
+/// Averages that begin, change their radius and end with a stage.
+#[test]
+fn stages_with_other_averages_go_on_to_the_same_bits() {
+    let relaxation = || Procedure::Relaxation(RelaxationSettings::default());
+    let orders = [
+        vec![Procedure::Implicit, Procedure::Implicit, Procedure::Implicit, Procedure::Implicit],
+        vec![relaxation(), Procedure::Implicit, motion(), Procedure::Implicit],
+    ];
+    for procedures in &orders {
+        for (kind, formulation, adjoint) in [
+            (ElementKind::Q4Single, Formulation::Corotational, false),
+            (ElementKind::Q4, Formulation::Corotational, true),
+            (ElementKind::Q4, Formulation::SmallStrain, false),
+        ] {
+            let mut problem = squeezed(kind, formulation, Head::Platen, procedures);
+            let radii = [None, Some(0.04), Some(0.06), None];
+            for (stage, radius) in problem.stages.iter_mut().zip(radii) {
+                let update = Update::Staggered;
+                stage.nonlocal =
+                    radius.map(|radius| NonlocalSettings { radius, adjoint, update, ..NonlocalSettings::default() });
+            }
+            assert_continues(&problem, &format!("{kind:?} {formulation:?} adjoint {adjoint}"));
+        }
+    }
 }

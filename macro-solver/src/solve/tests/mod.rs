@@ -1,6 +1,7 @@
 //! Checks of the implicit solver on closed-form materials.
 
 mod answers;
+mod averages;
 mod balance_error;
 mod bending;
 mod continued;

@@ -17,7 +17,7 @@ fn trials_of(radius: f64, is_periodic: bool, strained: usize) -> Vec<PointTrial>
     let mut problem = Problem::new(block(ElementKind::Q4Single, ELEMENTS, 1), Vec::new());
     problem.formulation = Formulation::Corotational;
     problem.strain_per_step = 1e-6;
-    problem.nonlocal = Some(NonlocalSettings { radius, ..NonlocalSettings::default() });
+    problem.stages[0].nonlocal = Some(NonlocalSettings { radius, ..NonlocalSettings::default() });
     problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(1e3)));
     problem.stages[0].conditions.push(Condition::fixed("bottom", Axis::Y).into());
     if is_periodic {

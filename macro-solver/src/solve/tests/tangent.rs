@@ -7,7 +7,7 @@ use crate::observer::{Outcome, Silent};
 use crate::problem::{Applied, Platen, PressureKind, TangentUpdate};
 use crate::solve::driver::{Session, Solver};
 
-fn pressed(kind: ElementKind) -> Problem {
+pub(super) fn pressed(kind: ElementKind) -> Problem {
     let space = kind.dimension() == Dimension::Space;
     let mut mesh = if space { Block::space([2.0; 3], [2, 2, 1], kind).mesh().unwrap() } else { block(kind, 2, 2) };
     for (number, node) in mesh.nodes.iter_mut().enumerate() {
@@ -47,37 +47,42 @@ fn the_stiffness_is_the_derivative_of_the_residual() {
     for (kind, formulation) in kinds.into_iter().flat_map(|kind| Formulation::ALL.map(|one| (kind, one))) {
         let mut problem = pressed(kind);
         problem.formulation = formulation;
-        let initial = [[-3.0e6, 2.0e5, 0.0], [2.0e5, -1.0e6, 0.0], [0.0; 3]];
-        let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
-        let mut solver = Solver::new(&problem).unwrap();
-        let mut session = Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
-        let count = problem.mesh.degrees_of_freedom();
-        let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
-        // The reference of the hourglass control is that of the undeformed state, as in a run.
-        solver.tangent_kind = problem.stages[0].strategy.tangent;
-        solver.evaluate(&vec![0.0; count], 0.0, &mut session).unwrap();
-        let mut residual = |increment: &[f64]| {
-            solver.evaluate(increment, 1.0, &mut session).unwrap();
-            (solver.balance.residual(), solver.balance.clone())
+        assert_stiffness_is_derivative(&problem, &format!("{kind:?} {formulation:?}"));
+    }
+}
+
+/// Compares the stiffness of a deformed body with central differences of its residual.
+pub(super) fn assert_stiffness_is_derivative(problem: &Problem, what: &str) {
+    let initial = [[-3.0e6, 2.0e5, 0.0], [2.0e5, -1.0e6, 0.0], [0.0; 3]];
+    let mut material = elastic(ElasticLaw::SaintVenant, problem).with_initial_stress(initial);
+    let mut solver = Solver::new(problem).unwrap();
+    let mut session = Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
+    let count = problem.mesh.degrees_of_freedom();
+    let start: Vec<f64> = (0..count).map(|dof| 0.05 * (dof as f64 * 0.7).sin()).collect();
+    // The reference of the hourglass control is that of the undeformed state, as in a run.
+    solver.tangent_kind = problem.stages[0].strategy.tangent;
+    solver.evaluate(&vec![0.0; count], 0.0, &mut session).unwrap();
+    let mut residual = |increment: &[f64]| {
+        solver.evaluate(increment, 1.0, &mut session).unwrap();
+        (solver.balance.residual(), solver.balance.clone())
+    };
+    let balance = residual(&start).1;
+    let step = 1e-6;
+    // In space every third column: each kind of row and column is still met.
+    for dof in (0..count).step_by(if count > 60 { 3 } else { 1 }) {
+        let mut unit = vec![0.0; count];
+        unit[dof] = 1.0;
+        let column = balance.stiffness_times(&unit);
+        let shifted = |sign: f64| {
+            let mut moved = start.clone();
+            moved[dof] += sign * step;
+            moved
         };
-        let balance = residual(&start).1;
-        let step = 1e-6;
-        // In space every third column: each kind of row and column is still met.
-        for dof in (0..count).step_by(if count > 60 { 3 } else { 1 }) {
-            let mut unit = vec![0.0; count];
-            unit[dof] = 1.0;
-            let column = balance.stiffness_times(&unit);
-            let shifted = |sign: f64| {
-                let mut moved = start.clone();
-                moved[dof] += sign * step;
-                moved
-            };
-            let (ahead, behind) = (residual(&shifted(1.0)).0, residual(&shifted(-1.0)).0);
-            for row in 0..count {
-                let difference = (ahead[row] - behind[row]) / (2.0 * step);
-                let error = (difference - column[row]).abs() / balance.largest_diagonal();
-                assert!(error < 1e-8, "{kind:?} {formulation:?} row {row} column {dof}: {error:e}");
-            }
+        let (ahead, behind) = (residual(&shifted(1.0)).0, residual(&shifted(-1.0)).0);
+        for row in 0..count {
+            let difference = (ahead[row] - behind[row]) / (2.0 * step);
+            let error = (difference - column[row]).abs() / balance.largest_diagonal();
+            assert!(error < 1e-8, "{what} row {row} column {dof}: {error:e}");
         }
     }
 }
@@ -106,14 +111,20 @@ fn newton_converges_quadratically_on_a_smooth_law() {
         let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
         let (run, record) = run(&problem, &mut material);
         assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {formulation:?} {:?}", run.outcome);
-        let ratios: Vec<f64> =
-            record.iterations.iter().filter(|i| i.step == 1).filter_map(|i| i.displacement_ratio).collect();
-        let orders: Vec<f64> = ratios
-            .windows(3)
-            .filter(|triple| triple[0] < 0.05 && triple[2] > 1e-13)
-            .map(|triple| (triple[2] / triple[1]).ln() / (triple[1] / triple[0]).ln())
-            .collect();
+        let (ratios, orders) = orders(&record, 1);
         let quadratic = !orders.is_empty() && orders.iter().all(|order| *order > 1.8);
         assert!(quadratic, "{kind:?} {formulation:?}: {ratios:?} {orders:?}");
     }
+}
+
+/// Displacement ratios of the iterations of a step, and the orders with which they fall where they are small.
+pub(super) fn orders(record: &Recorder, step: usize) -> (Vec<f64>, Vec<f64>) {
+    let ratios: Vec<f64> =
+        record.iterations.iter().filter(|i| i.step == step).filter_map(|i| i.displacement_ratio).collect();
+    let orders = ratios
+        .windows(3)
+        .filter(|triple| triple[0] < 0.05 && triple[2] > 1e-13)
+        .map(|triple| (triple[2] / triple[1]).ln() / (triple[1] / triple[0]).ln())
+        .collect();
+    (ratios, orders)
 }

@@ -38,7 +38,7 @@ fn two_stages() -> Problem {
     let conditions = vec![push, held("bottom", Axis::Y), Condition::MultiPointConstraint(level).into()];
     let mut problem = problem(strip(ElementKind::Q4Single, 6, 1.0), conditions, 12.0, settings);
     problem.formulation = Formulation::Corotational;
-    problem.nonlocal = Some(NonlocalSettings {
+    problem.stages[0].nonlocal = Some(NonlocalSettings {
         radius: 2.2,
         kernel: Kernel::Wendland,
         update: Update::Staggered,
