@@ -6,7 +6,6 @@
 use super::outcome::{Class, Increment, Outcome};
 use protocol::TrialFlags;
 use rve_server::contact::ContactTable;
-use rve_server::programs::rve_test::ElementTest;
 
 /// Energy that may be missing or left over, over the largest of the energies.
 const LIMIT: f64 = 0.1;

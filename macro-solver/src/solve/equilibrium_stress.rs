@@ -40,6 +40,7 @@ pub fn equilibrium_stress(
     let first = problem.stages.first().cloned().unwrap_or_else(|| Stage::new("start", Vec::new()));
     let stage = Stage {
         procedure: Procedure::default(),
+        nonlocal: None,
         control: StepControl { max_iterations: MOST_ITERATIONS, stabilisation: None, ..StepControl::default() },
         tolerances: Tolerances { criteria: Criteria::FORCE_OVER_REACTIONS, ..Tolerances::both(TOLERANCE, 1.0) },
         strategy: Strategy { tangent_floor: None, ..NamedStrategy::Newton.preset() },
@@ -49,7 +50,6 @@ pub fn equilibrium_stress(
         stages: vec![stage],
         initial: InitialState::default(),
         formulation: Formulation::SmallStrain,
-        nonlocal: None,
         strain_per_step: 0.0,
         error_control: None,
         pore_fluid: None,

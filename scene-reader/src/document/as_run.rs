@@ -42,20 +42,29 @@ impl Document {
         for (span, value) in edits {
             text.replace_range(span, value);
         }
-        Ok(text)
+        // A table or list of tables under its own header has no text of its own that a value could take the place of.
+        if text.parse().is_ok_and(|written: toml::Table| self.changed(&changes).is_ok_and(|table| table == written)) {
+            return Ok(text);
+        }
+        self.rewritten(&changes)
     }
 
-    /// The document written again, without comments: needed when a change adds a key or the file has sizes.
+    /// The document written again, without comments: needed when a change adds a key, replaces a table, or the file has sizes.
     fn rewritten(&self, changes: &[(Vec<String>, String)]) -> Result<String, InputError> {
-        let unwritable = |error: String| self.error(format!("could not be written again: {error}"));
-        let mut table: toml::Table =
-            self.text.parse().map_err(|error: toml::de::Error| unwritable(error.to_string()))?;
+        toml::to_string(&self.changed(changes)?)
+            .map_err(|error| self.error(format!("could not be written again: {error}")))
+    }
+
+    /// The document's values with changes made and without sizes.
+    fn changed(&self, changes: &[(Vec<String>, String)]) -> Result<toml::Table, InputError> {
+        let unwritable = |error: toml::de::Error| self.error(format!("could not be written again: {error}"));
+        let mut table: toml::Table = self.text.parse().map_err(unwritable)?;
         table.remove(sizes::KEY);
         for (path, value) in changes {
             remove(&mut table, &former(path), path);
             insert(&mut table, path, toml_value(value));
         }
-        toml::to_string(&table).map_err(|error| unwritable(error.to_string()))
+        Ok(table)
     }
 }
 

@@ -338,4 +338,18 @@ mod tests {
         assert_eq!(table["solver"]["force"].as_float(), Some(1e-4));
         assert_eq!(table["size"].as_str(), Some("new"));
     }
+
+    /// Found by a run that could not be continued: the value had taken the place of the header alone, and the text was no TOML.
+    #[test]
+    fn a_list_of_tables_that_is_replaced_leaves_a_document() {
+        let text = "size = 2.0\n[[list]]\nset = \"left\"\n[[list]]\nset = \"right\"\n[mesh]\nkind = \"block\"\n";
+        for (given, entries) in [("list=[]", 0), ("list=[{ set = 'top' }]", 1)] {
+            let table: toml::Table = document(text, &[given]).unwrap().as_run(&[]).unwrap().parse().unwrap();
+            assert_eq!(table["list"].as_array().map(Vec::len), Some(entries));
+            assert_eq!(table["mesh"]["kind"].as_str(), Some("block"));
+        }
+        let table: toml::Table =
+            document(text, &["mesh={ kind = 'ring' }"]).unwrap().as_run(&[]).unwrap().parse().unwrap();
+        assert_eq!(table["mesh"]["kind"].as_str(), Some("ring"));
+    }
 }
