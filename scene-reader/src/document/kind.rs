@@ -32,7 +32,7 @@ impl Kind {
             Self::Scene => "mesh",
             Self::ElementTest => "path",
             Self::Recipe => "grading",
-            Self::Specimen => "cut",
+            Self::Specimen => "tiles",
             Self::Study => "seeds",
         }
     }

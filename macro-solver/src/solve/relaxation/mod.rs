@@ -80,7 +80,7 @@ impl Solver<'_> {
             if !force_ratio.is_finite() {
                 return Err(Failure::Attempt(format!("the motion grew without bound in iteration {iteration}")));
             }
-            if iteration > 1 && relaxation.is_settled(force_ratio <= tolerance) {
+            if iteration > 1 && relaxation.is_settled(force_ratio, tolerance) {
                 let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
                 self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
                 return Ok(Converged {
