@@ -2,6 +2,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
+use super::place::place_text;
 use super::problem_error::problem_error;
 use super::tables::{InitialStressTable, StressTable};
 use macro_solver::problem::{InitialState, InitialStress, Problem};
@@ -67,13 +68,22 @@ pub(super) fn find_equilibrium(
         EquilibriumError::NotFound(reason) => document
             .error_at_key(
                 &["initial_stress", "equilibrium"],
-                format!("no stress with these numbers is in equilibrium with the loads at the start: {reason}"),
+                format!("no stress in equilibrium with the loads at the start was found: {reason}"),
             )
             .hint(
                 "raise friction_angle, give the weight and the pressures on free surfaces with history = \"constant\", and hold the \
                  body by supports",
             ),
     })?;
+    if let Some(point) = found.iter().position(|stress| *stress == [[0.0; 3]; 3]) {
+        let place = place_text(&problem.mesh, point);
+        return Err(document
+            .error_at_key(
+                &["initial_stress", "equilibrium"],
+                format!("the ground would be torn apart at Gauss point {point} at {place}: grains bear no tension"),
+            )
+            .hint("give free faces a small pressure with history = \"constant\", or raise friction_angle"));
+    }
     problem.initial.expected = Some(InitialStress::AtPoints(found));
     Ok(())
 }

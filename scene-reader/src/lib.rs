@@ -15,6 +15,7 @@ mod materials;
 mod mesh;
 mod motion;
 mod packing;
+mod place;
 mod preparation;
 mod probes;
 mod problem_error;

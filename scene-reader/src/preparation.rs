@@ -2,6 +2,7 @@
 
 use super::build::Scene;
 use super::input_error::InputError;
+use super::place::place_text;
 use macro_solver::mesh::point_places;
 use macro_solver::problem::{InitialPreparation, InitialStress};
 use nalgebra::Matrix3;
@@ -127,12 +128,7 @@ impl Scene {
 
     fn refusal(&self, cell: &PlannedCell, error: &PackingError) -> InputError {
         let point = cell.points[0];
-        let [x, y, z] = point_places(&self.problem.mesh)[point];
-        let at = if self.problem.mesh.dimension.count() == 2 {
-            format!("({x:.4}, {y:.4})")
-        } else {
-            format!("({x:.4}, {y:.4}, {z:.4})")
-        };
+        let at = place_text(&self.problem.mesh, point);
         let [[xx, xy, xz], [_, yy, yz], [.., zz]] = cell.stress;
         let shear = if self.problem.mesh.dimension.count() == 2 {
             format!("xy {xy:.3e}")
@@ -143,7 +139,7 @@ impl Scene {
             .error_at_key(
                 &["initial_stress", "prepare"],
                 format!(
-                    "the cell of Gauss point {point} at {at} m cannot be brought to the stress xx {xx:.3e}, yy {yy:.3e}, zz {zz:.3e}, {shear} Pa \
+                    "the cell of Gauss point {point} at {at} cannot be brought to the stress xx {xx:.3e}, yy {yy:.3e}, zz {zz:.3e}, {shear} Pa \
                      (tension positive): {error}"
                 ),
             )

@@ -8,6 +8,7 @@
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
 use crate::material::elastic::isotropic_moduli;
+use crate::material::trial_states::{TrialStates, answers};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
@@ -69,9 +70,7 @@ struct State {
 #[derive(Clone, Debug)]
 pub struct DamageMaterial {
     laws: Vec<DamageLaw>,
-    committed: Vec<State>,
-    marked: Vec<State>,
-    trials: Vec<Option<State>>,
+    states: TrialStates<State>,
     consistent: bool,
 }
 
@@ -79,13 +78,7 @@ impl DamageMaterial {
     /// Undeformed points, each with its law.
     pub fn new(laws: Vec<DamageLaw>) -> Self {
         let start = State { strain: Matrix3::zeros(), largest: 0.0 };
-        Self {
-            committed: vec![start; laws.len()],
-            marked: Vec::new(),
-            trials: vec![None; laws.len()],
-            laws,
-            consistent: false,
-        }
+        Self { states: TrialStates::new(vec![start; laws.len()]), laws, consistent: false }
     }
 
     /// With the derivative of the stress as tangent in place of the secant, softening included, exact in trials of any size.
@@ -95,19 +88,19 @@ impl DamageMaterial {
 
     /// Share of the stiffness that a point has left.
     pub fn integrity(&self, point: usize) -> f64 {
-        self.laws[point].integrity(self.committed[point].largest)
+        self.laws[point].integrity(self.states.committed[point].largest)
     }
 
     /// Largest equivalent strain that a point has seen.
     pub fn largest_strain(&self, point: usize) -> f64 {
-        self.committed[point].largest
+        self.states.committed[point].largest
     }
 
     fn trial(&self, trial: &PointTrial) -> Result<(State, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
-        let (law, committed) = (&self.laws[trial.point], &self.committed[trial.point]);
+        let (law, committed) = (&self.laws[trial.point], &self.states.committed[trial.point]);
         let gradient = matrix(&trial.target);
         let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
         let largest = committed.largest.max(law.equivalent_strain(&strain));
@@ -156,54 +149,43 @@ fn derivative(
 
 impl PointMaterial for DamageMaterial {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = Vec::with_capacity(trials.len());
-        for trial in trials {
-            let (state, answer) =
-                self.trial(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })?;
-            self.trials[trial.point] = Some(state);
-            answers.push(answer);
-        }
-        Ok(answers)
+        let answers = answers(trials, |trial| self.trial(trial))?;
+        Ok(self.states.keep(trials, answers))
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
-        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trials) {
-            if let Some(state) = trial.take() {
-                *committed = state;
-            }
-        }
+        self.states.commit();
         Ok(())
     }
 
     fn rollback(&mut self) {
-        self.trials.fill(None);
+        self.states.rollback();
     }
 
     fn mark(&mut self) {
-        self.marked.clone_from(&self.committed);
+        self.states.mark();
     }
 
     fn return_to_mark(&mut self) {
-        self.committed.clone_from(&self.marked);
-        self.rollback();
+        self.states.return_to_mark();
     }
 
     fn save(&self, archive: &mut Archive) {
         let committed: Vec<(&[f64], f64)> =
-            self.committed.iter().map(|state| (state.strain.as_slice(), state.largest)).collect();
+            self.states.committed.iter().map(|state| (state.strain.as_slice(), state.largest)).collect();
         archive.put("damage", 1, &committed);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let committed: Vec<(Vec<f64>, f64)> = archive.get("damage", 1)?;
-        if committed.len() != self.committed.len() || committed.iter().any(|(strain, _)| strain.len() != 9) {
+        if committed.len() != self.states.committed.len() || committed.iter().any(|(strain, _)| strain.len() != 9) {
             return Err(CheckpointError::unfit("damage", "the number of points or of their components differs"));
         }
         let state = |(strain, largest): &(Vec<f64>, f64)| State {
             strain: Matrix3::from_column_slice(strain),
             largest: *largest,
         };
-        self.committed = committed.iter().map(state).collect();
+        self.states.committed = committed.iter().map(state).collect();
         self.rollback();
         Ok(())
     }

@@ -6,6 +6,7 @@
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::element::shapes_at_points;
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
+use crate::material::trial_states::{TrialStates, answers};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::mesh::Mesh;
 use crate::problem::InitialStress;
@@ -40,9 +41,7 @@ pub struct ElasticMaterial {
     /// Of every point, Pa.
     initial_stress: Vec<Matrix3<f64>>,
     largest_target: Option<f64>,
-    committed: Vec<Matrix3<f64>>,
-    marked: Vec<Matrix3<f64>>,
-    trials: Vec<Option<Matrix3<f64>>>,
+    states: TrialStates<Matrix3<f64>>,
 }
 
 impl ElasticMaterial {
@@ -65,9 +64,7 @@ impl ElasticMaterial {
             shear,
             initial_stress: vec![Matrix3::zeros(); points],
             largest_target: None,
-            committed: vec![Matrix3::identity(); points],
-            marked: Vec::new(),
-            trials: vec![None; points],
+            states: TrialStates::new(vec![Matrix3::identity(); points]),
         }
     }
 
@@ -168,7 +165,7 @@ impl ElasticMaterial {
         if step.determinant() <= 0.0 {
             return Err(RveError::TargetInverted { determinant: step.determinant() });
         }
-        let total = step * self.committed[trial.point];
+        let total = step * self.states.committed[trial.point];
         Ok((total, self.answer(trial.point, &total, &trial.options)))
     }
 
@@ -189,50 +186,39 @@ impl ElasticMaterial {
 
 impl PointMaterial for ElasticMaterial {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = Vec::with_capacity(trials.len());
-        for trial in trials {
-            let (total, answer) =
-                self.trial(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })?;
-            self.trials[trial.point] = Some(total);
-            answers.push(answer);
-        }
-        Ok(answers)
+        let answers = answers(trials, |trial| self.trial(trial))?;
+        Ok(self.states.keep(trials, answers))
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
-        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trials) {
-            if let Some(total) = trial.take() {
-                *committed = total;
-            }
-        }
+        self.states.commit();
         Ok(())
     }
 
     fn rollback(&mut self) {
-        self.trials.fill(None);
+        self.states.rollback();
     }
 
     fn mark(&mut self) {
-        self.marked.clone_from(&self.committed);
+        self.states.mark();
     }
 
     fn return_to_mark(&mut self) {
-        self.committed.clone_from(&self.marked);
-        self.rollback();
+        self.states.return_to_mark();
     }
 
     fn save(&self, archive: &mut Archive) {
-        let committed: Vec<&[f64]> = self.committed.iter().map(Matrix3::as_slice).collect();
+        let committed: Vec<&[f64]> = self.states.committed.iter().map(Matrix3::as_slice).collect();
         archive.put("elastic", 2, &committed);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let committed: Vec<Vec<f64>> = archive.get("elastic", 2)?;
-        if committed.len() != self.committed.len() || committed.iter().any(|total| total.len() != 9) {
+        if committed.len() != self.states.committed.len() || committed.iter().any(|total| total.len() != 9) {
             return Err(CheckpointError::unfit("elastic", "the number of points or of their components differs"));
         }
-        self.committed = committed.iter().map(|total| Matrix3::from_column_slice(total)).collect();
-        self.trials.fill(None);
+        self.states.committed = committed.iter().map(|total| Matrix3::from_column_slice(total)).collect();
+        self.states.rollback();
         Ok(())
     }
 }

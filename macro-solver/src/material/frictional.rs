@@ -2,6 +2,7 @@
 
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
 use crate::material::elastic::isotropic_moduli;
+use crate::material::trial_states::{TrialStates, answers};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::{DMatrix, Matrix3};
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialResult};
@@ -13,8 +14,8 @@ const MODULUS: f64 = 1e12;
 /// Change of the elastic stress by which the return to the cone is differentiated, over that stress.
 const PERTURBATION: f64 = 1e-6;
 
-/// Share of the elastic operator that is left of every point's, so that a body with points at the tip of the cone has a stiffness.
-const REMAINDER: f64 = 1e-4;
+/// Share of the elastic operator in that of points that yield: points at the tip of the cone have no other stiffness.
+const ELASTIC_SHARE: f64 = 1e-4;
 
 /// Isotropic linear elasticity of small strains, whose deviator is scaled back where the principal stresses leave the cone
 /// `s_max - s_min = - sin(phi) (s_max + s_min)` of Mohr and Coulomb without cohesion; the mean stress stays as it is, and is cut to zero where
@@ -27,9 +28,7 @@ pub struct FrictionalMaterial {
     shear: f64,
     elastic: Operator,
     /// Cauchy stress of every point, Pa, tension positive.
-    committed: Vec<Matrix3<f64>>,
-    marked: Vec<Matrix3<f64>>,
-    trials: Vec<Option<Matrix3<f64>>>,
+    states: TrialStates<Matrix3<f64>>,
 }
 
 impl FrictionalMaterial {
@@ -45,16 +44,14 @@ impl FrictionalMaterial {
             lambda,
             shear,
             elastic: isotropic_moduli(lambda, shear),
-            committed: vec![Matrix3::zeros(); points],
-            marked: Vec::new(),
-            trials: vec![None; points],
+            states: TrialStates::new(vec![Matrix3::zeros(); points]),
         }
     }
 
     /// Cauchy stress of every point, Pa, by rows, tension positive.
     pub fn stresses(&self) -> Vec<[[f64; 3]; 3]> {
         let rows = |stress: &Matrix3<f64>| std::array::from_fn(|i| std::array::from_fn(|j| stress[(i, j)]));
-        self.committed.iter().map(rows).collect()
+        self.states.committed.iter().map(rows).collect()
     }
 
     /// The stress within the cone that has the same mean.
@@ -93,62 +90,53 @@ impl FrictionalMaterial {
             let behind = self.returned(&(elastic_stress - direction * step));
             change.set_column(pair, &column(&((ahead - behind) / (2.0 * step))));
         }
-        change * self.elastic * (1.0 - REMAINDER) + self.elastic * REMAINDER
+        change * self.elastic * (1.0 - ELASTIC_SHARE) + self.elastic * ELASTIC_SHARE
     }
 
-    /// Stress before the return to the cone.
-    fn elastic_stress(&self, trial: &PointTrial) -> Result<Matrix3<f64>, RveError> {
+    /// Stress after a trial, and its answer.
+    fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
         }
         let gradient = matrix(&trial.target);
         let strain = 0.5 * (gradient + gradient.transpose());
         let change = Matrix3::identity() * (self.lambda * strain.trace()) + strain * (2.0 * self.shear);
-        Ok(self.committed[trial.point] + change)
+        let elastic = self.states.committed[trial.point] + change;
+        let stress = self.returned(&elastic);
+        let has_tangent = trial.options.tangent != TangentKind::None;
+        let answer = TrialResult {
+            stress: tensor(&stress),
+            tangent: has_tangent.then(|| Box::new(wire_operator(&self.operator(&elastic)))),
+            scalars: Scalars { volume_ratio: 1.0, ..Scalars::default() },
+            observed: Observed::default(),
+            cost: Cost { force_evaluations: 1, ..Cost::default() },
+            flags: TrialFlags::default(),
+        };
+        Ok((stress, answer))
     }
 }
 
 impl PointMaterial for FrictionalMaterial {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = Vec::with_capacity(trials.len());
-        for trial in trials {
-            let elastic =
-                self.elastic_stress(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })?;
-            let stress = self.returned(&elastic);
-            self.trials[trial.point] = Some(stress);
-            answers.push(TrialResult {
-                stress: tensor(&stress),
-                tangent: (trial.options.tangent != TangentKind::None)
-                    .then(|| Box::new(wire_operator(&self.operator(&elastic)))),
-                scalars: Scalars { volume_ratio: 1.0, ..Scalars::default() },
-                observed: Observed::default(),
-                cost: Cost { force_evaluations: 1, ..Cost::default() },
-                flags: TrialFlags::default(),
-            });
-        }
-        Ok(answers)
+        let answers = answers(trials, |trial| self.trial(trial))?;
+        Ok(self.states.keep(trials, answers))
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
-        for (committed, trial) in self.committed.iter_mut().zip(&mut self.trials) {
-            if let Some(stress) = trial.take() {
-                *committed = stress;
-            }
-        }
+        self.states.commit();
         Ok(())
     }
 
     fn rollback(&mut self) {
-        self.trials.fill(None);
+        self.states.rollback();
     }
 
     fn mark(&mut self) {
-        self.marked.clone_from(&self.committed);
+        self.states.mark();
     }
 
     fn return_to_mark(&mut self) {
-        self.committed.clone_from(&self.marked);
-        self.rollback();
+        self.states.return_to_mark();
     }
 }
 

@@ -8,6 +8,7 @@ pub mod difference;
 pub mod elastic;
 pub mod error_estimate;
 pub mod frictional;
+mod trial_states;
 
 use crate::checkpoint::{Archive, CheckpointError};
 use error_estimate::ErrorEstimate;

@@ -5,6 +5,7 @@ use crate::checkpoint::NoCheckpoints;
 use crate::formulation::Formulation;
 use crate::material::frictional::FrictionalMaterial;
 use crate::observer::{Outcome, Silent};
+use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{
     Criteria, EquilibriumSettings, InitialState, NamedStrategy, Problem, ProblemError, Procedure, Stage, StepControl,
     Strategy, Tolerances,
@@ -14,7 +15,10 @@ use thiserror::Error;
 /// Largest out-of-balance force over loads and reactions.
 const TOLERANCE: f64 = 1e-7;
 
-/// Most iterations.
+/// Most iterations of dynamic relaxation.
+const MOST_RELAXING: usize = 20_000;
+
+/// Most iterations of Newton's method.
 const MOST_ITERATIONS: usize = 100;
 
 /// Why there is no stress in equilibrium.
@@ -37,16 +41,42 @@ pub fn equilibrium_stress(
     problem: &Problem,
     settings: &EquilibriumSettings,
 ) -> Result<Vec<[[f64; 3]; 3]>, EquilibriumError> {
+    let newton = Procedure::default();
+    let relaxation =
+        Procedure::Relaxation(RelaxationSettings { max_iterations: MOST_RELAXING, ..Default::default() });
+    let mut reason = String::new();
+    // Newton's method takes some ten iterations, but can go to and fro between points that yield in turns; a damped motion cannot.
+    for procedure in [newton, relaxation] {
+        let start = start_of(problem, procedure);
+        let mut material = FrictionalMaterial::new(
+            problem.mesh.dimension.count(),
+            settings.rest_coefficient,
+            settings.friction_angle.to_radians(),
+            problem.point_count(),
+        );
+        let mut solver = Solver::new(&start)?;
+        let session = &mut Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
+        reason = match solver.solve_start(session) {
+            Ok(()) => return Ok(material.stresses()),
+            Err(Outcome::DidNotConverge { reason }) => reason,
+            Err(outcome) => format!("{outcome:?}"),
+        };
+    }
+    Err(EquilibriumError::NotFound(reason))
+}
+
+/// The problem up to its first step, with small strains and nothing that belongs to grains.
+fn start_of(problem: &Problem, procedure: Procedure) -> Problem {
     let first = problem.stages.first().cloned().unwrap_or_else(|| Stage::new("start", Vec::new()));
     let stage = Stage {
-        procedure: Procedure::default(),
+        procedure,
         nonlocal: None,
         control: StepControl { max_iterations: MOST_ITERATIONS, stabilisation: None, ..StepControl::default() },
         tolerances: Tolerances { criteria: Criteria::FORCE_OVER_REACTIONS, ..Tolerances::both(TOLERANCE, 1.0) },
         strategy: Strategy { tangent_floor: None, ..NamedStrategy::Newton.preset() },
         ..first
     };
-    let start = Problem {
+    Problem {
         stages: vec![stage],
         initial: InitialState::default(),
         formulation: Formulation::SmallStrain,
@@ -54,19 +84,5 @@ pub fn equilibrium_stress(
         error_control: None,
         pore_fluid: None,
         ..problem.clone()
-    };
-    let dimension = problem.mesh.dimension.count();
-    let mut material = FrictionalMaterial::new(
-        dimension,
-        settings.rest_coefficient,
-        settings.friction_angle.to_radians(),
-        problem.point_count(),
-    );
-    let mut solver = Solver::new(&start)?;
-    let session = &mut Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
-    match solver.solve_start(session) {
-        Ok(()) => Ok(material.stresses()),
-        Err(Outcome::DidNotConverge { reason }) => Err(EquilibriumError::NotFound(reason)),
-        Err(outcome) => Err(EquilibriumError::NotFound(format!("{outcome:?}"))),
     }
 }

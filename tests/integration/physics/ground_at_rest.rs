@@ -87,7 +87,7 @@ fn a_slope_starts_in_balance_with_its_weight() {
 #[test]
 fn slopes_without_equilibrium_are_refused() {
     for (set, part) in [
-        ("initial_stress.equilibrium.friction_angle=5.0", "in equilibrium with the loads"),
+        ("initial_stress.equilibrium.friction_angle=5.0", "no stress in equilibrium with the loads"),
         ("initial_stress.equilibrium.friction_angle=95.0", "below 90"),
         ("initial_stress.prepare_spacing=0.1", "a cell, of its own"),
         ("initial_stress.uniform={ xx = -1e5, yy = -1e5 }", "another stress at the start"),
