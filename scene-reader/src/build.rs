@@ -10,7 +10,7 @@ use super::materials::{Materials, materials};
 use super::mesh::mesh;
 use super::packing::read_packing;
 use super::preparation::CellPreparation;
-use super::probes::{ProbeContext, probes, profiles};
+use super::probes::{ProbeContext, chosen_fields, probes, profiles};
 use super::problem_error::problem_error;
 use super::recording::{observables, plot, points};
 use super::sets::Sets;
@@ -103,6 +103,7 @@ impl Scene {
         let context = ProbeContext { document: &document, sets: &sets, file: &file, materials: &materials };
         let probes = probes(&context)?;
         let profiles = profiles(&context)?;
+        let fields = chosen_fields(&context)?;
         let pore_fluid = file.pore_fluid.as_ref().map(|table| context.pore_fluid(table)).transpose()?;
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
@@ -134,6 +135,7 @@ impl Scene {
             probes,
             profiles,
             points: points(&document, &file.output.points, problem.point_count())?,
+            fields,
             stages: outputs,
             gauss_points: file.output.gauss_points,
             observables,

@@ -13,11 +13,17 @@ use nalgebra::Matrix3;
 use protocol::{Observables, Tensor2, TrialFlags};
 use std::path::Path;
 
-/// Writes the fields of an accepted step. `asked` says which optional results are meaningful.
+/// Writes the fields of an accepted step. `observables` says which optional results are meaningful, `more` are further fields of the
+/// elements.
 ///
 /// # Errors
 /// [`OutputError::Write`].
-pub fn write_frame(path: &Path, view: &FieldsView<'_>, observables: Observables) -> Result<(), OutputError> {
+pub fn write_frame(
+    path: &Path,
+    view: &FieldsView<'_>,
+    observables: Observables,
+    more: Vec<Field>,
+) -> Result<(), OutputError> {
     let on_nodes = [
         Field::vector("displacement", view.displacements),
         Field::vector("reaction", view.reactions),
@@ -25,14 +31,21 @@ pub fn write_frame(path: &Path, view: &FieldsView<'_>, observables: Observables)
     ];
     let mesh = view.mesh;
     let grid = FieldGrid { nodes: &mesh.nodes, elements: &mesh.elements, kinds: &mesh.kinds };
-    write_grid(path, grid, &on_nodes, &element_fields(mesh.dimension, view.points, observables))
+    let mut on_elements = element_fields(mesh.dimension, view.points, observables);
+    on_elements.extend(more);
+    write_grid(path, grid, &on_nodes, &on_elements)
 }
 
-/// Writes the Gauss points of an accepted step as a cloud at their current positions.
+/// Writes the Gauss points of an accepted step as a cloud at their current positions; `more` are further fields of the points.
 ///
 /// # Errors
 /// [`OutputError::Write`].
-pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, observables: Observables) -> Result<(), OutputError> {
+pub fn write_point_frame(
+    path: &Path,
+    view: &FieldsView<'_>,
+    observables: Observables,
+    more: Vec<Field>,
+) -> Result<(), OutputError> {
     let positions: Vec<[f64; 3]> = view.points.iter().map(|point| point.position).collect();
     let mut fields = quantities(view.mesh.dimension, observables, has_fluid(view.points))
         .iter()
@@ -41,6 +54,7 @@ pub fn write_point_frame(path: &Path, view: &FieldsView<'_>, observables: Observ
     add_invariants(view.mesh.dimension, &mut fields);
     fields.push(Field::scalar("element", view.points.iter().map(|point| point.element as f64).collect()));
     fields.push(Field::scalar("volume", view.points.iter().map(|point| point.volume).collect()));
+    fields.extend(more);
     write_particles(path, &positions, &fields)
 }
 
@@ -192,7 +206,7 @@ pub(super) fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
 mod tests {
     use super::*;
     use crate::output::probe::tests::point;
-    use crate::output::units::is_known;
+    use crate::output::units::is_field;
 
     /// 300 and 700 kPa of compression, turned by the shear stress: the invariants of a plane stress are known, and so are those of
     /// the triaxial stress in space.
@@ -200,7 +214,7 @@ mod tests {
     fn invariants_of_the_stress_are_among_the_fields_and_have_units() {
         let points = [point(2.0, [[-5.0, 2.0], [2.0, -5.0]], 1.1)];
         let fields = element_fields(Dimension::Plane, &points, Observables::ALL);
-        assert!(fields.iter().all(is_known));
+        assert!(fields.iter().all(|field| is_field(&field.name)));
         let value = |name: &str| fields.iter().find(|field| field.name == name).map(|field| field.values[0]);
         let near = |name: &str, expected: f64| (value(name).unwrap() - expected).abs() < 1e-12;
         assert!(near("principal_stress_major", -7.0) && near("principal_stress_minor", -3.0));

@@ -6,6 +6,7 @@
 
 mod appended;
 mod atomic;
+mod chosen;
 mod energy;
 mod fields;
 mod frames;
@@ -20,6 +21,7 @@ mod table;
 mod units;
 
 pub use atomic::{write_atomically, write_without_flush};
+pub use chosen::ChosenField;
 pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
 pub use frames::{write_frame, write_point_frame};
@@ -32,6 +34,7 @@ pub use probe::{
 };
 pub use recorder::{RecordPlan, Recorder, StageOutput};
 pub use summary::{AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
+pub use units::is_field;
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -4,7 +4,9 @@ use super::frames::{write_frame, write_point_frame};
 use super::points::point_columns;
 use super::table::{TableFile, TableRow};
 use super::units::{Units, headed, history_units, own, point_unit, write_units};
-use super::{FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe, Profile, References};
+use super::{
+    ChosenField, FieldSeries, HistoryLayout, HistoryRow, HistoryWriter, OutputError, Probe, Profile, References,
+};
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::mesh::Dimension;
 use crate::observer::{FieldsView, Observer, StepReport, StopRequest};
@@ -22,6 +24,8 @@ pub struct RecordPlan {
     pub profiles: Vec<Profile>,
     /// Gauss points, numbered through the mesh, with a file in `points/` each.
     pub points: Vec<usize>,
+    /// Fields in addition to those that are always written; columns of the files in `points/` as well.
+    pub fields: Vec<ChosenField>,
     /// The stages of the run, in order.
     pub stages: Vec<StageOutput>,
     /// Whether the Gauss points are written beside the elements.
@@ -63,7 +67,11 @@ impl RecordPlan {
     /// The states from whose start anything is counted.
     fn references(&self) -> References {
         let of_probes = self.probes.iter().filter_map(|probe| probe.quantity.reference());
-        References::of_stages(of_probes.chain(self.profiles.iter().filter_map(|profile| profile.probe.reference)))
+        let of_profiles = self.profiles.iter().filter_map(|profile| profile.probe.reference);
+        let compares_steps = self.probes.iter().any(|probe| probe.quantity.compares_steps())
+            || self.profiles.iter().any(|profile| profile.probe.measure.compares_steps())
+            || self.fields.iter().any(|field| field.measure.compares_steps());
+        References::of_stages(of_probes.chain(of_profiles)).comparing_steps(compares_steps)
     }
 
     /// Units of the history's columns, as its header shows them.
@@ -146,11 +154,13 @@ impl Recorder {
         };
         if self.plan.wants_fields(report) {
             let frame = format!("fields/step-{:04}.vtu", report.step);
-            write_frame(&self.folder.join(&frame), view, self.plan.observables)?;
+            let more = self.plan.fields.iter().map(|field| field.of_elements(view, &self.references));
+            write_frame(&self.folder.join(&frame), view, self.plan.observables, more.collect())?;
             self.elements.add(row.time, frame)?;
             if self.plan.gauss_points {
                 let frame = format!("fields/gauss-points-{:04}.vtp", report.step);
-                write_point_frame(&self.folder.join(&frame), view, self.plan.observables)?;
+                let more = self.plan.fields.iter().map(|field| field.of_points(view, &self.references));
+                write_point_frame(&self.folder.join(&frame), view, self.plan.observables, more.collect())?;
                 self.points.add(row.time, frame)?;
             }
         }
@@ -184,6 +194,8 @@ impl Recorder {
         for (&number, table) in self.plan.points.iter().zip(of_points) {
             if let Some(point) = view.points.get(number) {
                 let values = columns.iter().map(|column| column.of(point));
+                let more = own_columns(&self.plan).map(|field| field.at(number, point, &self.references));
+                let values = values.chain(more);
                 table.append([TableRow { step, values: std::iter::once(report.time).chain(values).collect() }])?;
             }
         }
@@ -202,8 +214,14 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
         tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(|name| headed(name, &headings)))?);
     }
     let columns: Vec<String> = point_columns(plan.observables).into_iter().map(|column| column.name).collect();
-    let columns = [vec!["time".to_owned()], columns].concat();
-    let units = |name: &String| Units::from([(name.clone(), point_unit(name))]);
+    let chosen = own_columns(plan).map(|field| field.name.clone()).collect();
+    let columns = [vec!["time".to_owned()], columns, chosen].concat();
+    let unit_of_chosen = |name: &str| {
+        let field = plan.fields.iter().find(|field| field.name == name)?;
+        plan.units_in_headers.map(|dimension| field.unit(dimension))
+    };
+    let units =
+        |name: &String| Units::from([(name.clone(), unit_of_chosen(name).unwrap_or_else(|| point_unit(name)))]);
     let columns: Vec<String> = match plan.units_in_headers {
         Some(_) => columns.iter().map(|name| headed(name, &units(name))).collect(),
         None => columns,
@@ -212,6 +230,12 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
         tables.push(TableFile::create(&folder.join(format!("points/point-{number:04}.csv")), &columns)?);
     }
     Ok(tables)
+}
+
+/// The chosen fields that files of Gauss points do not hold anyway.
+fn own_columns(plan: &RecordPlan) -> impl Iterator<Item = &ChosenField> {
+    let fixed = point_columns(plan.observables);
+    plan.fields.iter().filter(move |field| !fixed.iter().any(|column| column.name == field.name))
 }
 
 /// Creates the table of the estimated errors of the probes, if there are any.
@@ -233,7 +257,7 @@ fn error_row(plan: &RecordPlan, row: &HistoryRow) -> TableRow {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;

@@ -33,7 +33,7 @@ struct UnitsFile {
 pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) -> Result<(), OutputError> {
     let history = history_units(plan, dimension);
     let names = point_columns(plan.observables).into_iter().map(|column| column.name);
-    let points = names
+    let mut points: Units = names
         .map(|name| {
             let unit = point_unit(&name);
             (name, unit)
@@ -43,6 +43,9 @@ pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) 
     let force = force(dimension);
     let mut fields: Units = FIELDS.into_iter().map(own).collect();
     fields.extend([("reaction", force), ("load", force)].map(own));
+    let chosen = || plan.fields.iter().map(|field| (field.name.clone(), field.unit(dimension)));
+    fields.extend(chosen());
+    points.extend(if plan.points.is_empty() { None } else { Some(chosen()) }.into_iter().flatten());
     let file = UnitsFile {
         history,
         fields,
@@ -162,8 +165,7 @@ pub(super) fn point_unit(name: &str) -> &'static str {
     }
 }
 
-/// Whether the unit of a field is known; for the test of the frames.
-#[cfg(test)]
-pub(super) fn is_known(field: &super::Field) -> bool {
-    FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load"]).any(|name| name == field.name)
+/// Whether runs write a field of this name without being asked for it.
+pub fn is_field(name: &str) -> bool {
+    FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load"]).any(|one| one == name)
 }

@@ -177,6 +177,7 @@ pub(super) fn measure(
         ProbeKind::ShearStrainIncrement => bare(Measure::ShearStrainIncrement(word.strain_axes())),
         ProbeKind::DeviatoricStrain => bare(Measure::DeviatoricStrain),
         ProbeKind::DeviatoricStrainIncrement => bare(Measure::DeviatoricStrainIncrement),
+        ProbeKind::EquivalentStrainIncrement => bare(Measure::EquivalentStrainIncrement),
         ProbeKind::ElasticEnergy => bare(Measure::ElasticEnergy),
         ProbeKind::FrictionalDissipation => bare(Measure::FrictionalDissipation),
         ProbeKind::Reaction

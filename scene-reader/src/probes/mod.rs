@@ -1,10 +1,12 @@
 //! `[[probe]]` and `[[profile]]` tables become columns of the history and files of their own.
 
+mod chosen;
 mod keys_of_probe;
 mod measure;
 mod part;
 mod profile;
 
+pub(super) use chosen::chosen_fields;
 pub(super) use profile::profiles;
 
 use super::document::Document;

@@ -1,5 +1,6 @@
 //! `[output]`.
 
+use super::ProbeKind;
 use keys::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,11 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct OutputTable {
     /// Fields and grains are written after every n-th step, and after the first and the last; 0 writes none.
     pub(crate) fields_every: u64,
+    /// Quantities that are written as fields, and as columns of `points`, in addition to those that always are: kinds of `[[probe]]` that
+    /// are measured at Gauss points and need no component, counted from the start of the run.
+    #[serde(skip_serializing)]
+    #[schemars(with = "Vec<String>")]
+    pub(crate) fields: Vec<Located<ProbeKind>>,
     /// Whether the Gauss points are written as a cloud as well (`gauss_points.pvd`).
     pub(crate) gauss_points: bool,
     /// Gauss points whose grains are written.
@@ -43,6 +49,7 @@ impl Default for OutputTable {
     fn default() -> Self {
         Self {
             fields_every: 1,
+            fields: Vec::new(),
             gauss_points: false,
             grains: Vec::new(),
             cells: true,

@@ -178,6 +178,9 @@ pub(crate) enum ProbeKind {
     DeviatoricStrain,
     /// The same of the increment since the last accepted step.
     DeviatoricStrainIncrement,
+    /// (`reference`) Incremental equivalent strain of [Liu2018] Fig. 7: the L2 norm of the change of the components of `F - I` since
+    /// the last accepted step. Unlike the other increments it grows with the rotation of the step.
+    EquivalentStrainIncrement,
     /// (`reference`) Logarithm of current over reference volume; dilation positive.
     LogVolumeStrain,
     /// (`field`, `component`, `reference`) Full width of a shear band at half height, m: of a straight ridge of Gaussian section that
@@ -227,6 +230,7 @@ protocol::keywords! {
         ShearStrainIncrement => "shear_strain_increment",
         DeviatoricStrain => "deviatoric_strain",
         DeviatoricStrainIncrement => "deviatoric_strain_increment",
+        EquivalentStrainIncrement => "equivalent_strain_increment",
         LogVolumeStrain => "log_volume_strain",
         BandWidth => "band_width",
         BandInclination => "band_inclination",

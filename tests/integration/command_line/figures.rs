@@ -85,6 +85,11 @@ part = { from = [0.0, 0.0], to = [0.05, 0.05] }
 name = \"band\"
 kind = \"band_inclination\"
 
+[[probe]]
+name = \"increment\"
+kind = \"equivalent_strain_increment\"
+part = { point = 3 }
+
 [[profile]]
 name = \"rows\"
 kind = \"porosity\"
@@ -115,6 +120,28 @@ fn grainspan(arguments: &[&str]) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// The increment of point 3 as probe and column is the norm of the change of its deformation gradient from row to row, and elements have
+/// the mean over their points.
+fn increments_are_those_of_the_deformation(out: &Path, probe: &[f64]) {
+    let point = columns(&out.join("points/point-0003.csv"));
+    let names = ["xx", "xy", "yx", "yy"].map(|component| format!("F_{component}"));
+    for row in 1..5 {
+        let change = names.iter().map(|name| (point[name][row] - point[name][row - 1]).powi(2)).sum::<f64>().sqrt();
+        for found in [point["equivalent_strain_increment"][row], probe[row]] {
+            assert!((found - change).abs() < 1e-14, "row {row}: {found} {change}");
+        }
+    }
+    assert!(probe[0] < 1e-3 && probe[3] > 5e-4, "{probe:?}");
+    let fields = Vtk::import(out.join("fields/step-0004.vtu")).unwrap();
+    let DataSet::UnstructuredGrid { pieces, .. } = fields.data else { panic!("not a mesh") };
+    let piece = pieces[0].load_piece_data(None).unwrap();
+    assert_eq!(piece.data.cell.last().unwrap().name(), "equivalent_strain_increment");
+    let units = fs::read_to_string(out.join("units.json")).unwrap();
+    let units: serde_json::Value = serde_json::from_str(&units).unwrap();
+    assert_eq!(units["fields"]["equivalent_strain_increment"], "-");
+    assert_eq!(units["points"]["equivalent_strain_increment"], "-");
+}
+
 #[test]
 fn a_short_run_writes_what_figures_are_drawn_from() {
     let place = tempfile::tempdir().unwrap();
@@ -122,7 +149,11 @@ fn a_short_run_writes_what_figures_are_drawn_from() {
     let scene = fs::read_to_string(root.join("scenes/biaxial-small.toml")).unwrap();
     let scene = scene.replace("../packings", root.join("packings").to_str().unwrap());
     let scene = scene.replace("displacement = { y = -5.0e-4 }", "displacement = { y = 0.0 }");
-    let head = scene.split("[[probe]]").next().unwrap().replace("grains = [0]", "grains = [0]\npoints = [9, 3]");
+    let head = scene
+        .split("[[probe]]")
+        .next()
+        .unwrap()
+        .replace("grains = [0]", "grains = [0]\npoints = [9, 3]\nfields = ['equivalent_strain_increment']");
     let path = place.path().join("figures.toml");
     fs::write(&path, format!("{head}{MORE}")).unwrap();
     let out = place.path().join("out");
@@ -152,7 +183,7 @@ fn a_short_run_writes_what_figures_are_drawn_from() {
         assert!((one - other).abs() < 1e-14, "element 2, point 1: {one} {other}");
     }
     assert!(point["sigma_yy"][4] < -1.1e5 && point["fabric_xx"][4] > 0.0 && point["sigma_zz"][4] == 0.0);
-    assert!(out.join("points/point-0003.csv").is_file());
+    increments_are_those_of_the_deformation(&out, &history["increment"]);
 
     let lines = Vtk::import(out.join("grains/contacts-0000-step-0004.vtp")).unwrap();
     let DataSet::PolyData { pieces, .. } = lines.data else { panic!("not poly data") };

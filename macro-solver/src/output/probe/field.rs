@@ -83,6 +83,12 @@ impl FieldProbe {
         self.over(self.part.of(view.points), references.origin(self.reference))
     }
 
+    /// The same over points that follow each other from number `first` on, in place of those of the part.
+    pub(in crate::output) fn of_points(&self, first: usize, points: &[PointFields], references: &References) -> f64 {
+        let numbered = points.iter().enumerate().map(|(place, point)| (first + place, point));
+        self.over(numbered, references.origin(self.reference))
+    }
+
     /// The same over other points than those of the part.
     pub(super) fn over<'a>(
         &self,
@@ -133,7 +139,8 @@ fn mean_of_part<'a>(
         | Measure::ShearStrain(_)
         | Measure::ShearStrainIncrement(_)
         | Measure::DeviatoricStrain
-        | Measure::DeviatoricStrainIncrement => mean(points, |number, point| measure.at(number, point, origin)),
+        | Measure::DeviatoricStrainIncrement
+        | Measure::EquivalentStrainIncrement => mean(points, |number, point| measure.at(number, point, origin)),
     }
 }
 

@@ -5,7 +5,7 @@ use super::stress_measure::{Axes, StressMeasure};
 use crate::formulation::tensor::matrix;
 use crate::observer::PointFields;
 use crate::output::frames::{green_lagrange, plane_shear_strain, spatial_shear_strain};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use protocol::{Observables, Tensor2};
 
 /// A quantity of a Gauss point. Tension positive throughout, except the quantities that say compression.
@@ -43,6 +43,9 @@ pub enum Measure {
     DeviatoricStrain,
     /// The same of the increment since the last accepted step.
     DeviatoricStrainIncrement,
+    /// Incremental equivalent strain of [Liu2018] Fig. 7: Frobenius norm of the change of `F - I` since the last accepted step. A
+    /// rotation in the step adds to it.
+    EquivalentStrainIncrement,
     /// Current over reference volume, minus 1; dilation positive.
     VolumeChange,
     /// Logarithm of current over reference volume; dilation positive.
@@ -74,14 +77,15 @@ impl Measure {
             | Self::ShearStrainIncrement(_)
             | Self::DeviatoricStrain
             | Self::DeviatoricStrainIncrement
+            | Self::EquivalentStrainIncrement
             | Self::VolumeChange
             | Self::LogVolumeStrain => "-",
         }
     }
 
     /// Value at a Gauss point, the number `number` of the run.
-    pub(super) fn at(&self, number: usize, point: &PointFields, origin: Origin<'_>) -> f64 {
-        let since = || deformation_since(origin, number, point);
+    pub(in crate::output) fn at(&self, number: usize, point: &PointFields, origin: Origin<'_>) -> f64 {
+        let since = || origin.since(number, &point.deformation);
         let increment =
             || Tensor2(std::array::from_fn(|place| point.step_gradient.0[place] + Tensor2::IDENTITY.0[place]));
         let observed = &point.observed;
@@ -102,6 +106,7 @@ impl Measure {
             Self::ShearStrainIncrement(axes) => shear_strain(axes, &increment()),
             Self::DeviatoricStrain => deviatoric_strain(&since()),
             Self::DeviatoricStrainIncrement => deviatoric_strain(&increment()),
+            Self::EquivalentStrainIncrement => (matrix(&since()) - matrix(&origin.before(number))).norm(),
             Self::VolumeChange => point.volume / reference_volume(origin, number, point) - 1.0,
             Self::LogVolumeStrain => (point.volume / reference_volume(origin, number, point)).ln(),
             Self::ElasticEnergy => observed.elastic_energy,
@@ -128,6 +133,7 @@ impl Measure {
             | Self::ShearStrainIncrement(_)
             | Self::DeviatoricStrain
             | Self::DeviatoricStrainIncrement
+            | Self::EquivalentStrainIncrement
             | Self::VolumeChange
             | Self::LogVolumeStrain => Observables::NONE,
         }
@@ -141,23 +147,15 @@ impl Measure {
                 | Self::Strain(..)
                 | Self::ShearStrain(_)
                 | Self::DeviatoricStrain
+                | Self::EquivalentStrainIncrement
                 | Self::VolumeChange
                 | Self::LogVolumeStrain
         )
     }
-}
 
-/// Deformation gradient since the reference state.
-fn deformation_since(origin: Origin<'_>, number: usize, point: &PointFields) -> Tensor2 {
-    match origin {
-        Origin::Run => point.deformation,
-        Origin::NotBegun => Tensor2::IDENTITY,
-        Origin::Stage(state) => {
-            // An accepted state has no inverted point; one that had would show as NaN.
-            let inverse = matrix(&state.deformations[number]).try_inverse();
-            let inverse = inverse.unwrap_or(Matrix3::from_element(f64::NAN));
-            crate::formulation::tensor::tensor(&(matrix(&point.deformation) * inverse))
-        }
+    /// Whether the value is a difference to the state at the end of the step before.
+    pub(in crate::output) fn compares_steps(&self) -> bool {
+        matches!(self, Self::EquivalentStrainIncrement)
     }
 }
 

@@ -24,7 +24,7 @@ use crate::observer::FieldsView;
 use crate::output::units::{energy, force};
 use crate::problem::Axis;
 use protocol::Observables;
-use reference::Origin;
+use reference::{Origin, Start};
 
 /// A named quantity.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,10 +113,10 @@ impl Quantity {
             }
             Self::Displacement { set, axis, reference } => {
                 let now = mean_over(view.mesh, set, view.displacements, *axis);
-                match references.origin(*reference) {
-                    Origin::Run => now,
-                    Origin::Stage(state) => now - mean_over(view.mesh, set, &state.displacements, *axis),
-                    Origin::NotBegun => 0.0,
+                match references.origin(*reference).start {
+                    Start::Run => now,
+                    Start::Stage(state) => now - mean_over(view.mesh, set, &state.displacements, *axis),
+                    Start::NotBegun => 0.0,
                 }
             }
             Self::Strain { from, to, axis, reference } => {
@@ -193,6 +193,23 @@ impl Quantity {
         }
     }
 
+    /// Whether the quantity compares the state with that at the end of the step before.
+    pub(super) fn compares_steps(&self) -> bool {
+        match self {
+            Self::Field(probe) => probe.measure.compares_steps(),
+            Self::Band(probe) => probe.measure.compares_steps(),
+            Self::Reaction { .. }
+            | Self::Displacement { .. }
+            | Self::Strain { .. }
+            | Self::Compression { .. }
+            | Self::HourglassEnergy
+            | Self::Velocity { .. }
+            | Self::Acceleration { .. }
+            | Self::KineticEnergy
+            | Self::EnergyResidual => false,
+        }
+    }
+
     /// Stage, from 0, from whose start the quantity is counted.
     pub fn reference(&self) -> Option<usize> {
         match self {
@@ -224,12 +241,12 @@ fn mean_over(mesh: &Mesh, set: &str, values: &[[f64; 3]], axis: Axis) -> f64 {
 fn elongation(view: &FieldsView<'_>, from: &str, to: &str, axis: Axis, origin: Origin<'_>) -> f64 {
     let distance =
         |values: &[[f64; 3]]| mean_over(view.mesh, to, values, axis) - mean_over(view.mesh, from, values, axis);
-    match origin {
-        Origin::Run => distance(view.displacements) / distance(&view.mesh.nodes),
-        Origin::Stage(state) => {
+    match origin.start {
+        Start::Run => distance(view.displacements) / distance(&view.mesh.nodes),
+        Start::Stage(state) => {
             let at = |set: &str| state.mean_position(view.mesh, nodes(view.mesh, set), axis.index());
             (distance(view.displacements) - distance(&state.displacements)) / (at(to) - at(from))
         }
-        Origin::NotBegun => 0.0,
+        Start::NotBegun => 0.0,
     }
 }

@@ -177,6 +177,39 @@ fn strain_and_volume_change_count_from_the_start_of_a_stage() {
     assert_eq!(serde_json::from_str::<References>(&text).unwrap(), references);
 }
 
+/// Two steps of shear, 0.1 and 0.25, the second one in a stage of its own: the increment is counted from step to step, and over the
+/// lengths at the start of the stage that the probe names.
+#[test]
+fn the_equivalent_strain_increment_is_the_norm_of_the_change_of_the_deformation() {
+    let sheared = |stretch: f64, shear: f64| PointFields {
+        deformation: Tensor2([stretch, shear, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        ..point(1.0, [[0.0; 2]; 2], 1.0)
+    };
+    let probe =
+        |reference| Quantity::Field(FieldProbe { reference, ..FieldProbe::mean(Measure::EquivalentStrainIncrement) });
+    assert!(probe(None).compares_steps() && !mean(Measure::VolumeChange).compares_steps());
+    let mut references = References::of_stages([1].into_iter()).comparing_steps(true);
+    let mut step = |number, stage, stretch, shear| {
+        let report = report(number, stage, 1.0);
+        seen(&[sheared(stretch, shear)], 0.0, |view| {
+            references.enter(&report);
+            let values = [None, Some(1)].map(|reference| probe(reference).value(view, &references));
+            references.keep(&report, view);
+            values
+        })
+    };
+    let near = |found: [f64; 2], expected: [f64; 2]| {
+        assert!((0..2).all(|place| (found[place] - expected[place]).abs() < 1e-15), "{found:?} {expected:?}");
+    };
+    near(step(0, 0, 2.0, 0.0), [1.0, 0.0]);
+    near(step(1, 0, 2.0, 0.1), [0.1, 0.0]);
+    // Since the start of the stage: F F1^-1 = [[3/2, (0.25 - 0.15)], [0, 1]] and the unit tensor before.
+    near(step(2, 1, 3.0, 0.25), [1.0_f64.hypot(0.15), 0.5_f64.hypot(0.1)]);
+    near(step(3, 1, 3.0, 0.25), [0.0, 0.0]);
+    let text = serde_json::to_string(&references).unwrap();
+    assert_eq!(serde_json::from_str::<References>(&text).unwrap(), references);
+}
+
 /// A band at 35 degrees through a field of shear, as a probe sees it.
 #[test]
 fn a_band_has_the_width_and_the_angle_that_it_was_given() {

@@ -15,6 +15,10 @@ pub(super) const FIGURE: Figure = Figure {
     evaluate,
 };
 
+/// The quantity of Fig. 7, and that of the whole test.
+const INCREMENT: &str = "equivalent_strain_increment";
+const STRAIN: &str = "shear_strain";
+
 fn meshes(size: Size) -> &'static [(usize, usize)] {
     match size {
         Size::Small => &[(1, 1), (1, 2), (2, 4)],
@@ -30,7 +34,9 @@ fn runs(size: Size) -> Vec<Run> {
     let scene = "scenes/liu2018/biaxial.toml";
     let mesh = |&(across, up): &(usize, usize)| {
         // Past the peak finer meshes have snaps that no step passes; the curve ends where the run does.
-        Run::new(name((across, up)), scene, Command::Stopping, size).set(format!("mesh.elements=[{across}, {up}]"))
+        Run::new(name((across, up)), scene, Command::Stopping, size)
+            .set(format!("mesh.elements=[{across}, {up}]"))
+            .set(format!("output.fields=['{INCREMENT}']"))
     };
     let grains = Run::new("grains", "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size);
     meshes(size).iter().map(mesh).chain([grains]).collect()
@@ -43,7 +49,7 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     let mut anisotropy = Chart::new("[Liu2018] Fig. 5b: meshes", x, ("anisotropy of the contacts", Scale::Linear));
     let y = ("standard deviation over the points", Scale::Linear);
     let mut deviation = Chart::new("[Liu2018] Fig. 6: spread of |(s11 - s22) / (s11 + s22)|", x, y);
-    let mut panels = Vec::new();
+    let (mut strains, mut increments) = (Vec::new(), Vec::new());
     let mut deviations = Vec::new();
     let mut comparisons = Vec::new();
     let mut curves = Vec::new();
@@ -66,7 +72,14 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
         anisotropy.curve(&label, biaxial.anisotropy);
         deviation.curve(&label, biaxial.deviation.clone());
         deviations.push(biaxial.deviation);
-        panels.push(last_strain(run, mesh)?);
+        strains.push(last_field(run, mesh, STRAIN)?);
+        let increment = last_field(run, mesh, INCREMENT)?;
+        comparisons.push(Comparison::reported(
+            format!("incremental equivalent strain of the last step, largest over mean, {label}"),
+            "-",
+            concentration(&increment),
+        ));
+        increments.push(increment);
         chart.curve(&label, curve.clone());
         curves.push(curve);
     }
@@ -94,6 +107,13 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             mean_between(fine, 0.0, 0.1) > mean_between(coarse, 0.0, 0.1),
         ));
     }
+    if let [.., coarse, fine] = &increments[..] {
+        comparisons.push(Comparison::holds(
+            "the incremental equivalent strain of the last step is more localised on the finest mesh than on the next",
+            "[Liu2018] section 4.2, Fig. 7",
+            concentration(fine) > concentration(coarse),
+        ));
+    }
     let grains = grains(results.run("grains")?)?;
     let top = peak(&grains)?;
     comparisons.push(Comparison::new(
@@ -107,25 +127,34 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     chart.curve("all grains, smooth walls", grains);
     chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
     anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
-    let map = Map {
-        title: "[Liu2018] Fig. 7: meshes, elements and compression".to_owned(),
-        quantity: "shear strain since the start".to_owned(),
-        panels,
-    };
+    let map = |title: &str, quantity: &str, panels| Map { title: title.into(), quantity: quantity.into(), panels };
+    let increment = map(
+        "[Liu2018] Fig. 7: meshes, elements and compression",
+        "incremental equivalent strain of the last step",
+        increments,
+    );
+    let strain = map("Meshes, elements and compression", "shear strain since the start", strains);
     Ok(Outcome {
         charts: vec![("", chart), ("contacts", contacts), ("anisotropy", anisotropy), ("spread", deviation)],
-        maps: vec![("map", map)],
+        maps: vec![("map", strain), ("increment", increment)],
         comparisons,
         notes: results.notes(),
+        ..Outcome::default()
     })
 }
 
-/// The strain of the elements at the last step with fields, by the mesh and the compression of that step.
-fn last_strain(run: &Finished, mesh: (usize, usize)) -> Result<Panel, ReproduceError> {
+/// Largest value of the elements over their mean; the elements of a panel are equally large at the start.
+fn concentration(panel: &Panel) -> f64 {
+    let values = || panel.patches.iter().map(|patch| patch.1);
+    values().fold(f64::NEG_INFINITY, f64::max) / (values().sum::<f64>() / panel.patches.len() as f64)
+}
+
+/// A field of the elements at the last step with fields, by the mesh and the compression of that step.
+fn last_field(run: &Finished, mesh: (usize, usize), field: &str) -> Result<Panel, ReproduceError> {
     let last = Fields::steps(run).last().copied().unwrap_or(0);
     let compression = value_at(&run.table()?.curve("step", "axial_compression")?, last as f64);
     let fields = Fields::read(run, last)?;
-    let patches = fields.outlines()?.into_iter().zip(fields.element_values("shear_strain")?).collect();
+    let patches = fields.outlines()?.into_iter().zip(fields.element_values(field)?).collect();
     Ok(Panel { name: format!("{} x {}, {:.1} %", mesh.0, mesh.1, 100.0 * compression), patches })
 }
 
