@@ -2,15 +2,13 @@
 
 use crate::number::short;
 use crate::svg::Svg;
-
-/// Longer side of the drawing, px.
-const SIDE: f64 = 720.0;
-
-/// Margin around it, px; the title stands in the upper one.
-const MARGIN: f64 = 40.0;
+use crate::view::View;
 
 /// Width of the line of the largest force over the mean radius of the grains.
 const WIDEST: f64 = 0.8;
+
+/// What the colours of lines mean.
+const COLOURS: &str = "blue: at rest, orange: sliding, red: attraction";
 
 /// A contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,39 +39,50 @@ pub struct ForceChains {
 impl ForceChains {
     /// The picture: blue lines press, red ones attract, orange ones slide.
     pub fn to_svg(&self) -> String {
-        let extent = |axis: usize| {
-            let grains =
-                self.grains.iter().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
-            let all = self.outline.iter().map(|corner| corner[axis]).chain(grains);
-            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-        };
-        let [[left, right], [low, high]] = [extent(0), extent(1)];
-        let longest = (right - left).max(high - low);
-        let scale = if longest > 0.0 { SIDE / longest } else { 1.0 };
-        let size = [right - left, high - low].map(|length| if length > 0.0 { length * scale } else { SIDE });
-        let place = |[x, y]: [f64; 2]| [MARGIN + (x - left) * scale, MARGIN + (y - low) * scale];
-        let mut svg = Svg::new(size[0] + 2.0 * MARGIN, size[1] + 2.5 * MARGIN);
+        let view = View::of(&self.grains, &self.outline);
+        let mut svg = view.picture();
         for &(centre, radius) in &self.grains {
-            svg.circle(place(centre), radius * scale, "fill=\"#f2f2f2\" stroke=\"#b0b0b0\" stroke-width=\"0.5\"");
+            let style = "fill=\"#f2f2f2\" stroke=\"#b0b0b0\" stroke-width=\"0.5\"";
+            svg.circle(view.place(centre), view.length(radius), style);
         }
-        let corners: Vec<[f64; 2]> = self.outline.iter().copied().map(place).collect();
-        svg.polygon(&corners, "fill=\"none\" stroke=\"black\" stroke-width=\"1\" stroke-dasharray=\"6 4\"");
-        let largest = self.lines.iter().fold(0.0, |largest: f64, line| largest.max(line.force.abs()));
+        view.outline(&mut svg, &self.outline);
         let mean_radius = self.grains.iter().map(|(_, radius)| radius).sum::<f64>() / self.grains.len().max(1) as f64;
+        let largest = self.draw_lines(&mut svg, &view, mean_radius);
+        let legend = format!("widest line {} N; {COLOURS}", short(largest));
+        view.words(&mut svg, &self.title, &legend);
+        svg.finish()
+    }
+
+    /// The same for the projection of a box in space whose edges are given, without grains.
+    pub(crate) fn in_box(&self, mean_radius: f64, edges: &[[[f64; 2]; 2]]) -> String {
+        let corners = edges.iter().flatten().copied();
+        let ends = self.lines.iter().flat_map(|line| [line.from, line.to]);
+        let view = View::of(&[], &corners.chain(ends).collect::<Vec<_>>());
+        let mut svg = view.picture();
+        for [from, to] in edges {
+            let style = "stroke=\"black\" stroke-dasharray=\"6 4\"";
+            svg.line(view.place(*from), view.place(*to), 1.0, style);
+        }
+        let largest = self.draw_lines(&mut svg, &view, mean_radius);
+        let legend = format!("contacts above the mean force, widest line {} N; {COLOURS}", short(largest));
+        view.words(&mut svg, &self.title, &legend);
+        svg.finish()
+    }
+
+    /// Draws the lines and returns the largest force, N.
+    fn draw_lines(&self, svg: &mut Svg, view: &View, mean_radius: f64) -> f64 {
+        let largest = self.lines.iter().fold(0.0, |largest: f64, line| largest.max(line.force.abs()));
         for line in self.lines.iter().filter(|line| line.force != 0.0) {
             let colour = match (line.force < 0.0, line.is_sliding) {
                 (true, _) => "#c8142d",
                 (false, true) => "#e18c00",
                 (false, false) => "#14508c",
             };
-            let width = WIDEST * mean_radius * scale * line.force.abs() / largest;
+            let width = WIDEST * view.length(mean_radius) * line.force.abs() / largest;
             let style = format!("stroke=\"{colour}\" stroke-linecap=\"round\"");
-            svg.line(place(line.from), place(line.to), width, &style);
+            svg.line(view.place(line.from), view.place(line.to), width, &style);
         }
-        let legend = format!("widest line {} N; blue: at rest, orange: sliding, red: attraction", short(largest));
-        svg.words([MARGIN, size[1] + 1.9 * MARGIN], 18, "start", &self.title);
-        svg.words([MARGIN, 0.35 * MARGIN], 13, "start", &legend);
-        svg.finish()
+        largest
     }
 }
 

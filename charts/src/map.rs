@@ -13,7 +13,7 @@ const MARGIN: f64 = 36.0;
 const WORDS: f64 = 30.0;
 
 /// Steps of the scale of colours.
-const STEPS: usize = 24;
+pub(crate) const STEPS: usize = 24;
 
 /// Colours from the smallest to the largest value, evenly spaced: lighter is larger, on paper too.
 const COLOURS: [[f64; 3]; 5] =
@@ -67,13 +67,7 @@ impl Map {
             svg.words([middle, TALLEST + foot + 0.4 * WORDS], 14, "middle", &panel.name);
             begin += (right - left) * scale + MARGIN;
         }
-        let step = (width - 2.0 * MARGIN) / STEPS as f64;
-        for index in 0..STEPS {
-            let (from, to) = (MARGIN + index as f64 * step, MARGIN + (index + 1) as f64 * step);
-            let corners = [[from, WORDS], [to, WORDS], [to, 1.5 * WORDS], [from, 1.5 * WORDS]];
-            let style = format!("fill=\"{}\" stroke=\"none\"", colour((index as f64 + 0.5) / STEPS as f64));
-            svg.polygon(&corners, &style);
-        }
+        colour_scale(&mut svg, MARGIN, width - MARGIN, WORDS, 0.5 * WORDS);
         if least <= most {
             svg.words([MARGIN, 0.4 * WORDS], 13, "start", &short(least));
             svg.words([width - MARGIN, 0.4 * WORDS], 13, "end", &short(most));
@@ -97,8 +91,19 @@ fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
+/// The scale of colours as a strip from `left` to `right`, with its lower side at `low`, px.
+pub(crate) fn colour_scale(svg: &mut Svg, left: f64, right: f64, low: f64, height: f64) {
+    let step = (right - left) / STEPS as f64;
+    for index in 0..STEPS {
+        let (from, to) = (left + index as f64 * step, left + (index + 1) as f64 * step);
+        let corners = [[from, low], [to, low], [to, low + height], [from, low + height]];
+        let style = format!("fill=\"{}\" stroke=\"none\"", colour((index as f64 + 0.5) / STEPS as f64));
+        svg.polygon(&corners, &style);
+    }
+}
+
 /// The colour at a share of the scale; the middle one where all values are equal.
-fn colour(share: f64) -> String {
+pub(crate) fn colour(share: f64) -> String {
     let place = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.5 } * (COLOURS.len() - 1) as f64;
     let from = (place.floor() as usize).min(COLOURS.len() - 2);
     let weight = place - from as f64;

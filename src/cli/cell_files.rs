@@ -1,8 +1,9 @@
-//! Files of one state of a cell: grains, contacts, force chains and rose diagrams.
+//! Files of one state of a cell: grains, contacts, force chains, rose diagrams and displacement fluctuations.
 
-use charts::{ForceChains, ForceLine, Rose};
+use charts::{Arrows, ForceChains, ForceLine, Rose, SpatialChains, SpatialLine, Stereonet};
 use macro_solver::output::{Field, OutputError, write_atomically, write_lines, write_particles};
 use rve_server::homogenization::picture::{CellPicture, ContactLine};
+use rve_server::space::{apply, inverse, transpose};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -67,23 +68,96 @@ pub(super) fn contacts_csv(picture: &CellPicture) -> String {
 }
 
 /// Writes everything about a state into a folder that exists, under names that begin with `stem`: `.vtp` of grains and contacts, the
-/// contacts as CSV, and of discs the force chains and rose diagrams.
+/// contacts as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets of spheres. With displacement
+/// fluctuations `.vtp` has them too, and discs a picture.
 ///
 /// # Errors
 /// A file cannot be written.
-pub(super) fn write_all(folder: &Path, stem: &str, picture: &CellPicture) -> Result<(), OutputError> {
+pub(super) fn write_all(
+    folder: &Path,
+    stem: &str,
+    picture: &CellPicture,
+    fluctuations: Option<&[[f64; 3]]>,
+) -> Result<(), OutputError> {
     let file = |ending: &str| folder.join(format!("{stem}-{ending}"));
-    write_grains(&file("grains.vtp"), picture, Vec::new())?;
+    let more = fluctuations.map(|all| Field::vector("displacement_fluctuation", all));
+    write_grains(&file("grains.vtp"), picture, more.into_iter().collect())?;
     write_contacts(&file("contacts.vtp"), picture)?;
     write_atomically(&file("contacts.csv"), contacts_csv(picture).as_bytes())?;
+    let svg = |ending: &str, text: String| write_atomically(&file(ending), text.as_bytes());
     if picture.dimension == 2 {
-        write_atomically(&file("force-chains.svg"), force_chains(stem, picture).to_svg().as_bytes())?;
-        for (ending, rose) in [("normals.svg", normals(stem, picture)), ("normal-forces.svg", forces(stem, picture))]
-        {
-            write_atomically(&file(ending), rose.to_svg().as_bytes())?;
+        svg("force-chains.svg", force_chains(stem, picture).to_svg())?;
+        svg("normals.svg", normals(stem, picture).to_svg())?;
+        svg("normal-forces.svg", forces(stem, picture).to_svg())?;
+        if let Some(fluctuations) = fluctuations {
+            svg("fluctuations.svg", arrows(stem, picture, fluctuations).to_svg())?;
         }
+    } else {
+        svg("force-chains.svg", spatial_chains(stem, picture).to_svg())?;
+        let [normals, forces] = nets(stem, picture);
+        svg("normals.svg", normals.to_svg())?;
+        svg("normal-forces.svg", forces.to_svg())?;
     }
     Ok(())
+}
+
+/// The force chains of a cell of spheres: contacts from the grain that lies within the cell, those across its border on one side.
+fn spatial_chains(title: &str, picture: &CellPicture) -> SpatialChains {
+    let cell = [0, 1, 2].map(|row| picture.cell[row]);
+    let line = |contact: &ContactLine| {
+        let moved = into_cell(cell, contact.from);
+        let to = [0, 1, 2].map(|axis| moved[axis] + contact.to[axis] - contact.from[axis]);
+        SpatialLine { from: moved, to, force: -contact.normal_force, is_sliding: contact.is_sliding }
+    };
+    SpatialChains {
+        title: title.to_owned(),
+        cell,
+        mean_radius: picture.radii.iter().sum::<f64>() / picture.radii.len().max(1) as f64,
+        lines: picture.contacts.iter().map(line).collect(),
+    }
+}
+
+/// The image of a place within the cell that begins at the origin.
+fn into_cell(rows: [[f64; 3]; 3], place: [f64; 3]) -> [f64; 3] {
+    let columns = transpose(&rows);
+    let whole = apply(&inverse(&columns), place).map(f64::floor);
+    let moved = apply(&columns, whole);
+    [0, 1, 2].map(|axis| place[axis] - moved[axis])
+}
+
+/// Contact normals on the sphere, as density over that of evenly spread ones, and mean normal force by direction, N.
+fn nets(title: &str, picture: &CellPicture) -> [Stereonet; 2] {
+    let mut sums = vec![(0.0, 0.0); Stereonet::CELLS];
+    for contact in &picture.contacts {
+        let normal = [0, 1, 2].map(|axis| contact.to[axis] - contact.from[axis]);
+        if let Some(cell) = Stereonet::cell(normal) {
+            sums[cell].0 += 1.0;
+            sums[cell].1 -= contact.normal_force;
+        }
+    }
+    let even = picture.contacts.len() as f64 / Stereonet::CELLS as f64;
+    let net = |title: String, quantity: &str, value: &dyn Fn(&(f64, f64)) -> f64| Stereonet {
+        title,
+        quantity: quantity.to_owned(),
+        values: sums.iter().map(value).collect(),
+    };
+    let density = |(count, _): &(f64, f64)| count / even;
+    [
+        net(format!("{title}: contact normals"), "contacts over those of an even spread", &density),
+        net(format!("{title}: mean normal force"), "compression, N", &|(count, sum)| sum / count),
+    ]
+}
+
+/// Displacement fluctuations of discs, drawn within the cell.
+fn arrows(title: &str, picture: &CellPicture, fluctuations: &[[f64; 3]]) -> Arrows {
+    let ForceChains { outline, grains, .. } = force_chains(title, picture);
+    Arrows {
+        title: title.to_owned(),
+        quantity: "displacement fluctuations".to_owned(),
+        outline,
+        grains,
+        arrows: fluctuations.iter().map(|fluctuation| plane(*fluctuation)).collect(),
+    }
 }
 
 /// The force chains of a cell of discs. Grains are drawn within the cell; a contact across its border is drawn at both sides.
@@ -212,10 +286,29 @@ mod tests {
         assert_eq!(force_chains("one", &inside).lines.len(), 1);
     }
 
+    /// Two spheres with a vertical contact, across the lower border of a skewed cell.
+    #[test]
+    fn a_contact_in_space_is_drawn_from_within_the_cell_and_fills_one_cell_of_the_net() {
+        let mut picture = two_discs();
+        picture.dimension = 3;
+        picture.cell = vec![[4.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
+        picture.contacts[0] = ContactLine { from: [0.5, -0.5, 9.0], to: [0.5, -2.5, 9.0], ..picture.contacts[0] };
+        let [line] = spatial_chains("one", &picture).lines[..] else { panic!("one line") };
+        let near =
+            |found: [f64; 3], expected: [f64; 3]| (0..3).all(|axis| (found[axis] - expected[axis]).abs() < 1e-12);
+        assert!(near(line.from, [1.5, 3.5, 1.0]) && near(line.to, [1.5, 1.5, 1.0]) && line.force == 12.0, "{line:?}");
+        let [normals, forces] = nets("one", &picture);
+        let cell = Stereonet::cell([0.0, 1.0, 0.0]).unwrap();
+        assert_eq!((normals.values[cell], forces.values[cell]), (Stereonet::CELLS as f64, 12.0));
+        assert_eq!(normals.values.iter().filter(|value| **value > 0.0).count(), 1);
+        assert_eq!(forces.values.iter().filter(|value| value.is_finite()).count(), 1);
+    }
+
     #[test]
     fn the_files_of_a_state_hold_its_one_contact() {
         let folder = tempfile::tempdir().unwrap();
-        write_all(folder.path(), "increment-0007", &two_discs()).unwrap();
+        let fluctuations = [[1e-3, 0.0, 0.0], [-1e-3, 0.0, 0.0]];
+        write_all(folder.path(), "increment-0007", &two_discs(), Some(&fluctuations)).unwrap();
         let file =
             |ending: &str| std::fs::read_to_string(folder.path().join(format!("increment-0007-{ending}"))).unwrap();
         let csv = file("contacts.csv");
@@ -227,7 +320,7 @@ mod tests {
         assert_eq!(piece.lines.unwrap().num_cells(), 1);
         let names: Vec<&str> = piece.data.cell.iter().map(|attribute| attribute.name()).collect();
         assert_eq!(names, ["normal_force", "tangential_force", "force", "sliding", "overlap"]);
-        for svg in ["force-chains.svg", "normals.svg", "normal-forces.svg"] {
+        for svg in ["force-chains.svg", "normals.svg", "normal-forces.svg", "fluctuations.svg"] {
             assert!(file(svg).contains("increment-0007"));
         }
         assert!(folder.path().join("increment-0007-grains.vtp").is_file());

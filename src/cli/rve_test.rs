@@ -27,6 +27,7 @@ use std::rc::Rc;
   grainspan element --replay out/biaxial/quarantine.replay
   grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv
   grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,40,200 --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --fluctuations-from 0 --out curve.csv
   grainspan element scenes/rve-biaxial.toml --sweep contact.friction=0.1:0.7:7 --out friction.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
@@ -54,6 +55,10 @@ pub(crate) struct Arguments {
     /// Increments of --contacts, 0 is the packing as given [default: 0 and the last one]
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', requires = "contacts")]
     contacts_at: Vec<u64>,
+    /// Add displacement fluctuations of the grains to the files of --contacts, counted from this increment: the displacement less
+    /// that of the mean deformation of the cell
+    #[arg(long, value_name = "N", requires = "contacts")]
+    fluctuations_from: Option<u64>,
     /// Repeat the test with many values of a key, FIRST:LAST:COUNT or VALUE,VALUE,..., into one table; given for several keys, with
     /// all combinations
     #[arg(long = "sweep", value_name = "KEY.PATH=VALUES", conflicts_with_all = ["replay", "contacts"])]
@@ -100,7 +105,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut rows = Rows::new(arguments, &buffer)?;
     let heartbeat = Heartbeat::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
-    let requests = RowRequests { tangent: arguments.tangent, pictures: pictures(arguments, &test, expected as u64)? };
+    let requests = RowRequests {
+        tangent: arguments.tangent,
+        pictures: pictures(arguments, &test, expected as u64)?,
+        fluctuations_from: arguments.fluctuations_from,
+    };
     let mut done = 0;
     heartbeat.set(format!("row 0 of {expected}"));
     let ended = run_element_on(&test, packing, requests, &mut |row| {
@@ -143,9 +152,16 @@ fn pictures(arguments: &Arguments, test: &ElementTest, last: u64) -> Result<BTre
             &format!("the test has the increments 0 to {last}"),
         );
     }
-    std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
     let chosen = &arguments.contacts_at;
-    Ok(if chosen.is_empty() { BTreeSet::from([0, last]) } else { chosen.iter().copied().collect() })
+    let chosen = if chosen.is_empty() { BTreeSet::from([0, last]) } else { chosen.iter().copied().collect() };
+    if let Some(from) = arguments.fluctuations_from
+        && chosen.iter().all(|increment| *increment <= from)
+    {
+        let problem = InputError::at("--fluctuations-from", format!("no picture comes after increment {from}"));
+        return Err(problem.hint("name a later increment in --contacts-at, or an earlier one here").into());
+    }
+    std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
+    Ok(chosen)
 }
 
 /// Encodes rows; without an output file each goes to standard output at once.
@@ -175,7 +191,8 @@ impl Rows {
     /// Writes the grains and contacts of a row that has them.
     fn draw(&mut self, row: &ElementRow, folder: Option<&Path>) {
         if let (Some(picture), Some(folder)) = (&row.picture, folder)
-            && let Err(error) = write_all(folder, &format!("increment-{:04}", row.increment), picture)
+            && let Err(error) =
+                write_all(folder, &format!("increment-{:04}", row.increment), picture, row.fluctuations.as_deref())
         {
             self.failure.get_or_insert(error.into());
         }

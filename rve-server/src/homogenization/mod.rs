@@ -3,6 +3,7 @@
 //! All measures are functions of a [`ContactNetwork`](crate::cell::ContactNetwork) and sums in contact order.
 
 pub mod fabric;
+pub mod fluctuation;
 pub mod force_anisotropy;
 pub(crate) mod observation;
 pub mod picture;

@@ -31,6 +31,8 @@ pub(super) enum Command {
     Scene,
     /// `grainspan element`, with the columns of a tangent operator if one is named.
     Element(Option<&'static str>),
+    /// `grainspan element` with grains, contacts and their pictures of the packing as given, in the folder `contacts`.
+    Contacts,
     /// `grainspan specimen`.
     Specimen,
     /// `grainspan run` that may stop before its end: what it reached belongs to the figure.
@@ -94,6 +96,8 @@ pub(super) struct Outcome {
     pub(super) charts: Vec<(&'static str, Chart)>,
     /// Meshes coloured by a quantity, each with the part of its file name.
     pub(super) maps: Vec<(&'static str, Map)>,
+    /// Pictures that a run has drawn, each with the part of its file name.
+    pub(super) drawn: Vec<(String, String)>,
     /// Their numbers and ours.
     pub(super) comparisons: Vec<Comparison>,
     /// Remarks: runs that stopped early and why.

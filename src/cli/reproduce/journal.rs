@@ -15,6 +15,8 @@ pub(super) struct Iterate {
     pub(super) load: f64,
     /// Out-of-balance force over reactions or loads.
     pub(super) force_ratio: f64,
+    /// Next correction over the displacements that the criterion names; `None` for an iterate without one.
+    pub(super) displacement_ratio: Option<f64>,
 }
 
 /// All iterates of a run, in order.
@@ -37,7 +39,8 @@ pub(super) fn iterates(run: &Finished) -> Result<Vec<Iterate>, ReproduceError> {
             event["load"].as_f64(),
             event["force_ratio"].as_f64(),
         ) {
-            found.push(Iterate { step, iteration, load, force_ratio });
+            let displacement_ratio = event["displacement_ratio"].as_f64();
+            found.push(Iterate { step, iteration, load, force_ratio, displacement_ratio });
         }
     }
     Ok(found)
@@ -56,7 +59,8 @@ mod tests {
 
     #[test]
     fn the_last_attempt_at_a_step_counts() {
-        let iterate = |step, iteration| Iterate { step, iteration, load: 0.0, force_ratio: 1.0 };
+        let iterate =
+            |step, iteration| Iterate { step, iteration, load: 0.0, force_ratio: 1.0, displacement_ratio: None };
         let all = [iterate(1, 1), iterate(2, 1), iterate(2, 2), iterate(2, 1), iterate(2, 2), iterate(3, 1)];
         assert_eq!(attempt(&all, 2), all[3..5]);
         assert!(attempt(&all, 7).is_empty());

@@ -179,6 +179,9 @@ fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &O
     for (part, map) in &outcome.maps {
         write_atomically(&file(part), map.to_svg().as_bytes())?;
     }
+    for (part, text) in &outcome.drawn {
+        write_atomically(&file(part), text.as_bytes())?;
+    }
     write_atomically(&out.join(format!("{}.csv", figure.name)), &comparison_csv(&outcome.comparisons)?)?;
     let provenance = Provenance {
         figure: figure.name,

@@ -76,6 +76,15 @@ impl Finished {
         found.ok_or_else(|| unusable(&file, &format!("there is no number '{}'", path.join("."))))
     }
 
+    /// A picture that a run has drawn, as text.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(super) fn picture(&self, file: &str) -> Result<String, ReproduceError> {
+        let file = self.folder.join(file);
+        std::fs::read_to_string(&file).map_err(|error| unusable(&file, &error))
+    }
+
     /// `history.csv` of a scene, or the rows of an element test or a specimen.
     ///
     /// # Errors

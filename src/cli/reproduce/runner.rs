@@ -62,7 +62,7 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
     let accepted: &[i32] = match run.command {
         Command::Stopping => &[0, 1],
         Command::Refused => &[0, 1, 2],
-        Command::Scene | Command::Element(_) | Command::Specimen => &[0],
+        Command::Scene | Command::Element(_) | Command::Contacts | Command::Specimen => &[0],
     };
     let Some(code) = code.filter(|code| accepted.contains(code)) else {
         let code = code.map_or("-".to_owned(), |code| code.to_string());
@@ -109,6 +109,10 @@ fn execute(
         Command::Element(tangent) => {
             command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
             command.args(tangent.iter().flat_map(|kind| ["--tangent", kind]));
+        }
+        Command::Contacts => {
+            command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
+            command.arg("--contacts").arg(folder.join("contacts")).args(["--contacts-at", "0"]);
         }
         Command::Specimen => {
             command.arg("specimen").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));

@@ -4,6 +4,8 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use vtkio::Vtk;
+use vtkio::model::{Attribute, DataSet};
 
 fn grainspan(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_grainspan"))
@@ -130,13 +132,77 @@ fn contacts_of_chosen_increments_come_with_their_pictures() {
     let area = side(0, 0) * side(1, 1) - side(0, 1) * side(1, 0);
     let volume = area * packing["thickness"].as_f64().unwrap() * (row[1] * row[4] - row[2] * row[3]);
     assert!((pressure / volume / -(row[5] + row[8]) - 1.0).abs() < 1e-9, "{} {row:?}", pressure / volume);
-    for (arguments, part) in
-        [(["--contacts-at", "9"], "increments 0 to 3"), (["--set", "frame.constraint=periodic"], "frames")]
-    {
+    for (arguments, part) in [
+        (["--contacts-at", "9"], "increments 0 to 3"),
+        (["--set", "frame.constraint=periodic"], "frames"),
+        (["--fluctuations-from", "3"], "no picture comes after increment 3"),
+    ] {
         let output = grainspan(&[&["element", &test, "--contacts", out_name][..], &arguments].concat());
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.code() == Some(2) && message.contains(part), "{message}");
     }
+}
+
+/// Vectors of a field on the grains of a `.vtp`.
+fn grain_vectors(file: &Path, name: &str) -> Vec<f64> {
+    let DataSet::PolyData { pieces, .. } = Vtk::import(file).unwrap().data else { panic!("not poly data") };
+    let piece = pieces[0].load_piece_data(None).unwrap();
+    let found = piece.data.point.iter().find(|attribute| attribute.name() == name);
+    let Some(Attribute::DataArray(array)) = found else { panic!("there is no {name}") };
+    array.data.cast_into::<f64>().unwrap()
+}
+
+/// Discs and spheres: fluctuations have no mean, are none at the increment that they are counted from, and turn with the cell, which a
+/// rotation of 40 degrees in the strain path shows; spheres have their pictures too.
+#[test]
+fn displacement_fluctuations_turn_with_the_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let packings = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings");
+    let written = |packing: &str, law: &str, gradient: &str, name: &str| {
+        let test = folder.path().join(format!("{name}.toml"));
+        let packing = packings.join(packing);
+        let text = format!(
+            "packing = {packing:?}\n[contact]\n{law}\n[rve]\naccuracy = \"tight\"\n[[path]]\nincrements = 1\n\
+             [path.strain]\n{gradient}\n"
+        );
+        fs::write(&test, text).unwrap();
+        let out = folder.path().join(name);
+        let arguments =
+            ["--contacts", out.to_str().unwrap(), "--contacts-at", "0,1", "--fluctuations-from", "0", "--quiet"];
+        succeeded(&[&["element", test.to_str().unwrap()][..], &arguments].concat());
+        out
+    };
+    let field = |out: &Path, increment: u32| {
+        grain_vectors(&out.join(format!("increment-{increment:04}-grains.vtp")), "displacement_fluctuation")
+    };
+    let discs = "law = \"linear\"\nnormal_stiffness = 5.0e7\nstiffness_ratio = 0.5\nfriction = 0.5";
+    let straight = written("discs-100.json", discs, "xx = 0.0\nxy = 0.0\nyx = 0.0\nyy = -2.01e-3", "straight");
+    // R F - I with the rotation R by 40 degrees.
+    let (sin, cos) = 40_f64.to_radians().sin_cos();
+    let (xx, xy, yx, yy) = (cos - 1.0, -sin * 0.99799, sin, cos * 0.99799 - 1.0);
+    let turned = written("discs-100.json", discs, &format!("xx = {xx}\nxy = {xy}\nyx = {yx}\nyy = {yy}"), "turned");
+    assert!(field(&straight, 0).iter().all(|value| *value == 0.0));
+    let (straight_field, turned_field) = (field(&straight, 1), field(&turned, 1));
+    let largest = straight_field.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    assert!(largest > 1e-7, "{largest}");
+    for axis in 0..3 {
+        let sum: f64 = straight_field.iter().skip(axis).step_by(3).sum();
+        assert!(sum.abs() < 1e-9 * largest * 100.0, "{sum}");
+    }
+    for (one, other) in straight_field.chunks(3).zip(turned_field.chunks(3)) {
+        let rotated = [cos * one[0] - sin * one[1], sin * one[0] + cos * one[1]];
+        // Other last digits end the relaxation some steps sooner or later.
+        assert!((rotated[0] - other[0]).hypot(rotated[1] - other[1]) < 1e-3 * largest, "{one:?} {other:?}");
+    }
+    assert!(straight.join("increment-0001-fluctuations.svg").is_file());
+    let hertz = "law = \"hertz_mindlin\"\nshear_modulus = 29.0e9\npoisson_ratio = 0.15\nfriction = 0.5";
+    let spheres = written("spheres-100.json", hertz, "xx = 0.0\nxy = 0.1\nyy = -1.0e-3\nzz = 0.0", "spheres");
+    assert!(field(&spheres, 1).iter().any(|value| *value != 0.0));
+    for ending in ["force-chains.svg", "normals.svg", "normal-forces.svg"] {
+        let text = fs::read_to_string(spheres.join(format!("increment-0001-{ending}"))).unwrap();
+        assert!(!text.contains("NaN") && text.contains("increment-0001"), "{ending}");
+    }
+    assert!(!spheres.join("increment-0001-fluctuations.svg").exists());
 }
 
 #[test]

@@ -10,10 +10,12 @@ pub struct RowRequests {
     pub tangent: TangentKind,
     /// Increments whose grains and contacts are wanted.
     pub pictures: BTreeSet<u64>,
+    /// Increment from which displacement fluctuations of these grains are counted; `None`: they are not computed.
+    pub fluctuations_from: Option<u64>,
 }
 
 impl From<TangentKind> for RowRequests {
     fn from(tangent: TangentKind) -> Self {
-        Self { tangent, pictures: BTreeSet::new() }
+        Self { tangent, ..Self::default() }
     }
 }

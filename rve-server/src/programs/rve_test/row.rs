@@ -47,6 +47,8 @@ pub struct ElementRow {
     pub force_anisotropy: Option<ForceAnisotropy>,
     /// Grains and contacts, if they were requested; of periodic cells, not of frames.
     pub picture: Option<CellPicture>,
+    /// Displacement fluctuation of each grain of the picture, m, since the increment that was requested; of none before that.
+    pub fluctuations: Option<Vec<[f64; 3]>>,
     /// Tangent operator in this row's own state, if one was requested.
     pub tangent: Option<TangentOutcome>,
     /// Trials that this row needed: 1 without stress control, 0 in row 0.
@@ -84,6 +86,7 @@ impl ElementRow {
             fabric: tensor_of(&answer.observed.fabric.0),
             force_anisotropy: None,
             picture: None,
+            fluctuations: None,
             tangent,
             trials: 0,
             stress_control: StressControl::None,

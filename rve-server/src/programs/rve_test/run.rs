@@ -12,12 +12,13 @@ use super::stress_relaxation::Relaxation;
 use super::summary::ElementSummary;
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use super::work::PathWork;
-use crate::cell::ContactNetwork;
+use crate::cell::{ContactNetwork, GrainState};
 use crate::definition::{GrainDefinition, Packing, PackingFile};
 use crate::engine::GrainRve;
+use crate::homogenization::fluctuation::displacement_fluctuations;
 use crate::homogenization::picture::CellPicture;
 use crate::solver::SolverFor;
-use crate::space::{Tensor, add_scaled};
+use crate::space::{Tensor, add_scaled, inverse, product};
 use crate::tangent::{self, Closeness};
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::collections::BTreeSet;
@@ -116,6 +117,8 @@ fn run_in_space<S: SolverFor>(
         stress_tolerance: test.stress_tolerance,
         tangent: requests.tangent,
         pictures: requests.pictures,
+        fluctuations_from: requests.fluctuations_from,
+        reference: None,
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
@@ -144,6 +147,9 @@ struct Run<S: SolverFor> {
     stress_tolerance: f64,
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
+    fluctuations_from: Option<u64>,
+    /// Grains and deformation from which fluctuations are counted, once they are reached.
+    reference: Option<(GrainState<S>, Matrix)>,
     summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
@@ -304,6 +310,14 @@ impl<S: SolverFor> Run<S> {
         row.force_anisotropy = Some(network.force_anisotropy());
         row.picture =
             self.pictures.contains(&row.increment).then(|| CellPicture::new(&network, self.cell.committed()));
+        if self.fluctuations_from == Some(row.increment) {
+            self.reference = Some((self.cell.committed().clone(), self.deformation));
+        }
+        if let (Some(_), Some((start, deformation))) = (&row.picture, &self.reference) {
+            let since = product(&self.deformation, &inverse(deformation));
+            let about = S::Tensor::from_fn(|i, j| since[i][j]);
+            row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &about));
+        }
         let summary = &mut self.summary;
         summary.rows += 1;
         summary.trials += u64::from(row.trials);

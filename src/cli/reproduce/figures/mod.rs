@@ -1,5 +1,6 @@
 //! All figures, one file each. A new figure is a file here and a line in [`ALL`].
 
+mod argilaga2018_displacements;
 mod argilaga2018_iterations;
 mod argilaga2018_operators;
 mod argilaga2018_residuals;
@@ -17,6 +18,7 @@ mod liu2015_moduli;
 mod liu2015_shear_layer;
 mod liu2018;
 mod liu2018_anisotropy;
+mod liu2018_cells;
 mod liu2018_friction;
 mod liu2018_meshes;
 mod liu2018_rotation;
@@ -32,9 +34,11 @@ pub(super) const ALL: &[&Figure] = &[
     &liu2015_biaxial::FIGURE,
     &liu2015_kernel::FIGURE,
     &argilaga2018_operators::FIGURE,
+    &argilaga2018_displacements::FIGURE,
     &argilaga2018_residuals::FIGURE,
     &argilaga2018_iterations::FIGURE,
     &argilaga2018_shares::FIGURE,
+    &liu2018_cells::FIGURE,
     &liu2018_meshes::FIGURE,
     &liu2018_friction::FIGURE,
     &liu2018_rotation::FIGURE,

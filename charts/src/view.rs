@@ -1,0 +1,63 @@
+//! From metres to pixels: the frame that all pictures of grains share.
+
+use crate::svg::Svg;
+
+/// Longer side of the drawing, px.
+const SIDE: f64 = 720.0;
+
+/// Margin around it, px; the title stands in the upper one.
+const MARGIN: f64 = 40.0;
+
+/// Where things of the plane lie in a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct View {
+    left: f64,
+    low: f64,
+    /// Pixels per metre.
+    scale: f64,
+    /// Width and height, px.
+    size: [f64; 2],
+}
+
+impl View {
+    /// A view of these grains and corners, m.
+    pub(crate) fn of(grains: &[([f64; 2], f64)], corners: &[[f64; 2]]) -> Self {
+        let extent = |axis: usize| {
+            let grains = grains.iter().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
+            let all = corners.iter().map(|corner| corner[axis]).chain(grains);
+            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+        };
+        let [[left, right], [low, high]] = [extent(0), extent(1)];
+        let longest = (right - left).max(high - low);
+        let scale = if longest > 0.0 { SIDE / longest } else { 1.0 };
+        let size = [right - left, high - low].map(|length| if length > 0.0 { length * scale } else { SIDE });
+        Self { left, low, scale, size }
+    }
+
+    /// An empty picture of this size.
+    pub(crate) fn picture(&self) -> Svg {
+        Svg::new(self.size[0] + 2.0 * MARGIN, self.size[1] + 2.5 * MARGIN)
+    }
+
+    /// A place in pixels.
+    pub(crate) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [MARGIN + (x - self.left) * self.scale, MARGIN + (y - self.low) * self.scale]
+    }
+
+    /// A length in pixels.
+    pub(crate) fn length(&self, length: f64) -> f64 {
+        length * self.scale
+    }
+
+    /// The border of the cell or body.
+    pub(crate) fn outline(&self, svg: &mut Svg, corners: &[[f64; 2]]) {
+        let corners: Vec<[f64; 2]> = corners.iter().map(|corner| self.place(*corner)).collect();
+        svg.polygon(&corners, "fill=\"none\" stroke=\"black\" stroke-width=\"1\" stroke-dasharray=\"6 4\"");
+    }
+
+    /// Title above and legend below the drawing.
+    pub(crate) fn words(&self, svg: &mut Svg, title: &str, legend: &str) {
+        svg.words([MARGIN, self.size[1] + 1.9 * MARGIN], 18, "start", title);
+        svg.words([MARGIN, 0.35 * MARGIN], 13, "start", legend);
+    }
+}
