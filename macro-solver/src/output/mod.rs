@@ -29,8 +29,8 @@ pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
 pub use lines::write_lines;
 pub use particles::write_particles;
 pub use probe::{
-    Axes, BandProbe, BandProperty, FieldProbe, Measure, Part, Probe, Profile, Quantity, Rank, ReferenceState,
-    References, Statistic, StressMeasure,
+    Axes, BandProbe, BandProperty, FieldProbe, LayerBand, Measure, Part, Probe, Profile, Quantity, Rank,
+    ReferenceState, References, Statistic, StressMeasure,
 };
 pub use recorder::{RecordPlan, Recorder, StageOutput};
 pub use summary::{AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};

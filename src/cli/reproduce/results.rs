@@ -76,6 +76,14 @@ impl Finished {
         found.ok_or_else(|| unusable(&file, &format!("there is no number '{}'", path.join("."))))
     }
 
+    /// Another table of a run, such as `layers/band.csv`.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(super) fn table_of(&self, file: &str) -> Result<Table, ReproduceError> {
+        Table::read(self.folder.join(file))
+    }
+
     /// A picture that a run has drawn, as text.
     ///
     /// # Errors

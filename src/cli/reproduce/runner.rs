@@ -8,6 +8,7 @@ use super::inputs::Inputs;
 use super::results::{Finished, Results};
 use crate::exit::Failure;
 use macro_solver::output::write_atomically;
+use rve_server::programs::specimen::SpecimenTest;
 use scene_reader::Document;
 use std::path::{Path, PathBuf};
 use std::process;
@@ -88,6 +89,13 @@ fn identity(run: &Run, inputs: &Inputs) -> Result<String, Failure> {
     Ok(format!("{:?}\n{}", run.command, document.as_run(&[])?))
 }
 
+/// Whether a specimen test names layers whose shear is written.
+fn has_profile(run: &Run, inputs: &Inputs) -> bool {
+    Document::read_in_size(&inputs.file(run.input), run.size, &run.settings)
+        .and_then(|document| document.deserialize::<SpecimenTest>())
+        .is_ok_and(|test| test.profile.is_some())
+}
+
 /// Starts the program for one run and waits. Returns its exit code and what it said on standard error.
 fn execute(
     run: &Run,
@@ -118,6 +126,9 @@ fn execute(
             command.arg("specimen").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
             command.args(workers.iter().flat_map(|count| ["--threads", count]));
             command.arg("--checkpoint").arg(folder).args(resume.then_some("--resume"));
+            if has_profile(run, inputs) {
+                command.arg("--profiles").arg(folder.join("layers"));
+            }
         }
     }
     command.args(run.size.iter().flat_map(|size| ["--size", size]));

@@ -1,18 +1,21 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
+mod profile;
 mod restart;
 
+use self::profile::Profiles;
 use self::restart::Restart;
 use crate::exit::{Exit, Failure};
 use crate::stdout::deliver;
+use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
-use macro_solver::output::{Field, FieldSeries, OutputError, write_particles};
+use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
 use rve_server::definition::Packing;
 use rve_server::programs::specimen::{
     Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary,
-    SpecimenTest, run_specimen_from,
+    SpecimenTest, less_linear_field, run_specimen_from,
 };
-use scene_reader::{Document, Kind};
+use scene_reader::{Document, InputError, Kind};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan specimen`.
@@ -20,6 +23,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
   grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]
+  grainspan specimen scenes/liu2015/grains-shear-layer.toml --size small --out curve.csv --profiles out/layers
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv --checkpoint out/specimen --resume")]
 pub(crate) struct Arguments {
     /// Specimen test: packing, tiles, contact law, walls and stages; see docs/guide/specimens.md
@@ -31,6 +35,13 @@ pub(crate) struct Arguments {
     /// Folder for ParaView files of the grains, one per row
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+    /// Add displacement fluctuations of the grains to the files of --pictures, counted from the start of this stage: the displacement
+    /// less the linear field that fits the body best
+    #[arg(long, value_name = "STAGE", requires = "pictures")]
+    fluctuations_from: Option<String>,
+    /// Folder for the shear of the layers that `[profile]` of the test names, and the shear band that it shows
+    #[arg(long, value_name = "DIR")]
+    profiles: Option<PathBuf>,
     /// Folder for checkpoints of the run; removed when it has ended
     #[arg(long, value_name = "DIR")]
     checkpoint: Option<PathBuf>,
@@ -78,7 +89,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let restart = match &arguments.checkpoint {
         Some(folder) => {
             let packing = document.resolve(Path::new(&test.packing));
-            Some(Restart::new(folder, document.as_run(&[])?, &packing, arguments.units)?)
+            let asked = restart::Asked {
+                units: arguments.units,
+                profiles: arguments.profiles.is_some(),
+                fluctuations_from: arguments.fluctuations_from.clone(),
+            };
+            Some(Restart::new(folder, document.as_run(&[])?, &packing, asked)?)
         }
         None => None,
     };
@@ -86,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Some(restart) if arguments.resume => restart.earlier()?,
         _ => None,
     };
-    let mut output = Output::new(arguments, &test)?;
+    let mut output = Output::new(arguments, &test, packing.dimension() as usize)?;
     if let Some(earlier) = &earlier {
         output.go_on(arguments, &test, earlier)?;
     }
@@ -98,6 +114,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
     };
     let restart = output.restart.take();
+    if let Some(profiles) = &output.profiles {
+        profiles.write()?;
+    }
     let bytes = output.finish()?;
     deliver(arguments.out.as_deref(), &bytes)?;
     match ended {
@@ -118,6 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 struct Output {
     csv: SpecimenCsv<Vec<u8>>,
     pictures: Option<Pictures>,
+    profiles: Option<Profiles>,
     bar: ProgressBar,
     /// Steps before each stage.
     before: Vec<u64>,
@@ -126,7 +146,7 @@ struct Output {
 }
 
 impl Output {
-    fn new(arguments: &Arguments, test: &SpecimenTest) -> Result<Self, Failure> {
+    fn new(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Result<Self, Failure> {
         let mut whole = 0;
         let mut before = Vec::new();
         for stage in &test.stage {
@@ -140,7 +160,8 @@ impl Output {
         Ok(Self {
             csv: SpecimenCsv::new(Vec::new(), arguments.units, test)
                 .map_err(|error| Failure::new(Exit::BadInput, error))?,
-            pictures: arguments.pictures.as_deref().map(Pictures::create).transpose()?,
+            pictures: pictures(arguments, test, dimension)?,
+            profiles: profiles(arguments, test, dimension)?,
             bar,
             before,
             restart: None,
@@ -154,7 +175,11 @@ impl Output {
             .map_err(|error| Failure::new(Exit::BadInput, error))?;
         if let Some(pictures) = &mut self.pictures {
             pictures.drawn = earlier.frames.len();
+            pictures.start = earlier.start.clone();
             pictures.series.restore(earlier.frames.clone())?;
+        }
+        if let (Some(profiles), Some(kept)) = (&mut self.profiles, &earlier.profiles) {
+            profiles.go_on(kept.clone());
         }
         Ok(())
     }
@@ -162,14 +187,31 @@ impl Output {
     fn take(&mut self, event: &SpecimenEvent<'_>) {
         match event {
             SpecimenEvent::Progress { stage, step } => self.bar.set_position(self.before[*stage] + step),
+            SpecimenEvent::Begun { stage, picture } => {
+                if let Some(pictures) = &mut self.pictures {
+                    pictures.begun(*stage, picture);
+                }
+                if let Some(profiles) = &mut self.profiles {
+                    profiles.begun(*stage, picture);
+                }
+            }
             SpecimenEvent::State(state) => {
                 if let Some(restart) = &mut self.restart {
-                    let frames = self.pictures.as_ref().map_or(&[][..], |pictures| pictures.series.frames());
-                    restart.write(self.csv.so_far(), frames, state);
+                    let pictures = self.pictures.as_ref();
+                    restart.write(restart::Now {
+                        table: self.csv.so_far(),
+                        frames: pictures.map_or(&[][..], |pictures| pictures.series.frames()),
+                        start: pictures.map_or(&[][..], |pictures| &pictures.start),
+                        profiles: self.profiles.as_ref().map(Profiles::kept),
+                        state,
+                    });
                 }
             }
             SpecimenEvent::Row(row, picture) => {
                 self.bar.set_message(format!("{}: unbalanced {:.1e}", row.stage, row.unbalanced_force_ratio));
+                if let Some(profiles) = &mut self.profiles {
+                    profiles.add(row, picture);
+                }
                 let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
                 let drawn = written.and_then(|()| match &mut self.pictures {
                     Some(pictures) => Ok(pictures.draw(row, &picture())?),
@@ -191,29 +233,100 @@ impl Output {
     }
 }
 
-/// ParaView files of the grains.
+/// The pictures that were asked for.
+///
+/// # Errors
+/// Fluctuations from a stage that the test does not have; the folder cannot be made.
+fn pictures(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Result<Option<Pictures>, Failure> {
+    let stage = arguments.fluctuations_from.as_ref().map(|name| {
+        let names: Vec<&str> = test.stage.iter().map(|stage| stage.name.as_str()).collect();
+        names.iter().position(|stage| stage == name).ok_or_else(|| {
+            InputError::at("--fluctuations-from", format!("there is no stage '{name}'"))
+                .hint(format!("use one of: {}", names.join(", ")))
+        })
+    });
+    let from = stage.transpose()?;
+    let create = |folder: &Path| Pictures::create(folder, from, dimension);
+    arguments.pictures.as_deref().map(create).transpose()
+}
+
+/// The profiles that were asked for.
+///
+/// # Errors
+/// The test does not say which; the folder cannot be made.
+fn profiles(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Result<Option<Profiles>, Failure> {
+    let Some(folder) = &arguments.profiles else { return Ok(None) };
+    let Some(table) = &test.profile else {
+        let problem = InputError::at("--profiles", "the test has no table [profile]".to_owned());
+        return Err(problem.hint("add one, for example: [profile] with axis = \"y\" and along = \"x\"").into());
+    };
+    let stages = test.stage.iter().map(|stage| stage.name.clone()).collect();
+    Ok(Some(Profiles::create(folder, table, dimension, stages)?))
+}
+
+/// ParaView files of the grains, and of discs pictures of their fluctuations.
 struct Pictures {
     folder: PathBuf,
     series: FieldSeries,
     drawn: usize,
+    /// 2 for discs, 3 for spheres.
+    dimension: usize,
+    /// Stage from whose start fluctuations are counted.
+    from: Option<usize>,
+    /// Centres at that moment, m; empty before it, and where fluctuations are not asked for.
+    start: Vec<[f64; 3]>,
 }
 
 impl Pictures {
-    fn create(folder: &Path) -> Result<Self, Failure> {
+    fn create(folder: &Path, from: Option<usize>, dimension: usize) -> Result<Self, Failure> {
         std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
-        Ok(Self { folder: folder.to_owned(), series: FieldSeries::new(&folder.join("grains.pvd")), drawn: 0 })
+        let series = FieldSeries::new(&folder.join("grains.pvd"));
+        Ok(Self { folder: folder.to_owned(), series, drawn: 0, dimension, from, start: Vec::new() })
+    }
+
+    /// Fluctuations may be counted from this stage on.
+    fn begun(&mut self, stage: usize, picture: &dyn Fn() -> SpecimenPicture) {
+        if self.from == Some(stage) {
+            self.start = picture().centres;
+        }
     }
 
     fn draw(&mut self, row: &SpecimenRow, picture: &SpecimenPicture) -> Result<(), OutputError> {
         let name = format!("grains-{:04}.vtp", self.drawn);
         self.drawn += 1;
-        let fields = [
+        let mut fields = vec![
             Field::scalar("radius", picture.radii.clone()),
             Field::vector("rotation", &picture.rotations),
             Field::vector("velocity", &picture.velocities),
         ];
+        if !self.start.is_empty() {
+            let fluctuations = less_linear_field(&self.start, &picture.centres);
+            if self.dimension == 2 {
+                let file = self.folder.join(name.replace(".vtp", "-fluctuations.svg"));
+                let title = format!("stage {}, step {}", row.stage, row.step);
+                write_atomically(&file, arrows(title, picture, &fluctuations).to_svg().as_bytes())?;
+            }
+            fields.push(Field::vector("displacement_fluctuation", &fluctuations));
+        }
         write_particles(&self.folder.join(&name), &picture.centres, &fields)?;
         self.series.add(row.step as f64, name)
+    }
+}
+
+/// The fluctuations of discs in the box around them.
+fn arrows(title: String, picture: &SpecimenPicture, fluctuations: &[[f64; 3]]) -> Arrows {
+    let grains = || picture.centres.iter().zip(&picture.radii);
+    let extent = |axis: usize| {
+        let ends = grains().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
+        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+    };
+    let ([left, right], [low, high]) = (extent(0), extent(1));
+    Arrows {
+        title,
+        quantity: "displacement fluctuations".to_owned(),
+        outline: vec![[left, low], [right, low], [right, high], [left, high]],
+        grains: grains().map(|(centre, radius)| ([centre[0], centre[1]], *radius)).collect(),
+        arrows: fluctuations.iter().map(|fluctuation| [fluctuation[0], fluctuation[1]]).collect(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Checkpoints of a specimen: table, pictures and state in one file, written while it runs and read by `--resume`.
 
+use super::profile;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFile, StoredCheckpoint};
 use protocol::ContentId;
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -21,16 +22,45 @@ pub(super) struct Kept {
     packing: String,
     /// The program that wrote it.
     program: String,
-    /// Whether the header of the table has units.
-    units: bool,
+    /// What was asked for on the command line.
+    asked: Asked,
     /// Table so far.
     #[serde(with = "serde_bytes")]
     pub(super) table: Vec<u8>,
     /// Pictures so far: step and file.
     pub(super) frames: Vec<(f64, String)>,
+    /// Centres from which fluctuations are counted, m.
+    pub(super) start: Vec<[f64; 3]>,
+    /// Layers and their tables so far.
+    pub(super) profiles: Option<profile::Kept>,
     /// State of the run.
     #[serde(with = "serde_bytes")]
     pub(super) state: Vec<u8>,
+}
+
+/// Choices of the command line that shape the files of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Asked {
+    /// Whether the header of the table has units.
+    pub(super) units: bool,
+    /// Whether layers are followed.
+    pub(super) profiles: bool,
+    /// Stage from whose start fluctuations are counted.
+    pub(super) fluctuations_from: Option<String>,
+}
+
+/// What a checkpoint is made of.
+pub(super) struct Now<'a> {
+    /// Table so far.
+    pub(super) table: &'a [u8],
+    /// Pictures so far: step and file.
+    pub(super) frames: &'a [(f64, String)],
+    /// Centres from which fluctuations are counted, m.
+    pub(super) start: &'a [[f64; 3]],
+    /// Layers and their tables so far.
+    pub(super) profiles: Option<&'a profile::Kept>,
+    /// State of the run.
+    pub(super) state: &'a [u8],
 }
 
 /// Where checkpoints of this run go.
@@ -48,7 +78,7 @@ impl Restart {
     ///
     /// # Errors
     /// The folder cannot be made, or the packing not be read again.
-    pub(super) fn new(folder: &Path, test: String, packing: &Path, units: bool) -> Result<Self, Failure> {
+    pub(super) fn new(folder: &Path, test: String, packing: &Path, asked: Asked) -> Result<Self, Failure> {
         let system = |action, path: &Path, source| {
             let error = CheckpointError::System { action, path: path.to_owned(), source };
             Failure::new(Exit::BadInput, error)
@@ -59,7 +89,7 @@ impl Restart {
             test,
             packing: ContentId::of(&bytes).to_string(),
             program: crate::cli::this_program(),
-            units,
+            asked,
             ..Kept::default()
         };
         let file = CheckpointFile::in_folder(folder);
@@ -87,8 +117,15 @@ impl Restart {
         if kept.packing != self.blank.packing {
             found.push("packing: the content of the packing file is not the same".to_owned());
         }
-        if kept.units != self.blank.units {
-            found.push("--units: the table was begun otherwise".to_owned());
+        let (before, now) = (&kept.asked, &self.blank.asked);
+        for (flag, is_same) in [
+            ("--units", before.units == now.units),
+            ("--profiles", before.profiles == now.profiles),
+            ("--fluctuations-from", before.fluctuations_from == now.fluctuations_from),
+        ] {
+            if !is_same {
+                found.push(format!("{flag}: the run was begun otherwise"));
+            }
         }
         if !found.is_empty() {
             let text = format!(
@@ -110,9 +147,15 @@ impl Restart {
     }
 
     /// Writes a checkpoint. A disk that is full does not end the run: the checkpoint before is still there.
-    pub(super) fn write(&mut self, table: &[u8], frames: &[(f64, String)], state: &[u8]) {
-        let kept =
-            Kept { table: table.to_vec(), frames: frames.to_vec(), state: state.to_vec(), ..self.blank.clone() };
+    pub(super) fn write(&mut self, now: Now<'_>) {
+        let kept = Kept {
+            table: now.table.to_vec(),
+            frames: now.frames.to_vec(),
+            start: now.start.to_vec(),
+            profiles: now.profiles.cloned(),
+            state: now.state.to_vec(),
+            ..self.blank.clone()
+        };
         let mut archive = Archive::new();
         archive.put(SECTION, VERSION, &kept);
         if let Err(error) = self.file.write(&archive)

@@ -77,6 +77,7 @@ fn sheared_layer(site: &Site, steps: u64) -> String {
     let text = format!(
         "packing = \"{}\"\ntiles = [1, 2]\nperiodic = [\"x\"]\n[contact]\nlaw = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\n\
          friction = 0.5\n[walls]\nglue_depth = 1e-4\nservo_gain = 0.2\n[[region]]\nfrom = [0.0, 0.4]\nto = [1.0, 0.7]\nnumber = 3\n\
+         [profile]\naxis = \"y\"\nalong = \"x\"\nlayers = 6\nfrom = \"shear\"\nwindow = 3\n\
          [[stage]]\nname = \"press\"\nsteps = 3000\nrows = 1\nstress = {{ yy = -1e5 }}\n\
          [[stage]]\nname = \"shear\"\nsteps = {steps}\nrows = 20\nglue = [\"y\"]\nshear = {{ xy = 0.02 }}\nstress = {{ yy = -1e5 }}\n",
         packing.display()
@@ -114,10 +115,20 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
     let test = sheared_layer(&site, 60_000);
     let (whole, broken) = (site.path("whole.csv"), site.path("broken.csv"));
     let (checkpoint, pictures) = (site.path("checkpoint"), site.path("pictures"));
-    let (code, text, _) = run(&site, &["specimen", &test, "--threads", "1", "--out", whole.to_str().unwrap()]);
+    let (whole_layers, layers) = (site.path("whole-layers"), site.path("layers"));
+    let (code, text, _) = run(
+        &site,
+        &[
+            &["specimen", &test, "--threads", "1", "--out", whole.to_str().unwrap()][..],
+            &["--profiles", whole_layers.to_str().unwrap()],
+            &["--pictures", site.path("whole-pictures").to_str().unwrap(), "--fluctuations-from", "shear"],
+        ]
+        .concat(),
+    );
     assert_eq!(code, 0, "{text}");
     let mut arguments = vec!["specimen", &test, "--out", broken.to_str().unwrap(), "--checkpoint-every", "5000"];
     arguments.extend(["--checkpoint", checkpoint.to_str().unwrap(), "--pictures", pictures.to_str().unwrap()]);
+    arguments.extend(["--profiles", layers.to_str().unwrap(), "--fluctuations-from", "shear"]);
     let file = checkpoint.join("checkpoint.bin");
     let mut child = site.program(&arguments).stderr(std::process::Stdio::null()).spawn().unwrap();
     let begun = std::time::Instant::now();
@@ -132,14 +143,47 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
     let changed = ["--set", "contact.friction=0.4"];
     let (code, text, _) = run(&site, &[&arguments[..], &changed[..]].concat());
     assert!(code == 2 && text.contains("another test") && text.contains("friction"), "{code}: {text}");
+    let (code, text, _) = run(&site, &[&arguments[..], &["--units"][..]].concat());
+    assert!(code == 2 && text.contains("--units: the run was begun otherwise"), "{code}: {text}");
     let (code, text, _) = run(&site, &[&arguments[..], &["--threads", "2"][..]].concat());
     assert!(code == 0 && !text.contains("no checkpoint"), "{code}: {text}");
     assert_eq!(std::fs::read_to_string(&broken).unwrap(), std::fs::read_to_string(&whole).unwrap());
     let series = std::fs::read_to_string(pictures.join("grains.pvd")).unwrap();
     assert_eq!(series.matches("<DataSet").count(), 21, "{series}");
+    for table in ["profile.csv", "band.csv"] {
+        let read = |folder: &Path| std::fs::read_to_string(folder.join(table)).unwrap();
+        assert_eq!(read(&layers), read(&whole_layers), "{table}");
+    }
+    let last = "grains-0020-fluctuations.svg";
+    let read = |folder: &Path| std::fs::read_to_string(folder.join(last)).unwrap();
+    assert_eq!(read(&pictures), read(&site.path("whole-pictures")));
+    assert!(!pictures.join("grains-0000-fluctuations.svg").exists(), "the stage has not begun");
+    the_layers_shear_as_the_walls_do(&whole_layers, &std::fs::read_to_string(&whole).unwrap());
     assert!(!file.exists(), "a run that has ended leaves no checkpoint");
     let (code, text, _) = run(&site, &["specimen", &test, "--resume"]);
     assert!(code == 2 && text.contains("--checkpoint"), "{text}");
+}
+
+/// The interfaces of the layers add up to most of the motion between the outermost layers, which are glued or close to it, and the
+/// growth over three rows is a difference of the shear strains.
+fn the_layers_shear_as_the_walls_do(layers: &Path, table: &str) {
+    let profile = std::fs::read_to_string(layers.join("profile.csv")).unwrap();
+    let [step, coordinate, strain, growth] =
+        ["step", "coordinate", "shear_strain", "shear_strain_growth"].map(|name| column(&profile, name));
+    let rows = 20;
+    let interfaces = step.len() / rows;
+    assert!(interfaces == 5 && step.len() == 5 * rows, "{profile}");
+    let row = |number: usize| number * interfaces..(number + 1) * interfaces;
+    let mean = strain[row(19)].iter().sum::<f64>() / interfaces as f64;
+    let walls = *column(table, "shear_xy").last().unwrap();
+    assert!((mean / walls - 1.0).abs() < 0.3, "{mean} {walls}");
+    for place in 0..interfaces {
+        let expected = strain[row(19)][place] - strain[row(16)][place];
+        assert!((growth[row(19)][place] - expected).abs() < 1e-12, "{place}");
+        assert!(place == 0 || coordinate[row(19)][place] > coordinate[row(19)][place - 1]);
+    }
+    let band = std::fs::read_to_string(layers.join("band.csv")).unwrap();
+    assert_eq!(band.lines().count(), 1 + rows, "{band}");
 }
 
 /// What cannot be run is refused before anything moves, with the place and the remedy.
@@ -157,6 +201,13 @@ fn specimens_that_are_not_sound_are_refused() {
     ] {
         let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
         assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");
+    }
+    for (flags, words) in [
+        (["--profiles", "layers", "--quiet"], "no table [profile]"),
+        (["--pictures", "grains", "--fluctuations-from=pull"], "there is no stage 'pull'"),
+    ] {
+        let (code, text, _) = run(&site, &[&["specimen", scene][..], &flags[..]].concat());
+        assert!(code == 2 && text.contains(words) && text.contains("hint:"), "{flags:?}: {text}");
     }
     let leaning = ["--set", "cut=\"tiles\"", "--set", "periodic=[\"y\"]", "--set", "stage.0.stress={xx=-1.5e5}"];
     let more = ["--set", "stage.1.strain={}"];

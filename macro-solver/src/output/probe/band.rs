@@ -76,6 +76,37 @@ impl BandProbe {
     }
 }
 
+/// A band across layers whose direction is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerBand {
+    /// Full width at half of the height above the surroundings, m, as [`BandProperty::Width`].
+    pub width: f64,
+    /// Coordinate of its middle, m.
+    pub position: f64,
+    /// Share of the variance that the band explains, at most 1.
+    pub quality: f64,
+}
+
+impl LayerBand {
+    /// The same fit as that of a [`BandProbe`], to values along a line: coordinate (m), weight and value of each layer. `None` where no
+    /// ridge fits.
+    pub fn across(layers: &[[f64; 3]]) -> Option<Self> {
+        let sample = |&[coordinate, weight, value]: &[f64; 3]| Sample { place: [0.0, coordinate], weight, value };
+        let samples: Vec<Sample> = layers.iter().map(sample).collect();
+        let (scaled, length) = scaled(&samples)?;
+        // At angle 0 the misfit does not change with the angle, which therefore stays.
+        let fit = improved(&scaled, guess(&scaled, 0.0)?);
+        let middle = samples.iter().map(|one| one.weight * one.place[1]).sum::<f64>()
+            / samples.iter().map(|one| one.weight).sum::<f64>();
+        let position = middle + fit[1] * length;
+        Ridge::of_fit(&scaled, length, &fit).map(|ridge| Self {
+            width: ridge.width,
+            position,
+            quality: ridge.quality,
+        })
+    }
+}
+
 /// The measure at one place.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -112,10 +143,13 @@ impl Ridge {
             .map(|guess| (misfit(&scaled, &guess), guess))
             .min_by(|one, other| one.0.total_cmp(&other.0))?
             .1;
-        let fit = improved(&scaled, start);
+        Self::of_fit(&scaled, length, &improved(&scaled, start))
+    }
+
+    fn of_fit(scaled: &[Sample], length: f64, fit: &Parameters) -> Option<Self> {
         let [angle, _, width, height, _] = fit.data.0[0];
         // The values have unit variance, and the weights the sum 1.
-        let quality = 1.0 - misfit(&scaled, &fit);
+        let quality = 1.0 - misfit(scaled, fit);
         let is_band = width.abs() < 1.0 && height > 0.0 && quality > 0.0;
         let turns = angle.to_degrees().rem_euclid(180.0);
         is_band.then(|| Self {
@@ -252,6 +286,20 @@ mod tests {
         assert!((ridge.inclination - 35.0).abs() < 0.3, "{ridge:?}");
         assert!((ridge.width / 0.010 - 0.8407).abs() < 0.02, "{ridge:?}");
         assert!(ridge.quality > 0.8, "{ridge:?}");
+    }
+
+    /// Twelve layers of unequal thickness with a Gaussian of growth: width and position to the digits of the fit, and no band in a uniform
+    /// growth.
+    #[test]
+    fn a_band_across_layers_has_its_width_and_position() {
+        let layers = |value: fn(f64) -> f64| -> Vec<[f64; 3]> {
+            let coordinate = |layer: i32| 0.01 * f64::from(layer) + 0.001 * f64::from(layer % 2);
+            (0..12).map(|layer| [coordinate(layer), 0.01, value(coordinate(layer))]).collect()
+        };
+        let band = LayerBand::across(&layers(|y| 0.01 + 0.2 * (-0.5 * ((y - 0.083) / 0.012).powi(2)).exp())).unwrap();
+        assert!((band.width - 0.012 * (8.0 * 2_f64.ln()).sqrt()).abs() < 1e-9, "{band:?}");
+        assert!((band.position - 0.083).abs() < 1e-9 && band.quality > 1.0 - 1e-9, "{band:?}");
+        assert!(LayerBand::across(&layers(|_| 0.1)).is_none() && LayerBand::across(&[]).is_none());
     }
 
     #[test]

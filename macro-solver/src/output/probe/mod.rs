@@ -11,7 +11,7 @@ mod stress_measure;
 #[cfg(test)]
 pub(super) mod tests;
 
-pub use band::{BandProbe, BandProperty};
+pub use band::{BandProbe, BandProperty, LayerBand};
 pub use field::{FieldProbe, Part, Statistic};
 pub use measure::Measure;
 pub use profile::Profile;

@@ -13,9 +13,11 @@ pub mod csv_table;
 mod damping_tests;
 pub mod dynamics;
 mod error;
+mod fluctuation;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
+mod profile;
 mod removal;
 mod restart;
 #[cfg(test)]
@@ -39,6 +41,8 @@ pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
 pub use error::SpecimenError;
+pub use fluctuation::less_linear_field;
+pub use profile::{Interface, Layers, ProfileTable};
 pub use removal::{Region, RegionUnit};
 pub use restart::Checkpoints;
 pub use results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};

@@ -20,7 +20,7 @@ fn run<S: super::SpecimenFor>(
     let summary = run_specimen_from(test, packing, &checkpoints, &mut |event| match event {
         SpecimenEvent::Row(row, _) => rows.push((*row).clone()),
         SpecimenEvent::State(state) => states.push(state.clone()),
-        SpecimenEvent::Progress { .. } => {}
+        SpecimenEvent::Progress { .. } | SpecimenEvent::Begun { .. } => {}
     })?;
     Ok((rows, states, summary))
 }

@@ -114,6 +114,13 @@ pub enum SpecimenEvent<'a> {
         /// Steps done in it.
         step: u64,
     },
+    /// A stage is about to begin, with a picture of the grains on request; not called again when a run goes on within it.
+    Begun {
+        /// Number of the stage, from 0.
+        stage: usize,
+        /// The grains before its first step.
+        picture: &'a dyn Fn() -> SpecimenPicture,
+    },
     /// The state of the run, from which [`run_specimen_from`](super::run_specimen_from) goes on with the same bits; called as often as
     /// [`Checkpoints`](super::Checkpoints) ask for it, after the row of the same step.
     State(Vec<u8>),

@@ -260,6 +260,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     ) -> Result<(), SpecimenError> {
         if self.place.done == 0 {
             self.begin(stage);
+            listener(&SpecimenEvent::Begun { stage: self.place.stage as usize, picture: &|| self.picture() });
         }
         let mut balanced = stage.until_balance.is_none();
         while self.place.done < stage.steps {

@@ -1,5 +1,6 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
+use super::profile::ProfileTable;
 use super::removal::Region;
 use super::stage::{Sheared, Stage};
 use crate::contact::ContactTable;
@@ -44,6 +45,9 @@ pub struct SpecimenTest {
     /// Regions that lose grains before the first stage, as in [Liu2015] section 3.4.
     #[serde(default)]
     pub region: Vec<Region>,
+    /// Shear of layers; `--profiles DIR` writes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<ProfileTable>,
     /// Stages, one after the other.
     pub stage: Vec<Stage>,
 }
@@ -157,6 +161,9 @@ impl SpecimenTest {
         }
         if self.stage.is_empty() {
             return Err(DefinitionError("at least one [[stage]] is needed".into()));
+        }
+        if let Some(profile) = &self.profile {
+            profile.validate(dimension, &self.stage.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>())?;
         }
         let periodic = self.periodic_axes(dimension)?;
         self.stage.iter().enumerate().try_for_each(|(number, stage)| {

@@ -3,6 +3,7 @@
 use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Finished;
+use macro_solver::output::LayerBand;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-shear-layer",
@@ -47,6 +48,41 @@ fn width(profile: &[[f64; 2]]) -> f64 {
     profile.windows(2).map(|pair| above(&pair[0], &pair[1])).sum()
 }
 
+/// Full width at half height of the Gaussian ridge that fits the growth of the rows, m; NaN where none fits.
+fn fitted(profile: &[[f64; 2]]) -> f64 {
+    let layers: Vec<[f64; 3]> = profile.iter().map(|[height, value]| [*height, 1.0, *value]).collect();
+    LayerBand::across(&layers).map_or(f64::NAN, |band| band.width)
+}
+
+/// Width of the band of grains, m, and share of the growth that it explains: medians of the rows between 10 and 14 % of shear.
+fn band_of_grains(run: &Finished) -> Result<[f64; 2], ReproduceError> {
+    let shear = run.table()?.curve("step", "shear_xy")?;
+    let table = run.table_of("layers/band.csv")?;
+    let median = |column: &str| -> Result<f64, ReproduceError> {
+        let rows = table.curve("step", column)?;
+        let is_late = |row: &&[f64; 2]| (0.1..=0.14).contains(&value_at(&shear, row[0])) && row[1].is_finite();
+        let mut values: Vec<f64> = rows.iter().filter(is_late).map(|row| row[1]).collect();
+        values.sort_by(f64::total_cmp);
+        Ok(values.get(values.len() / 2).copied().unwrap_or(f64::NAN))
+    };
+    Ok([median("band_width")?, median("band_quality")?])
+}
+
+/// Shear strain of the layers of grains in the last row over their height, which is taken from the outermost interfaces.
+fn layers_of_grains(run: &Finished) -> Result<Curve, ReproduceError> {
+    let table = run.table_of("layers/profile.csv")?;
+    let (step, strain) = (table.column("step")?, table.column("shear_strain")?);
+    let heights = table.column("coordinate")?;
+    let last = step.last().copied().unwrap_or(f64::NAN);
+    let end: Curve =
+        (0..step.len()).filter(|row| step[*row] == last).map(|row| [strain[row], heights[row]]).collect();
+    let (low, high) = match end[..] {
+        [[_, low], [_, next], .., [_, high]] => (low - (next - low), high + (next - low)),
+        _ => (0.0, 1.0),
+    };
+    Ok(end.into_iter().map(|[strain, height]| [strain, (height - low) / (high - low)]).collect())
+}
+
 /// Growth of the shear angle of each row over the last two fields.
 fn growth(run: &Finished) -> Result<Vec<[f64; 2]>, ReproduceError> {
     let steps = Fields::steps(run);
@@ -69,6 +105,11 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         "[Liu2015] Fig. 14: rows of the layer at the end",
         ("void ratio", Scale::Linear),
         ("height, mm", Scale::Linear),
+    );
+    let mut layers = Chart::new(
+        "[Liu2015] section 3.4: where the layer shears, at the end",
+        ("shear strain", Scale::Linear),
+        ("height over that of the layer", Scale::Linear),
     );
     let mut comparisons = Vec::new();
     let mut multiscale = Vec::new();
@@ -102,6 +143,11 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Relative(0.2),
         ));
         comparisons.push(Comparison::reported(format!("{name}: width of the band over a row"), "-", band / ROW));
+        comparisons.push(Comparison::reported(
+            format!("{name}: width of the band at the end, as probes have it"),
+            "mm",
+            1e3 * fitted(&growth(run)?),
+        ));
         let void = over(table.column("void_ratio")?, 1.0);
         comparisons.push(Comparison::holds(
             format!("{name}: void ratio grows over the run"),
@@ -120,7 +166,24 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         let last = Fields::steps(run).last().copied().unwrap_or(0);
         let profile = Fields::read(run, last)?.profile("void_ratio", 1)?;
         rows.curve(name, profile.into_iter().map(|[height, value]| [value, 1e3 * height]));
+        let shear = Fields::read(run, last)?.profile("shear_strain", 1)?;
+        layers.curve(name, shear.into_iter().map(|[height, value]| [value, height / HEIGHT]));
     }
+    layers.curve("all grains", layers_of_grains(results.run("grains")?)?);
+    let [width, quality] = band_of_grains(results.run("grains")?)?;
+    comparisons.push(Comparison::new(
+        "all grains: width of the band, 10 to 14 % of shear",
+        "mm",
+        Theirs::Between(13.0, 16.0),
+        "[Liu2015] section 3.4, at 12 %",
+        1e3 * width,
+        Tolerance::Relative(0.2),
+    ));
+    comparisons.push(Comparison::reported(
+        "all grains: share of the growth of the layers that the band explains",
+        "-",
+        quality,
+    ));
     let grains = Grains::read(results.run("grains")?)?;
     let top = peak(&grains.shear)?;
     let end = grains.shear[grains.shear.len() - 1];
@@ -155,8 +218,14 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     mean.curve("all grains", grains.pressure);
     voids.curve("all grains", grains.void);
     contacts.curve("all grains", grains.contacts);
-    let charts =
-        vec![("", stress), ("mean-pressure", mean), ("voids", voids), ("contacts", contacts), ("profile", rows)];
+    let charts = vec![
+        ("", stress),
+        ("mean-pressure", mean),
+        ("voids", voids),
+        ("contacts", contacts),
+        ("profile", rows),
+        ("layers", layers),
+    ];
     Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }
 

@@ -16,6 +16,9 @@ pub(super) const FIGURE: Figure = Figure {
 const CELLS: [(&str, f64, &str); 3] =
     [("002", 0.02, "discs-liu2018"), ("005", 0.05, "discs-liu2018-a05"), ("008", 0.08, "discs-liu2018-a08")];
 
+/// How pictures of the packing as given are called.
+const GIVEN: &str = "increment-0000";
+
 fn runs(size: Size) -> Vec<Run> {
     let cell = |(name, _, packing): (&str, f64, &str)| {
         Run::new(format!("anisotropy-{name}"), "scenes/liu2018/cell-biaxial.toml", Command::Contacts, size)
@@ -58,9 +61,14 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
                 1.0 / (1.0 + first("void_ratio")?),
                 Tolerance::Absolute(0.01),
             ));
-            drawn.push((String::new(), run.picture("contacts/increment-0000-force-chains.svg")?));
+            let picture = run.picture("contacts/increment-0000-force-chains.svg")?;
+            drawn.push((String::new(), picture.replace(GIVEN, "[Liu2018] Fig. 3c")));
         }
-        drawn.push((format!("rose-{name}"), run.picture("contacts/increment-0000-normals.svg")?));
+        let title = format!("[Liu2018] Fig. 3d, anisotropy {anisotropy}");
+        drawn.push((
+            format!("rose-{name}"),
+            run.picture("contacts/increment-0000-normals.svg")?.replace(GIVEN, &title),
+        ));
     }
     Ok(Outcome { drawn, comparisons, ..Outcome::default() })
 }
