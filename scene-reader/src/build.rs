@@ -50,6 +50,8 @@ pub struct Scene {
     pub record: RecordPlan,
     /// Gauss points whose grains are written.
     pub grains: Vec<usize>,
+    /// Stage, from 0, from whose start the fluctuations of these grains are counted; without one from the start of the run.
+    pub grains_from: Option<usize>,
     /// Whether the last states of all Gauss points are written for the page.
     pub cells: bool,
     /// The cells that have been brought to the stress of their points.
@@ -104,6 +106,7 @@ impl Scene {
         let probes = probes(&context)?;
         let profiles = profiles(&context)?;
         let fields = chosen_fields(&context)?;
+        let grains_from = file.output.grains_from.as_ref().map(|name| context.stage(name)).transpose()?;
         let pore_fluid = file.pore_fluid.as_ref().map(|table| context.pore_fluid(table)).transpose()?;
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
@@ -162,6 +165,7 @@ impl Scene {
             engines,
             record,
             grains,
+            grains_from,
             cells: file.output.cells,
             prepared: None,
             keeps_default_error,

@@ -59,7 +59,7 @@ impl ProbeContext<'_> {
     ///
     /// # Errors
     /// There is none.
-    fn stage(&self, name: &Located<String>) -> Result<usize, InputError> {
+    pub(super) fn stage(&self, name: &Located<String>) -> Result<usize, InputError> {
         let names: Vec<&str> = self.file.stage.iter().map(|stage| stage.get_ref().name.get_ref().as_str()).collect();
         names.iter().position(|one| one == name.get_ref()).ok_or_else(|| {
             let hint = if names.is_empty() {

@@ -21,6 +21,10 @@ pub(crate) struct OutputTable {
     /// Gauss points whose grains are written.
     #[serde(skip_serializing)]
     pub(crate) grains: Vec<Located<usize>>,
+    /// Name of the stage from whose start the displacement fluctuations of these grains are counted; grains written before it have none.
+    #[schemars(extend("x-default" = "the start of the run"))]
+    #[serde(skip_serializing)]
+    pub(crate) grains_from: Option<Located<String>>,
     /// Whether the last states of all Gauss points are written to `cells/`, for the page of `grainspan watch` and `grainspan report`; not
     /// above 100000 grains in all.
     pub(crate) cells: bool,
@@ -52,6 +56,7 @@ impl Default for OutputTable {
             fields: Vec::new(),
             gauss_points: false,
             grains: Vec::new(),
+            grains_from: None,
             cells: true,
             points: Vec::new(),
             observables: Observable::ALL.to_vec(),

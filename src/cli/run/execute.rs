@@ -147,8 +147,9 @@ fn solve<P: MacroPort>(
     let continued = context.continued.as_ref().map(|continued| (continued.description.step, material.restored()));
     let cells = CellWriter::new(folder.path(), &scene.materials, snapshots.clone(), continued);
     let chosen = drawn_points(scene, context.assignment);
-    let mut grains = GrainWriter::create(folder.path(), &scene.materials, &scene.record, &chosen, snapshots)
-        .map_err(|request| Failure::new(Exit::BadInput, request))?;
+    let mut grains =
+        GrainWriter::create(folder.path(), &scene.materials, &scene.record, &chosen, scene.grains_from, snapshots)
+            .map_err(|request| Failure::new(Exit::BadInput, request))?;
     let (mut energy, mut event_log, mut progress) =
         (EnergyLedger::default(), EventLog, ProgressDisplay::new(context.quiet));
     // The recorders come first: what is displayed is already on the disk.

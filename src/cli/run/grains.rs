@@ -16,8 +16,9 @@ use rve_server::engine::GrainRve;
 use rve_server::homogenization::fluctuation::displacement_fluctuations;
 use rve_server::homogenization::picture::CellPicture;
 use rve_server::solver::SolverFor;
-use rve_server::space::Tensor;
+use rve_server::space::{Tensor, inverse, product};
 use scene_reader::Materials;
+use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
@@ -105,6 +106,8 @@ pub(super) struct GrainWriter {
     chosen: Vec<PointId>,
     /// One for each chosen point.
     renderers: BTreeMap<PointId, Box<dyn Renderer>>,
+    /// From which state fluctuations are counted.
+    reference: Reference,
     /// Series of grains and of contacts of each point.
     series: BTreeMap<PointId, [FieldSeries; 2]>,
 }
@@ -119,6 +122,7 @@ impl GrainWriter {
         materials: &Materials,
         plan: &RecordPlan,
         chosen: &[PointId],
+        from: Option<usize>,
         snapshots: Snapshots,
     ) -> Result<Self, StopRequest> {
         let folder = folder.join("grains");
@@ -131,7 +135,8 @@ impl GrainWriter {
             renderers.insert(point, renderer(definition).map_err(stop)?);
         }
         let chosen = renderers.keys().copied().collect();
-        Ok(Self { folder, plan: plan.clone(), snapshots, chosen, renderers, series: BTreeMap::new() })
+        let reference = Reference { stage: from.filter(|stage| *stage > 0), ..Reference::default() };
+        Ok(Self { folder, plan: plan.clone(), snapshots, chosen, renderers, reference, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
@@ -140,9 +145,11 @@ impl GrainWriter {
             let Some(snapshot) = snapshots.get(&point) else { continue };
             let names = WHAT.map(|what| format!("{what}-{point:04}-step-{:04}.vtp", report.step));
             if let (Some(renderer), Some(state)) = (self.renderers.get(&point), fields.points.get(point)) {
-                let (picture, fluctuation) = renderer.draw(snapshot, &state.deformation)?;
-                let fluctuation = Field::vector("displacement_fluctuation", &fluctuation);
-                write_grains(&self.folder.join(&names[0]), &picture, vec![fluctuation]).map_err(stop)?;
+                let start = self.reference.of(point, &state.deformation);
+                let (picture, fluctuation) = renderer.draw(start, snapshot)?;
+                let fluctuation = fluctuation.map(|all| Field::vector("displacement_fluctuation", &all));
+                write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect())
+                    .map_err(stop)?;
                 write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop)?;
             }
             let folder = &self.folder;
@@ -162,7 +169,55 @@ fn series_of(folder: &Path, point: PointId) -> [FieldSeries; 2] {
     WHAT.map(|what| FieldSeries::new(&folder.join(format!("{what}-{point:04}.pvd"))))
 }
 
+/// The state from which fluctuations are counted.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Reference {
+    /// Stage at whose start it is; `None` for the packing as given.
+    stage: Option<usize>,
+    /// Snapshot and deformation gradient of each chosen point at the end of the step before, while that may be the one.
+    latest: BTreeMap<PointId, (Vec<u8>, Tensor2)>,
+    /// Those at the start of the stage, once it has begun.
+    start: BTreeMap<PointId, (Vec<u8>, Tensor2)>,
+}
+
+impl Reference {
+    /// Snapshot at the start and the deformation gradient since then; `None` before the start. An empty snapshot stands for the packing
+    /// as given.
+    fn of(&self, point: PointId, deformation: &Tensor2) -> Option<(&[u8], Tensor2)> {
+        if self.stage.is_none() {
+            return Some((&[], *deformation));
+        }
+        let (snapshot, before) = self.start.get(&point)?;
+        let matrix = |tensor: &Tensor2| <[[f64; 3]; 3]>::from_fn(|i, j| tensor.get(i, j));
+        let since = product(&matrix(deformation), &inverse(&matrix(before)));
+        Some((snapshot, Tensor2(std::array::from_fn(|place| since[place / 3][place % 3]))))
+    }
+
+    /// Takes note of the stage of an accepted step, before its grains are drawn.
+    fn enter(&mut self, report: &StepReport) {
+        if self.stage == Some(report.stage) && self.start.is_empty() {
+            self.start = std::mem::take(&mut self.latest);
+        }
+    }
+
+    /// Keeps the accepted state if the stage may begin with it.
+    fn keep(&mut self, report: &StepReport, fields: &FieldsView<'_>, chosen: &[PointId], snapshots: &Snapshots) {
+        self.latest.clear();
+        if self.stage == Some(report.stage + 1) {
+            let snapshots = snapshots.borrow();
+            for &point in chosen {
+                if let (Some(snapshot), Some(state)) = (snapshots.get(&point), fields.points.get(point)) {
+                    self.latest.insert(point, (snapshot.to_vec(), state.deformation));
+                }
+            }
+        }
+    }
+}
+
 const SECTION: &str = "grains";
+
+/// The section of [`Reference`], which is there only if a stage is named.
+const REFERENCE: &str = "grains_reference";
 
 /// Counts changes of what [`GrainWriter`] saves.
 const VERSION: u32 = 2;
@@ -175,6 +230,9 @@ impl Observer for GrainWriter {
         let frames: BTreeMap<PointId, [&[(f64, String)]; 2]> =
             self.series.iter().map(|(&point, series)| (point, series.each_ref().map(FieldSeries::frames))).collect();
         archive.put(SECTION, VERSION, &frames);
+        if self.reference.stage.is_some() {
+            archive.put(REFERENCE, 1, &self.reference);
+        }
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
@@ -186,11 +244,17 @@ impl Observer for GrainWriter {
             }
             self.series.insert(point, series);
         }
+        if self.reference.stage.is_some() {
+            self.reference = archive.get(REFERENCE, 1)?;
+        }
         Ok(())
     }
 
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        if self.plan.wants_fields(report) { self.write(report, fields) } else { Ok(()) }
+        self.reference.enter(report);
+        let written = if self.plan.wants_fields(report) { self.write(report, fields) } else { Ok(()) };
+        self.reference.keep(report, fields, &self.chosen, &self.snapshots);
+        written
     }
 }
 
@@ -198,14 +262,18 @@ fn stop(reason: impl ToString) -> StopRequest {
     StopRequest { reason: reason.to_string() }
 }
 
+/// A picture, and displacement fluctuations.
+pub(super) type Drawn = (CellPicture, Option<Vec<[f64; 3]>>);
+
 /// Draws the grains of a snapshot, whatever their dimension.
 pub(super) trait Renderer {
     /// Grains and contacts of a snapshot; an empty one stands for the packing as given.
     fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest>;
 
-    /// Grains and contacts of a snapshot, an empty one stands for the packing as given, and what each grain has been displaced in
-    /// addition to the deformation of its cell, m. `deformation` is about that of the cell.
-    fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest>;
+    /// Grains and contacts of a snapshot, and what each grain has been displaced in addition to the deformation of its cell, m, since
+    /// the snapshot of `start`, whose second part is about the deformation gradient of the cell since then. Empty snapshots stand for the
+    /// packing as given; without `start` there are no displacements.
+    fn draw(&self, start: Option<(&[u8], Tensor2)>, snapshot: &[u8]) -> Result<Drawn, StopRequest>;
 }
 
 /// A renderer of the cells of a definition.
@@ -226,25 +294,29 @@ impl<S: SolverFor> CellRenderer<S> {
     fn new(definition: &GrainDefinition<S>) -> Result<Self, RveError> {
         GrainRve::new(definition).map(Self)
     }
+
+    /// The cell in the state of a snapshot.
+    fn cell(&self, snapshot: &[u8]) -> Result<GrainRve<S>, StopRequest> {
+        let mut cell = self.0.clone();
+        if !snapshot.is_empty() {
+            cell.restore(snapshot).map_err(stop)?;
+        }
+        Ok(cell)
+    }
 }
 
 impl<S: SolverFor> Renderer for CellRenderer<S> {
     fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest> {
-        let mut cell = self.0.clone();
-        if !snapshot.is_empty() {
-            cell.restore(snapshot).map_err(stop)?;
-        }
-        cell.picture().map_err(stop)
+        self.cell(snapshot)?.picture().map_err(stop)
     }
 
-    fn draw(&self, snapshot: &[u8], deformation: &Tensor2) -> Result<(CellPicture, Vec<[f64; 3]>), StopRequest> {
-        let mut cell = self.0.clone();
-        if !snapshot.is_empty() {
-            cell.restore(snapshot).map_err(stop)?;
-        }
+    fn draw(&self, start: Option<(&[u8], Tensor2)>, snapshot: &[u8]) -> Result<Drawn, StopRequest> {
+        let mut cell = self.cell(snapshot)?;
         let picture = cell.picture().map_err(stop)?;
+        let Some((start, deformation)) = start else { return Ok((picture, None)) };
         let deformation = S::Tensor::from_fn(|i, j| deformation.get(i, j));
-        let fluctuations = displacement_fluctuations(self.0.committed(), cell.committed(), &deformation);
-        Ok((picture, fluctuations))
+        let start = self.cell(start)?;
+        let fluctuations = displacement_fluctuations(start.committed(), cell.committed(), &deformation);
+        Ok((picture, Some(fluctuations)))
     }
 }

@@ -7,7 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "argilaga2018-displacements",
     source: "[Argilaga2018] Fig. 3",
     shows: "UNORM/DNORM of every iterate of the first ten steps with CTO, within 0.2 % of compression",
-    run_time: ("1 min", "1 h"),
+    run_time: ("5 s", "3 min"),
     entries: &[],
     runs,
     evaluate,
