@@ -1,6 +1,7 @@
 //! Files of one state of a cell: grains, contacts, force chains, rose diagrams and displacement fluctuations.
 
-use charts::{Arrows, ForceChains, ForceLine, Rose, SpatialChains, SpatialLine, Stereonet};
+use super::force_distribution::ForceDistribution;
+use charts::{Arrows, ChartError, ForceChains, ForceLine, Rose, SpatialChains, SpatialLine, Stereonet};
 use macro_solver::output::{Field, OutputError, write_atomically, write_lines, write_particles};
 use rve_server::homogenization::picture::{CellPicture, ContactLine};
 use rve_server::space::{apply, inverse, transpose};
@@ -68,7 +69,7 @@ pub(super) fn contacts_csv(picture: &CellPicture) -> String {
 }
 
 /// Writes everything about a state into a folder that exists, under names that begin with `stem`: `.vtp` of grains and contacts, the
-/// contacts as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets of spheres. With displacement
+/// contacts and the distribution of their forces as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets of spheres. With displacement
 /// fluctuations `.vtp` has them too, and discs a picture.
 ///
 /// # Errors
@@ -84,21 +85,29 @@ pub(super) fn write_all(
     write_grains(&file("grains.vtp"), picture, more.into_iter().collect())?;
     write_contacts(&file("contacts.vtp"), picture)?;
     write_atomically(&file("contacts.csv"), contacts_csv(picture).as_bytes())?;
-    let svg = |ending: &str, text: String| write_atomically(&file(ending), text.as_bytes());
+    let write = |ending: &str, text: String| write_atomically(&file(ending), text.as_bytes());
+    let distribution = ForceDistribution::of(picture);
+    write("force-distribution.csv", distribution.to_csv())?;
+    write("force-distribution.svg", drawn(&file("force-distribution.svg"), distribution.to_svg(stem))?)?;
     if picture.dimension == 2 {
-        svg("force-chains.svg", force_chains(stem, picture).to_svg())?;
-        svg("normals.svg", normals(stem, picture).to_svg())?;
-        svg("normal-forces.svg", forces(stem, picture).to_svg())?;
+        write("force-chains.svg", force_chains(stem, picture).to_svg())?;
+        write("normals.svg", normals(stem, picture).to_svg())?;
+        write("normal-forces.svg", forces(stem, picture).to_svg())?;
         if let Some(fluctuations) = fluctuations {
-            svg("fluctuations.svg", arrows(stem, picture, fluctuations).to_svg())?;
+            write("fluctuations.svg", arrows(stem, picture, fluctuations).to_svg())?;
         }
     } else {
-        svg("force-chains.svg", spatial_chains(stem, picture).to_svg())?;
+        write("force-chains.svg", spatial_chains(stem, picture).to_svg())?;
         let [normals, forces] = nets(stem, picture);
-        svg("normals.svg", normals.to_svg())?;
-        svg("normal-forces.svg", forces.to_svg())?;
+        write("normals.svg", normals.to_svg())?;
+        write("normal-forces.svg", forces.to_svg())?;
     }
     Ok(())
+}
+
+/// The text of a chart, or the refusal of its file.
+fn drawn(file: &Path, chart: Result<String, ChartError>) -> Result<String, OutputError> {
+    chart.map_err(|error| OutputError::write(file, std::io::Error::other(error)))
 }
 
 /// The force chains of a cell of spheres: contacts from the grain that lies within the cell, those across its border on one side.

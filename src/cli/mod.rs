@@ -12,6 +12,7 @@ mod ctl;
 mod estimate;
 mod explain;
 mod failure_case;
+mod force_distribution;
 mod heartbeat;
 mod pack;
 mod report;

@@ -114,8 +114,16 @@ fn contacts_of_chosen_increments_come_with_their_pictures() {
     let mut names: Vec<String> =
         fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let endings =
-        ["contacts.csv", "contacts.vtp", "force-chains.svg", "grains.vtp", "normal-forces.svg", "normals.svg"];
+    let endings = [
+        "contacts.csv",
+        "contacts.vtp",
+        "force-chains.svg",
+        "force-distribution.csv",
+        "force-distribution.svg",
+        "grains.vtp",
+        "normal-forces.svg",
+        "normals.svg",
+    ];
     assert_eq!(names, endings.map(|ending| format!("increment-0002-{ending}")));
     // The Love-Weber sum over the table is the stress of the row.
     let table = fs::read_to_string(out.join("increment-0002-contacts.csv")).unwrap();
@@ -198,7 +206,7 @@ fn displacement_fluctuations_turn_with_the_cell() {
     let hertz = "law = \"hertz_mindlin\"\nshear_modulus = 29.0e9\npoisson_ratio = 0.15\nfriction = 0.5";
     let spheres = written("spheres-100.json", hertz, "xx = 0.0\nxy = 0.1\nyy = -1.0e-3\nzz = 0.0", "spheres");
     assert!(field(&spheres, 1).iter().any(|value| *value != 0.0));
-    for ending in ["force-chains.svg", "normals.svg", "normal-forces.svg"] {
+    for ending in ["force-chains.svg", "force-distribution.svg", "normals.svg", "normal-forces.svg"] {
         let text = fs::read_to_string(spheres.join(format!("increment-0001-{ending}"))).unwrap();
         assert!(!text.contains("NaN") && text.contains("increment-0001"), "{ending}");
     }
