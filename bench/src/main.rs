@@ -8,6 +8,7 @@ mod channel;
 mod economy;
 mod error_estimate;
 mod femxdem;
+mod instructions;
 mod micro;
 mod newton;
 mod program;
@@ -93,6 +94,12 @@ const STUDIES: &[Study] = &[
         name: "economy",
         about: "what each shortcut of a run saves, alone and together, and its error: specimen, wall, wave, cycles",
         run: economy::run,
+        redraw: None,
+    },
+    Study {
+        name: "instructions",
+        about: "nothing asked, nothing paid: instructions of runs that are equal but for one thing",
+        run: instructions::run,
         redraw: None,
     },
     Study {
@@ -211,6 +218,14 @@ fn main() -> ExitCode {
 /// # Errors
 /// There is no such study, the folder cannot be written, or the study cannot run here.
 fn run(arguments: &Arguments) -> Result<Exit, Failure> {
+    if let Some([role, plan]) = arguments.helper.as_deref()
+        && role == instructions::ROLE
+    {
+        let evaluations = instructions::follow(Path::new(plan))
+            .map_err(|error| Failure::new(Exit::BadInput, format!("helper: {error:#}")))?;
+        print(format!("{evaluations}\n").as_bytes())?;
+        return Ok(Exit::Done);
+    }
     if let Some([role, address]) = arguments.helper.as_deref() {
         workers::help(role, address)
             .map_err(|error| Failure::new(Exit::WorkersLost, format!("helper: {error:#}")))?;

@@ -14,7 +14,13 @@ fn every_study_runs_and_leaves_its_findings() {
     for name in names {
         let folder = site.path(name);
         let ended = bench(&[name, "--quick", "--out", folder.to_str().unwrap()]);
-        assert!(ended.status.success(), "bench {name}: {}", stderr(&ended));
+        let said = stderr(&ended);
+        if name == "instructions" && said.contains("nothing here counts instructions") {
+            // Neither the processor nor Valgrind counts here: the study says what to install.
+            assert!(ended.status.code() == Some(2) && said.contains("apt-get install"), "{said}");
+            continue;
+        }
+        assert!(ended.status.success(), "bench {name}: {said}");
         let machine: serde_json::Value =
             serde_json::from_slice(&fs::read(folder.join("machine.json")).unwrap()).unwrap();
         assert!(machine["cores"].as_u64().unwrap() > 0);
