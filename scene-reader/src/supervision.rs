@@ -16,7 +16,8 @@ pub const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 #[derive(Clone, Debug)]
 pub struct PoolKeys {
     given: Given<PoolTable>,
-    lanes: bool,
+    /// Whether a worker solves trials side by side in SIMD lanes.
+    pub lanes: bool,
     /// Whether equal trials of one evaluation are solved once.
     pub shares_duplicates: bool,
     /// How macro solver and workers wait for messages.

@@ -354,6 +354,9 @@ pub struct Statistics {
     pub floored_tangents: u64,
     /// Shortcuts, counted over all evaluations.
     pub flags: FlagCounts,
+    /// Force evaluations of the answers that the event-driven solver found itself.
+    #[serde(default)]
+    pub event_driven_force_evaluations: u64,
     /// Evaluations of all points that ended without an answer because grains did not come to rest within their step cap.
     pub unfinished_trials: u64,
     /// Answers whose Cauchy stress was not symmetric: the engine lets couples act on the grains that nothing carries.

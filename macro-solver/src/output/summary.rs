@@ -107,16 +107,31 @@ pub struct BalanceSummary {
     pub largest_of_mean: f64,
 }
 
-/// A shortcut of `[economy]`.
+/// A means by which a run saves work, or pays for knowing its error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Shortcut {
     /// Whether it was allowed.
     pub enabled: bool,
     /// How often it was taken.
     pub count: u64,
-    /// Force evaluations that it saved: those of the replies that were used again, or the fewest that a relaxation takes.
+    /// How often it could have been taken: the evaluations, trials or steps that `count` is a part of.
+    #[serde(default)]
+    pub of: u64,
+    /// Force evaluations that it saved: those of the replies that were used again, or the fewest that a relaxation takes. 0 where nothing
+    /// of that kind is saved or can be counted.
     pub force_evaluations_saved: u64,
-    /// Bound of what it changes: unbalanced force over mean contact force; 0 for shortcuts that change no bit.
+    /// Force evaluations that it took in addition.
+    #[serde(default)]
+    pub force_evaluations_spent: u64,
+    /// Time of workers that it saved, s, by the mean times of this run with and without it; negative if it took longer. Left out where
+    /// the run has no such times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds_saved: Option<f64>,
+    /// How many were solved together in the mean; left out where nothing is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<f64>,
+    /// Bound of what it changes: unbalanced force over mean contact force, or out-of-balance force over reactions and loads; 0 where no
+    /// bit changes, or where the result keeps the same tolerances.
     pub error: f64,
 }
 
@@ -174,7 +189,7 @@ pub struct Summary {
     pub fallback_groups: BTreeMap<String, BTreeMap<String, u64>>,
     /// Evaluations that were not needed, by name.
     pub skipped: BTreeMap<String, u64>,
-    /// Every shortcut of `[economy]`, by key.
+    /// Every means by which the run saves work, by name; those of `[economy]` by their key.
     #[serde(default)]
     pub economy: BTreeMap<String, Shortcut>,
     /// Former names of entries, as `table.name`, with the names that replace them; both are present for one version.

@@ -44,6 +44,8 @@ pub(super) struct Job {
     pub(super) must_carry: bool,
     /// Whether the latest issue carried the snapshot.
     pub(super) carried: bool,
+    /// Number of jobs in the message of the latest issue.
+    pub(super) in_message: usize,
     /// Number of workers that lacked its definition.
     pub(super) definition_misses: u32,
     /// Set once; stays empty for a job that was dropped while it waited.
@@ -66,6 +68,7 @@ impl Job {
             overruns: 0,
             must_carry: false,
             carried: false,
+            in_message: 0,
             definition_misses: 0,
             outcome: None,
         }

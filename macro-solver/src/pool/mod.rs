@@ -30,7 +30,7 @@ pub use points::PointState;
 pub use recycling::Recycling;
 pub use report::{Reporter, WorkerReport};
 pub use settings::{HangPolicy, PoolSettings};
-pub use statistics::{PoolStatistics, WorkerStatistics};
+pub use statistics::{PoolStatistics, SolvedTrials, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 
 use crate::checkpoint::{Archive, CheckpointError, FailureCase};

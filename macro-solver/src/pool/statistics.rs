@@ -1,5 +1,6 @@
 //! What a pool did and what it cost; figures for people and summaries, never input to a result.
 
+use protocol::Cost;
 use serde::{Deserialize, Serialize};
 
 /// Work of one worker process.
@@ -13,6 +14,34 @@ pub struct WorkerStatistics {
     pub jobs: u64,
     /// Time it reported for these jobs, s.
     pub busy_s: f64,
+}
+
+/// Trials that workers have solved, those of exactly zero deformation left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SolvedTrials {
+    /// Their number.
+    pub trials: u64,
+    /// Their force evaluations.
+    pub force_evaluations: u64,
+    /// Time of the grain solver, s.
+    pub seconds: f64,
+    /// For each of them the trials in its message, added up.
+    pub in_messages: u64,
+}
+
+impl SolvedTrials {
+    /// Counts one trial that came in a message of so many.
+    pub(super) fn add(&mut self, cost: &Cost, in_message: usize) {
+        self.trials += 1;
+        self.force_evaluations += cost.force_evaluations;
+        self.seconds += cost.solve_nanoseconds as f64 * 1e-9;
+        self.in_messages += in_message as u64;
+    }
+
+    /// Time of a force evaluation, s; `None` if there was none.
+    pub fn seconds_per_evaluation(&self) -> Option<f64> {
+        (self.force_evaluations > 0).then(|| self.seconds / self.force_evaluations as f64)
+    }
 }
 
 /// Totals since the pool began. Counts of trouble depend on what happened, times on the machine; the rest is
@@ -32,6 +61,13 @@ pub struct PoolStatistics {
     pub abandoned: u64,
     /// Force evaluations of all solved jobs.
     pub force_evaluations: u64,
+    /// Trials that came to their worker in messages of at least half as many as it solves side by side; the built-in engine solves fewer
+    /// one by one.
+    #[serde(default)]
+    pub side_by_side: SolvedTrials,
+    /// All other trials.
+    #[serde(default)]
+    pub one_by_one: SolvedTrials,
     /// Jobs sent again because their worker was lost.
     pub reissued: u64,
     /// Workers that were welcomed.

@@ -107,6 +107,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         found if found.is_empty() => ("skipped", "none".to_owned()),
         found => ("skipped", found + &saved(summary)),
     });
+    lines.extend(super::levers::lines(summary));
     lines.push(("written to", folder.to_owned()));
     let mut text = headline(summary, outcome) + "\n";
     for (label, value) in lines {
@@ -115,7 +116,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
     text
 }
 
-/// What the shortcuts have saved of all force evaluations.
+/// What the shortcuts have saved of all force evaluations, the least that is known.
 fn saved(summary: &Summary) -> String {
     let saved: u64 = summary.economy.values().map(|shortcut| shortcut.force_evaluations_saved).sum();
     if saved == 0 { String::new() } else { format!(" ({saved} force evaluations saved)") }

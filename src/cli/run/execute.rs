@@ -7,11 +7,12 @@ use super::event_log::EventLog;
 use super::failure::{failure, write_failure_case};
 use super::folder::OutputFolder;
 use super::grains::{GrainWriter, SnapshotRecorder};
+use super::levers::Allowed;
 use super::observers::ObserverChain;
 use super::plot;
 use super::progress::ProgressDisplay;
 use super::resume::{Continued, RunDescription};
-use super::summary::{Allowed, SummaryInputs, summary};
+use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
@@ -24,6 +25,7 @@ use macro_solver::solve::solve_with_checkpoints;
 use page::Controls;
 use protocol::engine::Observables;
 use protocol::transport::MacroPort;
+use rve_server::definition::SolverName;
 use scene_reader::Scene;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -121,11 +123,15 @@ pub(super) fn execute<P: MacroPort>(
 
 /// The shortcuts that a scene allows.
 fn allowed(scene: &Scene) -> Allowed {
+    let stages = &scene.problem.stages;
     Allowed {
-        unchanged_targets: scene.problem.stages.iter().all(|stage| stage.strategy.keep_unchanged),
+        unchanged_targets: stages.iter().all(|stage| stage.strategy.keep_unchanged),
         duplicate_trials: scene.pool.shares_duplicates,
         zero_increments: !scene.definition().options().relax_zero_increments,
         tolerance: scene.definition().options().tolerance(),
+        lanes: scene.pool.lanes,
+        event_driven: scene.definition().options().solver == SolverName::EventDriven,
+        stagnated_steps: stages.iter().any(|stage| stage.tolerances.stagnated_force > stage.tolerances.force),
     }
 }
 

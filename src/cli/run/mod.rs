@@ -11,6 +11,7 @@ mod folder;
 mod grains;
 mod hosts;
 mod launch;
+mod levers;
 mod observers;
 mod plot;
 mod preparation;

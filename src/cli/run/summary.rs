@@ -1,14 +1,13 @@
 //! `summary.json` from the figures of solver and pool.
 
 use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
+use super::levers::{Allowed, levers};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
 use macro_solver::material::error_estimate::ReplicaFigures;
 use macro_solver::observer::{AccuracyFigures, Outcome, Run, Statistics};
-use macro_solver::output::{
-    AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares,
-};
+use macro_solver::output::{AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Summary, TimeShares};
 use macro_solver::pool::PoolStatistics;
 use protocol::PROTOCOL_VERSION;
 use protocol::transport::shared_memory::ICEORYX2_VERSION;
@@ -49,54 +48,6 @@ pub(super) struct SummaryInputs {
     pub(super) hosts: BTreeMap<String, u64>,
     /// Cells brought to their stress before the run.
     pub(super) prepared: Option<CellPreparation>,
-}
-
-/// Shortcuts that `[economy]` allows.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Allowed {
-    /// Replies to targets that have not changed.
-    pub(super) unchanged_targets: bool,
-    /// Replies shared by equal trials.
-    pub(super) duplicate_trials: bool,
-    /// The committed state for an increment of exactly zero.
-    pub(super) zero_increments: bool,
-    /// Tolerance of the grain solver, relative to the mean contact force.
-    pub(super) tolerance: f64,
-}
-
-/// Fewest force evaluations of a trial that is relaxed: five increments of a ramp and ten steps of rest, less the one that an
-/// evaluation of the state takes.
-const FEWEST_EVALUATIONS: u64 = 14;
-
-/// What the shortcuts have saved.
-fn economy(statistics: &Statistics, pool: &PoolStatistics, allowed: Allowed) -> BTreeMap<String, Shortcut> {
-    let shortcut = |enabled, count, force_evaluations_saved, error| Shortcut {
-        enabled,
-        count,
-        force_evaluations_saved,
-        error: if enabled { error } else { 0.0 },
-    };
-    let zero_increments = statistics.flags.null_targets;
-    let shortcuts = [
-        (
-            "unchanged_targets",
-            shortcut(allowed.unchanged_targets, statistics.skipped, statistics.skipped_force_evaluations, 0.0),
-        ),
-        (
-            "duplicate_trials",
-            shortcut(allowed.duplicate_trials, pool.duplicates_skipped, pool.duplicate_force_evaluations, 0.0),
-        ),
-        (
-            "zero_increments",
-            shortcut(
-                allowed.zero_increments,
-                zero_increments,
-                FEWEST_EVALUATIONS * zero_increments,
-                allowed.tolerance,
-            ),
-        ),
-    ];
-    shortcuts.into_iter().map(|(name, shortcut)| (name.to_owned(), shortcut)).collect()
 }
 
 /// Puts the figures of solver and pool together.
@@ -147,7 +98,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         fallbacks,
         fallback_groups,
         skipped,
-        economy: economy(statistics, pool, inputs.allowed),
+        economy: levers(statistics, pool, &inputs.replicas, inputs.allowed),
         deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
         time: TimeShares {
             wall_s: inputs.wall_s,
@@ -308,6 +259,9 @@ mod tests {
                 duplicate_trials: true,
                 zero_increments: true,
                 tolerance: 1e-3,
+                lanes: true,
+                event_driven: true,
+                stagnated_steps: true,
             },
             hosts: BTreeMap::new(),
             prepared: None,

@@ -92,3 +92,50 @@ fn zero_increments_are_answered_at_once_unless_they_are_to_be_relaxed() {
         assert!((one - other).abs() < 1e-2 * other, "{one} {other}");
     }
 }
+
+/// Every means by which a run saves work is in the summary, no part is larger than its whole, and what adds up does.
+#[test]
+fn every_means_is_accounted_for_and_the_numbers_add_up() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("run");
+    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/biaxial-small.toml", "--workers", "1", "--set", "loading.increments=3", "--out"])
+        .arg(&out)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    let economy = summary["economy"].as_object().unwrap();
+    let names: Vec<&str> = economy.keys().map(String::as_str).collect();
+    let expected = [
+        "duplicate_trials",
+        "error_estimate",
+        "event_driven",
+        "lanes",
+        "stagnated_steps",
+        "tangents_not_requested",
+        "unchanged_targets",
+        "zero_increments",
+    ];
+    assert_eq!(names, expected);
+    let count = |lever: &str, field: &str| economy[lever][field].as_u64().unwrap();
+    for lever in expected {
+        assert!(count(lever, "count") <= count(lever, "of"), "{lever}: {}", economy[lever]);
+        assert!(economy[lever]["enabled"].as_bool().unwrap() || count(lever, "count") == 0, "{lever}");
+    }
+    let of = |key: &str| summary[key].as_u64().unwrap();
+    let (evaluations, tangents) = (of("rve_evaluations"), of("tangents"));
+    assert_eq!(count("tangents_not_requested", "count") + tangents, evaluations);
+    assert_eq!(count("unchanged_targets", "of"), evaluations + count("unchanged_targets", "count"));
+    // What a worker solved: all that was evaluated, points and replicas, but shared replies and increments of zero.
+    let asked = evaluations + count("error_estimate", "count");
+    let without_zero = count("lanes", "of") + count("duplicate_trials", "count");
+    assert!(without_zero <= asked && without_zero + count("zero_increments", "count") >= asked, "{summary}");
+    // One worker, 32 points of one RVE: most come to it together.
+    assert!(count("lanes", "count") > count("lanes", "of") / 2, "{}", economy["lanes"]);
+    assert!(economy["lanes"]["together"].as_f64().unwrap() >= 4.0, "{}", economy["lanes"]);
+    assert_eq!(count("error_estimate", "force_evaluations_spent") > 0, count("error_estimate", "count") > 0);
+    assert!(said.contains("  side by side     ") && said.contains("  no tangent       "), "{said}");
+}

@@ -8,7 +8,7 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::model::failure::{Failure, failure};
 use crate::observer::Statistics;
 use nalgebra::Matrix3;
-use protocol::{Cost, TangentKind, TrialOptions, TrialResult};
+use protocol::{Cost, TangentKind, TrialFlags, TrialOptions, TrialResult};
 
 /// Motion of a point that a trial was made of.
 struct TrialMotion {
@@ -147,6 +147,10 @@ impl Points {
         statistics.evaluations_per_point[number] += 1;
         statistics.trial_costs.add(answer.cost.force_evaluations);
         statistics.flags.add(answer.flags);
+        if answer.flags.contains(TrialFlags::ELASTIC_INCREMENT) || answer.flags.contains(TrialFlags::EVENT_INCREMENT)
+        {
+            statistics.event_driven_force_evaluations += answer.cost.force_evaluations;
+        }
         statistics.tangents += u64::from(answer.tangent.is_some());
     }
 

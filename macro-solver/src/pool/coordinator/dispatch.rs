@@ -94,6 +94,7 @@ impl Coordinator {
         let booked = workers.edit(worker, |known| {
             for &index in &jobs {
                 let job = &mut batch.jobs[index];
+                job.in_message = jobs.len();
                 if known.definitions.insert(job.definition) {
                     define.push(job.definition);
                 }

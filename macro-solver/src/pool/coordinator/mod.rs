@@ -20,7 +20,7 @@ use crate::material::MaterialError;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, MacroEvent, WorkerId};
 use protocol::wire::TrialReply;
-use protocol::{Cost, DefinitionId};
+use protocol::{Cost, DefinitionId, TrialFlags};
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Instant;
 
@@ -191,7 +191,8 @@ impl Coordinator {
             ValidatedReply::Done { answer, state, overhead_nanoseconds, replayed } => {
                 let job = &self.batch.jobs[index];
                 self.throughputs[job.definition].learn(&answer.cost);
-                self.count_cost(worker, &answer.cost, overhead_nanoseconds);
+                let solved = (!answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET)).then_some(job.in_message);
+                self.count_cost(worker, &answer.cost, overhead_nanoseconds, solved);
                 self.statistics.replayed_trials += u64::from(replayed);
                 self.workers.edit(worker, |known| known.cache.touch(state.id));
                 self.retire_after_jobs(worker);
@@ -225,7 +226,8 @@ impl Coordinator {
         }
     }
 
-    fn count_cost(&mut self, worker: WorkerId, cost: &Cost, overhead_nanoseconds: u64) {
+    /// Counts an answer; `solved` is the number of jobs in its message, unless nothing was solved.
+    fn count_cost(&mut self, worker: WorkerId, cost: &Cost, overhead_nanoseconds: u64, solved: Option<usize>) {
         let solve = cost.solve_nanoseconds as f64 * 1e-9;
         let tangent = cost.tangent_nanoseconds as f64 * 1e-9;
         let overhead = overhead_nanoseconds as f64 * 1e-9;
@@ -239,6 +241,11 @@ impl Coordinator {
             let figures = &mut totals.workers[known.statistics];
             figures.jobs += 1;
             figures.busy_s += solve + tangent + overhead;
+            if let Some(in_message) = solved {
+                let is_together = known.side_by_side > 1 && 2 * in_message >= known.side_by_side;
+                let group = if is_together { &mut totals.side_by_side } else { &mut totals.one_by_one };
+                group.add(cost, in_message);
+            }
         }
     }
 }

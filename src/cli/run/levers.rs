@@ -1,0 +1,215 @@
+//! Every means by which a run saves work, with what it saved and its error: `economy` in `summary.json`.
+
+use macro_solver::material::error_estimate::ReplicaFigures;
+use macro_solver::observer::Statistics;
+use macro_solver::output::{Shortcut, Summary};
+use macro_solver::pool::PoolStatistics;
+use std::collections::BTreeMap;
+
+/// What a scene allows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Allowed {
+    /// Replies to targets that have not changed.
+    pub(super) unchanged_targets: bool,
+    /// Replies shared by equal trials.
+    pub(super) duplicate_trials: bool,
+    /// The committed state for an increment of exactly zero.
+    pub(super) zero_increments: bool,
+    /// Tolerance of the grain solver, relative to the mean contact force.
+    pub(super) tolerance: f64,
+    /// Trials of one RVE in SIMD lanes.
+    pub(super) lanes: bool,
+    /// Small increments by linear responses.
+    pub(super) event_driven: bool,
+    /// Steps that end where iterations make no more progress, above the tolerance, in some stage.
+    pub(super) stagnated_steps: bool,
+}
+
+/// Fewest force evaluations of a trial that is relaxed: five increments of a ramp and ten steps of rest, less the one that an
+/// evaluation of the state takes.
+const FEWEST_EVALUATIONS: u64 = 14;
+
+/// What each of them has saved, by name.
+pub(super) fn levers(
+    statistics: &Statistics,
+    pool: &PoolStatistics,
+    replicas: &ReplicaFigures,
+    allowed: Allowed,
+) -> BTreeMap<String, Shortcut> {
+    let flags = &statistics.flags;
+    let evaluations = statistics.evaluations;
+    let bound = |enabled: bool, error: f64| if enabled { error } else { 0.0 };
+    let unchanged_targets = Shortcut {
+        enabled: allowed.unchanged_targets,
+        count: statistics.skipped,
+        of: evaluations + statistics.skipped,
+        force_evaluations_saved: statistics.skipped_force_evaluations,
+        ..Shortcut::default()
+    };
+    let duplicate_trials = Shortcut {
+        enabled: allowed.duplicate_trials,
+        count: pool.duplicates_skipped,
+        of: pool.evaluations,
+        force_evaluations_saved: pool.duplicate_force_evaluations,
+        ..Shortcut::default()
+    };
+    let zero_increments = Shortcut {
+        enabled: allowed.zero_increments,
+        count: flags.null_targets,
+        of: evaluations,
+        force_evaluations_saved: FEWEST_EVALUATIONS * flags.null_targets,
+        error: bound(allowed.zero_increments, allowed.tolerance),
+        ..Shortcut::default()
+    };
+    let by_response = flags.elastic_increments + flags.event_increments;
+    let event_driven = Shortcut {
+        enabled: allowed.event_driven,
+        count: by_response,
+        of: evaluations,
+        force_evaluations_saved: ((FEWEST_EVALUATIONS + 1) * by_response)
+            .saturating_sub(statistics.event_driven_force_evaluations),
+        error: bound(allowed.event_driven, allowed.tolerance),
+        ..Shortcut::default()
+    };
+    let stagnated_steps = Shortcut {
+        enabled: allowed.stagnated_steps,
+        count: statistics.stagnated_steps,
+        of: statistics.steps,
+        error: bound(statistics.stagnated_steps > 0, statistics.largest_force_ratio),
+        ..Shortcut::default()
+    };
+    let error_estimate = Shortcut {
+        enabled: replicas.evaluations > 0,
+        count: replicas.evaluations,
+        of: evaluations,
+        force_evaluations_spent: replicas.force_evaluations,
+        ..Shortcut::default()
+    };
+    let all = [
+        ("unchanged_targets", unchanged_targets),
+        ("duplicate_trials", duplicate_trials),
+        ("zero_increments", zero_increments),
+        ("lanes", lanes(pool, allowed.lanes)),
+        ("tangents_not_requested", tangents_not_requested(statistics, pool)),
+        ("event_driven", event_driven),
+        ("stagnated_steps", stagnated_steps),
+        ("error_estimate", error_estimate),
+    ];
+    all.into_iter().map(|(name, lever)| (name.to_owned(), lever)).collect()
+}
+
+/// Trials solved side by side: the time of a force evaluation is compared with that of the trials solved one by one, if there were any.
+fn lanes(pool: &PoolStatistics, enabled: bool) -> Shortcut {
+    let (together, alone) = (&pool.side_by_side, &pool.one_by_one);
+    let as_alone = alone.seconds_per_evaluation().map(|seconds| seconds * together.force_evaluations as f64);
+    let is_taken = together.trials > 0;
+    Shortcut {
+        enabled,
+        count: together.trials,
+        of: together.trials + alone.trials,
+        seconds_saved: as_alone.filter(|_| is_taken).map(|seconds| seconds - together.seconds),
+        together: is_taken.then(|| together.in_messages as f64 / together.trials as f64),
+        ..Shortcut::default()
+    }
+}
+
+/// Evaluations without a tangent operator: each saves the mean time of those that were computed by workers.
+fn tangents_not_requested(statistics: &Statistics, pool: &PoolStatistics) -> Shortcut {
+    let count = statistics.evaluations.saturating_sub(statistics.tangents);
+    let is_timed = statistics.tangents > 0 && pool.tangent_s > 0.0;
+    Shortcut {
+        enabled: true,
+        count,
+        of: statistics.evaluations,
+        seconds_saved: is_timed.then(|| pool.tangent_s / statistics.tangents as f64 * count as f64),
+        ..Shortcut::default()
+    }
+}
+
+/// One line for each of them that was taken, and that the line of skipped evaluations does not name.
+pub(super) fn lines(summary: &Summary) -> Vec<(&'static str, String)> {
+    let words: [(&str, &str, &str); 5] = [
+        ("lanes", "side by side", "trials"),
+        ("tangents_not_requested", "no tangent", "evaluations without one"),
+        ("event_driven", "linear response", "evaluations"),
+        ("stagnated_steps", "stagnation", "steps ended above the tolerance"),
+        ("error_estimate", "error estimate", "evaluations were solved once more"),
+    ];
+    let taken = words.into_iter().filter_map(|(name, label, what)| {
+        let lever = summary.economy.get(name).filter(|lever| lever.count > 0)?;
+        Some((label, in_words(lever, what)))
+    });
+    taken.collect()
+}
+
+fn in_words(lever: &Shortcut, what: &str) -> String {
+    let mut parts = vec![format!("{} of {} {what}", lever.count, lever.of)];
+    if let Some(together) = lever.together {
+        parts.push(format!("{together:.1} to a message"));
+    }
+    if let Some(seconds) = lever.seconds_saved {
+        let word = if seconds < 0.0 { "lost" } else { "saved" };
+        parts.push(format!("about {:.2} s of workers {word}", seconds.abs()));
+    }
+    if lever.force_evaluations_saved > 0 {
+        parts.push(format!("at least {} force evaluations saved", lever.force_evaluations_saved));
+    }
+    if lever.force_evaluations_spent > 0 {
+        parts.push(format!("{} force evaluations", lever.force_evaluations_spent));
+    }
+    if lever.error > 0.0 {
+        parts.push(format!("error up to {:.0e}", lever.error));
+    }
+    parts.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use macro_solver::pool::SolvedTrials;
+
+    const ALL: Allowed = Allowed {
+        unchanged_targets: true,
+        duplicate_trials: true,
+        zero_increments: true,
+        tolerance: 1e-3,
+        lanes: true,
+        event_driven: true,
+        stagnated_steps: true,
+    };
+
+    #[test]
+    fn lanes_save_the_time_that_the_same_evaluations_take_alone() {
+        let pool = PoolStatistics {
+            side_by_side: SolvedTrials { trials: 16, force_evaluations: 1000, seconds: 1.0, in_messages: 128 },
+            one_by_one: SolvedTrials { trials: 2, force_evaluations: 100, seconds: 0.2, in_messages: 2 },
+            ..PoolStatistics::default()
+        };
+        let lanes = lanes(&pool, true);
+        assert_eq!((lanes.count, lanes.of, lanes.together), (16, 18, Some(8.0)));
+        assert!((lanes.seconds_saved.unwrap() - 1.0).abs() < 1e-12);
+        assert_eq!(in_words(&lanes, "trials"), "16 of 18 trials, 8.0 to a message, about 1.00 s of workers saved");
+    }
+
+    #[test]
+    fn nothing_is_claimed_without_a_time_to_compare_with() {
+        let pool = PoolStatistics {
+            side_by_side: SolvedTrials { trials: 8, force_evaluations: 800, seconds: 1.0, in_messages: 64 },
+            ..PoolStatistics::default()
+        };
+        assert_eq!(lanes(&pool, true).seconds_saved, None);
+        let statistics = Statistics { evaluations: 10, ..Statistics::default() };
+        assert_eq!(tangents_not_requested(&statistics, &pool).seconds_saved, None);
+    }
+
+    #[test]
+    fn small_increments_by_responses_save_what_a_relaxation_takes_at_least() {
+        let mut statistics =
+            Statistics { evaluations: 10, event_driven_force_evaluations: 12, ..Statistics::default() };
+        (statistics.flags.elastic_increments, statistics.flags.event_increments) = (4, 2);
+        let all = levers(&statistics, &PoolStatistics::default(), &ReplicaFigures::default(), ALL);
+        let lever = all["event_driven"];
+        assert_eq!((lever.count, lever.of, lever.force_evaluations_saved, lever.error), (6, 10, 78, 1e-3));
+        assert!(all.values().all(|lever| lever.count <= lever.of));
+    }
+}
