@@ -53,7 +53,8 @@ pub(super) struct Case {
 }
 
 /// Names of all groups, in the table and for `--only`.
-pub(super) const GROUPS: [&str; 6] = ["cell", "lanes", "spheres", "element", "laws", "laws-of-spheres"];
+pub(super) const GROUPS: [&str; 7] =
+    ["cell", "lanes", "spheres", "element", "laws", "laws-in-lanes", "laws-of-spheres"];
 
 /// The element test of the group of that name, next to `packing.json`.
 pub(super) const ELEMENT_TEST: &str = "packing = 'packing.json'
@@ -90,6 +91,7 @@ pub(super) fn group(name: &str, is_quick: bool) -> Vec<Case> {
         // Valgrind 3.19 does not know an instruction of the network operators of spheres.
         "spheres" => requests(&plan(SPHERES, spheres(), 1), &[TangentKind::Kruyt]),
         "laws" => laws(&plan(DISCS, linear(), 1), &LAWS),
+        "laws-in-lanes" => laws(&plan(DISCS, linear(), 8), &LAWS),
         "laws-of-spheres" => laws(&plan(SPHERES, spheres(), 1), &LAWS),
         _ => element(),
     }

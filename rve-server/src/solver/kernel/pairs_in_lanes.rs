@@ -4,7 +4,7 @@
 //! a pair needs of its grains is collected, and what it does to them is handed out pair by pair in key order. A lane goes
 //! through the operations that its pair would have gone through alone, so the bits are those of cells side by side.
 
-use super::cells_in_lanes::{add_loads, branch_of};
+use super::cells_in_lanes::{add_force, add_loads, branch_of};
 use super::pair::{PairSite, pair_forces};
 use super::step::{Contact, StepData, StepSums};
 use crate::contact::ContactLaw;
@@ -99,9 +99,10 @@ pub fn unpack<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     }
 }
 
-/// Forces of all contacts, in key order, of data with one lane whose pairs are in groups.
+/// Forces of all contacts, in key order, of data with one lane whose pairs are in groups. Where all grains are `BLOCKED`, spins are not
+/// read and moments not summed.
 #[inline(always)]
-pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real>(
+pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real, const BLOCKED: bool>(
     data: &mut StepData<'_, K, C, R>,
     sums: &mut StepSums<R>,
 ) {
@@ -111,6 +112,12 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     let mut local = StepSums::default();
     for (groups, pairs) in data.groups.chunks_mut(AHEAD).zip(data.pairs.chunks(AHEAD * WIDTH)) {
         for (gather, pairs) in gathers.iter_mut().zip(pairs.chunks(WIDTH)) {
+            if BLOCKED {
+                for (lane, pair) in pairs.iter().enumerate() {
+                    put(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
+                }
+                continue;
+            }
             for (lane, pair) in pairs.iter().enumerate() {
                 put(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
                 put(&mut gather.spins[0], lane, &data.grains[pair.origin as usize].spin);
@@ -129,10 +136,17 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real>(
             gather.change = None;
             let mut site = GroupSite { group, gather, sampling };
             pair_forces(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, &mut site);
-            for (lane, pair) in pairs.iter().enumerate() {
-                let moments = [get(&gather.moments[0], lane), get(&gather.moments[1], lane)];
-                add_loads(data.grains, pair, get(&gather.force, lane), moments);
-                gather.add_to(&mut local, lane);
+            if BLOCKED {
+                for (lane, pair) in pairs.iter().enumerate() {
+                    add_force(data.grains, pair, get(&gather.force, lane));
+                    gather.add_to(&mut local, lane);
+                }
+            } else {
+                for (lane, pair) in pairs.iter().enumerate() {
+                    let moments = [get(&gather.moments[0], lane), get(&gather.moments[1], lane)];
+                    add_loads(data.grains, pair, get(&gather.force, lane), moments);
+                    gather.add_to(&mut local, lane);
+                }
             }
             if data.wanted.contact_force_square {
                 for lane in 0..pairs.len() {

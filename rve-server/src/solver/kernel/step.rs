@@ -104,6 +104,9 @@ pub struct Wanted {
     pub elastic_energy: bool,
     /// Sum the work of the old forces on the step just made.
     pub old_power: bool,
+    /// No grain rotates: a single cell, with its pairs in lanes, reads no spins and sums no moments. The constants of the grains make both
+    /// count for nothing, so no result depends on it.
+    pub blocked: bool,
 }
 
 /// Sums over the grains of one move.

@@ -58,3 +58,70 @@ fn losses_of_openings_have_one_order() {
         }
     }
 }
+
+/// Sums and forces of two touching discs that may not rotate, with moments left out or not.
+fn blocked_couple<R: Real>(blocked: bool, backend: Backend) -> ([u64; 10], bool) {
+    let still = Grain::<Discs, R>::empty();
+    let mut grains = vec![still; 2];
+    grains[1].position = [R::splat(1.9), R::splat(0.1)];
+    grains[0].velocity = [R::splat(0.01), R::splat(-0.02)];
+    let mut contacts = vec![Contact::<Discs, PlainLinear, R>::none(); 1];
+    contacts[0].direction = [R::splat(1.0), R::default()];
+    contacts[0].tangential_force = [R::splat(0.03)];
+    let data = StepData {
+        law: &LAW,
+        grain_constants: &[GrainConstants { mass: 1.0, inverse_mass: 1.0, ..GrainConstants::default() }; 2],
+        grains: &mut grains,
+        pairs: &[ListedPair { origin: 0, end: 1, image: 0 }],
+        pair_constants: &[PairConstants::new(&LAW, [1.0, 1.0])],
+        contacts: &mut contacts,
+        groups: &mut [],
+        live: &mut [true],
+        limit_counts: &mut [R::default()],
+        sampling: R::default(),
+        images: &[Tuple::zero()],
+        wanted: Wanted { blocked, ..Wanted::default() },
+    };
+    let mut groups = Vec::new();
+    if R::LANES == 1 && backend.has_lanes() {
+        pack(&data, &mut groups);
+    }
+    let sums = backend.evaluate(&mut StepData { groups: &mut groups, ..data }).lane(0);
+    let [force, opposite] = [grains[0].force, grains[1].force].map(|force| force.map(|part| part.lane(0)));
+    let numbers = [
+        sums.normal_force,
+        sums.dissipation,
+        sums.largest_force_square,
+        sums.force_square,
+        sums.power,
+        sums.scaled_force_square,
+        force[0],
+        force[1],
+        opposite[0],
+        opposite[1],
+    ];
+    (numbers.map(f64::to_bits), grains[0].moment[0].lane(0) != 0.0)
+}
+
+/// No bit depends on moments that count for nothing.
+#[test]
+fn grains_that_may_not_rotate_need_no_moments() {
+    let answers = |backend: Backend, blocked: bool| {
+        let lanes = backend.has_lanes().then(|| blocked_couple::<Lanes<8>>(blocked, backend));
+        [Some(blocked_couple::<f64>(blocked, backend)), lanes]
+    };
+    let mut moments_left_out = false;
+    for backend in Backend::ALL {
+        for (with, without) in answers(backend, false).into_iter().zip(answers(backend, true)) {
+            let (Some((with, turned)), Some((without, idle))) = (with, without) else { continue };
+            assert_eq!(with, without);
+            assert!(turned, "moments are summed for grains that rotate");
+            moments_left_out |= !idle;
+        }
+    }
+    assert_eq!(
+        moments_left_out,
+        Backend::ALL.into_iter().any(Backend::has_lanes),
+        "and not for single cells of others"
+    );
+}

@@ -226,7 +226,11 @@ fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
         local: options.local_share(),
     };
     let mut sampling = R::default();
-    let mut wanted = Wanted { old_power: options.needs_old_power(), ..criterion::wanted_by(options.criterion) };
+    let mut wanted = Wanted {
+        old_power: options.needs_old_power(),
+        blocked: !setting.rotations_free,
+        ..criterion::wanted_by(options.criterion)
+    };
     for (lane, lane_job) in lane_jobs.iter_mut().enumerate() {
         let Some(lane_job) = lane_job else { continue };
         let next = lane_job.run.next_move(setting, batch, lane);
