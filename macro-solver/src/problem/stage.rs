@@ -1,7 +1,10 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
-use super::condition::Action;
-use super::{Applied, Moment, PathControl, Strategy, Tolerances};
+use super::amplitude::Moment;
+use super::condition::{Action, Applied};
+use super::criteria::Tolerances;
+use super::path_control::PathControl;
+use super::strategy::Strategy;
 use crate::nonlocal::NonlocalSettings;
 use crate::problem::dynamics::DynamicSettings;
 use crate::problem::relaxation::RelaxationSettings;
