@@ -11,3 +11,12 @@ pub const OPTIMISATION: &str = env!("GRAINSPAN_OPTIMISATION");
 
 /// Additional code generation flags, separated by spaces.
 pub const FLAGS: &str = env!("GRAINSPAN_FLAGS");
+
+/// Version and content of this executable: only the same one promises the same bits.
+pub(crate) fn this_program() -> String {
+    let content = std::env::current_exe()
+        .and_then(std::fs::File::open)
+        .and_then(protocol::ContentId::of_reader)
+        .map_or("unknown".to_owned(), |content| content.to_string());
+    format!("grainspan {} {content}", VERSION)
+}

@@ -6,6 +6,7 @@
 
 mod channel;
 mod economy;
+mod effort;
 mod error_estimate;
 mod femxdem;
 mod instructions;
@@ -19,10 +20,12 @@ mod scaling;
 mod schedule;
 mod self_test;
 mod stability;
+mod stability_options;
 mod table;
 mod workers;
 
 use clap::Parser;
+use effort::Effort;
 use grainspan::exit::{Exit, Failure};
 use grainspan::machine::Machine;
 use grainspan::stdout::print;
@@ -119,36 +122,6 @@ const STUDIES: &[Study] = &[
 /// The name that runs a microbenchmark instead of a study.
 const MICRO: &str = "micro";
 
-/// How long a study may measure.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Effort {
-    /// Whether seconds must do: the numbers then show only that the study works.
-    pub(crate) quick: bool,
-    /// Whether hours may do: sizes as published, in studies that have a smaller one for every day.
-    pub(crate) full: bool,
-    /// Parts and variants that are wanted, by name; empty: all of them.
-    pub(crate) only: Vec<String>,
-    /// What only the study of stability reads.
-    pub(crate) stability: stability::Options,
-}
-
-impl Effort {
-    /// `thorough` repetitions, or `quick` ones when seconds must do.
-    pub(crate) fn choose<T>(&self, thorough: T, quick: T) -> T {
-        if self.quick { quick } else { thorough }
-    }
-
-    /// Whether the command line names this part or variant.
-    pub(crate) fn names(&self, name: &str) -> bool {
-        self.only.iter().any(|only| only == name)
-    }
-
-    /// Whether a part is to be measured: it is named, or none of its study's `parts` is.
-    pub(crate) fn includes(&self, part: &str, parts: &[&str]) -> bool {
-        self.names(part) || !parts.iter().any(|part| self.names(part))
-    }
-}
-
 /// Measures what Grainspan costs on this machine.
 #[derive(Debug, Parser)]
 #[command(
@@ -194,7 +167,7 @@ struct Arguments {
     #[arg(long, num_args = 2, value_names = ["ROLE", "ADDRESS"], hide = true)]
     helper: Option<Vec<String>>,
     #[command(flatten)]
-    stability: stability::Options,
+    stability: stability_options::Options,
 }
 
 fn main() -> ExitCode {

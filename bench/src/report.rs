@@ -1,6 +1,6 @@
 //! Where a study's findings go: the screen, and a folder with CSV, SVG, the same text and the machine.
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::table::Table;
 use charts::Chart;
 use grainspan::exit::Failure;

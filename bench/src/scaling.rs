@@ -1,7 +1,7 @@
 //! Real grains on more and more workers (P-5): wall time with fixed work and with fixed work per worker, and the serial
 //! part, once from Amdahl's law and once from processor time, which a busy machine does not blur.
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::repeat::{interleaved, median, ratio};
 use crate::report::Report;
 use crate::table::Table;

@@ -1,6 +1,6 @@
 //! The measurement itself: what can be distinguished from noise on this machine.
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::repeat::{interleaved, median, quantile, ratio};
 use crate::report::Report;
 use crate::table::Table;

@@ -176,7 +176,21 @@ impl Checker {
             fault.hint = Some("leave one of them out".to_owned());
             return Err(fault);
         }
-        self.below(key.name.as_str(), |checker| checker.value(value, &key.shape))
+        self.below(key.name.as_str(), |checker| {
+            checker.value(value, &key.shape)?;
+            checker.inverse(value, key, table)
+        })
+    }
+
+    /// A limit set by another key of the table. Where that is not written, the check of the settings finds it.
+    fn inverse(&self, value: &Node, key: &Key, table: &Node) -> Result<(), Fault> {
+        let Some(other) = &key.most_inverse_of else { return Ok(()) };
+        match (value.number(), table.get(other).and_then(Node::number)) {
+            (Some(own), Some(limiting)) if own > 1.0 / limiting => {
+                self.refuse(value, &format!("must be at most 1 / {other}, not {own}"))
+            }
+            (Some(_), Some(_)) | (None, _) | (_, None) => Ok(()),
+        }
     }
 
     fn unknown(&self, name: &str, span: &Range<usize>, table: &Table) -> Fault {

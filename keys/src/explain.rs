@@ -26,7 +26,9 @@ fn below<'a>(shape: &'a Shape, path: &str, item: &str, found: &mut Vec<(String, 
         Shape::Table(table) => entries(table, &format!("{path}."), item, found),
         Shape::List { of, .. } => below(of, &format!("{path}{item}"), item, found),
         Shape::Either(shapes) => shapes.iter().for_each(|shape| below(shape, path, item, found)),
-        _ => {}
+        // Free names cannot be listed.
+        Shape::Map(_) => {}
+        Shape::Boolean | Shape::Integer(_) | Shape::Number(_) | Shape::Text | Shape::Words(_) | Shape::Anything => {}
     }
 }
 
@@ -73,6 +75,7 @@ pub fn explain(path: &str, key: &Key) -> String {
     row("unit", &key.unit);
     row("default", if key.required { "none: the key is required" } else { &key.default });
     row("range", &range(&key.shape));
+    row("at most", &key.most_inverse_of.as_ref().map_or_else(String::new, |other| format!("1 / {other}")));
     row("not with", key.instead_of.as_deref().unwrap_or_default());
     row("used by", &key.procedures.join(", "));
     if key.run_wide {
@@ -106,9 +109,7 @@ fn words(text: &mut String, shape: &Shape) {
                 });
             }
         }
-        Shape::Either(shapes) => shapes.iter().for_each(|shape| words(text, shape)),
-        Shape::List { of, .. } => words(text, of),
-        _ => {}
+        other => other.parts().iter().for_each(|shape| words(text, shape)),
     }
 }
 
@@ -148,7 +149,13 @@ pub(super) fn range(shape: &Shape) -> String {
             let each = if of.table().is_some() { String::new() } else { range(of) };
             [count, each].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", each ")
         }
-        _ => String::new(),
+        Shape::Boolean
+        | Shape::Text
+        | Shape::Words(_)
+        | Shape::Either(_)
+        | Shape::Table(_)
+        | Shape::Map(_)
+        | Shape::Anything => String::new(),
     }
 }
 

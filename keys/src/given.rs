@@ -87,10 +87,7 @@ fn merge(node: &mut Node, given: &Node, table: &Table) {
             members.remove(other);
         }
         // Tables of words with a value, such as a control of the load, are replaced as a whole.
-        let inner = match key.map(|key| &key.shape) {
-            Some(Shape::Table(inner)) => Some(inner),
-            _ => None,
-        };
+        let inner = key.and_then(|key| if let Shape::Table(inner) = &key.shape { Some(inner) } else { None });
         let below = node.members_mut().and_then(|members| members.get_mut(name)).map(|member| &mut member.node);
         match (inner, below) {
             (Some(inner), Some(below)) if below.members().is_some() => {

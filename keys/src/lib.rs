@@ -9,6 +9,7 @@
 //! | `"x-unit" = "Pa"` | unit; dimensionless numbers have `"-"` |
 //! | `"x-default" = "by ..."` | default in words, where it is not a constant |
 //! | `"x-instead-of" = "other"` | this key and `other` exclude each other |
+//! | `"x-most-inverse-of" = "other"` | a number that is at most 1 / `other`, a number of the same table |
 //! | `"x-procedures" = "implicit"` | procedures that use the key, separated by blanks; all if left out |
 //! | `"x-nonzero" = true` | any number but 0 |
 //! | `"x-when-written" = true` | value if the table is written without this key, whatever held before |

@@ -57,9 +57,7 @@ fn look(table: &Table, prefix: &str, found: &mut Vec<String>) {
 fn look_below(shape: &Shape, path: &str, found: &mut Vec<String>) {
     match shape {
         Shape::Table(table) => look(table, &format!("{path}."), found),
-        Shape::List { of, .. } => look_below(of, path, found),
-        Shape::Either(shapes) => shapes.iter().for_each(|shape| look_below(shape, path, found)),
-        _ => {}
+        other => other.parts().iter().for_each(|shape| look_below(shape, path, found)),
     }
 }
 
@@ -67,8 +65,7 @@ fn look_below(shape: &Shape, path: &str, found: &mut Vec<String>) {
 fn is_measured(shape: &Shape) -> bool {
     match shape {
         Shape::Number(_) => true,
-        Shape::List { of, .. } | Shape::Map(of) => is_measured(of),
-        _ => false,
+        other => other.parts().iter().any(is_measured),
     }
 }
 
@@ -125,14 +122,16 @@ fn below(text: &mut String, name: &str, shape: &Shape, root: &Table) {
     match shape {
         Shape::Table(table) if table.folded => {}
         Shape::Table(table) => table.keys.iter().for_each(|key| rows(text, &format!("{name}."), key, table, root)),
-        Shape::List { of, .. } => below(text, name, of, root),
-        Shape::Either(shapes) => shapes.iter().for_each(|shape| below(text, name, shape, root)),
-        _ => {}
+        Shape::Map(of) => below(text, &format!("{name}.NAME"), of, root),
+        other => other.parts().iter().for_each(|shape| below(text, name, shape, root)),
     }
 }
 
 fn facts(key: &Key) -> Vec<String> {
     let mut facts = Vec::new();
+    if let Some(other) = &key.most_inverse_of {
+        facts.push(format!("At most 1 / `{other}`"));
+    }
     if let Some(other) = &key.instead_of {
         facts.push(format!("Not together with `{other}`"));
     }
@@ -150,9 +149,8 @@ fn words(shape: &Shape) -> Vec<String> {
         Shape::Words(words) if words.iter().any(|word| !word.doc.is_empty()) => {
             words.iter().map(|word| format!("`\"{}\"`: {}", word.word, word.doc)).collect()
         }
-        Shape::Either(shapes) => shapes.iter().flat_map(words).collect(),
-        Shape::List { of, .. } => words(of),
-        _ => Vec::new(),
+        Shape::Words(_) => Vec::new(),
+        other => other.parts().iter().flat_map(words).collect(),
     }
 }
 

@@ -92,6 +92,20 @@ impl Node {
         }
     }
 
+    /// The number, if it is one, whole or not.
+    pub fn number(&self) -> Option<f64> {
+        match self.value {
+            Value::Integer(number) => Some(number as f64),
+            Value::Number(number) => Some(number),
+            Value::Nothing
+            | Value::Boolean(_)
+            | Value::Text(_)
+            | Value::Date(_)
+            | Value::List(_)
+            | Value::Table(_) => None,
+        }
+    }
+
     /// The text, if it is one.
     pub fn text(&self) -> Option<&str> {
         match &self.value {

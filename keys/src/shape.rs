@@ -32,6 +32,8 @@ pub struct Key {
     pub shape: Shape,
     /// Key that excludes this one, in the same table.
     pub instead_of: Option<String>,
+    /// Number in the same table of which this one is at most the inverse.
+    pub most_inverse_of: Option<String>,
     /// Procedures that use it; empty for all.
     pub procedures: Vec<String>,
     /// Whether it holds for the whole run and cannot be given in a stage.
@@ -152,7 +154,29 @@ impl Shape {
         match self {
             Self::Table(table) => Some(table),
             Self::List { of, .. } => of.table(),
-            _ => None,
+            Self::Boolean
+            | Self::Integer(_)
+            | Self::Number(_)
+            | Self::Text
+            | Self::Words(_)
+            | Self::Either(_)
+            | Self::Map(_)
+            | Self::Anything => None,
+        }
+    }
+
+    /// What it is made of, all under the same key: alternatives, entries of a list, values of free keys. A table has keys instead.
+    pub(super) fn parts(&self) -> &[Self] {
+        match self {
+            Self::Either(shapes) => shapes,
+            Self::List { of, .. } | Self::Map(of) => std::slice::from_ref(of),
+            Self::Boolean
+            | Self::Integer(_)
+            | Self::Number(_)
+            | Self::Text
+            | Self::Words(_)
+            | Self::Table(_)
+            | Self::Anything => &[],
         }
     }
 }
@@ -282,6 +306,7 @@ fn key(name: &str, schema: &Json, required: bool) -> Key {
         default,
         shape: shape(schema),
         instead_of: schema.get("x-instead-of").and_then(Json::as_str).map(str::to_owned),
+        most_inverse_of: schema.get("x-most-inverse-of").and_then(Json::as_str).map(str::to_owned),
         procedures: text(schema, "x-procedures").split_whitespace().map(str::to_owned).collect(),
         run_wide: schema.get("x-scope").and_then(Json::as_str) == Some("run"),
         when_written: schema.get("x-when-written").and_then(Json::as_bool),
@@ -299,9 +324,9 @@ fn inherit_unit(shape: &mut Shape, unit: &str) {
                 inherit_unit(&mut key.shape, unit);
             }
         }
-        Shape::List { of, .. } => inherit_unit(of, unit),
+        Shape::List { of, .. } | Shape::Map(of) => inherit_unit(of, unit),
         Shape::Either(shapes) => shapes.iter_mut().for_each(|shape| inherit_unit(shape, unit)),
-        _ => {}
+        Shape::Boolean | Shape::Integer(_) | Shape::Number(_) | Shape::Text | Shape::Words(_) | Shape::Anything => {}
     }
 }
 

@@ -217,3 +217,34 @@ fn numbers_keep_their_bits_on_the_way() {
     let node = crate::to_node(&Settings { factor: third, ..Settings::default() }).unwrap();
     assert_eq!(node.get("factor").map(|node| &node.value), Some(&Value::Number(third)));
 }
+
+/// Steps.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+struct Steps {
+    /// Number of steps.
+    count: usize,
+    /// Smallest step.
+    #[schemars(extend("x-unit" = "-", "x-most-inverse-of" = "count"))]
+    smallest: f64,
+}
+
+impl Default for Steps {
+    fn default() -> Self {
+        Self { count: 4, smallest: 0.25 }
+    }
+}
+
+#[test]
+fn a_key_can_limit_another_one_of_its_table() {
+    let table = Table::of::<Steps>();
+    let problem = |text: &str| check(&node(text), &table, &["steps"]).map_err(|fault| fault.problem);
+    assert_eq!(problem("count = 2\nsmallest = 0.5"), Ok(()));
+    assert_eq!(problem("smallest = 0.5"), Ok(()), "the other key may be given elsewhere");
+    let expected = "steps.smallest must be at most 1 / count, not 0.5";
+    assert_eq!(problem("count = 3\nsmallest = 0.5"), Err(expected.to_owned()));
+    let fault = check_settings(&Steps { smallest: 0.5, ..Steps::default() }, &["steps"]).unwrap_err();
+    assert_eq!((fault.problem.as_str(), fault.path.join(".").as_str()), (expected, "steps.smallest"));
+    assert!(explain("smallest", table.key("smallest").unwrap()).contains("1 / count"));
+    assert!(markdown(&table).contains("At most 1 / `count`"));
+}

@@ -3,7 +3,7 @@
 //! A request is a file with a fixed name; the run removes it when it has carried it out. `pause` stays until it is removed by
 //! `resume`. Whatever is asked for, the results of the run keep their bytes.
 
-use crate::PageError;
+use crate::error::PageError;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! The output folder of a run: reading of files that may be missing or half written, and paths that stay inside.
 
-use crate::PageError;
+use crate::error::PageError;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 

@@ -11,24 +11,13 @@ pub mod data;
 mod error;
 mod folder;
 mod numbers;
+mod program;
 mod report;
 mod server;
 
 pub use controls::{Action, Controls, PAUSED};
 pub use error::PageError;
 pub use folder::RunFolder;
+pub use program::Program;
 pub use report::report;
 pub use server::{Server, ServerSettings};
-
-use serde_json::Value;
-use std::path::Path;
-
-/// What only the program knows.
-#[derive(Clone, Copy)]
-pub struct Program {
-    /// Progress of the live run that writes to this folder: `begun`, `step`, `load`, `evaluations`, `time`, `fallbacks`, `workers`; `None` if no
-    /// run does.
-    pub live: fn(&Path) -> Option<Value>,
-    /// A counter of the fallbacks as people read it, and whether it may concern the accuracy.
-    pub counter: fn(&str, u64) -> (String, bool),
-}

@@ -1,8 +1,9 @@
 //! The page as one file, and its parts.
 
+use crate::cell;
 use crate::data;
 use crate::folder::RunFolder;
-use crate::{Program, cell};
+use crate::program::Program;
 use serde_json::{Map, Value, json};
 
 const PAGE: &str = include_str!("../assets/page.html");

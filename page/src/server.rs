@@ -3,11 +3,13 @@
 //! It listens on the loopback interface only. Other users of the machine can reach that too, so every path begins with a key that
 //! cannot be guessed, as part of the address that is printed; no other path is answered. Files are served from the output folder alone.
 
+use crate::cell;
 use crate::controls::{Action, Controls};
 use crate::data;
+use crate::error::PageError;
 use crate::folder::RunFolder;
+use crate::program::Program;
 use crate::report::{asset, live_page};
-use crate::{PageError, Program, cell};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::{Read, Write};

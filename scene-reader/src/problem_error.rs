@@ -18,7 +18,6 @@ pub(super) fn problem_error(document: &Document, error: &ProblemError) -> InputE
     }
     let key = match cause {
         ProblemError::Setting(fault) => fault.path.clone(),
-        ProblemError::Number { what, .. } if what.contains('.') => what.split('.').map(str::to_owned).collect(),
         _ => {
             return document
                 .error(error)

@@ -20,6 +20,7 @@ mod reproduce;
 mod run;
 mod rve_server;
 mod rve_test;
+mod seconds;
 mod specimen;
 mod start_state;
 mod status;
@@ -97,14 +98,6 @@ enum Command {
     CompleteKey(explain::CompleteArguments),
 }
 
-/// A time on the command line, s.
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(time) if (0.0..=2_678_400.0).contains(&time) => Ok(time),
-        _ => Err("not a time in seconds".to_owned()),
-    }
-}
-
 /// Carries out a command line, whose first entry is the name of the program, and returns the exit code. Errors are printed; a
 /// command line that cannot be read, or asks for help, ends the process.
 pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -136,13 +129,4 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
             failure.exit.code()
         }
     }
-}
-
-/// Version and content of this executable: only the same one promises the same bits.
-pub(crate) fn this_program() -> String {
-    let content = std::env::current_exe()
-        .and_then(std::fs::File::open)
-        .and_then(protocol::ContentId::of_reader)
-        .map_or("unknown".to_owned(), |content| content.to_string());
-    format!("grainspan {} {content}", env!("CARGO_PKG_VERSION"))
 }

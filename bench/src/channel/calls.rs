@@ -1,7 +1,7 @@
 //! Cost that the channel adds to one RVE call: calls of RVEs without grains, compared with calls of 400 discs, through the same pool
 //! to the same number of worker processes.
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::repeat::{interleaved, median, ratio};
 use crate::report::Report;
 use crate::table::Table;

@@ -4,10 +4,10 @@
 mod calls;
 mod link;
 
-use super::Effort;
 use super::repeat::{interleaved, median, ratio};
 use super::report::Report;
 use super::table::Table;
+use crate::effort::Effort;
 use charts::{Chart, Scale};
 use link::{Channel, Link};
 use std::time::Instant;

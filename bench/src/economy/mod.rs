@@ -2,7 +2,7 @@
 
 mod scenes;
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::program::{ProgramRun, run_scene};
 use crate::repeat::median;
 use crate::report::Report;

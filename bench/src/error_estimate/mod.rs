@@ -8,9 +8,9 @@
 
 mod case;
 
-use super::Effort;
 use super::report::Report;
 use super::table::Table;
+use crate::effort::Effort;
 use crate::newton::case::side_by_side;
 use case::{Grains, Loading, Mark, Solution, cells, solution};
 use protocol::Tensor2;

@@ -3,7 +3,7 @@
 
 mod incumbent;
 
-use crate::Effort;
+use crate::effort::Effort;
 use crate::program::{ProgramRun, run_scene};
 use crate::repeat::median;
 use crate::report::Report;

@@ -8,7 +8,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
-use super::processor_time;
+use super::processor_time::processor_time;
 use anyhow::Context;
 use protocol::{RveSolver, Tensor2, TrialOptions, TrialRequest};
 use rve_server::contact::ContactTable;

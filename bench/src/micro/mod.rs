@@ -7,6 +7,7 @@ mod lane_cost;
 mod operator_cost;
 mod operator_sweep;
 mod pack_cost;
+mod processor_time;
 mod small_increments;
 
 use anyhow::bail;
@@ -89,9 +90,4 @@ fn list() -> String {
         writeln!(text, "{name} {usage}\n    {about}").expect("writing to a String cannot fail");
     }
     text
-}
-
-/// Processor time of this thread, s; NaN if the system does not report it. Wall time says little on a machine that does other work.
-fn processor_time() -> f64 {
-    crate::workers::measured_processor_seconds("thread-self").unwrap_or(f64::NAN)
 }

@@ -3,7 +3,7 @@
 //! `grainspan bench micro operator_cost PACKING [strain before] [repeats] [operators]`;
 //! all operators if none is named. Discs have linear contacts, spheres Hertz-Mindlin contacts of glass.
 
-use super::processor_time;
+use super::processor_time::processor_time;
 use anyhow::Context;
 use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;

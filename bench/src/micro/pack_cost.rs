@@ -1,7 +1,7 @@
 //! Cost of a preparation, stage by stage: `grainspan bench micro pack_cost RECIPE.toml [number of grains] [trace] [OUT.json]`. Prints increments and processor time of every stage, the report's figures, and
 //! with `trace` every increment.
 
-use super::processor_time;
+use super::processor_time::processor_time;
 use anyhow::Context;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, generate_any};

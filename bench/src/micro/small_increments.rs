@@ -10,7 +10,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
-use super::processor_time;
+use super::processor_time::processor_time;
 use anyhow::Context;
 use rve_server::cell::GrainState;
 use rve_server::contact::ContactTable;

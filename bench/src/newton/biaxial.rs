@@ -5,7 +5,7 @@ use super::case::{
     STABILISATION, Step, StrategyRun, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains,
 };
 use super::strategies::{Variant, chosen, operators, own};
-use crate::Effort;
+use crate::effort::Effort;
 use crate::report::Report;
 use crate::table::Table;
 use charts::{Chart, Scale};

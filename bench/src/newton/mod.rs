@@ -9,8 +9,8 @@ pub(super) mod case;
 mod element;
 mod strategies;
 
-use super::Effort;
 use super::report::Report;
+use crate::effort::Effort;
 use biaxial::Grains;
 
 /// Parts that `--only` may name, besides strategies and operators.

@@ -1,6 +1,6 @@
 //! The solution strategies that are compared.
 
-use crate::Effort;
+use crate::effort::Effort;
 use macro_solver::problem::{NamedStrategy, Predictor, Strategy};
 use protocol::TangentKind;
 
@@ -78,7 +78,7 @@ mod tests {
         let effort = |only: &[&str], quick| Effort {
             quick,
             full: false,
-            stability: crate::stability::Options::default(),
+            stability: crate::stability_options::Options::default(),
             only: only.iter().map(|&name| name.to_owned()).collect(),
         };
         assert_eq!(chosen(all(), &effort(&[], false), "x").len(), names.len());

@@ -9,10 +9,10 @@ mod record;
 mod setting;
 mod window;
 
-use super::Effort;
 use super::repeat::median;
 use super::report::Report;
 use super::table::Table;
+use crate::effort::Effort;
 use anyhow::Context;
 use case::{CASES, Case};
 use macro_solver::output::write_atomically;

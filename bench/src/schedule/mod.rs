@@ -7,11 +7,11 @@
 mod costs;
 mod virtual_port;
 
-use super::Effort;
 use super::repeat::median;
 use super::report::Report;
 use super::table::Table;
 use super::workers::{Role, StudyPool, pausing_definition, processor_seconds};
+use crate::effort::Effort;
 use anyhow::anyhow;
 use charts::{Chart, Scale};
 use costs::{Dice, Tail, drifted, ideal, static_split};

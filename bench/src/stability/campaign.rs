@@ -1,10 +1,10 @@
 //! The cases of a campaign, their packings, and the tests that are run.
 
 use super::case::{Case, Range, sampled};
-use super::options::Options;
 use super::packings::{Slot, slots};
 use super::path::Kind;
-use crate::Effort;
+use crate::effort::Effort;
+use crate::stability_options::Options;
 use anyhow::Context;
 use grainspan::exit::{Exit, Failure};
 use rayon::prelude::*;

@@ -6,7 +6,7 @@ mod check;
 mod dampings;
 mod groups;
 mod ledger;
-mod options;
+
 mod outcome;
 mod packings;
 mod path;
@@ -18,13 +18,12 @@ mod summary;
 mod tables;
 mod worst;
 
-use super::Effort;
 use super::report::Report;
+use crate::effort::Effort;
 use campaign::Campaign;
 use case::Case;
 use check::{Checked, Subject};
 use indicatif::{ProgressBar, ProgressStyle};
-pub(crate) use options::Options;
 use outcome::{Class, Outcome};
 use rayon::prelude::*;
 use rve_server::programs::rve_test::ElementTest;

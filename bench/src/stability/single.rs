@@ -2,9 +2,9 @@
 
 use super::campaign::Campaign;
 use super::check::Subject;
-use super::options::Options;
 use super::outcome::{self, Class};
 use crate::report::Report;
+use crate::stability_options::Options;
 use crate::table::Table;
 use anyhow::{Context, anyhow};
 use charts::short;

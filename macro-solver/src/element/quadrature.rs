@@ -1,6 +1,6 @@
-//! Gauss points of every element kind and the shape functions there, tabulated once.
+//! Quadrature rules of natural elements.
 
-use super::{Dimension, ElementKind, Shape, shape};
+use super::dimension::Dimension;
 use std::sync::LazyLock;
 
 /// One quadrature point.
@@ -107,20 +107,4 @@ pub(crate) fn collapsed_points(dimension: Dimension) -> Vec<GaussPoint> {
         }
     }
     points
-}
-
-/// The quadrature points of an element kind, by local number.
-pub fn gauss_points(kind: ElementKind) -> &'static [GaussPoint] {
-    (kind.definition().points)()
-}
-
-static TABLES: LazyLock<Vec<Vec<Shape>>> = LazyLock::new(|| {
-    let table = |kind| gauss_points(kind).iter().map(|point| shape(kind, point.place)).collect();
-    ElementKind::ALL.into_iter().map(table).collect()
-});
-
-/// Shape functions of a kind at its quadrature points.
-pub fn shapes_at_points(kind: ElementKind) -> &'static [Shape] {
-    // The variants of a fieldless enum are numbered in the order of `ALL`.
-    &TABLES[kind as usize]
 }

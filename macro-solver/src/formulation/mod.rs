@@ -10,6 +10,7 @@ mod averages;
 pub mod conversion;
 pub mod corotation;
 mod small_strain;
+pub(crate) mod strain;
 pub mod tensor;
 
 pub use averages::AveragedModuli;

@@ -6,10 +6,9 @@
 use super::fields::{Field, FieldGrid, write_grid};
 use super::probe::{Axes, Rank, StressMeasure};
 use super::{OutputError, write_particles};
-use crate::formulation::tensor::{matrix, tensor};
+use crate::formulation::strain::{green_lagrange, plane_shear_strain, spatial_shear_strain};
 use crate::mesh::Dimension;
 use crate::observer::{FieldsView, PointFields};
-use nalgebra::Matrix3;
 use protocol::{Observables, Tensor2, TrialFlags};
 use std::path::Path;
 
@@ -184,24 +183,6 @@ fn quantities(dimension: Dimension, observables: Observables, has_fluid: bool) -
     quantities
 }
 
-/// `E = (F^T F - I) / 2`.
-pub(super) fn green_lagrange(deformation: &Tensor2) -> Tensor2 {
-    let deformation = matrix(deformation);
-    tensor(&(0.5 * (deformation.transpose() * deformation - Matrix3::identity())))
-}
-
-/// Difference of the principal values of the Green-Lagrange strain in the plane: what shows a shear band.
-pub(super) fn plane_shear_strain(deformation: &Tensor2) -> f64 {
-    let [[xx, xy], [_, yy]] = green_lagrange(deformation).plane();
-    (xx - yy).hypot(2.0 * xy)
-}
-
-/// Largest minus smallest principal value of the Green-Lagrange strain.
-pub(super) fn spatial_shear_strain(deformation: &Tensor2) -> f64 {
-    let principal = matrix(&green_lagrange(deformation)).symmetric_eigenvalues();
-    principal.max() - principal.min()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -224,18 +205,5 @@ mod tests {
         let value = |name: &str| solid.iter().find(|field| field.name == name).unwrap().values[0];
         assert!((value("q") - 3.0).abs() < 1e-12 && (value("p") - 2.0).abs() < 1e-12);
         assert_eq!([value("principal_stress_major"), value("principal_stress_intermediate")], [-4.0, -1.0]);
-    }
-
-    #[test]
-    fn strain_of_a_rotation_is_zero_and_of_simple_shear_its_shear() {
-        let (sin, cos) = 0.4_f64.sin_cos();
-        let turned = Tensor2([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);
-        assert!(plane_shear_strain(&turned) < 1e-15 && spatial_shear_strain(&turned) < 1e-15);
-        for place in [1, 2, 5] {
-            let mut sheared = Tensor2::IDENTITY;
-            sheared.0[place] = 1e-4;
-            assert!((spatial_shear_strain(&sheared) - 1e-4).abs() < 1e-8);
-            assert!((plane_shear_strain(&sheared) - 1e-4).abs() < 1e-8 || place > 1);
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! `points/*.csv`: what is known of chosen Gauss points, a row for each accepted step.
 
-use super::frames::green_lagrange;
+use crate::formulation::strain::green_lagrange;
 use crate::observer::PointFields;
 use protocol::{Observables, Tensor2};
 

@@ -27,9 +27,8 @@ mod workers;
 
 pub use interrupt::Interrupt;
 pub use points::PointState;
-pub use recycling::Recycling;
 pub use report::{Reporter, WorkerReport};
-pub use settings::{HangPolicy, PoolSettings};
+pub use settings::{HangPolicy, PoolSettings, Recycling};
 pub use statistics::{PoolStatistics, SolvedTrials, WorkerStatistics};
 pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
 

@@ -6,22 +6,6 @@ use super::coordinator::{Action, Coordinator};
 use super::workers::WorkerState;
 use protocol::control::ToWorker;
 use protocol::transport::WorkerId;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-/// When a worker has done enough; `None`: never.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct Recycling {
-    /// Answered jobs after which a worker, of any engine, is replaced by a fresh one.
-    #[serde(rename = "recycle_jobs")]
-    #[schemars(extend("x-default" = "never"))]
-    pub jobs: Option<u64>,
-    /// Resident memory from which a worker, of any engine, is replaced by a fresh one.
-    #[serde(rename = "recycle_memory")]
-    #[schemars(extend("x-unit" = "MiB", "x-default" = "never"))]
-    pub memory: Option<u64>,
-}
 
 impl Coordinator {
     /// Retires a worker that has answered as many jobs as one should.

@@ -1,6 +1,5 @@
 //! Settings of a pool, fixed at the start of a run.
 
-use super::recycling::Recycling;
 use protocol::TangentKind;
 use protocol::transport::shared_memory::ChannelLimits;
 use schemars::JsonSchema;
@@ -57,6 +56,20 @@ impl HangPolicy {
         };
         first * 2u32.pow(overruns.min(8))
     }
+}
+
+/// When a worker has done enough; `None`: never.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Recycling {
+    /// Answered jobs after which a worker, of any engine, is replaced by a fresh one.
+    #[serde(rename = "recycle_jobs")]
+    #[schemars(extend("x-default" = "never"))]
+    pub jobs: Option<u64>,
+    /// Resident memory from which a worker, of any engine, is replaced by a fresh one.
+    #[serde(rename = "recycle_memory")]
+    #[schemars(extend("x-unit" = "MiB", "x-default" = "never"))]
+    pub memory: Option<u64>,
 }
 
 /// Settings of a pool; none of them changes a result.

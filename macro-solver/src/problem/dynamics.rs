@@ -1,7 +1,8 @@
 //! What an explicit dynamic stage needs beside its conditions and its duration.
 
 use crate::element::mass::Lumping;
-use crate::problem::{Problem, ProblemError};
+use crate::problem::Problem;
+use crate::problem::error::ProblemError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

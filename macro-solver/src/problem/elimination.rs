@@ -3,7 +3,7 @@
 //! Unknowns that belong to no node go first, then of every equation the component with the largest coefficient (the last
 //! one among equals) becomes dependent. No dependent component is left on any right-hand side.
 
-use super::multi_point_constraint::Equation;
+use super::constraint_equations::Equation;
 use super::{Amplitude, Origin, Prescribed, ProblemError};
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Strategies by name: each presets the detailed choices, which may then be changed one by one.
 
-use super::{Predictor, SecantGates, Strategy};
+use super::strategy::{Predictor, SecantGates, Strategy};
 use protocol::TangentKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

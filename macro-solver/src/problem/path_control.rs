@@ -1,7 +1,7 @@
 //! What a step of an implicit stage prescribes: the load factor, or how far the body moves, with the load factor as an
 //! unknown. The latter follows softening, snap-through and snap-back.
 
-use super::Axis;
+use super::axis::Axis;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

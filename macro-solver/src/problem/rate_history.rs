@@ -1,8 +1,7 @@
 //! Prescribed velocities and accelerations: histories that are integrated over time exactly, piece by piece.
 
-use super::amplitude::interpolated;
+use super::amplitude::{Amplitude, Moment, interpolated};
 use super::smooth_step::quintic;
-use super::{Amplitude, Moment};
 use std::f64::consts::TAU;
 
 /// What is prescribed in place of a displacement.

@@ -1,7 +1,10 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
-use super::condition::Action;
-use super::{Applied, Moment, PathControl, Strategy, Tolerances};
+use super::amplitude::Moment;
+use super::condition::{Action, Applied};
+use super::criteria::Tolerances;
+use super::path_control::PathControl;
+use super::strategy::Strategy;
 use crate::nonlocal::NonlocalSettings;
 use crate::problem::dynamics::DynamicSettings;
 use crate::problem::relaxation::RelaxationSettings;
@@ -117,7 +120,12 @@ pub struct StepControl {
     /// Smallest step, as a share of the stage. A step that fails at this size is stabilised; if that fails too, or is switched off,
     /// the run ends with exit code 1.
     #[serde(rename = "smallest_increment")]
-    #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit relaxation"), range(max = 1.0))]
+    #[schemars(
+        extend(
+            "x-unit" = "-", "exclusiveMinimum" = 0, "x-most-inverse-of" = "increments", "x-procedures" = "implicit relaxation"
+        ),
+        range(max = 1.0)
+    )]
     pub min: f64,
     /// Factor on the step size after an easy step.
     #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit relaxation"), range(min = 1.0))]

@@ -1,7 +1,8 @@
 //! Choices that change the path to the answer, not the equations.
 
-use super::named_strategy::{QuasiNewtonKeys, TangentUpdateKeys, quasi_newton_keys};
-use super::{NamedStrategy, QuasiNewton, TangentUpdate};
+use super::named_strategy::{
+    NamedStrategy, QuasiNewton, QuasiNewtonKeys, TangentUpdate, TangentUpdateKeys, quasi_newton_keys,
+};
 use protocol::TangentKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

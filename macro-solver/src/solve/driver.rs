@@ -6,15 +6,14 @@
 //! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
 //! cut back when it does not converge, and the run ends with a reason when the smallest step does not.
 
+use super::accepted::{AcceptedState, Converged, Counters, Stabilised};
+use super::equations::Equations;
 use super::explicit::Integrator;
 use super::linear_solver::{LinearSolver, norm};
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
-use super::procedure::{Converged, LoadStepMethod, StageMethod};
-use super::report::{AcceptedState, Counters};
-use super::stabilisation::Stabilised;
-use super::stage::Equations;
+use super::procedure::{LoadStepMethod, StageMethod};
 use crate::checkpoint::{CheckpointStore, NoCheckpoints, Progress};
 use crate::material::PointMaterial;
 use crate::model::assembly::balance::Balance;

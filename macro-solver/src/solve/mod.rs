@@ -4,9 +4,11 @@
 //! its own: `newton`, `relaxation`, `explicit`. They share body, points, constraints, loads and the assembly of the elements,
 //! which are in `crate::model`. A new procedure is a folder here and a line in `procedure`.
 
+mod accepted;
 mod balance_error;
 mod checkpoint;
 mod driver;
+mod equations;
 mod equilibrium_stress;
 mod explicit;
 mod initial;

@@ -1,5 +1,6 @@
 //! The procedures of stages, one folder each, and the one list that maps a stage's [`Procedure`] to its folder.
 
+use super::accepted::Converged;
 use super::driver::{Session, Solver};
 use super::newton::Newton;
 use crate::model::failure::Failure;
@@ -45,23 +46,4 @@ pub(super) trait LoadStepMethod {
 
     /// Whether a step that does not converge may be stabilised.
     fn can_be_stabilised(&self) -> bool;
-}
-
-/// A converged step, not yet committed.
-#[derive(Clone, Debug)]
-pub(super) struct Converged {
-    /// Change of the displacements, m, by degree of freedom.
-    pub(super) increment: Vec<f64>,
-    /// Load factor reached.
-    pub(super) load: f64,
-    /// Iterations used.
-    pub(super) iterations: usize,
-    /// Force ratio reached.
-    pub(super) force_ratio: f64,
-    /// Displacement ratio reached.
-    pub(super) displacement_ratio: f64,
-    /// Correction that the state would still get, m, by degree of freedom; `None` for procedures that know none.
-    pub(super) correction: Option<Vec<f64>>,
-    /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
-    pub(super) stagnated: bool,
 }

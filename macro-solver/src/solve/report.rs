@@ -1,62 +1,11 @@
 //! What observers get of an accepted state; the same for all procedures.
 
+use super::accepted::{AcceptedState, Counters};
 use super::driver::{Session, Solver};
 use crate::formulation::tensor::tensor;
 use crate::model::body::by_node;
-use crate::observer::{
-    BalanceError, DynamicsView, FieldsView, Outcome, PointFields, Statistics, StepAccuracy, StepReport,
-};
+use crate::observer::{BalanceError, FieldsView, Outcome, PointFields, StepAccuracy, StepReport};
 use nalgebra::Matrix3;
-
-/// Counters at the start of a step, and what happened before it was accepted.
-#[derive(Clone, Copy)]
-pub(super) struct Counters {
-    pub(super) evaluations: u64,
-    pub(super) skipped: u64,
-    /// Failed attempts.
-    pub(super) cut_backs: usize,
-    /// Increments of viscous stabilisation.
-    pub(super) stabilisation_increments: usize,
-}
-
-impl Counters {
-    /// At this moment.
-    pub(super) fn of(statistics: &Statistics) -> Self {
-        Self {
-            evaluations: statistics.evaluations,
-            skipped: statistics.skipped,
-            cut_backs: 0,
-            stabilisation_increments: 0,
-        }
-    }
-}
-
-/// An accepted and committed state, as its procedure knows it. Forces run over all degrees of freedom, N, in the plane per metre
-/// of thickness.
-pub(super) struct AcceptedState<'a> {
-    /// Load factor.
-    pub(super) load: f64,
-    /// Share of the stage's path.
-    pub(super) stage_fraction: f64,
-    /// Share of the path that the step covers.
-    pub(super) step_size: f64,
-    /// Iterations or time steps.
-    pub(super) iterations: usize,
-    /// See [`StepReport::force_ratio`].
-    pub(super) force_ratio: f64,
-    /// See [`StepReport::displacement_ratio`].
-    pub(super) displacement_ratio: f64,
-    /// Displacement gradients of the points in the step.
-    pub(super) gradients: &'a [Matrix3<f64>],
-    /// Forces of supports and multi-point constraints.
-    pub(super) reactions: &'a [f64],
-    /// Forces of the loads.
-    pub(super) loads: &'a [f64],
-    /// Energy of the hourglass control, J, in the plane per metre.
-    pub(super) hourglass_energy: f64,
-    /// Motion, in a dynamic stage.
-    pub(super) dynamics: Option<DynamicsView<'a>>,
-}
 
 impl Solver<'_> {
     /// Takes note of the accuracy of a committed step and chooses the strain per ramp step of the next one.

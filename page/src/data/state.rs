@@ -2,9 +2,9 @@
 
 use super::frame::frames;
 use crate::cell;
-use crate::controls::{Controls, PAUSED};
+use crate::controls::{Action, Controls, PAUSED};
 use crate::folder::RunFolder;
-use crate::{Action, Program};
+use crate::program::Program;
 use serde_json::{Map, Value, json};
 
 /// Parts of `summary.json` that the page shows as they are.

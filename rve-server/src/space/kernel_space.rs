@@ -7,7 +7,7 @@
 
 use super::Space;
 use super::discs::Discs;
-use super::slip::{Slip, slip_of_spheres};
+use super::slip::{self, Slip, slip_of_spheres};
 use super::spheres::Spheres;
 use crate::simd::{Mask, Real, Tuple};
 
@@ -133,7 +133,7 @@ impl KernelSpace for Spheres {
 
     #[inline(always)]
     fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        slip::cross(a, b)
     }
 
     #[inline(always)]

@@ -5,8 +5,6 @@
 //! slip. A pair that rotates rigidly, about whatever axis, therefore slips by exactly nothing and carries its force along
 //! exactly, whereas the usual update (rotate by the turn of the normal, then by the twist) errs in second order.
 
-use super::kernel_space::KernelSpace;
-use super::spheres::Spheres;
 use crate::simd::{Real, Tuple};
 
 /// Slip of a step and the rotation that carries the contact's history along.
@@ -40,7 +38,7 @@ pub fn slip_of_spheres<R: Real>(
     let sine_over_angle = one - square * (R::splat(1.0 / 6.0) - square * R::splat(1.0 / 120.0));
     let versine_over_square = R::splat(0.5) - square * (R::splat(1.0 / 24.0) - square * R::splat(1.0 / 720.0));
     let rolled = rotated(mean_spin, sine_over_angle, versine_over_square, before);
-    let sine = Spheres::cross(rolled, direction);
+    let sine = cross(rolled, direction);
     let sine_square = sine.dot(sine);
     // The turn beyond as an angle: arcsin by its series.
     let angle_over_sine = one + sine_square * (R::splat(1.0 / 6.0) + sine_square * R::splat(0.075));
@@ -67,11 +65,17 @@ impl<R: Real> Slip<R> {
     }
 }
 
+/// `a x b`.
+#[inline(always)]
+pub(super) fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// `v + sin x / x w x v + (1 - cos x) / x^2 w x (w x v)` for a rotation vector `w` of length `x`.
 #[inline(always)]
 fn rotated<R: Real>(w: [R; 3], sine_over_angle: R, versine_over_square: R, v: [R; 3]) -> [R; 3] {
-    let first = Spheres::cross(w, v);
-    let second = Spheres::cross(w, first);
+    let first = cross(w, v);
+    let second = cross(w, first);
     v.plus(first.scaled(sine_over_angle)).plus(second.scaled(versine_over_square))
 }
 

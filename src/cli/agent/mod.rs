@@ -36,10 +36,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME", default_value = BUILT_IN)]
     engine: String,
     /// How long to look for the run, at the start and when it was lost
-    #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = super::seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = crate::cli::seconds::seconds)]
     timeout: f64,
     /// Time without any sign of life of the run's host after which it counts as lost
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::cli::seconds::seconds)]
     silence: f64,
     /// States kept for the workers of this host, so that they need not travel twice
     #[arg(long, value_name = "MIB", default_value_t = 256)]

@@ -8,18 +8,9 @@ mod figure;
 mod figures;
 mod inputs;
 mod journal;
+mod prelude;
 mod results;
 mod runner;
-
-/// What every figure uses.
-mod prelude {
-    pub(super) use super::curve::{Curve, crossing, liu_ratio, mean_between, peak, trough, value_at};
-    pub(super) use super::error::ReproduceError;
-    pub(super) use super::figure::{Command, Figure, Outcome, Run, Size};
-    pub(super) use super::results::Results;
-    pub(super) use crate::cli::comparison::{Comparison, Theirs, Tolerance};
-    pub(super) use charts::{Chart, Map, Panel, Scale};
-}
 
 use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};

@@ -7,7 +7,7 @@ pub(super) use without::open;
 
 #[cfg(feature = "hosts")]
 mod with {
-    use crate::cli::run::Arguments;
+    use crate::cli::run::arguments::Arguments;
     use crate::exit::{Exit, Failure};
     use hosts::{DoorOptions, Figures, JoinFile, JoinedPort, Limits, NetworkMacroPort, Secret, this_program};
     use protocol::transport::shared_memory::SharedMemoryMacroPort;
@@ -76,7 +76,7 @@ mod with {
 
 #[cfg(not(feature = "hosts"))]
 mod without {
-    use crate::cli::run::Arguments;
+    use crate::cli::run::arguments::Arguments;
     use crate::exit::{Exit, Failure};
     use protocol::transport::shared_memory::SharedMemoryMacroPort;
     use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! Starts everything that a run needs besides the solver: channels, workers, signal handler, status file.
 
-use super::Arguments;
+use super::arguments::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;

@@ -1,6 +1,6 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
-use crate::cli::this_program;
+use crate::build_info::this_program;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,

@@ -88,7 +88,7 @@ impl Restart {
         let blank = Kept {
             test,
             packing: ContentId::of(&bytes).to_string(),
-            program: crate::cli::this_program(),
+            program: crate::build_info::this_program(),
             asked,
             ..Kept::default()
         };

@@ -4,7 +4,7 @@
 //! `l_3 = zeta`. Linear functions are the `l_c`; quadratic ones are `l_c (2 l_c - 1)` at corners and `4 l_a l_b` at the
 //! middle of the edge from `a` to `b`.
 
-use crate::element::Shape;
+use crate::element::shape::Shape;
 
 /// Linear functions of barycentric coordinates with these constant derivatives.
 pub(super) fn linear(barycentric: &[f64], slopes: &[[f64; 3]]) -> Shape {

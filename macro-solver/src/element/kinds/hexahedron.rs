@@ -1,8 +1,9 @@
 //! Trilinear and serendipity hexahedra.
 
-use super::{ElementDefinition, ElementKind, Interpolation, SideKind, SinglePoint};
+use super::definition::{ElementDefinition, ElementKind, Interpolation, SideKind, SinglePoint};
+use crate::element::dimension::Dimension;
 use crate::element::quadrature::{CUBE_EIGHT, CUBE_ONE, cube_twenty_seven};
-use crate::element::{Dimension, Shape};
+use crate::element::shape::Shape;
 use vtkio::model::CellType;
 
 /// H8: 2x2x2 points.

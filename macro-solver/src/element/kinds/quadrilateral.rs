@@ -1,8 +1,9 @@
 //! Bilinear and serendipity quadrilaterals.
 
-use super::{ElementDefinition, ElementKind, Interpolation, SideKind, SinglePoint};
+use super::definition::{ElementDefinition, ElementKind, Interpolation, SideKind, SinglePoint};
+use crate::element::dimension::Dimension;
 use crate::element::quadrature::{SQUARE_FOUR, SQUARE_ONE, square_nine};
-use crate::element::{Dimension, Shape};
+use crate::element::shape::Shape;
 use vtkio::model::CellType;
 
 /// Q4: 2x2 points.

@@ -1,9 +1,10 @@
 //! Linear and quadratic tetrahedra.
 
 use super::barycentric::{linear, quadratic};
-use super::{ElementDefinition, ElementKind, Interpolation, SideKind};
+use super::definition::{ElementDefinition, ElementKind, Interpolation, SideKind};
+use crate::element::dimension::Dimension;
 use crate::element::quadrature::{TETRAHEDRON_FOUR, TETRAHEDRON_ONE, collapsed_points};
-use crate::element::{Dimension, Shape};
+use crate::element::shape::Shape;
 use vtkio::model::CellType;
 
 /// T4.

@@ -2,9 +2,9 @@
 
 use super::reference::{Origin, reference_volume};
 use super::stress_measure::{Axes, StressMeasure};
+use crate::formulation::strain::{green_lagrange, plane_shear_strain, spatial_shear_strain};
 use crate::formulation::tensor::matrix;
 use crate::observer::PointFields;
-use crate::output::frames::{green_lagrange, plane_shear_strain, spatial_shear_strain};
 use nalgebra::Vector3;
 use protocol::{Observables, Tensor2};
 

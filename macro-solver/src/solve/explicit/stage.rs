@@ -5,10 +5,10 @@ use crate::model::body::by_node;
 use crate::observer::{DynamicsView, Outcome};
 use crate::problem::Procedure;
 use crate::problem::dynamics::DynamicSettings;
+use crate::solve::accepted::{AcceptedState, Counters};
 use crate::solve::driver::{Session, Solver};
 use crate::solve::explicit::specimen::Specimen;
 use crate::solve::explicit::{Integrator, IntegratorRecord};
-use crate::solve::report::{AcceptedState, Counters};
 
 impl Solver<'_> {
     /// Follows the motion to the end of the stage. Steps of the run are its reports; a checkpoint is kept with each.

@@ -7,9 +7,10 @@ pub(in crate::solve) mod path;
 pub(in crate::solve) mod quasi_newton;
 pub(in crate::solve) mod tangent_update;
 
+use super::accepted::Converged;
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::{LinearSolverError, norm};
-use super::procedure::{Converged, LoadStepMethod};
+use super::procedure::LoadStepMethod;
 use crate::model::failure::Failure;
 use crate::observer::IterationReport;
 use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure, Predictor};

@@ -5,10 +5,11 @@
 
 mod motion;
 
+use super::accepted::Converged;
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::norm;
 use super::newton::ResidualNorms;
-use super::procedure::{Converged, LoadStepMethod};
+use super::procedure::LoadStepMethod;
 use crate::element::mass::{Lumping, lumped_masses};
 use crate::model::assembly::balance::Balance;
 use crate::model::assembly::forces::{ElementLaws, Motion};

@@ -12,12 +12,12 @@
 
 mod path;
 
+use super::accepted::{Converged, Counters, Stabilised};
 use super::driver::{Session, Solver};
 use super::linear_solver::{LinearSolverError, norm};
 use super::newton::largest_component;
 use super::newton::tangent_update::TangentUpdater;
-use super::procedure::{Converged, LoadStepMethod};
-use super::report::Counters;
+use super::procedure::LoadStepMethod;
 use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
 use crate::model::failure::{Failure, failure};
@@ -52,14 +52,6 @@ struct Trial {
     to: f64,
     /// Out-of-balance force along the unknowns before it, with the part that the motion of supports and loads adds.
     residual: Vec<f64>,
-}
-
-/// How viscous stabilisation of a step ended.
-pub(super) enum Stabilised {
-    /// In equilibrium; the step has been accepted.
-    Accepted,
-    /// Without equilibrium, for this reason; the body is in the state before it again.
-    TakenBack(String),
 }
 
 /// The state before a stabilised step. The material keeps its own.

@@ -1,5 +1,6 @@
 //! Rows of a specimen test as CSV. Equal rows give equal bytes; no column holds a wall-clock time.
 
+use super::axes::axis_of;
 use super::results::SpecimenRow;
 use super::test_file::SpecimenTest;
 use std::io::Write;
@@ -62,7 +63,7 @@ impl<W: Write> SpecimenCsv<W> {
         let mut names = NAMES.map(str::to_owned).to_vec();
         let mut shear = Vec::new();
         for sheared in test.sheared() {
-            let is_walled = !test.periodic.iter().any(|axis| super::test_file::axis_of(axis) == Some(sheared.side));
+            let is_walled = !test.periodic.iter().any(|axis| axis_of(axis) == Some(sheared.side));
             names.push(format!("shear_{}", sheared.name));
             names.extend(is_walled.then(|| format!("wall_sigma_{}", sheared.name)));
             shear.push(is_walled);

@@ -1,6 +1,7 @@
 //! Single-scale grain dynamics: a whole specimen of grains between walls, on the contact laws of the periodic cells.
 
 pub mod assembly;
+mod axes;
 mod block;
 pub mod body;
 #[cfg(test)]

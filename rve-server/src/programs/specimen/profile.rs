@@ -1,8 +1,8 @@
 //! Layers of a specimen that is sheared: their mean displacements, and the shear strain between them. What grains move at random drops out of
 //! the means, so that a shear band shows.
 
+use super::axes::axis_of;
 use super::results::SpecimenPicture;
-use super::test_file::axis_of;
 use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! The table `[[stage]]`: what moves, and what is held at a stress.
 
-use super::test_file::{AXES, axis_of};
+use super::axes::{AXES, axis_of};
 use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

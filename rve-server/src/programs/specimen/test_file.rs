@@ -1,5 +1,6 @@
 //! A specimen test: the TOML document that `grainspan specimen` runs.
 
+use super::axes::{AXES, axis_of};
 use super::profile::ProfileTable;
 use super::removal::Region;
 use super::stage::{Sheared, Stage};
@@ -7,14 +8,6 @@ use crate::contact::ContactTable;
 use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-/// Names of the axes.
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// Number of the axis of this name.
-pub(super) fn axis_of(name: &str) -> Option<usize> {
-    AXES.iter().position(|axis| *axis == name)
-}
 
 /// The document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -8,12 +8,13 @@
 
 use super::account::Spent;
 use super::evaluation::{Evaluation, Motion, Start};
-use super::linear::{DiscMotions, LinearResponses};
 use crate::cell::{ContactRecord, GrainState, PairFinder, PairKey, StoredResponse};
 use crate::contact::{PlainLinear, Rotations};
 use crate::definition::GrainModel;
+use crate::solver::course::Course;
+use crate::solver::grain_solver::{End, Job, Solved};
+use crate::solver::linear::{DiscMotions, LinearResponses};
 use crate::solver::relaxation::Imbalance;
-use crate::solver::{Course, End, Job, Solved};
 use crate::space::{Discs, Tensor, norm, rotated, transpose};
 use std::sync::Arc;
 

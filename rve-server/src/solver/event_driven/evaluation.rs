@@ -1,11 +1,11 @@
 //! One exact evaluation of all contacts after a given motion of the grains: geometry, springs, friction, and what is left
 //! out of balance. Nothing is linearised here, so that the residual is the whole error of a predicted motion.
 
-use super::linear::DiscPair;
 use crate::cell::{Cell, GrainState, PairKey};
 use crate::contact::{ContactLaw, ContactMotion, PlainLinear};
 use crate::definition::GrainModel;
 use crate::solver::kernel::StepSums;
+use crate::solver::linear::DiscPair;
 use crate::space::{Components, Discs, Space, add_scaled, apply};
 
 /// Gap that a loose grain is left with when it is pushed away, over the distance of the centres.

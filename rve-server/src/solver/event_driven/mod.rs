@@ -9,14 +9,12 @@
 
 mod account;
 mod attempt;
-mod course;
 mod evaluation;
-mod linear;
 
-pub use course::Course;
-pub use linear::{DiscMotions, DiscPair, LinearResponses};
-
-use super::{End, GrainSolver, Job, relaxation};
+use super::course::Course;
+use super::grain_solver::{End, GrainSolver, Job};
+use super::linear::LinearResponses;
+use super::relaxation;
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
 use crate::contact::{ContactLaws, ContactTable, PlainLinear};
 use crate::definition::{Criterion, GrainModel};

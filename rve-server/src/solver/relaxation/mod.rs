@@ -21,9 +21,9 @@ mod stiffness;
 #[cfg(test)]
 mod tests;
 
+use super::grain_solver::{End, GrainSolver, Job, Solved};
 use super::kernel::backend::Backend;
 use super::kernel::{Contact, Grain, Steering, StepSums, Wanted};
-use super::{End, GrainSolver, Job, Solved};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact};
 use crate::contact::{AT_LIMIT, ContactLaw, ContactLaws, ContactTable, LawVisitor, Rotations};
 use crate::definition::GrainModel;

@@ -3,7 +3,6 @@
 //! Everything here is decided from the cell's own numbers, so its path does not depend on the other cells of the
 //! batch.
 
-use super::super::{Course, Job, Solved};
 use super::batch::Batch;
 use super::convergence::{Advice, ConvergenceMonitor};
 use super::criterion::{ENERGY_HITS, Imbalance};
@@ -14,6 +13,8 @@ use crate::cell::Cell;
 use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
 use crate::simd::Real;
+use crate::solver::course::Course;
+use crate::solver::grain_solver::{Job, Solved};
 use crate::solver::kernel::StepSums;
 use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
 use protocol::RveError;

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 
 /// Folders of the workspace members as the manifest lists them, and `.` for the program.
-fn members() -> Vec<String> {
+pub(super) fn members() -> Vec<String> {
     let manifest: toml::Table = read("Cargo.toml").parse().expect("the manifest is TOML");
     let listed = manifest["workspace"]["members"].as_array().expect("members are a list");
     let members = listed.iter().map(|member| member.as_str().expect("a member is a path").to_owned());
@@ -81,7 +81,7 @@ fn parts_of_group(group: &str) -> Vec<&str> {
 }
 
 /// Whether a file belongs to the product: no test.
-fn is_product(file: &str) -> bool {
+pub(super) fn is_product(file: &str) -> bool {
     file.ends_with(".rs") && !file.contains("/tests") && !file.ends_with("tests.rs")
 }
 
@@ -105,7 +105,7 @@ fn arrows(member: &str, files: &[String]) -> BTreeMap<String, BTreeSet<String>> 
 }
 
 /// The largest set of rooms that reach each other; empty if no room reaches itself.
-fn largest_circle(arrows: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<String> {
+pub(super) fn largest_circle(arrows: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<String> {
     let reached = |from: &String| {
         let (mut found, mut open) = (BTreeSet::new(), vec![from]);
         while let Some(room) = open.pop() {

@@ -4,6 +4,7 @@
 //! `GRAINSPAN_UPDATE_DOCUMENTS=1 cargo test --release --test integration documents`.
 
 mod catalogue;
+mod circles;
 mod map;
 mod paths;
 mod text;

@@ -1,4 +1,4 @@
-//! The command line of the study.
+//! Options of the study of stability on the command line.
 
 use rve_server::definition::Damping;
 use std::path::PathBuf;

@@ -1,0 +1,81 @@
+//! How attempts at a step end, and what is known of an accepted one; the same for all procedures.
+
+use crate::observer::{DynamicsView, Statistics};
+use nalgebra::Matrix3;
+
+/// A converged step, not yet committed.
+#[derive(Clone, Debug)]
+pub(super) struct Converged {
+    /// Change of the displacements, m, by degree of freedom.
+    pub(super) increment: Vec<f64>,
+    /// Load factor reached.
+    pub(super) load: f64,
+    /// Iterations used.
+    pub(super) iterations: usize,
+    /// Force ratio reached.
+    pub(super) force_ratio: f64,
+    /// Displacement ratio reached.
+    pub(super) displacement_ratio: f64,
+    /// Correction that the state would still get, m, by degree of freedom; `None` for procedures that know none.
+    pub(super) correction: Option<Vec<f64>>,
+    /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
+    pub(super) stagnated: bool,
+}
+
+/// How viscous stabilisation of a step ended.
+pub(super) enum Stabilised {
+    /// In equilibrium; the step has been accepted.
+    Accepted,
+    /// Without equilibrium, for this reason; the body is in the state before it again.
+    TakenBack(String),
+}
+
+/// Counters at the start of a step, and what happened before it was accepted.
+#[derive(Clone, Copy)]
+pub(super) struct Counters {
+    pub(super) evaluations: u64,
+    pub(super) skipped: u64,
+    /// Failed attempts.
+    pub(super) cut_backs: usize,
+    /// Increments of viscous stabilisation.
+    pub(super) stabilisation_increments: usize,
+}
+
+impl Counters {
+    /// At this moment.
+    pub(super) fn of(statistics: &Statistics) -> Self {
+        Self {
+            evaluations: statistics.evaluations,
+            skipped: statistics.skipped,
+            cut_backs: 0,
+            stabilisation_increments: 0,
+        }
+    }
+}
+
+/// An accepted and committed state, as its procedure knows it. Forces run over all degrees of freedom, N, in the plane per metre
+/// of thickness.
+pub(super) struct AcceptedState<'a> {
+    /// Load factor.
+    pub(super) load: f64,
+    /// Share of the stage's path.
+    pub(super) stage_fraction: f64,
+    /// Share of the path that the step covers.
+    pub(super) step_size: f64,
+    /// Iterations or time steps.
+    pub(super) iterations: usize,
+    /// See [`crate::observer::StepReport::force_ratio`].
+    pub(super) force_ratio: f64,
+    /// See [`crate::observer::StepReport::displacement_ratio`].
+    pub(super) displacement_ratio: f64,
+    /// Displacement gradients of the points in the step.
+    pub(super) gradients: &'a [Matrix3<f64>],
+    /// Forces of supports and multi-point constraints.
+    pub(super) reactions: &'a [f64],
+    /// Forces of the loads.
+    pub(super) loads: &'a [f64],
+    /// Energy of the hourglass control, J, in the plane per metre.
+    pub(super) hourglass_energy: f64,
+    /// Motion, in a dynamic stage.
+    pub(super) dynamics: Option<DynamicsView<'a>>,
+}

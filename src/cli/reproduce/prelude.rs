@@ -1,0 +1,8 @@
+//! What every figure uses.
+
+pub(super) use super::curve::{Curve, crossing, liu_ratio, mean_between, peak, trough, value_at};
+pub(super) use super::error::ReproduceError;
+pub(super) use super::figure::{Command, Figure, Outcome, Run, Size};
+pub(super) use super::results::Results;
+pub(super) use crate::cli::comparison::{Comparison, Theirs, Tolerance};
+pub(super) use charts::{Chart, Map, Panel, Scale};
