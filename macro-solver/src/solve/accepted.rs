@@ -2,6 +2,7 @@
 
 use crate::observer::{DynamicsView, Statistics};
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 /// A converged step, not yet committed.
 #[derive(Clone, Debug)]
@@ -20,6 +21,24 @@ pub(super) struct Converged {
     pub(super) correction: Option<Vec<f64>>,
     /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
     pub(super) stagnated: bool,
+}
+
+/// What the last accepted load step tells about the next one.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct LastStep {
+    /// Change of the displacements, m, by degree of freedom.
+    pub(super) increment: Vec<f64>,
+    /// Share of the stage's path that it took.
+    pub(super) size: f64,
+    /// Correction that the accepted state would still get, m, by degree of freedom; empty where the procedure knows none.
+    pub(super) correction: Vec<f64>,
+}
+
+impl LastStep {
+    /// Whether its displacements are those of a mesh with so many degrees of freedom.
+    pub(super) fn fits(&self, dofs: usize) -> bool {
+        self.increment.len() == dofs && [0, dofs].contains(&self.correction.len())
+    }
 }
 
 /// How viscous stabilisation of a step ended.

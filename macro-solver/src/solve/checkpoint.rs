@@ -1,6 +1,7 @@
 //! The state of the driver between two steps, for checkpoints. The geometry, the balance of forces and the factors of the global matrix
 //! follow from it; they are computed again from the same numbers in the same order.
 
+use super::accepted::LastStep;
 use super::driver::{Session, Solver};
 use super::newton::quasi_newton::{Memory, Pair};
 use super::newton::tangent_update::TangentUpdaterRecord;
@@ -13,13 +14,13 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 21;
+const VERSION: u32 = 22;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
     displacements: Vec<f64>,
     points: Vec<PointRecord>,
-    last_increment: Option<(Vec<f64>, f64)>,
+    last_step: Option<LastStep>,
     stage: u64,
     stage_start: Vec<f64>,
     load: f64,
@@ -74,7 +75,7 @@ impl Checkpointed for Solver<'_> {
         let record = Record {
             displacements: self.body.displacements.clone(),
             points: self.points.records(),
-            last_increment: self.last_increment.clone(),
+            last_step: self.last_step.clone(),
             stage: self.stage as u64,
             stage_start: self.stage_start.clone(),
             load: self.load,
@@ -100,15 +101,13 @@ impl Checkpointed for Solver<'_> {
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let record: Record = archive.get(SECTION, VERSION)?;
         copy(SECTION, &mut self.body.displacements, &record.displacements)?;
-        if let Some((increment, _)) = &record.last_increment
-            && increment.len() != self.body.displacements.len()
-        {
-            return Err(CheckpointError::unfit(SECTION, "the last increment is that of another mesh"));
+        if record.last_step.as_ref().is_some_and(|last| !last.fits(self.body.displacements.len())) {
+            return Err(CheckpointError::unfit(SECTION, "the last step is that of another mesh"));
         }
         self.points.restore(SECTION, record.points)?;
         self.points.set_strain_per_step(record.strain_per_step);
         self.kept_strain_per_step = record.kept_strain_per_step;
-        self.last_increment = record.last_increment;
+        self.last_step = record.last_step;
         (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
         self.stabilised_in_vain = record.stabilised_in_vain;
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);

@@ -6,7 +6,7 @@
 //! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
 //! cut back when it does not converge, and the run ends with a reason when the smallest step does not.
 
-use super::accepted::{AcceptedState, Converged, Counters, Stabilised};
+use super::accepted::{AcceptedState, Converged, Counters, LastStep, Stabilised};
 use super::equations::Equations;
 use super::explicit::Integrator;
 use super::linear_solver::{LinearSolver, norm};
@@ -93,8 +93,8 @@ pub(super) struct Solver<'a> {
     pub(super) balance: Balance,
     /// Of the committed state.
     pub(super) committed_balance: Balance,
-    /// Displacements and size of the last accepted load step.
-    pub(super) last_increment: Option<(Vec<f64>, f64)>,
+    /// Of this stage; `None` after a stabilised step, whose path predicts nothing.
+    pub(super) last_step: Option<LastStep>,
     /// Load factor of the committed state.
     pub(super) load: f64,
     /// Share of the stage's path that is done; the load factor, unless that is an unknown.
@@ -153,7 +153,7 @@ impl<'a> Solver<'a> {
             memory: first.strategy.quasi_newton.as_ref().map(Memory::new),
             balance: empty.clone(),
             committed_balance: empty,
-            last_increment: None,
+            last_step: None,
             load: 0.0,
             stage_fraction: 0.0,
             constraint: Constraint::new(problem, &first.control.path)?,
@@ -354,7 +354,11 @@ impl<'a> Solver<'a> {
         if step_size > 0.0 {
             // The path of a stabilised step predicts nothing about the next step.
             let is_regular = before.stabilisation_increments == 0;
-            self.last_increment = is_regular.then(|| (converged.increment.clone(), step_size));
+            self.last_step = is_regular.then(|| LastStep {
+                increment: converged.increment.clone(),
+                size: step_size,
+                correction: converged.correction.clone().unwrap_or_default(),
+            });
             self.last_load_change = load - self.load;
             self.statistics.steps += 1;
             self.stabilised_in_vain &= self.full_step(stage_fraction) > 1.0 + 1e-9;

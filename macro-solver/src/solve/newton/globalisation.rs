@@ -8,9 +8,9 @@
 //! radius that shrinks at every growth was measured against this and needed a third more evaluations past the peak.
 
 /// Growth of the out-of-balance force, relative to the last accepted iterate, at which an iterate is rejected.
-const LARGEST_GROWTH: f64 = 3.0;
+const LARGEST_GROWTH: f64 = 6.0;
 
-/// Consecutive iterates that may be rejected before the attempt fails.
+/// Iterates of an attempt that may be rejected before it fails: where a cell snaps, no state lies between the last one and the next.
 const MAX_BACKTRACKS: usize = 3;
 
 /// An attempt is abandoned when its distance from convergence has not fallen below [`PROGRESS`] times its least value
@@ -20,9 +20,12 @@ const LONGEST_STAGNATION: usize = 5;
 /// See [`LONGEST_STAGNATION`].
 const PROGRESS: f64 = 0.9;
 
-/// Evaluations without halving the distance from convergence after which iterations make no progress worth their cost, if the
-/// iterate may be accepted as it is. A smooth material halves it in each.
+/// Evaluations without halving the distance from convergence after which iterations make no progress worth their cost, if there is
+/// an iterate that may be accepted as it is. A smooth material halves it in each.
 const LONGEST_CRAWL: usize = 2;
+
+/// The same for a single evaluation that leaves more than this share of the distance of the one before.
+const LEAST_GAIN: f64 = 0.8;
 
 /// Globalisation of one attempt.
 #[derive(Clone, Debug)]
@@ -36,6 +39,8 @@ pub(in crate::solve) struct Globalisation {
     /// Distance from convergence, as multiple of the tolerances, when it was last halved.
     halved: f64,
     crawling: usize,
+    /// Distance from convergence of the last accepted iterate.
+    distance: f64,
 }
 
 /// The last accepted iterate.
@@ -58,6 +63,7 @@ impl Globalisation {
             idle: 0,
             halved: f64::INFINITY,
             crawling: 0,
+            distance: f64::INFINITY,
         }
     }
 
@@ -73,12 +79,11 @@ impl Globalisation {
                 self.lower_cap();
             }
         }
-        self.backtracks = 0;
         self.base = Some(Base { increment: iterate.to_vec(), residual });
         true
     }
 
-    /// Half way back from a rejected iterate; `None` without an accepted iterate or after too many rejections in a row.
+    /// Half way back from a rejected iterate; `None` without an accepted iterate or after too many rejections.
     pub(in crate::solve) fn backtrack(&mut self, iterate: &[f64]) -> Option<Vec<f64>> {
         self.backtracks += 1;
         self.lower_cap();
@@ -110,7 +115,8 @@ impl Globalisation {
         } else {
             self.crawling += 1;
         }
-        self.crawling >= LONGEST_CRAWL
+        let before = std::mem::replace(&mut self.distance, distance);
+        self.crawling >= LONGEST_CRAWL || distance > LEAST_GAIN * before
     }
 
     /// Share of a correction of size `largest` that may be applied.
@@ -151,21 +157,23 @@ mod tests {
         assert_eq!(guard.backtrack(&[1.0]), None);
         let mut guard = Globalisation::new(1e-3, 1e-3);
         assert!(guard.accepts(&[1.0], 1.0, 0.01));
-        assert!(!guard.accepts(&[2.0], 4.0, 0.01));
+        assert!(!guard.accepts(&[2.0], 7.0, 0.01));
         assert_eq!(guard.backtrack(&[2.0]), Some(vec![1.5]));
         assert_eq!(guard.backtrack(&[1.5]), Some(vec![1.25]));
-        assert_eq!(guard.backtrack(&[1.25]), Some(vec![1.125]));
-        assert_eq!(guard.backtrack(&[1.125]), None);
+        assert!(guard.accepts(&[1.25], 1.0, 0.01), "rejections are counted over the whole attempt");
+        assert_eq!(guard.backtrack(&[1.5]), Some(vec![1.375]));
+        assert_eq!(guard.backtrack(&[1.375]), None);
     }
 
     #[test]
-    fn iterations_crawl_that_do_not_halve_the_distance_in_two_evaluations() {
+    fn iterations_crawl_that_do_not_halve_the_distance_in_two_evaluations_or_hardly_lower_it_in_one() {
         let crawls = |distances: &[f64]| {
             let mut guard = Globalisation::new(1e-3, 1e-3);
             distances.iter().map(|distance| guard.crawls([*distance, 0.0])).collect::<Vec<_>>()
         };
         assert_eq!(crawls(&[8.0, 5.0, 3.0, 2.0, 1.2]), [false; 5]);
-        assert_eq!(crawls(&[8.0, 7.0, 6.0, 2.0]), [false, false, true, false]);
+        assert_eq!(crawls(&[8.0, 6.0, 4.5, 2.0]), [false, false, true, false]);
+        assert_eq!(crawls(&[8.0, 3.0, 2.9, 1.0]), [false, false, true, false], "a single one that gains nothing");
     }
 
     #[test]

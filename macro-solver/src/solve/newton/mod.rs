@@ -4,6 +4,7 @@
 
 mod globalisation;
 pub(in crate::solve) mod path;
+mod prediction;
 pub(in crate::solve) mod quasi_newton;
 pub(in crate::solve) mod tangent_update;
 
@@ -13,7 +14,7 @@ use super::linear_solver::{LinearSolverError, norm};
 use super::procedure::LoadStepMethod;
 use crate::model::failure::Failure;
 use crate::observer::IterationReport;
-use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure, Predictor};
+use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure};
 use globalisation::Globalisation;
 use nalgebra::Matrix3;
 use path::Constraint;
@@ -26,10 +27,6 @@ const ROUND_OFF: f64 = 1e-12;
 /// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
-
-/// A step repeats no more than so many times the share of the last one that goes with its size: supports that hardly moved in the last
-/// step predict nothing.
-const MOST_REPEATED: f64 = 4.0;
 
 /// Why an iterate is rejected.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -176,7 +173,8 @@ impl Solver<'_> {
             if let Err(rejection) = self.try_iterate(attempt, &joined, &mut report, session)? {
                 self.reject(report, session);
                 self.tangents.rejected();
-                let next = attempt.globalisation.backtrack(&joined);
+                // Past an iterate that the step may end at, corrections that lead away are not worth searching along.
+                let next = attempt.globalisation.backtrack(&joined).filter(|_| attempt.nearest.is_none());
                 attempt.iterate = next.ok_or_else(|| Failure::Attempt(rejection.to_string()))?;
                 attempt.load = attempt.iterate.pop().expect("the load factor was joined");
                 continue;
@@ -189,16 +187,15 @@ impl Solver<'_> {
             let excess = tolerances.excess(&measures);
             let is_converged = excess.iter().all(|excess| *excess <= 1.0);
             let crawls = attempt.globalisation.crawls(excess);
-            if is_converged
-                || (attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures)) && crawls)
-            {
+            let may_end_here = attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures));
+            if is_converged || (may_end_here && crawls) {
                 return Ok(attempt.converged(iteration, &measures, correction, !is_converged));
             }
             last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
             if tolerances.criteria.energy {
                 last = format!("{last}, energy {:.2e}", measures.energy);
             }
-            if attempt.globalisation.stagnates(excess) {
+            if attempt.globalisation.stagnates(excess) || (crawls && attempt.nearest.is_some()) {
                 return Err(Failure::Attempt(format!("no progress after {iteration} iterations: {last}")));
             }
             let share = attempt.globalisation.share(largest_component(&self.body.gradients(&correction)));
@@ -431,60 +428,6 @@ impl Solver<'_> {
         self.statistics.linear_iterations = self.linear.iteration_count();
         self.statistics.direct_fallbacks = self.linear.fallback_count();
         Ok(self.constraints.expand(&solution?))
-    }
-
-    /// First iterate of a step: prescribed components are exact, free ones extrapolated or from the tangent of the
-    /// committed state.
-    fn predict(&mut self, load: f64) -> Result<Vec<f64>, Failure> {
-        let moment = self.moment(load);
-        let mut increment = self.given(moment);
-        let linear = self.stage().strategy.predictor == Predictor::Linear;
-        let repeated = self.last_increment.as_ref().filter(|_| linear).and_then(|(last, size)| {
-            let share = self.share_of_last_step(&increment, last, (load - self.load) / size)?;
-            Some((share, last.clone()))
-        });
-        match repeated {
-            Some((share, last)) => {
-                if share < 0.0 {
-                    self.tangents.turned();
-                }
-                for &dof in self.constraints.free() {
-                    increment[dof] = share * last[dof];
-                }
-            }
-            None => {
-                self.balance.clone_from(&self.committed_balance);
-                self.balance.external = self.loads.force(&self.body.positions(&self.body.zero()), moment);
-                let mut right = self.balance.residual();
-                for (value, pulled) in right.iter_mut().zip(self.balance.stiffness_times(&increment)) {
-                    *value = -(*value + pulled);
-                }
-                if self.tangents.factorizes() {
-                    self.factorize().map_err(|error| Failure::Attempt(error.to_string()))?;
-                }
-                let free = self.solve_linear(&self.constraints.restrict(&right));
-                let free = free.map_err(|error| Failure::Attempt(error.to_string()))?;
-                for &dof in self.constraints.free() {
-                    increment[dof] = free[dof];
-                }
-            }
-        }
-        self.constraints.complete(&mut increment, &self.body.displacements, moment);
-        Ok(increment)
-    }
-
-    /// Share of the last step that the coming one repeats: that of the motion of the supports, negative where they turn back, and
-    /// `share_of_load` where none has moved. `None` if they have moved too little to tell.
-    fn share_of_last_step(&self, given: &[f64], last: &[f64], share_of_load: f64) -> Option<f64> {
-        let supports = || (0..last.len()).filter(|&dof| self.constraints.is_prescribed(dof));
-        let moved: f64 = supports().map(|dof| last[dof] * last[dof]).sum();
-        if moved == 0.0 {
-            return Some(share_of_load);
-        }
-        let share = supports().map(|dof| given[dof] * last[dof]).sum::<f64>() / moved;
-        // On a straight path they differ by rounding.
-        let share = if (share - share_of_load).abs() < 1e-9 { share_of_load } else { share };
-        (share.abs() <= MOST_REPEATED * share_of_load).then_some(share)
     }
 
     /// Size of a full step over that of the step to `stage_fraction`; 1 for the initial equilibrium, which has no size.

@@ -6,6 +6,7 @@
 
 use crate::model::failure::Failure;
 use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError};
+use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
 use crate::solve::linear_solver::{LinearSolverError, norm};
 
@@ -149,8 +150,9 @@ impl Solver<'_> {
         constraint: &Constraint,
         size: f64,
     ) -> Result<(Vec<f64>, f64), Failure> {
-        let last = self.last_increment.clone();
-        if let Some((increment, of)) = last.as_ref().filter(|_| self.stage().strategy.predictor == Predictor::Linear)
+        let last = self.last_step.clone();
+        if let Some(LastStep { increment, size: of, .. }) =
+            last.as_ref().filter(|_| self.stage().strategy.predictor == Predictor::Linear)
         {
             let ratio = size / of;
             let load = self.load + ratio * self.last_load_change;
@@ -170,7 +172,7 @@ impl Solver<'_> {
             self.arc_length = Some(norm(&moved) * first_load.abs());
         }
         let along = match &last {
-            Some((increment, _)) => increment.clone(),
+            Some(last) => last.increment.clone(),
             None => direction.iter().map(|value| value * constraint.first_load()).collect(),
         };
         let change = constraint.share(self.goal(constraint, size), &still, &direction, &along);

@@ -161,11 +161,11 @@ impl Solver<'_> {
     fn first_iterate(&self, load: f64) -> Vec<f64> {
         let moment = self.moment(load);
         let repeats = self.stage().strategy.predictor == Predictor::Linear;
-        let last = self.last_increment.as_ref().filter(|_| repeats);
+        let last = self.last_step.as_ref().filter(|_| repeats);
         let mut iterate: Vec<f64> = (0..self.body.displacements.len())
             .map(|dof| match (self.constraints.prescribed(dof, moment), last) {
                 (Some(prescribed), _) => prescribed - self.body.displacements[dof],
-                (None, Some((increment, size))) => increment[dof] * ((load - self.load) / size),
+                (None, Some(last)) => last.increment[dof] * ((load - self.load) / last.size),
                 (None, None) => 0.0,
             })
             .collect();
@@ -177,7 +177,7 @@ impl Solver<'_> {
     /// iterate then strains their neighbourhood alone.
     fn fix_relaxation_ramps(&mut self, iterate: &[f64]) {
         let gradients = self.body.gradients(iterate);
-        if self.last_increment.is_some() {
+        if self.last_step.is_some() {
             self.points.fix_ramps(&gradients);
             return;
         }
