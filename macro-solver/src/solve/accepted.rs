@@ -30,7 +30,8 @@ pub(super) struct LastStep {
     pub(super) increment: Vec<f64>,
     /// Share of the stage's path that it took.
     pub(super) size: f64,
-    /// Correction that the accepted state would still get, m, by degree of freedom; empty where the procedure knows none.
+    /// Correction that the accepted state would still get, m, by degree of freedom; empty where the procedure knows none, or where
+    /// the step converged slowly.
     pub(super) correction: Vec<f64>,
 }
 

@@ -357,7 +357,8 @@ impl<'a> Solver<'a> {
             self.last_step = is_regular.then(|| LastStep {
                 increment: converged.increment.clone(),
                 size: step_size,
-                correction: converged.correction.clone().unwrap_or_default(),
+                // Where cells snap, corrections lead from branch to branch.
+                correction: converged.correction.clone().filter(|_| self.tangents.is_smooth()).unwrap_or_default(),
             });
             self.last_load_change = load - self.load;
             self.statistics.steps += 1;

@@ -240,7 +240,7 @@ fn a_deadly_question_is_set_aside_and_can_be_asked_again() {
 #[test]
 fn workers_may_come_and_go_from_one_to_eight_and_back() {
     let site = Site::new();
-    let mut run = site.start_run("scaled", "1", 700);
+    let mut run = site.start_run("scaled", "1", 300);
     let name = site.traces("scaled").run;
     run.await_rows(&site.path("scaled").join("history.csv"), 2);
     let helpers: Vec<_> =
@@ -258,7 +258,7 @@ fn workers_may_come_and_go_from_one_to_eight_and_back() {
     // The rest of the path would show nothing new.
     let rows = run.rows(&site.path("scaled").join("history.csv")) + 20;
     run.await_rows(&site.path("scaled").join("history.csv"), rows);
-    let mut alone = site.start_run("alone", "1", 700);
+    let mut alone = site.start_run("alone", "1", 300);
     signal(run.pid(), Signal::INT);
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);

@@ -30,8 +30,9 @@ impl Solver<'_> {
                 if share < 0.0 {
                     self.tangents.turned();
                 }
-                // What the last step left to correct is due whatever this one does.
-                let due = share_of_correction(&last);
+                // What the last step left to correct is due whatever this one does. Under loads alone it is not added: close to what
+                // the body bears at most, it leads away from the equilibria that are left.
+                let due = if self.supports_moved(&last.increment) { share_of_correction(&last) } else { 0.0 };
                 for &dof in self.constraints.free() {
                     let correction = last.correction.get(dof).map_or(0.0, |correction| due * correction);
                     increment[dof] = share * last.increment[dof] + correction;
@@ -56,6 +57,11 @@ impl Solver<'_> {
         }
         self.constraints.complete(&mut increment, &self.body.displacements, moment);
         Ok(increment)
+    }
+
+    /// Whether any support has moved in an increment.
+    fn supports_moved(&self, increment: &[f64]) -> bool {
+        (0..increment.len()).any(|dof| self.constraints.is_prescribed(dof) && increment[dof] != 0.0)
     }
 
     /// Share of the last step that the coming one repeats: that of the motion of the supports, negative where they turn back, and

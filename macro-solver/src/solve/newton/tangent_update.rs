@@ -102,6 +102,11 @@ impl TangentUpdater {
         self.due = is_rough || self.tangent_update == TangentUpdate::Always;
     }
 
+    /// Whether iterations have contracted as those of a smooth material do, so far as the rule looks at that.
+    pub(in crate::solve) fn is_smooth(&self) -> bool {
+        !self.is_rough
+    }
+
     /// The global matrix has been factorized.
     pub(in crate::solve) fn factorized(&mut self) {
         self.fresh = false;
