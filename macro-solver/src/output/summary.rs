@@ -127,9 +127,9 @@ pub struct Shortcut {
     /// the run has no such times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds_saved: Option<f64>,
-    /// How many were solved together in the mean; left out where nothing is.
+    /// Trials of a message, mean over those that `count` holds; left out where there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub together: Option<f64>,
+    pub trials_per_message: Option<f64>,
     /// Bound of what it changes: unbalanced force over mean contact force, or out-of-balance force over reactions and loads; 0 where no
     /// bit changes, or where the result keeps the same tolerances.
     pub error: f64,

@@ -152,11 +152,11 @@ pub struct Tolerances {
     pub displacement: f64,
     /// Out-of-balance force up to which a step is accepted whose iterations no longer make progress, as where cells snap and no state
     /// within `force_tolerance` lies next to the last one; the next step restores the whole balance. Counted as
-    /// `fallbacks.stagnated_steps`. 0 accepts none.
+    /// `fallbacks.stagnated_steps`. With 0, and `stagnated_displacement_tolerance` 0 too, none is accepted.
     #[serde(rename = "stagnated_force_tolerance")]
     #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
     pub stagnated_force: f64,
-    /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. 0 accepts none.
+    /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. With 0 the correction is held to `displacement_tolerance`.
     #[serde(rename = "stagnated_displacement_tolerance")]
     #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
     pub stagnated_displacement: f64,
@@ -202,6 +202,12 @@ impl Tolerances {
             displacement: (DISPLACEMENT_OVER_ERROR * error).min(default.stagnated_displacement),
             ..default
         }
+    }
+
+    /// Whether a step that stagnates may be accepted above the tolerances of any step.
+    pub fn accept_stagnated(&self) -> bool {
+        let (force, motion) = (self.criteria.force.is_some(), self.criteria.displacement.is_some());
+        (force && self.stagnated_force > self.force) || (motion && self.stagnated_displacement > self.displacement)
     }
 
     /// What a step is held to whose iterations make no more progress; never less than what any step is held to.

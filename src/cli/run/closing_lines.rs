@@ -107,7 +107,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         found if found.is_empty() => ("skipped", "none".to_owned()),
         found => ("skipped", found + &saved(summary)),
     });
-    lines.extend(super::levers::lines(summary));
+    lines.extend(super::shortcuts::lines(summary));
     lines.push(("written to", folder.to_owned()));
     let mut text = headline(summary, outcome) + "\n";
     for (label, value) in lines {

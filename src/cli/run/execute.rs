@@ -7,11 +7,11 @@ use super::event_log::EventLog;
 use super::failure::{failure, write_failure_case};
 use super::folder::OutputFolder;
 use super::grains::{GrainWriter, SnapshotRecorder};
-use super::levers::Allowed;
 use super::observers::ObserverChain;
 use super::plot;
 use super::progress::ProgressDisplay;
 use super::resume::{Continued, RunDescription};
+use super::shortcuts::Allowed;
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
@@ -131,7 +131,7 @@ fn allowed(scene: &Scene) -> Allowed {
         tolerance: scene.definition().options().tolerance(),
         lanes: scene.pool.lanes,
         event_driven: scene.definition().options().solver == SolverName::EventDriven,
-        stagnated_steps: stages.iter().any(|stage| stage.tolerances.stagnated_force > stage.tolerances.force),
+        stagnated_steps: stages.iter().any(|stage| stage.tolerances.accept_stagnated()),
     }
 }
 

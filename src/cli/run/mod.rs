@@ -12,12 +12,12 @@ mod folder;
 mod grains;
 mod hosts;
 mod launch;
-mod levers;
 mod observers;
 mod plot;
 mod preparation;
 mod progress;
 mod resume;
+mod shortcuts;
 mod summary;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! `summary.json` from the figures of solver and pool.
 
 use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
-use super::levers::{Allowed, levers};
+use super::shortcuts::{Allowed, shortcuts};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
@@ -98,7 +98,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         fallbacks,
         fallback_groups,
         skipped,
-        economy: levers(statistics, pool, &inputs.replicas, inputs.allowed),
+        economy: shortcuts(statistics, pool, &inputs.replicas, inputs.allowed),
         deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
         time: TimeShares {
             wall_s: inputs.wall_s,
@@ -254,15 +254,7 @@ mod tests {
             definition: String::new(),
             checkpoints: CheckpointFigures::default(),
             other_build: false,
-            allowed: Allowed {
-                unchanged_targets: true,
-                duplicate_trials: true,
-                zero_increments: true,
-                tolerance: 1e-3,
-                lanes: true,
-                event_driven: true,
-                stagnated_steps: true,
-            },
+            allowed: Allowed::everything(1e-3),
             hosts: BTreeMap::new(),
             prepared: None,
         };

@@ -120,10 +120,10 @@ fn every_means_is_accounted_for_and_the_numbers_add_up() {
         "zero_increments",
     ];
     assert_eq!(names, expected);
-    let count = |lever: &str, field: &str| economy[lever][field].as_u64().unwrap();
-    for lever in expected {
-        assert!(count(lever, "count") <= count(lever, "of"), "{lever}: {}", economy[lever]);
-        assert!(economy[lever]["enabled"].as_bool().unwrap() || count(lever, "count") == 0, "{lever}");
+    let count = |name: &str, field: &str| economy[name][field].as_u64().unwrap();
+    for name in expected {
+        assert!(count(name, "count") <= count(name, "of"), "{name}: {}", economy[name]);
+        assert!(economy[name]["enabled"].as_bool().unwrap() || count(name, "count") == 0, "{name}");
     }
     let of = |key: &str| summary[key].as_u64().unwrap();
     let (evaluations, tangents) = (of("rve_evaluations"), of("tangents"));
@@ -135,7 +135,7 @@ fn every_means_is_accounted_for_and_the_numbers_add_up() {
     assert!(without_zero <= asked && without_zero + count("zero_increments", "count") >= asked, "{summary}");
     // One worker, 32 points of one RVE: most come to it together.
     assert!(count("lanes", "count") > count("lanes", "of") / 2, "{}", economy["lanes"]);
-    assert!(economy["lanes"]["together"].as_f64().unwrap() >= 4.0, "{}", economy["lanes"]);
+    assert!(economy["lanes"]["trials_per_message"].as_f64().unwrap() >= 4.0, "{}", economy["lanes"]);
     assert_eq!(count("error_estimate", "force_evaluations_spent") > 0, count("error_estimate", "count") > 0);
     assert!(said.contains("  side by side     ") && said.contains("  no tangent       "), "{said}");
 }

@@ -101,6 +101,8 @@ struct Attempt {
     /// Load factor of the iterate.
     load: f64,
     globalisation: Globalisation,
+    /// Iterates evaluated, rejected ones too.
+    iterations: usize,
     /// The iterate, joined with its load factor, that came nearest to convergence of those that a stagnated step may end at, and
     /// its distance.
     nearest: Option<(f64, Vec<f64>)>,
@@ -122,17 +124,11 @@ impl Attempt {
     }
 
     /// The step at the evaluated iterate, whose next correction is `correction`.
-    fn converged(
-        &self,
-        iterations: usize,
-        measures: &ConvergenceMeasures,
-        correction: Vec<f64>,
-        stagnated: bool,
-    ) -> Converged {
+    fn converged(&self, measures: &ConvergenceMeasures, correction: Vec<f64>, stagnated: bool) -> Converged {
         Converged {
             increment: self.iterate.clone(),
             load: self.load,
-            iterations,
+            iterations: self.iterations,
             force_ratio: measures.force,
             displacement_ratio: measures.displacement,
             correction: Some(correction),
@@ -166,8 +162,7 @@ impl Solver<'_> {
         let mut last = String::new();
         let max_iterations = self.stage().control.max_iterations;
         for iteration in 1..=max_iterations {
-            self.statistics.iterations += 1;
-            let mut report = self.blank_report(attempt.load, iteration);
+            let mut report = self.next_report(attempt);
             // The load factor is a part of the iterate: backtracking takes it back as well.
             let joined: Vec<f64> = attempt.iterate.iter().copied().chain([attempt.load]).collect();
             if let Err(rejection) = self.try_iterate(attempt, &joined, &mut report, session)? {
@@ -189,7 +184,7 @@ impl Solver<'_> {
             let crawls = attempt.globalisation.crawls(excess);
             let may_end_here = attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures));
             if is_converged || (may_end_here && crawls) {
-                return Ok(attempt.converged(iteration, &measures, correction, !is_converged));
+                return Ok(attempt.converged(&measures, correction, !is_converged));
             }
             last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
             if tolerances.criteria.energy {
@@ -207,6 +202,13 @@ impl Solver<'_> {
         Err(Failure::Attempt(format!("not converged after {max_iterations} iterations: {last}")))
     }
 
+    /// Counts the iterate that is evaluated next; its report, of which nothing is known yet.
+    fn next_report(&mut self, attempt: &mut Attempt) -> IterationReport {
+        self.statistics.iterations += 1;
+        attempt.iterations += 1;
+        self.blank_report(attempt.load, attempt.iterations)
+    }
+
     /// Ends a step at an iterate that was evaluated before and is the nearest to convergence.
     fn settle_for(
         &mut self,
@@ -217,8 +219,7 @@ impl Solver<'_> {
     ) -> Result<Converged, Failure> {
         attempt.load = nearest.pop().expect("the load factor was joined");
         attempt.iterate = nearest;
-        self.statistics.iterations += 1;
-        let mut report = self.blank_report(attempt.load, self.stage().control.max_iterations);
+        let mut report = self.next_report(&mut attempt);
         let norms = self.evaluate(&attempt.iterate, attempt.load, session)?;
         report.evaluations = norms.evaluations;
         report.force_ratio = norms.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
@@ -226,7 +227,7 @@ impl Solver<'_> {
         let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
         report.displacement_ratio = Some(measures.displacement);
         session.observer.iterated(&report);
-        Ok(attempt.converged(report.iteration, &measures, correction, true))
+        Ok(attempt.converged(&measures, correction, true))
     }
 
     /// First iterate of an attempt, and the points prepared for it.
@@ -244,7 +245,16 @@ impl Solver<'_> {
         self.points.begin_attempt(&gradients);
         let capped_change = self.stage().strategy.capped_change;
         let globalisation = Globalisation::new(largest_component(&gradients).max(capped_change), capped_change);
-        Ok(Attempt { target, constraint, first: iterate.clone(), iterate, load, globalisation, nearest: None })
+        Ok(Attempt {
+            target,
+            constraint,
+            first: iterate.clone(),
+            iterate,
+            load,
+            globalisation,
+            iterations: 0,
+            nearest: None,
+        })
     }
 
     /// Correction of the evaluated iterate and of its load factor.

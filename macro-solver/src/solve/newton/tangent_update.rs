@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 /// contacts: every iterate then gets its own tangents.
 const ROUGH: f64 = 0.1;
 
+/// Share of the out-of-balance force that an iteration leaves at most where the material is smooth.
+const SMOOTH: f64 = 0.5;
+
 /// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
@@ -23,6 +26,8 @@ pub(in crate::solve) struct TangentUpdater {
     last_residual: Option<f64>,
     /// Of the rules that ask where iterations are slow: the attempt is not smooth, and every further iterate gets tangents.
     is_rough: bool,
+    /// Whether the attempt has contracted at every iterate as that of a smooth material does, whatever the rule.
+    is_smooth: bool,
 }
 
 /// What of it outlives a step.
@@ -53,7 +58,16 @@ impl TangentUpdater {
             | TangentUpdate::Once) => update,
         };
         // Nothing is known about a step before the first.
-        Self { tangent_update, corrected, due: true, fresh: true, uses: 0, last_residual: None, is_rough: true }
+        Self {
+            tangent_update,
+            corrected,
+            due: true,
+            fresh: true,
+            uses: 0,
+            last_residual: None,
+            is_rough: true,
+            is_smooth: false,
+        }
     }
 
     /// The initial state has been evaluated; `suffices` if its tangents are of the kind that is wanted.
@@ -75,6 +89,7 @@ impl TangentUpdater {
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
         let was_rough = std::mem::replace(&mut self.is_rough, again);
+        self.is_smooth = !again;
         self.due = match self.tangent_update {
             TangentUpdate::Always | TangentUpdate::EachStep | TangentUpdate::EachStepOrSlow { .. } => true,
             TangentUpdate::SecondIterate | TangentUpdate::SecondIterateOrSlow { .. } => again || was_rough,
@@ -102,9 +117,10 @@ impl TangentUpdater {
         self.due = is_rough || self.tangent_update == TangentUpdate::Always;
     }
 
-    /// Whether iterations have contracted as those of a smooth material do, so far as the rule looks at that.
+    /// Whether every iteration of the attempt has left at most [`SMOOTH`] of the out-of-balance force, none of them was far from
+    /// equilibrium or rejected, and it is the first at its step.
     pub(in crate::solve) fn is_smooth(&self) -> bool {
-        !self.is_rough
+        self.is_smooth
     }
 
     /// The global matrix has been factorized.
@@ -119,6 +135,7 @@ impl TangentUpdater {
         self.uses += 1;
         let is_first = self.last_residual.is_none();
         let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
+        self.is_smooth &= !slow(SMOOTH) && force_ratio <= ROUGH;
         let is_worn = match self.tangent_update {
             TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
             TangentUpdate::EachStepOrSlow { contraction } => {
@@ -139,7 +156,7 @@ impl TangentUpdater {
 
     /// An iterate has been rejected: where tangents mislead that far, the next one gets its own.
     pub(in crate::solve) fn rejected(&mut self) {
-        self.is_rough = true;
+        (self.is_rough, self.is_smooth) = (true, false);
         self.due |= self.asks_where_slow();
     }
 
@@ -213,6 +230,25 @@ mod tests {
         assert_eq!(requests(TangentUpdate::SECOND_ITERATE_OR_SLOW, &[1.0, 0.8, 0.1, 0.09]), "TFsTFTF TFsTFTF.");
         let short = TangentUpdate::WhenSlow { contraction: 0.5, most_uses: 2 };
         assert_eq!(requests(short, &[1.0, 0.1, 0.01]), "TFss TFss.");
+    }
+
+    #[test]
+    fn an_attempt_is_smooth_while_it_contracts_whatever_the_rule() {
+        for update in [TangentUpdate::Always, TangentUpdate::WHEN_SLOW, TangentUpdate::SECOND_ITERATE_OR_SLOW] {
+            let smooth = |residuals: &[f64], again: bool| {
+                let mut tangents = TangentUpdater::new(update, false);
+                tangents.begin_attempt(again);
+                residuals.iter().for_each(|residual| tangents.judge(*residual, 0.01));
+                tangents.is_smooth()
+            };
+            assert!(smooth(&[1.0, 0.4, 0.1], false));
+            assert!(!smooth(&[1.0, 0.8, 0.1], false), "{update:?}");
+            assert!(!smooth(&[1.0, 0.4], true), "after a failed attempt");
+            let mut tangents = TangentUpdater::new(update, false);
+            tangents.begin_attempt(false);
+            tangents.judge(1.0, 0.2);
+            assert!(!tangents.is_smooth(), "far from equilibrium");
+        }
     }
 
     #[test]

@@ -25,12 +25,28 @@ pub(super) struct Allowed {
     pub(super) stagnated_steps: bool,
 }
 
+#[cfg(test)]
+impl Allowed {
+    /// Everything, with this tolerance of the grain solver.
+    pub(super) const fn everything(tolerance: f64) -> Self {
+        Self {
+            unchanged_targets: true,
+            duplicate_trials: true,
+            zero_increments: true,
+            tolerance,
+            lanes: true,
+            event_driven: true,
+            stagnated_steps: true,
+        }
+    }
+}
+
 /// Fewest force evaluations of a trial that is relaxed: five increments of a ramp and ten steps of rest, less the one that an
 /// evaluation of the state takes.
 const FEWEST_EVALUATIONS: u64 = 14;
 
 /// What each of them has saved, by name.
-pub(super) fn levers(
+pub(super) fn shortcuts(
     statistics: &Statistics,
     pool: &PoolStatistics,
     replicas: &ReplicaFigures,
@@ -95,7 +111,7 @@ pub(super) fn levers(
         ("stagnated_steps", stagnated_steps),
         ("error_estimate", error_estimate),
     ];
-    all.into_iter().map(|(name, lever)| (name.to_owned(), lever)).collect()
+    all.into_iter().map(|(name, shortcut)| (name.to_owned(), shortcut)).collect()
 }
 
 /// Trials solved side by side: the time of a force evaluation is compared with that of the trials solved one by one, if there were any.
@@ -108,7 +124,7 @@ fn lanes(pool: &PoolStatistics, enabled: bool) -> Shortcut {
         count: together.trials,
         of: together.trials + alone.trials,
         seconds_saved: as_alone.filter(|_| is_taken).map(|seconds| seconds - together.seconds),
-        together: is_taken.then(|| together.in_messages as f64 / together.trials as f64),
+        trials_per_message: is_taken.then(|| together.in_messages as f64 / together.trials as f64),
         ..Shortcut::default()
     }
 }
@@ -126,39 +142,35 @@ fn tangents_not_requested(statistics: &Statistics, pool: &PoolStatistics) -> Sho
     }
 }
 
-/// One line for each of them that was taken, and that the line of skipped evaluations does not name.
+/// One line for each of them that was taken, and that the lines of skipped evaluations and of the accuracy do not name.
 pub(super) fn lines(summary: &Summary) -> Vec<(&'static str, String)> {
-    let words: [(&str, &str, &str); 5] = [
+    let words: [(&str, &str, &str); 4] = [
         ("lanes", "side by side", "trials"),
         ("tangents_not_requested", "no tangent", "evaluations without one"),
         ("event_driven", "linear response", "evaluations"),
         ("stagnated_steps", "stagnation", "steps ended above the tolerance"),
-        ("error_estimate", "error estimate", "evaluations were solved once more"),
     ];
     let taken = words.into_iter().filter_map(|(name, label, what)| {
-        let lever = summary.economy.get(name).filter(|lever| lever.count > 0)?;
-        Some((label, in_words(lever, what)))
+        let shortcut = summary.economy.get(name).filter(|shortcut| shortcut.count > 0)?;
+        Some((label, in_words(shortcut, what)))
     });
     taken.collect()
 }
 
-fn in_words(lever: &Shortcut, what: &str) -> String {
-    let mut parts = vec![format!("{} of {} {what}", lever.count, lever.of)];
-    if let Some(together) = lever.together {
-        parts.push(format!("{together:.1} to a message"));
+fn in_words(shortcut: &Shortcut, what: &str) -> String {
+    let mut parts = vec![format!("{} of {} {what}", shortcut.count, shortcut.of)];
+    if let Some(trials) = shortcut.trials_per_message {
+        parts.push(format!("{trials:.1} to a message"));
     }
-    if let Some(seconds) = lever.seconds_saved {
+    if let Some(seconds) = shortcut.seconds_saved {
         let word = if seconds < 0.0 { "lost" } else { "saved" };
         parts.push(format!("about {:.2} s of workers {word}", seconds.abs()));
     }
-    if lever.force_evaluations_saved > 0 {
-        parts.push(format!("at least {} force evaluations saved", lever.force_evaluations_saved));
+    if shortcut.force_evaluations_saved > 0 {
+        parts.push(format!("at least {} force evaluations saved", shortcut.force_evaluations_saved));
     }
-    if lever.force_evaluations_spent > 0 {
-        parts.push(format!("{} force evaluations", lever.force_evaluations_spent));
-    }
-    if lever.error > 0.0 {
-        parts.push(format!("error up to {:.0e}", lever.error));
+    if shortcut.error > 0.0 {
+        parts.push(format!("error up to {:.0e}", shortcut.error));
     }
     parts.join(", ")
 }
@@ -168,16 +180,6 @@ mod tests {
     use super::*;
     use macro_solver::pool::SolvedTrials;
 
-    const ALL: Allowed = Allowed {
-        unchanged_targets: true,
-        duplicate_trials: true,
-        zero_increments: true,
-        tolerance: 1e-3,
-        lanes: true,
-        event_driven: true,
-        stagnated_steps: true,
-    };
-
     #[test]
     fn lanes_save_the_time_that_the_same_evaluations_take_alone() {
         let pool = PoolStatistics {
@@ -186,7 +188,7 @@ mod tests {
             ..PoolStatistics::default()
         };
         let lanes = lanes(&pool, true);
-        assert_eq!((lanes.count, lanes.of, lanes.together), (16, 18, Some(8.0)));
+        assert_eq!((lanes.count, lanes.of, lanes.trials_per_message), (16, 18, Some(8.0)));
         assert!((lanes.seconds_saved.unwrap() - 1.0).abs() < 1e-12);
         assert_eq!(in_words(&lanes, "trials"), "16 of 18 trials, 8.0 to a message, about 1.00 s of workers saved");
     }
@@ -207,9 +209,13 @@ mod tests {
         let mut statistics =
             Statistics { evaluations: 10, event_driven_force_evaluations: 12, ..Statistics::default() };
         (statistics.flags.elastic_increments, statistics.flags.event_increments) = (4, 2);
-        let all = levers(&statistics, &PoolStatistics::default(), &ReplicaFigures::default(), ALL);
-        let lever = all["event_driven"];
-        assert_eq!((lever.count, lever.of, lever.force_evaluations_saved, lever.error), (6, 10, 78, 1e-3));
-        assert!(all.values().all(|lever| lever.count <= lever.of));
+        let all =
+            shortcuts(&statistics, &PoolStatistics::default(), &ReplicaFigures::default(), Allowed::everything(1e-3));
+        let shortcut = all["event_driven"];
+        assert_eq!(
+            (shortcut.count, shortcut.of, shortcut.force_evaluations_saved, shortcut.error),
+            (6, 10, 78, 1e-3)
+        );
+        assert!(all.values().all(|shortcut| shortcut.count <= shortcut.of));
     }
 }
