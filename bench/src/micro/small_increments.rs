@@ -69,8 +69,7 @@ impl Cell<'_> {
         let model = GrainModel::new(&definition)?;
         let mut solver = Discs::solver(definition.options.solver, &definition.contact)?;
         solver.use_responses(Box::new(NetworkResponses::default()));
-        let mut driven =
-            Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3] };
+        let mut driven = Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3] };
         for strain in path {
             let ramp_steps = ramp_steps(&definition.options, strain);
             let end = solver.solve_one(&model, Job { state: &driven.state, strain: *strain, ramp_steps })?;

@@ -14,9 +14,11 @@ const OF_ATTEMPT: i32 = 5;
 /// Bound of the balance in either direction. At the lower one the solver rests.
 const BOUND: i32 = 400;
 
-/// Trials that relaxation answers then, at first and at most. Each rest is twice the last one, and after it half the bound may
-/// be lost again.
+/// Trials that relaxation answers then, at first and at most. Each rest is twice the last one.
 const REST: [u32; 2] = [8, 512];
+
+/// Force evaluations that may be lost after a rest until the next one: two factorisations show whether modes still change.
+const AFTER_REST: i32 = 110;
 
 /// Force evaluations that relaxation spends on each decade of the tolerance below 1e-3.
 const PER_DECADE: f64 = 30.0;
@@ -57,7 +59,7 @@ pub(super) fn book<S: Space>(
     let saved = if answered { of_relaxation(options, ramp_steps) } else { 0 };
     memory.balance = (memory.balance + saved - spent.in_evaluations()).clamp(-BOUND, BOUND);
     if memory.balance == -BOUND {
-        memory.balance = -BOUND / 2;
+        memory.balance = AFTER_REST - BOUND;
         memory.rest = (2 * memory.last_rest).clamp(REST[0], REST[1]);
         memory.last_rest = memory.rest;
         memory.response = None;
