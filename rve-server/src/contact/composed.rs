@@ -213,9 +213,16 @@ impl<K: KernelSpace, N: Springs, const MEMORY: usize> ContactLaw<K> for Composed
             let before = memory[0];
             let viscosity = R::select(motion.touched, R::splat(self.viscosity), zero);
             let normal_stiffness = N::normal_stiffness(constants[NORMAL], overlap);
+            let mut across = motion.slip.scaled(viscosity * tangential);
+            if self.viscosity > 0.0 {
+                // Spring and dashpot together stay in the cone. A dashpot on contacts that slide would hold a cell that has no
+                // stiffness against the same motion: it creeps for ever.
+                let both = K::shortened(kept.plus(across), limit, AT_LIMIT).kept;
+                across = both.minus(kept);
+            }
             response.viscous = Some(Viscous {
                 normal_force: -(viscosity * normal_stiffness * (overlap - before)),
-                tangential_force: motion.slip.scaled(viscosity * tangential),
+                tangential_force: across,
             });
             let rolling = motion.rolling.where_or(motion.touched, K::Axial::zero());
             let (moment, lost) = rolled::<K, R>(
