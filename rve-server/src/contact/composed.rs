@@ -35,7 +35,8 @@ pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
     /// Rolling resistance.
     pub rolling: RollingSpring,
     /// Contact viscosity over stiffness in pseudo-time steps: a motion of one step is answered by this many times the
-    /// elastic force it causes. Nothing moves at equilibrium, so no quasi-static result depends on it.
+    /// elastic force it causes, across the contact within the friction limit of spring and dashpot together. Nothing moves at
+    /// equilibrium, so no quasi-static result depends on it.
     pub viscosity: f64,
 }
 
@@ -215,8 +216,8 @@ impl<K: KernelSpace, N: Springs, const MEMORY: usize> ContactLaw<K> for Composed
             let normal_stiffness = N::normal_stiffness(constants[NORMAL], overlap);
             let mut across = motion.slip.scaled(viscosity * tangential);
             if self.viscosity > 0.0 {
-                // Spring and dashpot together stay in the cone. A dashpot on contacts that slide would hold a cell that has no
-                // stiffness against the same motion: it creeps for ever.
+                // Spring and dashpot together stay in the cone. Where a contact slides its spring resists no further motion; a
+                // dashpot that did would let the cell creep with forces far from balance.
                 let both = K::shortened(kept.plus(across), limit, AT_LIMIT).kept;
                 across = both.minus(kept);
             }

@@ -100,7 +100,8 @@ pub struct ContactTable {
     #[schemars(extend("x-unit" = "m"), range(min = 0.0))]
     pub cohesion: f64,
     /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
-    /// elastic force it causes. It acts while grains move and on them alone; no quasi-static result depends on it.
+    /// elastic force it causes; along a contact that slides, by none. It acts while grains move and on them alone; no
+    /// quasi-static result depends on it. Of no use for rest: a cell takes as many steps as without, or more.
     #[serde(default)]
     #[schemars(extend("x-unit" = "steps"), range(min = 0.0))]
     pub damping: f64,

@@ -214,3 +214,39 @@ fn rolling_spring_is_elastic_and_then_plastic() {
     let (moment, _) = roll(-0.5 * yield_angle);
     assert!((moment / largest + 0.5).abs() < 1e-12);
 }
+
+/// Spring and dashpot across a contact together stay within the friction limit: where it slides the dashpot adds nothing, without
+/// friction there is none, and where it sticks the force is `k_t (1 + b)` times the slip.
+#[test]
+fn tangential_viscosity_stays_within_the_friction_limit() {
+    let springs = LinearSprings { normal: NormalStiffness::Constant(5.0), stiffness_ratio: 0.4 };
+    for friction in [0.0, 0.5] {
+        let law = ExtendedLinear { viscosity: 0.8, ..ExtendedLinear::plain(springs, friction) };
+        let constants = constants(&law, [1.0, 1.0]);
+        let (overlap, limit) = (0.01, friction * 5.0 * 0.01);
+        let respond = |carried: f64, slip: f64| {
+            let motion = ContactMotion::<Spheres, f64> {
+                overlap,
+                touched: true,
+                carried: [carried, 0.0, 0.0],
+                slip: [slip, 0.0, 0.0],
+                rolling: [0.0; 3],
+            };
+            let mut memory = ContactLaw::<Spheres>::resumed(&law, overlap, [0.0; 3]);
+            let response = law.respond(&constants, &motion, &mut memory);
+            (response.tangential_force[0], response.viscous.unwrap().tangential_force[0])
+        };
+        for slip in [1e-2, -1e-2, 0.9 * limit / 2.0] {
+            let (spring, dashpot) = respond(0.7 * limit, slip);
+            assert!((spring + dashpot).abs() <= limit * (1.0 + 1e-14), "friction {friction}: {spring} {dashpot}");
+        }
+        let (spring, dashpot) = respond(limit, 1e-2);
+        assert!((spring - limit).abs() <= 1e-15 && dashpot.abs() <= 1e-15);
+        // A contact that sticks, and one that turns back from its limit.
+        let small = 0.1 * limit;
+        for (carried, slip) in [(0.2 * limit, small), (limit, -small)] {
+            let (spring, dashpot) = respond(carried, slip);
+            assert!((spring - carried - 2.0 * slip).abs() < 1e-15 && (dashpot - 1.6 * slip).abs() < 1e-15);
+        }
+    }
+}

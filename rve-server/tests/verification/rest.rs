@@ -66,6 +66,27 @@ fn sheared_cells_of_any_tangential_stiffness_come_to_rest() {
     }
 }
 
+/// Contact viscosity holds nothing back: sliding contacts, of which cells of little friction have many, once resisted by it alone,
+/// and most increments ended with forces 10 to 60 times the tolerance out of balance.
+#[test]
+fn cells_with_contact_viscosity_come_to_rest() {
+    for viscosity in [0.5, 1.0] {
+        for ratio in [0.2, 1.3] {
+            for friction in [0.02, 0.3] {
+                let name = format!("viscosity {viscosity}, k_t/k_n {ratio}, friction {friction}");
+                let contact = ContactTable { damping: viscosity, ..linear(1e8, ratio, friction) };
+                let mut discs = cell::<Discs>("discs-100.json", &contact, options(Damping::Fire));
+                let (restless, largest) = strained(&mut discs, [1e-3, -1e-3, 0.0, 0.0], 10);
+                assert_eq!(restless, 0, "{name}: {largest} force evaluations");
+                let mut spheres = cell::<Spheres>("spheres-100.json", &contact, options(Damping::Fire));
+                let (restless, largest) = strained(&mut spheres, [5e-4, 5e-4, -1e-3, 0.0], 5);
+                assert_eq!(restless, 0, "spheres, {name}: {largest} force evaluations");
+                assert!(largest < 4_000, "spheres, {name}: {largest} force evaluations");
+            }
+        }
+    }
+}
+
 /// S-5: a cell that its contact law can no longer hold up (without friction, or without tangential springs, from a packing that
 /// needs them) comes apart in the time of an ordinary trial, says so, and costs next to nothing from then on.
 #[test]
