@@ -217,7 +217,7 @@ impl<K: KernelSpace, N: Springs, const MEMORY: usize> ContactLaw<K> for Composed
             let mut across = motion.slip.scaled(viscosity * tangential);
             if self.viscosity > 0.0 {
                 // Spring and dashpot together stay in the cone. Where a contact slides its spring resists no further motion; a
-                // dashpot that did would let the cell creep with forces far from balance.
+                // dashpot that did would hold the cell back with forces far from balance.
                 let both = K::shortened(kept.plus(across), limit, AT_LIMIT).kept;
                 across = both.minus(kept);
             }
