@@ -34,6 +34,9 @@ pub(crate) struct Options {
     /// Write the case as an element test, its packing next to it, instead of running it
     #[arg(long, value_name = "FILE.toml", requires = "case")]
     pub(crate) write: Option<PathBuf>,
+    /// Run this small scene alone, and print its steps and those of the finer runs
+    #[arg(long, value_name = "K", conflicts_with_all = ["case", "small", "cases"])]
+    pub(crate) scene: Option<u64>,
     /// Give cases of many cycles 10 000 of them
     #[arg(long)]
     pub(crate) long_cycles: bool,
@@ -45,8 +48,20 @@ pub(crate) struct Options {
 impl Options {
     /// Whether none is given.
     pub(crate) fn is_plain(&self) -> bool {
-        let Self { cases, small, seed, dimension, largest, overrides, dampings, case, write, long_cycles, unchecked } =
-            self;
+        let Self {
+            cases,
+            small,
+            seed,
+            dimension,
+            largest,
+            overrides,
+            dampings,
+            case,
+            write,
+            scene,
+            long_cycles,
+            unchecked,
+        } = self;
         cases.is_none()
             && small.is_none()
             && seed.is_none()
@@ -56,6 +71,7 @@ impl Options {
             && dampings.is_empty()
             && case.is_none()
             && write.is_none()
+            && scene.is_none()
             && !long_cycles
             && !unchecked
     }

@@ -111,6 +111,9 @@ fn chosen(seed: u64, slots: &[Slot], options: &Options, effort: &Effort) -> anyh
     if let Some(number) = options.case {
         return Ok(vec![case(number)]);
     }
+    if options.scene.is_some() {
+        return Ok(Vec::new());
+    }
     let count = options.cases.unwrap_or(effort.choose(CASES[0], CASES[1]));
     let cases: Vec<Case> =
         (0..count.saturating_mul(NUMBERS_PER_CASE)).map(case).filter(is_wanted).take(count as usize).collect();

@@ -41,6 +41,9 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     if options.case.is_some() {
         return single::run(&campaign, options, report);
     }
+    if let Some(number) = options.scene {
+        return scenes::run_one(campaign.seed, number, &campaign.slots, !options.unchecked, report);
+    }
     report.note(&format!(
         "seed {}, {} cases, {} packings",
         campaign.seed,

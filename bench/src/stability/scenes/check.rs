@@ -22,7 +22,7 @@ pub(super) struct Finding {
     pub(super) class: String,
     /// The run itself.
     pub(super) run: StrategyRun,
-    /// Largest difference of a component of the mean stress at the end from the finer run, over the pressure on the sides.
+    /// Largest difference of a component of the mean stress at the end from the finer run, over the mean pressure.
     pub(super) error: f64,
     /// What it is compared with.
     pub(super) bound: f64,
@@ -30,15 +30,23 @@ pub(super) struct Finding {
     pub(super) gap: f64,
 }
 
-/// Runs a scene, and finer ones if it is to be `checked`.
+/// Runs a scene, and finer ones if it is to be `checked`; shows every run to `watch`, with its strain per step and its tolerance over those
+/// of the scene.
 ///
 /// # Errors
 /// A packing or a mesh that cannot be made, or a worker that ends early.
-pub(super) fn found(scene: &Scene, slot: &Slot, checked: bool) -> anyhow::Result<Finding> {
+pub(super) fn found(
+    scene: &Scene,
+    slot: &Slot,
+    checked: bool,
+    watch: &mut dyn FnMut([f64; 2], &StrategyRun),
+) -> anyhow::Result<Finding> {
     let run = solved(scene, slot, &scene.options, 1.0)?;
+    watch([1.0, 1.0], &run);
     let bound = bound(&scene.options);
     let mut finding = Finding { class: class(&run), run, error: f64::NAN, bound, gap: f64::NAN };
-    let Some(first) = end(&finding.run, scene).filter(|_| checked) else { return Ok(finding) };
+    let scale = mean_pressure(&finding.run, scene);
+    let Some(first) = end(&finding.run, scale).filter(|_| checked) else { return Ok(finding) };
     let statistics = &finding.run.run.statistics;
     if statistics.evaluations > CHEAP.0 || statistics.cost.force_evaluations as f64 * slot.number as f64 > CHEAP.1 {
         finding.class = "unchecked: a finer run would be dear".to_owned();
@@ -49,8 +57,9 @@ pub(super) fn found(scene: &Scene, slot: &Slot, checked: bool) -> anyhow::Result
         let tightness = if setting[1] < 1.0 { TIGHTNESS } else { 1.0 };
         match solved(scene, slot, &varied(&scene.options, setting), tightness) {
             Ok(run) => {
+                watch(setting, &run);
                 broken = class(&run);
-                end(&run, scene)
+                end(&run, scale)
             }
             Err(error) => {
                 broken = format!("broke off: {error:#}");
@@ -62,7 +71,7 @@ pub(super) fn found(scene: &Scene, slot: &Slot, checked: bool) -> anyhow::Result
         Compared::Decided(found) => {
             (finding.error, finding.gap) = (found.error, found.gap);
             match found.is_apart(bound) {
-                true => format!("wrong: ends {:.1} % of the pressure away from finer runs", 100.0 * found.gap),
+                true => format!("wrong: ends {:.1} % of the mean pressure away from finer runs", 100.0 * found.gap),
                 false => "right".to_owned(),
             }
         }
@@ -79,10 +88,18 @@ fn solved(scene: &Scene, slot: &Slot, options: &RveOptions, tightness: f64) -> a
     solve_on_cell(&problem(scene, options, tightness)?, &scene.definition(slot, options)?)
 }
 
-/// Mean stress at the end of the path over the pressure on the sides; `None` before the end.
-fn end(run: &StrategyRun, scene: &Scene) -> Option<Vec<f64>> {
+/// Mean pressure of the body over its steps, Pa, as cases have it along their paths; no less than a tenth of the pressure on the sides.
+fn mean_pressure(run: &StrategyRun, scene: &Scene) -> f64 {
+    let axes = if scene.elements[2] == 0 { 2 } else { 3 };
+    let pressure = |stress: &[f64; 9]| -(0..axes).map(|axis| stress[4 * axis]).sum::<f64>() / axes as f64;
+    let sum: f64 = run.steps.iter().map(|step| pressure(&step.stress)).sum();
+    (sum / run.steps.len().max(1) as f64).max(0.1 * scene.pressure)
+}
+
+/// Mean stress at the end of the path over a `scale`, Pa; `None` before the end.
+fn end(run: &StrategyRun, scale: f64) -> Option<Vec<f64>> {
     let last = run.steps.last().filter(|_| run.is_complete())?;
-    let end: Vec<f64> = last.stress.iter().map(|stress| stress / scene.pressure).collect();
+    let end: Vec<f64> = last.stress.iter().map(|stress| stress / scale).collect();
     end.iter().all(|stress| stress.is_finite()).then_some(end)
 }
 

@@ -4,6 +4,7 @@
 mod check;
 mod draw;
 mod problem;
+mod single;
 
 use super::packings::Slot;
 use super::tables::accuracy;
@@ -14,6 +15,8 @@ use check::{Finding, found};
 use draw::Scene;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+
+pub(super) use single::run as run_one;
 
 /// Runs `count` small scenes, several at a time, and reports how they ended; returns how many ended how.
 ///
@@ -29,7 +32,7 @@ pub(super) fn run(
     let scenes: Vec<Scene> = (0..count).map(|number| Scene::sampled(seed, number, slots)).collect();
     let findings = side_by_side(scenes.len(), |place| {
         let scene = &scenes[place];
-        catch_unwind(AssertUnwindSafe(|| found(scene, &slots[scene.slot], checked)))
+        catch_unwind(AssertUnwindSafe(|| found(scene, &slots[scene.slot], checked, &mut |_, _| {})))
     });
     let mut table = Table::new([
         "scene",
