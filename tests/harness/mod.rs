@@ -80,6 +80,12 @@ impl Site {
         String::from_utf8(output.stdout).unwrap()
     }
 
+    /// Standard output of `grainspan status` for one run, whatever else runs on this machine.
+    pub fn status_of(&self, run: &str) -> String {
+        let output = self.program(&["status", run]).stdout(Stdio::piped()).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    }
+
     /// The traces in memory of the run that writes into the folder `name`, as soon as there are any.
     pub fn traces(&self, name: &str) -> Traces {
         let output = self.path(name);

@@ -246,7 +246,7 @@ fn workers_may_come_and_go_from_one_to_eight_and_back() {
     let helpers: Vec<_> =
         (0..7).map(|number| site.start(&format!("helper-{number}"), &["rve-server", "--run", &name])).collect();
     let all = eventually("eight workers that have done something", || {
-        let text = site.status();
+        let text = site.status_of(&name);
         assert!(run.runs(), "the run ended too soon: {text}");
         let jobs = text.matches(" jobs in ").count() - text.matches(", 0 jobs in ").count();
         (jobs == 8).then_some(text)
