@@ -32,7 +32,7 @@ pub struct TrialJob {
     pub ramp_steps: u32,
     /// [`Observables`] bits.
     pub observables: u32,
-    /// 0 on first issue, then counted up. Not part of the question: the answer does not depend on it.
+    /// 0 on first issue, then counted up. Not part of what is computed: the answer does not depend on it.
     pub attempt: u32,
     /// Length of the snapshot carried for `state`; 0 when the worker is believed to hold it.
     pub state_length: u64,

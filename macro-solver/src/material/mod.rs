@@ -18,7 +18,7 @@ use thiserror::Error;
 /// Number of a Gauss point: `element * points_per_element + local`, from 0.
 pub type PointId = usize;
 
-/// One question: how does this point answer if deformed by `target` from its committed state?
+/// One trial: the stress of this point if deformed by `target` from its committed state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointTrial {
     /// Gauss point.

@@ -52,7 +52,7 @@ pub struct PoolStatistics {
     pub evaluations: u64,
     /// Jobs that workers solved; smaller than `evaluations` by the duplicates.
     pub solved: u64,
-    /// Trials that shared the answer of a bitwise equal question.
+    /// Trials that shared the answer of a bitwise equal trial.
     pub duplicates_skipped: u64,
     /// Force evaluations of the answers that they shared.
     #[serde(default)]
