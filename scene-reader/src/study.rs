@@ -64,6 +64,13 @@ pub struct StudyQuantity {
     pub rows: ChosenRows,
 }
 
+impl StudyQuantity {
+    /// Unit of its value; `-` without one.
+    pub fn unit(&self) -> &'static str {
+        if matches!(self.rows, ChosenRows::StrainOfLargest(..)) { "-" } else { self.measure.unit() }
+    }
+}
+
 /// Which rows of a path become one number, and how. Strains are those of the test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ChosenRows {
@@ -71,6 +78,8 @@ pub enum ChosenRows {
     Largest(f64, Option<f64>),
     /// The smallest value between two strains.
     Smallest(f64, Option<f64>),
+    /// The strain of the row with the largest value between two strains.
+    StrainOfLargest(f64, Option<f64>),
     /// The mean between two strains.
     Mean(f64, Option<f64>),
     /// The value where the path first has this strain.
@@ -283,6 +292,7 @@ fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) 
         }
         (Take::Largest, None) => ChosenRows::Largest(from, to),
         (Take::Smallest, None) => ChosenRows::Smallest(from, to),
+        (Take::StrainOfLargest, None) => ChosenRows::StrainOfLargest(from, to),
         (Take::Mean, None) => ChosenRows::Mean(from, to),
     };
     Ok(StudyQuantity { name: name.clone(), measure: entry.measure, rows })

@@ -6,7 +6,7 @@
 //! a fine one: when the ranges of both groups lie farther apart than it.
 
 use super::groups::{Compared, FINER, compared, gap};
-use super::ledger::{Ledger, Refinement};
+use super::ledger;
 use super::outcome::{BUDGET, Class, Increment, Outcome, run};
 use super::packings::Slot;
 use super::random_stream::{Purpose, RandomStream};
@@ -40,8 +40,8 @@ pub(super) struct Checked {
     pub(super) bound: f64,
     /// Distance of the ranges of coarse and fine runs; NaN where the first finer run agreed.
     pub(super) gap: f64,
-    /// How well its energy is accounted for.
-    pub(super) ledger: Ledger,
+    /// How far its energy ledger is [open](ledger::open).
+    pub(super) open: f64,
 }
 
 impl Checked {
@@ -53,7 +53,7 @@ impl Checked {
             error: f64::NAN,
             bound: f64::NAN,
             gap: f64::NAN,
-            ledger: Ledger::default(),
+            open: f64::NAN,
         }
     }
 }
@@ -113,36 +113,17 @@ impl Subject<'_> {
             error: f64::NAN,
             bound: bound(&self.test.rve),
             gap: f64::NAN,
-            ledger: if is_plain { self.ledger() } else { Ledger::of(increments) },
+            open: ledger::open(increments),
         };
         if *class == Class::NotAtRest {
             checked.reason = restless::reason(self);
-        } else if is_plain && checked.ledger.is_free() {
+        } else if is_plain && ledger::is_open(checked.open, &self.test.contact) {
             checked.class = Class::Wrong;
-            checked.reason = format!("energy out of nothing, {:.0} % of the largest", 100.0 * checked.ledger.best());
+            checked.reason = format!("energy ledger open by {:.0} % of the largest energy", 100.0 * checked.open);
         } else if is_chosen {
             self.compare(&mut checked);
         }
         checked
-    }
-
-    /// The ledger of the outcome, with the work over smaller increments where it does not close.
-    fn ledger(&self) -> Ledger {
-        Ledger::of(&self.outcome.increments).explained(&self.test.contact, self.outcome, |refinement| {
-            run(&self.refined(refinement), self.slot, self.packing, ALLOWANCE)
-        })
-    }
-
-    /// The same path in smaller increments, or in smaller steps of its grains.
-    fn refined(&self, Refinement { split, strain_per_step }: Refinement) -> ElementTest {
-        let mut finer = self.test.clone();
-        for segment in &mut finer.path {
-            segment.increments *= split;
-        }
-        if strain_per_step < 1.0 {
-            finer.rve = varied(&self.test.rve, [strain_per_step, 1.0]);
-        }
-        finer
     }
 
     fn compare(&self, checked: &mut Checked) {

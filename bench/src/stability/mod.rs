@@ -59,20 +59,13 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let classes = tables::classes(&campaign, &outcomes, &checks);
     report.table("classes", "how cases ended, and the share of increments at rest", &classes)?;
     restless::write(&campaign, &outcomes, &checks, report)?;
-    let ledgers = tables::ledgers(&campaign, &checks);
-    report.table("ledgers", "energy ledgers that are open over the increments of the case, by cause", &ledgers)?;
     let overrides: String = options.overrides.iter().map(|given| format!(" --set '{given}'")).collect();
     let long = if options.long_cycles { " --long-cycles" } else { "" };
     let worst = worst::table(&campaign, &outcomes, &checks, &format!("{long}{overrides}"));
     report.table("worst", "the worst cases", &worst)?;
     let count = options.small.unwrap_or(effort.choose(SCENES[0], SCENES[1]));
     let scenes = scenes::run(campaign.seed, count, &campaign.slots, !options.unchecked, report)?;
-    let parts = [
-        ("How cases ended", classes),
-        ("Energy ledgers that are open over the increments of the case, by cause", ledgers),
-        ("The worst cases", worst),
-        ("How small scenes ended", scenes),
-    ];
+    let parts = [("How cases ended", classes), ("The worst cases", worst), ("How small scenes ended", scenes)];
     summary::write(&campaign, &outcomes, &checks, &parts, report)
 }
 

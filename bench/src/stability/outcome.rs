@@ -80,6 +80,8 @@ pub(super) struct Increment {
     pub(super) stored: f64,
     /// Energy lost to friction over the same volume, J/m3.
     pub(super) lost: f64,
+    /// Energy that numerical damping has taken over the same volume, J/m3.
+    pub(super) damped: f64,
     /// Work done on the cell over the same volume, J/m3, states between increments included.
     pub(super) work: f64,
     /// Force evaluations, those of rejected trials of the stress control included.
@@ -201,6 +203,7 @@ fn increment_of(row: &ElementRow) -> Increment {
         stress: row.stress,
         stored: row.elastic_energy * volume,
         lost: row.frictional_dissipation * volume,
+        damped: row.damping_work.unwrap_or(0.0) * volume,
         work: row.work * volume,
         evaluations: row.dem_steps,
         unbalanced: row.unbalanced_force_ratio,

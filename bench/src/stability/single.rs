@@ -42,7 +42,9 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
         "sigma_yy_Pa",
         "sigma_xy_Pa",
         "stored_J/m3",
-        "lost_J/m3",
+        "friction_J/m3",
+        "damping_J/m3",
+        "work_J/m3",
         "force_evaluations",
         "at_rest",
     ]);
@@ -56,6 +58,8 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
             one.stress[0][1].into(),
             one.stored.into(),
             one.lost.into(),
+            one.damped.into(),
+            one.work.into(),
             one.evaluations.into(),
             at_rest.into(),
         ]);
@@ -66,15 +70,11 @@ pub(super) fn run(campaign: &Campaign, options: &Options, report: &mut Report) -
     let checked = subject.checked(is_plain && !options.unchecked);
     report.note(&format!("\n{} {}", checked.class.name(), checked.reason))?;
     report.note(&format!(
-        "error {} of the mean pressure, bound {}, gap {}; energy ledger open by {} (over increments cut into {} and {} times the strain per step by {}) {}",
+        "error {} of the mean pressure, bound {}, gap {}; energy ledger open by {}",
         short(checked.error),
         checked.bound,
         short(checked.gap),
-        short(checked.ledger.open),
-        checked.ledger.split,
-        checked.ledger.strain_per_step,
-        short(checked.ledger.best()),
-        checked.ledger.cause
+        short(checked.open)
     ))?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::campaign::Campaign;
 use super::case::Range;
 use super::check::{Checked, SHARE};
-use super::ledger::Ledger;
+use super::ledger;
 use super::outcome::{Class, Outcome};
 use crate::repeat::quantile;
 use crate::report::Report;
@@ -90,9 +90,7 @@ fn headline(summary: &Summary, checks: &[Checked]) -> Vec<String> {
         let share = super::tables::share(increments.saturating_sub(not), increments);
         if share.is_nan() { "none".to_owned() } else { format!("{share:.3} % of {increments}") }
     };
-    let ledgers = || checks.iter().map(|checked| checked.ledger).filter(|ledger| !ledger.open.is_nan());
-    let closures: Vec<f64> = ledgers().map(|ledger| ledger.open).collect();
-    let best: Vec<f64> = ledgers().map(|ledger| ledger.best()).collect();
+    let sizes: Vec<f64> = checks.iter().map(|checked| checked.open.abs()).filter(|open| !open.is_nan()).collect();
     let errors: Vec<f64> = checks.iter().map(|checked| checked.error).filter(|error| !error.is_nan()).collect();
     vec![
         format!(
@@ -112,14 +110,14 @@ fn headline(summary: &Summary, checks: &[Checked]) -> Vec<String> {
             short(quantile(&errors, 0.99))
         ),
         format!(
-            "energy stored and lost beyond the work done, over the largest of them: median {}, 99th percentile {}, over smaller increments \
-             where it is past 10 %: {}; closed within 10 % in {} of {} cases, {} more than that out of nothing",
-            short(quantile(&closures, 0.5)),
-            short(quantile(&closures, 0.99)),
-            short(quantile(&best, 0.99)),
-            ledgers().filter(Ledger::is_closed).count(),
-            closures.len(),
-            ledgers().filter(Ledger::is_free).count()
+            "energy ledger (stored, friction, damping, work) open by, over the largest energy: median {}, 99th percentile {}, at most {}; \
+             closed within {:.0} % in {} of {} cases",
+            short(quantile(&sizes, 0.5)),
+            short(quantile(&sizes, 0.99)),
+            short(quantile(&sizes, 1.0)),
+            100.0 * ledger::LIMIT,
+            sizes.iter().filter(|size| **size <= ledger::LIMIT).count(),
+            sizes.len()
         ),
     ]
 }

@@ -9,7 +9,6 @@ use crate::report::Report;
 use crate::table::Table;
 use rve_server::contact::{ContactTable, LawName, Rotations};
 use rve_server::definition::{Accuracy, RveOptions};
-use std::collections::BTreeMap;
 
 /// Writes `cases.csv`: one row per case.
 ///
@@ -48,10 +47,6 @@ pub(super) fn cases(
         "bound",
         "gap",
         "energy_open",
-        "energy_open_finest",
-        "split",
-        "strain_per_step_factor",
-        "energy_cause",
         "pressure_end_Pa",
         "seconds",
     ]);
@@ -85,11 +80,7 @@ pub(super) fn cases(
             checked.error.into(),
             checked.bound.into(),
             checked.gap.into(),
-            checked.ledger.open.into(),
-            checked.ledger.finest.into(),
-            u64::from(checked.ledger.split).into(),
-            checked.ledger.strain_per_step.into(),
-            checked.ledger.cause.into(),
+            checked.open.into(),
             outcome.increments.last().map_or(f64::NAN, |last| last.pressure(slot.dimension)).into(),
             outcome.seconds.into(),
         ]);
@@ -118,30 +109,6 @@ pub(super) fn accuracy(options: &RveOptions) -> String {
         (None, Accuracy::Default) => "default".to_owned(),
         (None, Accuracy::Tight) => "tight".to_owned(),
     }
-}
-
-/// Energy ledgers that are open, by range and cause.
-pub(super) fn ledgers(campaign: &Campaign, checks: &[Checked]) -> Table {
-    let mut of_cause: BTreeMap<(Range, &str), Vec<(f64, u64)>> = BTreeMap::new();
-    for (case, checked) in campaign.cases.iter().zip(checks).filter(|(_, checked)| !checked.ledger.cause.is_empty()) {
-        let found = of_cause.entry((case.range, checked.ledger.cause)).or_default();
-        found.push((checked.ledger.best(), case.number));
-    }
-    let mut table = Table::new(["range", "cause", "cases", "median", "largest", "in_case"]);
-    for ((range, cause), mut found) in of_cause {
-        found.sort_by(|one, other| one.0.abs().total_cmp(&other.0.abs()));
-        let (largest, number) = found[found.len() - 1];
-        let median = found[found.len() / 2].0;
-        table.row([
-            range.name().into(),
-            cause.into(),
-            found.len().into(),
-            median.into(),
-            largest.into(),
-            number.into(),
-        ]);
-    }
-    table
 }
 
 /// Writes `packings.csv`: the packings that the cases use, and what making them took.

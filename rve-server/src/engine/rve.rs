@@ -7,7 +7,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
-use crate::solver::{Course, End, GrainSolver, Job, SolverFor, chosen_ramp_steps};
+use crate::solver::{Course, End, GrainSolver, Job, PathEnergies, Solved, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
@@ -33,6 +33,8 @@ pub struct GrainRve<S: SolverFor = Discs> {
     full_friction: f64,
     friction_reduction: f64,
     uses_lanes: bool,
+    /// Whether work and damping are summed up along every trial.
+    counts_energies: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -44,6 +46,8 @@ struct Trial<S: Space> {
     ramp_steps: u32,
     /// Its stress, Pa.
     stress: S::Tensor,
+    /// Work and damping in it, if they are counted.
+    energies: Option<PathEnergies>,
 }
 
 /// A cell at rest as an answer describes it.
@@ -101,6 +105,7 @@ impl<S: SolverFor> Clone for GrainRve<S> {
             full_friction: self.full_friction,
             friction_reduction: self.friction_reduction,
             uses_lanes: self.uses_lanes,
+            counts_energies: self.counts_energies,
         }
     }
 }
@@ -152,6 +157,7 @@ impl<S: SolverFor> GrainRve<S> {
             full_friction: definition.contact.friction,
             friction_reduction: 0.0,
             uses_lanes: true,
+            counts_energies: false,
         })
     }
 
@@ -174,6 +180,7 @@ impl<S: SolverFor> GrainRve<S> {
         let name = if reduction == 0.0 { self.model.options.solver } else { SolverName::Relaxation };
         self.solver = solver_for(name, &contact)?;
         self.solver.use_lanes(self.uses_lanes);
+        self.solver.count_energies(self.counts_energies);
         (self.contact, self.model.friction, self.friction_reduction) = (contact, friction, reduction);
         Ok(())
     }
@@ -247,6 +254,17 @@ impl<S: SolverFor> GrainRve<S> {
         self.solver.use_lanes(uses_lanes);
     }
 
+    /// From now on sums up work and damping along every trial. No other result depends on it.
+    pub fn count_energies(&mut self) {
+        self.counts_energies = true;
+        self.solver.count_energies(true);
+    }
+
+    /// Work and damping of the present trial, if they are [counted](Self::count_energies) and the solver had steps to count.
+    pub fn trial_energies(&self) -> Option<PathEnergies> {
+        self.trial.as_ref()?.energies
+    }
+
     fn solve(&mut self, h: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let stretch = self.stretch(h, options)?;
@@ -311,7 +329,8 @@ impl<S: SolverFor> GrainRve<S> {
         let View { network, state, stress, .. } = view;
         // The network keeps the names of the contacts that the answer was computed with.
         let state = reduced(state);
-        self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps: solved.ramp_steps, stress });
+        let Solved { ramp_steps, energies, .. } = solved;
+        self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps, stress, energies });
         self.add_tangent(&mut answer, options.tangent);
         answer
     }
@@ -375,8 +394,10 @@ impl<S: SolverFor> GrainRve<S> {
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
         let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
-        self.trial =
-            Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps: options.ramp_steps.max(1), stress });
+        let ramp_steps = options.ramp_steps.max(1);
+        // Nothing moves.
+        let energies = self.counts_energies.then(PathEnergies::default);
+        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress, energies });
         self.add_tangent(&mut answer, options.tangent);
         Ok(answer)
     }

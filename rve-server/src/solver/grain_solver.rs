@@ -36,6 +36,18 @@ pub struct Solved {
     pub changed_damping: bool,
     /// How the answer was found.
     pub course: Course,
+    /// Work and damping along the solve, if they are [counted](GrainSolver::count_energies) and its course has steps to count.
+    pub energies: Option<PathEnergies>,
+}
+
+/// Energies that are summed up step by step: `work` = change of the stored energy + friction + `damping` + contact viscosity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PathEnergies {
+    /// Work of the contact forces on the affine motion of the cell, J: what is done on it from outside.
+    pub work: f64,
+    /// Energy that numerical damping takes, J: the work of the forces out of balance on the motion against the affine one, which no state
+    /// keeps as kinetic energy.
+    pub damping: f64,
 }
 
 /// The end of a solve.
@@ -69,6 +81,9 @@ pub trait GrainSolver<S: Space>: Debug + Send + Sync {
 
     /// Whether several jobs are solved side by side in lanes; a solver without lanes has no such choice.
     fn use_lanes(&mut self, _uses_lanes: bool) {}
+
+    /// Whether work and damping are summed up along the steps; no other result depends on it. A solver without steps has no such choice.
+    fn count_energies(&mut self, _counts: bool) {}
 
     /// Gives the solver the linear responses that it may use; a solver without such a use has no such choice.
     fn use_responses(&mut self, _responses: Box<dyn LinearResponses>) {}

@@ -181,6 +181,8 @@ pub(crate) enum Take {
     Largest,
     /// The smallest value between `from` and `to`.
     Smallest,
+    /// The strain of the row with the largest value between `from` and `to`: that of a peak.
+    StrainOfLargest,
     /// The mean of the rows between `from` and `to`.
     Mean,
     /// The value where the path first has the strain `at`.

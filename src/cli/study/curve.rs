@@ -151,6 +151,11 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
     let found = match rows {
         ChosenRows::Largest(from, to) => between(window(from, to)?).fold(f64::NEG_INFINITY, f64::max),
         ChosenRows::Smallest(from, to) => between(window(from, to)?).fold(f64::INFINITY, f64::min),
+        ChosenRows::StrainOfLargest(from, to) => {
+            // Backwards, so that the first of equal rows counts.
+            let rows = rows_between(window(from, to)?).into_iter().rev().filter(|row| values[*row].is_finite());
+            rows.max_by(|one, other| values[*one].total_cmp(&values[*other])).map_or(f64::NAN, |row| path.strain[row])
+        }
         ChosenRows::Mean(from, to) => {
             let weight = |row: usize| path.weights[measure].get(row).copied().unwrap_or(1.0);
             let (mut sum, mut weights) = (0.0, 0.0);
@@ -203,6 +208,8 @@ mod tests {
         let take = |rows| value(&whole, 0, rows).unwrap();
         assert_eq!(take(ChosenRows::Largest(f64::NEG_INFINITY, None)), 3.0);
         assert_eq!(take(ChosenRows::Smallest(0.1, Some(0.2))), 2.0);
+        assert_eq!(take(ChosenRows::StrainOfLargest(0.0, None)), 0.1);
+        assert_eq!(take(ChosenRows::StrainOfLargest(0.15, None)), 0.2);
         assert_eq!(take(ChosenRows::Mean(0.1, None)), 2.0);
         assert_eq!(take(ChosenRows::At(0.3)), 1.0);
         assert!((take(ChosenRows::At(0.05)) - 2.0).abs() < 1e-12);

@@ -56,7 +56,7 @@ fn row(results: &Results<'_>, expectation: &Expectation) -> Comparison {
         EnsembleStatistic::Mean
         | EnsembleStatistic::Deviation
         | EnsembleStatistic::Largest
-        | EnsembleStatistic::Smallest => results.study.quantities[ours.quantity].measure.unit(),
+        | EnsembleStatistic::Smallest => results.study.quantities[ours.quantity].unit(),
     };
     Comparison::new(described(results, *ours, *statistic), unit, theirs, origin, number, tolerance)
 }

@@ -89,7 +89,7 @@ pub(super) fn statistics_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> 
             results.grains(ensemble.recipe, ensemble.size).to_string(),
             quantity.name.clone(),
             quantity.measure.keyword().to_owned(),
-            quantity.measure.unit().to_owned(),
+            quantity.unit().to_owned(),
             found.map_or(0, |one| one.count).to_string(),
             failed.to_string(),
         ];

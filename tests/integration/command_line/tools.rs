@@ -47,7 +47,7 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
         text.lines().next().unwrap(),
         "increment,F_xx,F_xy,F_yx,F_yy,sigma_xx,sigma_xy,sigma_yx,sigma_yy,void_ratio,coordination_number,\
          coordination_number_no_rattlers,fabric_anisotropy,sliding_fraction,unbalanced_force_ratio,\
-         max_overlap_ratio,dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t,work"
+         max_overlap_ratio,dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t,work,damping_work"
     );
     assert_eq!(text.lines().count(), 1 + 4, "row 0 and one row per increment");
     let last: Vec<f64> = text.lines().last().unwrap().split(',').map(|field| field.parse().unwrap()).collect();

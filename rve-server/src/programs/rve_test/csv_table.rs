@@ -61,6 +61,9 @@ impl<W: Write> ElementCsv<W> {
             names.extend(["a_c", "a_n", "a_t"].map(str::to_owned));
         }
         names.push("work".to_owned());
+        if row.damping_work.is_some() {
+            names.push("damping_work".to_owned());
+        }
         self.has_header = true;
         if self.has_units {
             names.iter_mut().for_each(|name| *name = headed(name));
@@ -103,6 +106,7 @@ impl<W: Write> ElementCsv<W> {
         last.extend(upper(row.dimension).map(|place| flat(&row.fabric)[place]));
         last.extend(row.force_anisotropy.iter().flat_map(|one| [one.contacts, one.normal, one.tangential]));
         last.push(row.work);
+        last.extend(row.damping_work);
         fields.extend(last.into_iter().map(shortest));
         self.writer.write_record(&fields)?;
         self.writer.flush()?;
@@ -114,7 +118,7 @@ impl<W: Write> ElementCsv<W> {
 fn headed(name: &str) -> String {
     match name.split('_').next() {
         Some("sigma" | "C") => format!("{name} [Pa]"),
-        Some("elastic" | "frictional" | "work") => format!("{name} [J/m3]"),
+        Some("elastic" | "frictional" | "work" | "damping") => format!("{name} [J/m3]"),
         _ => name.to_owned(),
     }
 }

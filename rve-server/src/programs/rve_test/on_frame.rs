@@ -186,10 +186,10 @@ impl Run<'_> {
     fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) {
         let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
         match &mut self.work {
-            Some(work) => work.advance(row.deformation, row.stress),
-            none => *none = Some(PathWork::new(row.deformation, row.stress)),
+            Some(work) => work.advance(row.deformation, row.stress, None),
+            none => *none = Some(PathWork::new(row.deformation, row.stress, 1.0)),
         }
-        row.work = self.work.as_ref().map_or(0.0, PathWork::over_present_volume);
+        row.work = self.work.as_ref().map_or(0.0, |work| work.over_present_volume()[0]);
         row.trials = trials;
         row.dem_steps = dem_steps;
         self.summary.rows += 1;

@@ -36,9 +36,12 @@ pub struct ElementRow {
     pub elastic_energy: f64,
     /// Energy lost to friction since the packing as given, over the volume of the cell, J/m3.
     pub frictional_dissipation: f64,
-    /// Work done on the cell since the packing as given, over the volume of the cell, J/m3; by trapezoids over all committed states, those
-    /// between two rows included.
+    /// Work done on the cell since the packing as given, over the volume of the cell, J/m3: summed up over the steps of the grains, by the
+    /// event-driven solver and of frames by trapezoids over all committed states, those between two rows included.
     pub work: f64,
+    /// Energy that numerical damping has taken since the packing as given, over the volume of the cell, J/m3; of periodic cells, not of frames.
+    /// It closes the balance: work = change of the stored energy + friction + damping + contact viscosity, which is not counted.
+    pub damping_work: Option<f64>,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,
     /// Contact fabric `1/C sum n x n`.
@@ -82,6 +85,7 @@ impl ElementRow {
             elastic_energy: answer.observed.elastic_energy,
             frictional_dissipation: answer.observed.frictional_dissipation,
             work: 0.0,
+            damping_work: None,
             dem_steps: 0,
             fabric: tensor_of(&answer.observed.fabric.0),
             force_anisotropy: None,

@@ -111,6 +111,7 @@ fn run_in_space<S: SolverFor>(
     let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
     let mut cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
     cell.solve_operators_to(Closeness::RESULT);
+    cell.count_energies();
     let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
     let mut run = Run {
         cell,
@@ -122,7 +123,7 @@ fn run_in_space<S: SolverFor>(
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
-        work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO),
+        work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
         network: None,
         last_change: None,
         sound: None,
@@ -155,7 +156,7 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
-    /// Work along the committed states.
+    /// Work and damping up to the committed state.
     work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
     network: Option<ContactNetwork<S>>,
@@ -188,7 +189,9 @@ struct Accepted {
 impl<S: SolverFor> Run<S> {
     fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>) -> Result<ControlFlow<()>, RveError> {
         let answer = self.cell.observe(Observables::ALL)?;
-        self.network = Some(self.cell.committed_network()?);
+        let network = self.cell.committed_network()?;
+        self.work = PathWork::new(self.deformation, tensor_of(&answer.stress.0), network.volume());
+        self.network = Some(network);
         let operator = (self.tangent != TangentKind::None).then(|| {
             // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
             self.cell.trial(&Tensor2::ZERO, &TrialOptions::default()).expect("a zero increment cannot be refused");
@@ -196,8 +199,8 @@ impl<S: SolverFor> Run<S> {
             self.cell.rollback();
             operator.expect("one was requested")
         });
-        self.work = PathWork::new(self.deformation, tensor_of(&answer.stress.0));
-        let row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
+        let mut row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
+        row.damping_work = Some(0.0);
         Ok(self.deliver(row, on_row))
     }
 
@@ -273,6 +276,7 @@ impl<S: SolverFor> Run<S> {
 
     /// Makes the accepted trial the committed state.
     fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
+        let energies = self.cell.trial_energies();
         self.cell.commit().expect("the accepted trial is the latest");
         // A cell that has snapped does not go on as before.
         let goes_on = accepted.control != StressControl::Relaxed;
@@ -280,7 +284,7 @@ impl<S: SolverFor> Run<S> {
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);
-        self.work.advance(self.deformation, self.stress);
+        self.work.advance(self.deformation, self.stress, energies);
     }
 
     fn accept(
@@ -295,7 +299,8 @@ impl<S: SolverFor> Run<S> {
         row.trials = self.spent.trials;
         row.dem_steps = self.spent.dem_steps;
         row.stress_control = control;
-        row.work = self.work.over_present_volume();
+        let [work, damping] = self.work.over_present_volume();
+        (row.work, row.damping_work) = (work, Some(damping));
         self.deliver(row, on_row)
     }
 
@@ -461,9 +466,10 @@ impl<S: SolverFor> Run<S> {
             if self.spent.relaxed >= MOST_RELAXED {
                 return Err(self.not_reached(&miss, tolerance));
             }
+            let energies = self.cell.trial_energies();
             self.cell.commit().expect("the trial is the latest");
             step.go_on_from(gradient);
-            self.work.advance(step.kinematics.committed, stress);
+            self.work.advance(step.kinematics.committed, stress, energies);
             taken += 1;
             self.spent.relaxed += 1;
             let elastic = self.by_operator(TangentKind::TrussLike, &gradient);

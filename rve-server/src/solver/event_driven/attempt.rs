@@ -274,6 +274,7 @@ impl<'a> Trial<'a> {
             bears_load: true,
             changed_damping: false,
             course,
+            energies: None,
         };
         let response = StoredResponse { pairs: Arc::clone(&self.pairs), columns, frame, reach };
         Ok(Answered { end: End { solved, state, slid }, response })

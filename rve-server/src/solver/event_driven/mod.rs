@@ -96,6 +96,10 @@ impl<S: Space> GrainSolver<S> for EventDriven<S> {
         self.relaxation.use_lanes(uses_lanes);
     }
 
+    fn count_energies(&mut self, counts: bool) {
+        self.relaxation.count_energies(counts);
+    }
+
     fn new_instance(&self) -> Box<dyn GrainSolver<S>> {
         Box::new(Self { relaxation: self.relaxation.new_instance() })
     }
@@ -140,6 +144,10 @@ impl GrainSolver<Discs> for EventDrivenDiscs {
 
     fn use_lanes(&mut self, uses_lanes: bool) {
         self.relaxation.use_lanes(uses_lanes);
+    }
+
+    fn count_energies(&mut self, counts: bool) {
+        self.relaxation.count_energies(counts);
     }
 
     fn use_responses(&mut self, responses: Box<dyn LinearResponses>) {

@@ -169,6 +169,11 @@ impl<K: KernelSpace, C: ContactLaw<K>, R: Real> PairSite<K, C, R> for InLanes<'_
     fn add_energy(&mut self, energy: R) {
         self.sums.elastic_energy += energy;
     }
+
+    #[inline(always)]
+    fn add_virial(&mut self, force: K::Coordinates<R>, branch: K::Coordinates<R>) {
+        self.sums.add_virial(force.as_ref(), branch.as_ref());
+    }
 }
 
 /// Adds a force to the origin grain and its opposite to the end grain.

@@ -40,6 +40,9 @@ pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
 
     /// Stored energy, J; only if wanted.
     fn add_energy(&mut self, energy: R);
+
+    /// Force on the origin grain, N, and branch vector, m; only if wanted.
+    fn add_virial(&mut self, force: K::Coordinates<R>, branch: K::Coordinates<R>);
 }
 
 /// Force, history and loads of one pair with this branch vector, its length and one over it.
@@ -106,11 +109,16 @@ pub(super) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     if wanted.limit_counts {
         site.add_at_limit(R::select(touching & response.at_limit, one, zero));
     }
-    if wanted.contact_force_square {
-        site.add_force_square(normal.mul_add(normal, tangential.dot(tangential)));
-    }
-    if wanted.elastic_energy {
-        let energy = law.energy(&constants, overlap, K::length(tangential), &memory);
-        site.add_energy(R::select(touching, energy, zero));
+    if wanted.is_extended() {
+        if wanted.contact_force_square {
+            site.add_force_square(normal.mul_add(normal, tangential.dot(tangential)));
+        }
+        if wanted.elastic_energy {
+            let energy = law.energy(&constants, overlap, K::length(tangential), &memory);
+            site.add_energy(R::select(touching, energy, zero));
+        }
+        if wanted.virial {
+            site.add_virial(force, branch);
+        }
     }
 }

@@ -158,6 +158,13 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real, const BLOCK
                     local.elastic_energy += R::splat(gather.energy.lane(lane));
                 }
             }
+            if data.wanted.virial {
+                for lane in 0..pairs.len() {
+                    let force: K::Coordinates<R> = get(&gather.force, lane);
+                    let branch: K::Coordinates<R> = get(&gather.branch, lane);
+                    local.add_virial(force.as_ref(), branch.as_ref());
+                }
+            }
         }
     }
     *sums = local;
@@ -267,6 +274,10 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for GroupSite<'_, 
     fn add_energy(&mut self, energy: Packed) {
         self.gather.energy = energy;
     }
+
+    /// The gather holds both already.
+    #[inline(always)]
+    fn add_virial(&mut self, _: K::Coordinates<Packed>, _: K::Coordinates<Packed>) {}
 }
 
 /// Sets one lane of a tuple.

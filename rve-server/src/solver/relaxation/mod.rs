@@ -61,6 +61,8 @@ pub(crate) struct RelaxationSolver<S: Space, C: ContactLaw<S::Kernel>> {
     lanes: Option<Batch<S, C, Lanes<LANES>>>,
     /// Whether several jobs are solved side by side.
     pub(crate) uses_lanes: bool,
+    /// Whether work and damping are summed up.
+    counts_energies: bool,
     /// Another skin of the pair list than usual, in mean radii.
     pub(crate) skin_in_radii: Option<f64>,
 }
@@ -113,15 +115,19 @@ impl<S: Space, C: ContactLaw<S::Kernel>> GrainSolver<S> for RelaxationSolver<S, 
         self.uses_lanes = uses_lanes;
     }
 
+    fn count_energies(&mut self, counts: bool) {
+        self.counts_energies = counts;
+    }
+
     fn new_instance(&self) -> Box<dyn GrainSolver<S>> {
-        Box::new(Self { uses_lanes: self.uses_lanes, ..Self::new(self.law) })
+        Box::new(Self { uses_lanes: self.uses_lanes, counts_energies: self.counts_energies, ..Self::new(self.law) })
     }
 }
 
 impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
     /// A solver for a law, without any working memory.
     pub(crate) fn new(law: C) -> Self {
-        Self { law, single: None, lanes: None, uses_lanes: true, skin_in_radii: None }
+        Self { law, single: None, lanes: None, uses_lanes: true, counts_energies: false, skin_in_radii: None }
     }
 }
 
@@ -141,7 +147,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
         setting: &Setting<'_, C>,
         jobs: &[Job<'_, S>],
     ) -> Vec<Result<End<S>, RveError>> {
-        let mut setting = *setting;
+        let mut setting = Setting { counts_energies: self.counts_energies, ..*setting };
         if let Some(skin) = self.skin_in_radii {
             setting.skin = skin * setting.mean_radius;
         }
@@ -227,7 +233,8 @@ fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     };
     let mut sampling = R::default();
     let mut wanted = Wanted {
-        old_power: options.needs_old_power(),
+        old_power: options.needs_old_power() || setting.counts_energies,
+        virial: setting.counts_energies,
         blocked: !setting.rotations_free,
         ..criterion::wanted_by(options.criterion)
     };

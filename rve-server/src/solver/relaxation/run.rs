@@ -14,7 +14,7 @@ use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
 use crate::simd::Real;
 use crate::solver::course::Course;
-use crate::solver::grain_solver::{Job, Solved};
+use crate::solver::grain_solver::{Job, PathEnergies, Solved};
 use crate::solver::kernel::StepSums;
 use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
 use protocol::RveError;
@@ -72,6 +72,10 @@ pub(crate) struct Run<S: Space> {
     old_power: f64,
     /// Work lost to friction since the start of the run, J.
     pub(crate) dissipation: f64,
+    /// Affine motion of the step that is evaluated next.
+    affine: S::Tensor,
+    /// Work and damping since the start of the run, if they are counted.
+    energies: Option<PathEnergies>,
     /// Largest sum of normal forces that the cell has carried at rest, N.
     largest_load: f64,
     monitor: ConvergenceMonitor,
@@ -112,6 +116,8 @@ impl<S: Space> Run<S> {
             sums: StepSums::default(),
             old_power: 0.0,
             dissipation: 0.0,
+            affine: S::Tensor::ZERO,
+            energies: None,
             largest_load: state.largest_load,
             monitor: ConvergenceMonitor::new(grains, S::DIMENSION),
         }
@@ -136,6 +142,7 @@ impl<S: Space> Run<S> {
             samples: false,
             clears_counts: false,
         };
+        self.affine = S::Tensor::ZERO;
         if matches!(self.phase, Phase::Fresh | Phase::Rest) {
             return still;
         }
@@ -156,7 +163,7 @@ impl<S: Space> Run<S> {
         // (I + tau' S) = (I + D) (I + tau S) with D = (tau' - tau) S (I + tau S)^-1, formed without cancellation.
         let increment = add_scaled(&S::Tensor::ZERO, 1.0 / f64::from(self.ramp_steps), &self.strain);
         let affine = product(&increment, &inverse(&self.stretch));
-        self.stretch = stretch;
+        (self.stretch, self.affine) = (stretch, affine);
         let half = self.ramp_steps / 2;
         let cell = self.start.deformed(&stretch);
         Move { affine, cell, kick, samples: step > half, clears_counts: step == half + 1 }
@@ -181,6 +188,9 @@ impl<S: Space> Run<S> {
             && sums.dissipation.is_finite();
         if !is_finite {
             return Some(Err(RveError::NotFinite { force_evaluations: self.evaluations }));
+        }
+        if setting.counts_energies {
+            self.count_energies(sums, old_power);
         }
         self.is_stiffer |= sums.births > 0.0 || sums.normal_force > PRESSED * self.looked_at;
         self.sums = *sums;
@@ -232,6 +242,16 @@ impl<S: Space> Run<S> {
         is_capped.then(|| Ok(self.ended(unbalanced, false, self.sums.contacts > 0.0)))
     }
 
+    /// Adds the energies of the last step: forces before and after it on its motion. Grains begin every run without motion, so all work that
+    /// the forces out of balance do on their motion is lost.
+    fn count_energies(&mut self, sums: &StepSums<f64>, old_power: f64) {
+        let energies = self.energies.get_or_insert_default();
+        for ((before, after), affine) in self.sums.virial.iter().zip(&sums.virial).zip(self.affine.components()) {
+            energies.work += 0.5 * (before + after) * affine;
+        }
+        energies.damping += 0.5 * (old_power + sums.power);
+    }
+
     /// Whether all force evaluations that a trial may have are used up.
     fn is_spent<C>(&self, setting: &Setting<'_, C>) -> bool {
         setting.options.max_evaluations.is_some_and(|most| self.evaluations >= most)
@@ -270,6 +290,7 @@ impl<S: Space> Run<S> {
             bears_load,
             changed_damping: self.damper.changes() > 0,
             course: Course::Relaxed,
+            energies: self.energies,
         }
     }
 

@@ -19,6 +19,8 @@ pub(crate) struct Setting<'a, C> {
     pub(crate) rotations_free: bool,
     /// Whether contacts have viscosity.
     pub(crate) is_viscous: bool,
+    /// Whether work and damping are summed up.
+    pub(crate) counts_energies: bool,
     pub(crate) options: &'a RveOptions,
     pub(crate) mean_radius: f64,
     pub(crate) largest_radius: f64,
@@ -37,6 +39,7 @@ impl<'a, C> Setting<'a, C> {
             law,
             rotations_free: model.rotations == Rotations::Free,
             is_viscous: model.is_viscous,
+            counts_energies: false,
             options: &model.options,
             mean_radius,
             largest_radius,

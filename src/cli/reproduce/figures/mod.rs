@@ -19,6 +19,7 @@ mod liu2015_shear_layer;
 mod liu2018;
 mod liu2018_anisotropy;
 mod liu2018_cells;
+mod liu2018_errata;
 mod liu2018_friction;
 mod liu2018_meshes;
 mod liu2018_rotation;
@@ -43,6 +44,7 @@ pub(super) const ALL: &[&Figure] = &[
     &liu2018_friction::FIGURE,
     &liu2018_rotation::FIGURE,
     &liu2018_anisotropy::FIGURE,
+    &liu2018_errata::FIGURE,
     &geotechnics_cells::FIGURE,
     &geotechnics_wall::FIGURE,
     &geotechnics_footing::FIGURE,
