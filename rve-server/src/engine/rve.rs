@@ -379,6 +379,16 @@ impl<S: SolverFor> GrainRve<S> {
         answers
     }
 
+    /// Lets the grains come to rest where the cell is, and makes that the trial state. For packings that are not at rest under the law at hand.
+    ///
+    /// # Errors
+    /// As [`trial`](RveSolver::trial).
+    pub fn settle(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
+        self.trial = None;
+        self.reduce_friction(options.friction_reduction)?;
+        self.solve(&S::Tensor::ZERO, &TrialOptions { ramp_steps: 1, ..*options })
+    }
+
     /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it
     /// may have been reached with more.
     fn stays(&self, h: &S::Tensor, options: &TrialOptions) -> bool {

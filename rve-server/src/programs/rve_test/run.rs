@@ -25,6 +25,13 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+/// Out-of-balance ratio from which a packing comes to rest before it is strained. Packings under the law that they were made for are far below;
+/// grains whose friction is lower now are above, and how far they were strained while they fall would decide where they end.
+const FAR_FROM_REST: f64 = 0.05;
+
+/// Fewest contacts per grain, each counted at both ends, of a packing that comes to rest: less holds nothing together.
+const HELD_TOGETHER: f64 = 2.0;
+
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
 
@@ -123,14 +130,20 @@ fn run_in_space<S: SolverFor>(
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
+        row_stress: Matrix::ZERO,
+        is_far_from_rest: false,
         work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
         network: None,
         last_change: None,
         sound: None,
         spent: Spent::default(),
+        spent_settling: 0,
     };
     if run.begin(on_row).map_err(ElementError::Definition)?.is_break() {
         return Ok(run.summary);
+    }
+    if run.is_far_from_rest {
+        run.settle()?;
     }
     for segment in &test.path {
         run.last_change = None;
@@ -156,6 +169,10 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
+    /// Stress of the last row, Pa: the controlled stresses of a segment change from there.
+    row_stress: Matrix,
+    /// Whether the packing as given is far from equilibrium under the law.
+    is_far_from_rest: bool,
     /// Work and damping up to the committed state.
     work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
@@ -166,6 +183,8 @@ struct Run<S: SolverFor> {
     sound: Option<Operator>,
     /// Cost of the present increment so far.
     spent: Spent,
+    /// DEM steps in which the packing came to rest; they count with the first increment.
+    spent_settling: u64,
 }
 
 /// Trials and their DEM steps, those of searches that failed included.
@@ -199,9 +218,29 @@ impl<S: SolverFor> Run<S> {
             self.cell.rollback();
             operator.expect("one was requested")
         });
+        let unbalanced = answer.scalars.unbalanced_force_ratio;
+        self.is_far_from_rest = unbalanced.is_finite()
+            && unbalanced > FAR_FROM_REST.max(2.0 * self.cell.model().options.tolerance())
+            && answer.scalars.coordination_number >= HELD_TOGETHER;
         let mut row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         row.damping_work = Some(0.0);
         Ok(self.deliver(row, on_row))
+    }
+
+    /// Brings the packing to rest under the law, where it is; row 0 remains the packing as given.
+    fn settle(&mut self) -> Result<(), ElementError> {
+        let answer = self
+            .cell
+            .settle(&TrialOptions { observables: Observables::ALL, ..TrialOptions::default() })
+            .map_err(|reason| ElementError::Cell { increment: 0, reason })?;
+        self.spent_settling = answer.cost.force_evaluations;
+        self.summary.settled = true;
+        self.keep_network();
+        let energies = self.cell.trial_energies();
+        self.cell.commit().expect("the cell has just settled");
+        self.stress = tensor_of(&answer.stress.0);
+        self.work.advance(self.deformation, self.stress, energies);
+        Ok(())
     }
 
     fn follow(
@@ -210,14 +249,14 @@ impl<S: SolverFor> Run<S> {
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, ElementError> {
         let kinematics_at_start = self.deformation;
-        let start_stress = flat(&self.stress);
+        let start_stress = flat(&self.row_stress);
         let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
             let (mut reached, end) = (share(increment - 1), share(increment));
             let mut stride = end - reached;
             let smallest = stride / f64::from(1 << MOST_HALVINGS);
-            self.spent = Spent::default();
+            self.spent = Spent { dem_steps: std::mem::take(&mut self.spent_settling), ..Spent::default() };
             let accepted = loop {
                 // The end itself, to the bit, unless the increment had to be cut.
                 let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
@@ -310,7 +349,7 @@ impl<S: SolverFor> Run<S> {
         mut row: ElementRow,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        self.stress = row.stress;
+        (self.stress, self.row_stress) = (row.stress, row.stress);
         let network = self.cell.committed_network().expect("an accepted state is finite");
         row.force_anisotropy = Some(network.force_anisotropy());
         row.picture =

@@ -31,6 +31,8 @@ pub struct ElementSummary {
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
+    /// Whether the packing as given was far from equilibrium under the law, and came to rest before the first increment.
+    pub settled: bool,
     /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
 }

@@ -362,3 +362,27 @@ fn what_friction_and_damping_take_and_what_is_stored_is_the_work() {
         assert!((without_damping - damping).abs() < 5e-4 * turned_over, "{packing}: {without_damping} for {damping}");
     }
 }
+
+/// A packing made with more friction than it is tested with falls. How far it is strained meanwhile does not matter: it comes to rest first,
+/// and the pressure after the first increment is that of finer steps within 0.06 %. Where it is strained while it falls, it is 1.3 % off.
+#[test]
+fn a_packing_that_is_not_at_rest_settles_before_it_is_strained() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let rows = |strain_per_step: f64| {
+        let text = format!(
+            "packing = \"packings/discs-400-loose.json\"\n[contact]\nlaw = \"linear\"\nmodulus = 6.0e7\nstiffness_ratio = 0.5\n\
+             friction = 0.45\n[rve]\nstrain_per_step = {strain_per_step:e}\ntolerance = 1e-2\n\
+             [[path]]\nincrements = 4\nstrain = {{ xy = 4e-3 }}\n"
+        );
+        let test = ElementTest::from_toml(&text).unwrap();
+        let mut rows = Vec::new();
+        let summary = run_element(&test, &root, TangentKind::None, &mut |row| rows.push(row.clone())).unwrap();
+        assert!(summary.settled);
+        rows
+    };
+    let (coarse, fine) = (rows(2e-5), rows(1e-6));
+    assert_eq!(coarse[0], fine[0], "row 0 is the packing as given");
+    assert!(coarse[0].unbalanced_force_ratio > 0.05);
+    let pressure = |row: &ElementRow| -0.5 * (row.stress[0][0] + row.stress[1][1]);
+    assert!((pressure(&coarse[1]) / pressure(&fine[1]) - 1.0).abs() < 2e-3);
+}
