@@ -1,5 +1,7 @@
 //! One cell of grains with a committed state and at most one trial state.
 
+mod zero_increment;
+
 use super::listed_forces::ListedForces;
 use super::snapshot::{ENGINE_NAME, opened};
 use crate::cell::{ContactNetwork, GrainState, reduced};
@@ -377,39 +379,6 @@ impl<S: SolverFor> GrainRve<S> {
             }));
         }
         answers
-    }
-
-    /// Lets the grains come to rest where the cell is, and makes that the trial state. For packings that are not at rest under the law at hand.
-    ///
-    /// # Errors
-    /// As [`trial`](RveSolver::trial).
-    pub fn settle(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
-        self.trial = None;
-        self.reduce_friction(options.friction_reduction)?;
-        self.solve(&S::Tensor::ZERO, &TrialOptions { ramp_steps: 1, ..*options })
-    }
-
-    /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it
-    /// may have been reached with more.
-    fn stays(&self, h: &S::Tensor, options: &TrialOptions) -> bool {
-        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments && options.friction_reduction == 0.0
-    }
-
-    /// A target of exactly zero: the committed state is the answer.
-    fn stay(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
-        let started = Instant::now();
-        let end = self.solver.evaluate_state(&self.model, &self.committed)?;
-        let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
-        let flags = TrialFlags::SKIPPED_NULL_TARGET;
-        let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
-        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
-        let View { network, state, stress, .. } = view;
-        let ramp_steps = options.ramp_steps.max(1);
-        // Nothing moves.
-        let energies = self.counts_energies.then(PathEnergies::default);
-        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress, energies });
-        self.add_tangent(&mut answer, options.tangent);
-        Ok(answer)
     }
 
     /// Everything but the tangent. The stored energy is that of `unrotated`, the state as the solver left it.

@@ -25,13 +25,6 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Out-of-balance ratio from which a packing comes to rest before it is strained. Packings under the law that they were made for are far below;
-/// grains whose friction is lower now are above, and how far they were strained while they fall would decide where they end.
-const FAR_FROM_REST: f64 = 0.05;
-
-/// Fewest contacts per grain, each counted at both ends, of a packing that comes to rest: less holds nothing together.
-const HELD_TOGETHER: f64 = 2.0;
-
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
 
@@ -213,15 +206,12 @@ impl<S: SolverFor> Run<S> {
         self.network = Some(network);
         let operator = (self.tangent != TangentKind::None).then(|| {
             // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
-            self.cell.trial(&Tensor2::ZERO, &TrialOptions::default()).expect("a zero increment cannot be refused");
+            self.cell.stay(&TrialOptions::default()).expect("a packing as given has finite forces");
             let operator = self.operator();
             self.cell.rollback();
             operator.expect("one was requested")
         });
-        let unbalanced = answer.scalars.unbalanced_force_ratio;
-        self.is_far_from_rest = unbalanced.is_finite()
-            && unbalanced > FAR_FROM_REST.max(2.0 * self.cell.model().options.tolerance())
-            && answer.scalars.coordination_number >= HELD_TOGETHER;
+        self.is_far_from_rest = self.cell.is_far_from_rest(&answer);
         let mut row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         row.damping_work = Some(0.0);
         Ok(self.deliver(row, on_row))

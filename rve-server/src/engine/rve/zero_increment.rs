@@ -1,0 +1,59 @@
+//! Targets of exactly zero: the committed state is the answer. Packings that are not at rest under their law can be brought to rest.
+
+use super::{GrainRve, Trial, View, nanoseconds_since};
+use crate::solver::{PathEnergies, SolverFor};
+use crate::space::Tensor;
+use protocol::{Cost, RveError, TrialFlags, TrialOptions, TrialResult};
+use std::time::Instant;
+
+/// Out-of-balance ratio from which a cell is far from rest.
+const FAR_FROM_REST: f64 = 0.05;
+
+/// Fewest contacts per grain, each counted at both ends, of a cell that can come to rest: less holds nothing together.
+const HELD_TOGETHER: f64 = 2.0;
+
+impl<S: SolverFor> GrainRve<S> {
+    /// Whether the state that an answer describes holds together and is far from equilibrium: the packing of another law. States that a trial has left are
+    /// far below the bound.
+    pub(crate) fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
+        let unbalanced = answer.scalars.unbalanced_force_ratio;
+        unbalanced.is_finite()
+            && unbalanced > FAR_FROM_REST.max(2.0 * self.model.options.tolerance())
+            && answer.scalars.coordination_number >= HELD_TOGETHER
+    }
+
+    /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it
+    /// may have been reached with more.
+    pub(super) fn stays(&self, h: &S::Tensor, options: &TrialOptions) -> bool {
+        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments && options.friction_reduction == 0.0
+    }
+
+    /// Lets the grains come to rest where the cell is, and makes that the trial state.
+    ///
+    /// # Errors
+    /// As those of a trial.
+    pub(crate) fn settle(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
+        self.trial = None;
+        self.solve(&S::Tensor::ZERO, &TrialOptions { ramp_steps: 1, ..*options })
+    }
+
+    /// The committed state as the trial state: nothing moves.
+    ///
+    /// # Errors
+    /// [`RveError::NotFinite`] for a state from elsewhere whose forces are not finite.
+    pub(crate) fn stay(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
+        let started = Instant::now();
+        let end = self.solver.evaluate_state(&self.model, &self.committed)?;
+        let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
+        let flags = TrialFlags::SKIPPED_NULL_TARGET;
+        let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
+        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
+        let View { network, state, stress, .. } = view;
+        let ramp_steps = options.ramp_steps.max(1);
+        // Nothing moves.
+        let energies = self.counts_energies.then(PathEnergies::default);
+        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress, energies });
+        self.add_tangent(&mut answer, options.tangent);
+        Ok(answer)
+    }
+}
