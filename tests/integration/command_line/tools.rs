@@ -100,7 +100,7 @@ fn operator_columns_come_only_when_asked_for() {
     let output = succeeded(&["element", &test, "--tangent", "truss_like", "--set", "path.0.increments=1"]);
     let text = String::from_utf8(output.stdout).unwrap();
     let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
-    assert_eq!(header.len(), 17 + 16 + 9);
+    assert_eq!(header.len(), 17 + 16 + 10);
     assert_eq!((header[17], header[32]), ("C_1111", "C_2222"));
 }
 
@@ -183,7 +183,7 @@ fn displacement_fluctuations_turn_with_the_cell() {
     let field = |out: &Path, increment: u32| {
         grain_vectors(&out.join(format!("increment-{increment:04}-grains.vtp")), "displacement_fluctuation")
     };
-    let discs = "law = \"linear\"\nnormal_stiffness = 5.0e7\nstiffness_ratio = 0.5\nfriction = 0.5";
+    let discs = "law = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.5";
     let straight = written("discs-100.json", discs, "xx = 0.0\nxy = 0.0\nyx = 0.0\nyy = -2.01e-3", "straight");
     // R F - I with the rotation R by 40 degrees.
     let (sin, cos) = 40_f64.to_radians().sin_cos();
