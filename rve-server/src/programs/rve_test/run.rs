@@ -123,7 +123,6 @@ fn run_in_space<S: SolverFor>(
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
-        row_stress: Matrix::ZERO,
         is_far_from_rest: false,
         work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
         network: None,
@@ -135,7 +134,9 @@ fn run_in_space<S: SolverFor>(
     if run.begin(on_row).map_err(ElementError::Definition)?.is_break() {
         return Ok(run.summary);
     }
-    if run.is_far_from_rest {
+    // Where stresses are controlled, the search for them takes the grains to rest.
+    let strains_only = |segment: &Segment| segment.stress.values().iter().all(Option::is_none);
+    if run.is_far_from_rest && test.path.first().is_some_and(strains_only) {
         run.settle()?;
     }
     for segment in &test.path {
@@ -162,8 +163,6 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
-    /// Stress of the last row, Pa: the controlled stresses of a segment change from there.
-    row_stress: Matrix,
     /// Whether the packing as given is far from equilibrium under the law.
     is_far_from_rest: bool,
     /// Work and damping up to the committed state.
@@ -239,7 +238,7 @@ impl<S: SolverFor> Run<S> {
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, ElementError> {
         let kinematics_at_start = self.deformation;
-        let start_stress = flat(&self.row_stress);
+        let start_stress = flat(&self.stress);
         let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
@@ -339,7 +338,7 @@ impl<S: SolverFor> Run<S> {
         mut row: ElementRow,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        (self.stress, self.row_stress) = (row.stress, row.stress);
+        self.stress = row.stress;
         let network = self.cell.committed_network().expect("an accepted state is finite");
         row.force_anisotropy = Some(network.force_anisotropy());
         row.picture =
