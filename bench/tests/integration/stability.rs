@@ -51,11 +51,9 @@ fn random_cases_end_in_an_answer_or_a_refusal_and_everyday_ones_at_rest() {
     let broken: Vec<&Row> =
         rows.iter().filter(|row| ["panicked", "not finite"].contains(&row.class.as_str())).collect();
     assert!(broken.is_empty(), "seed {seed}:{}", again(&broken));
-    // Over smaller increments the energy closes within 10 % or some is missing; cells that snap in coarse steps, or under controlled
-    // stresses, may seem to gain (1 of 1240 everyday cases of seed 2026, 4 of 1260 hard ones): at most one in fifty everyday cases.
-    let everyday_cases = rows.iter().filter(|row| row.range == "everyday").count();
+    // Stored energy, friction and damping are the work within 5 % (all of 1240 everyday cases of seed 2026 and 500 of seed 5).
     let open: Vec<&Row> = rows.iter().filter(|row| row.class == "wrong" && row.range == "everyday").collect();
-    assert!(50 * open.len() <= everyday_cases, "seed {seed}:{}", again(&open));
+    assert!(open.len() <= 1, "seed {seed}:{}", again(&open));
     let unexplained: Vec<&Row> = rows.iter().filter(|row| row.class == "refused" && row.reason.is_empty()).collect();
     assert!(unexplained.is_empty(), "seed {seed}:{}", again(&unexplained));
     let everyday: Vec<&Row> = rows.iter().filter(|row| row.range == "everyday").collect();
