@@ -222,9 +222,7 @@ impl Write for SharedBuffer {
 
 fn closing(summary: &ElementSummary) -> String {
     let fallbacks = summary.fallbacks().into_iter().map(|(what, rows)| format!("{what}: {rows} rows"));
-    let settled = "the packing was not at rest under this contact law and came to rest before the first increment";
-    let settled = summary.settled.then(|| settled.to_owned());
-    let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).chain(settled).collect();
+    let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).collect();
     let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
     format!(
         "{} rows, {} trials, {} DEM steps; fallbacks: {fallbacks}",

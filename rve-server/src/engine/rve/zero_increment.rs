@@ -50,7 +50,6 @@ impl<S: SolverFor> GrainRve<S> {
         let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
         let ramp_steps = options.ramp_steps.max(1);
-        // Nothing moves.
         let energies = self.counts_energies.then(PathEnergies::default);
         self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress, energies });
         self.add_tangent(&mut answer, options.tangent);

@@ -223,7 +223,9 @@ impl<S: SolverFor> Run<S> {
             .settle(&TrialOptions { observables: Observables::ALL, ..TrialOptions::default() })
             .map_err(|reason| ElementError::Cell { increment: 0, reason })?;
         self.spent_settling = answer.cost.force_evaluations;
-        self.summary.settled = true;
+        self.summary.settled = 1;
+        self.summary.not_equilibrated += u64::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        self.summary.damping_changed += u64::from(answer.flags.contains(TrialFlags::DAMPING_CHANGED));
         self.keep_network();
         let energies = self.cell.trial_energies();
         self.cell.commit().expect("the cell has just settled");

@@ -19,7 +19,7 @@ pub struct ElementSummary {
     pub cut_increments: u64,
     /// Rows in whose increments the unbalanced stress strained the cell in committed steps of their own, because it had snapped.
     pub relaxed_increments: u64,
-    /// Rows whose relaxation ended before the grains were at rest.
+    /// Rows whose relaxation ended before the grains were at rest; a packing that was to be brought to rest counts as one.
     pub not_equilibrated: u64,
     /// Rows of a cell without load-bearing contacts.
     pub no_load_bearing_contacts: u64,
@@ -31,8 +31,8 @@ pub struct ElementSummary {
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
-    /// Whether the packing as given was far from equilibrium under the law, and came to rest before the first increment.
-    pub settled: bool,
+    /// Packings that were far from equilibrium under the law, and were brought to rest before the first increment: 0 or 1.
+    pub settled: u64,
     /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
 }
@@ -41,6 +41,7 @@ impl ElementSummary {
     /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
     pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
         let all = [
+            ("packing not at rest under this contact law, brought to rest before the first increment", self.settled),
             ("not equilibrated", self.not_equilibrated),
             ("controlled stress not met at an instability of the cell", self.stress_jumps),
             ("controlled stress relaxed after the cell had snapped", self.relaxed_increments),

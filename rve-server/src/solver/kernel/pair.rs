@@ -109,7 +109,7 @@ pub(super) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     if wanted.limit_counts {
         site.add_at_limit(R::select(touching & response.at_limit, one, zero));
     }
-    if wanted.is_extended() {
+    if wanted.has_extra_pair_sums() {
         if wanted.contact_force_square {
             site.add_force_square(normal.mul_add(normal, tangential.dot(tangential)));
         }

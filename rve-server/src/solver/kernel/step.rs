@@ -181,9 +181,9 @@ pub struct StepData<'a, K: KernelSpace, C: ContactLaw<K>, R: Real> {
 }
 
 impl Wanted {
-    /// Whether anything is wanted of a pair that is rarely wanted: one test in place of three.
+    /// Whether a pair has more to sum up than every evaluation does: one test in place of three.
     #[inline(always)]
-    pub(super) fn is_extended(self) -> bool {
+    pub(super) fn has_extra_pair_sums(self) -> bool {
         self.contact_force_square | self.elastic_energy | self.virial
     }
 }

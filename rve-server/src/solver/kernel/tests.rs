@@ -80,7 +80,7 @@ fn blocked_couple<R: Real>(blocked: bool, backend: Backend) -> ([u64; 10], bool)
         limit_counts: &mut [R::default()],
         sampling: R::default(),
         images: &[Tuple::zero()],
-        wanted: Wanted { blocked, ..Wanted::default() },
+        wanted: Wanted { blocked, virial: true, ..Wanted::default() },
     };
     let mut groups = Vec::new();
     if R::LANES == 1 && backend.has_lanes() {
@@ -88,6 +88,9 @@ fn blocked_couple<R: Real>(blocked: bool, backend: Backend) -> ([u64; 10], bool)
     }
     let sums = backend.evaluate(&mut StepData { groups: &mut groups, ..data }).lane(0);
     let [force, opposite] = [grains[0].force, grains[1].force].map(|force| force.map(|part| part.lane(0)));
+    let branch = [1.9, 0.1];
+    let virial: [f64; 4] = std::array::from_fn(|place| force[place / 2] * branch[place % 2]);
+    assert_eq!(sums.virial[..4], virial, "force times branch vector, by rows");
     let numbers = [
         sums.normal_force,
         sums.dissipation,
