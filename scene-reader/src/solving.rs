@@ -52,7 +52,7 @@ pub(super) fn loading(
 ) -> Result<(), InputError> {
     let before = LoadingSettings::of(stage);
     let LoadingSettings { duration, control } = given.over(&before).map_err(|fault| document.fault(&fault))?;
-    let settings = ["stabilise_after", "stabilise_increments", "stabilise_viscosity"];
+    let settings = ["stabilise_after", "stabilise_increments", "stabilise_viscosity", "commit_iterates_after"];
     let setting = settings.into_iter().find(|key| given.has(key));
     let refuse = |key: &str, problem: &str, hint: &str| {
         Err(document.error_at_key(&[place, &["loading", key]].concat(), problem).hint(hint))

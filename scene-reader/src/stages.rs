@@ -151,13 +151,17 @@ fn nonlocal(
 /// change, a body that takes so many has collapsed.
 const MOST_INCREMENTS: usize = 300;
 
-/// Where its tables do not say so, steps that fail are stabilised at once if supports drive the stage; the reasons are in
-/// docs/lab-book/strategies.md.
+/// Iterations after which iterates are committed there, if they do not contract.
+const COMMIT_ITERATES_AFTER: usize = 3;
+
+/// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once, if
+/// supports drive the stage; the reasons are in docs/lab-book/strategies.md.
 fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {
         settings.after = settings.after.or(Some(1));
+        settings.commit_iterates_after = settings.commit_iterates_after.or(Some(COMMIT_ITERATES_AFTER));
         if !tables.iter().any(|table| table.has("stabilise_increments")) {
             settings.most_increments = MOST_INCREMENTS;
         }
@@ -420,7 +424,8 @@ mod tests {
         };
         let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
         // Loads grow in the first stage, supports move under constant loads in the second.
-        let at_once = Stabilisation { after: Some(1), most_increments: 300, ..by_default };
+        let at_once =
+            Stabilisation { after: Some(1), most_increments: 300, commit_iterates_after: Some(3), ..by_default };
         let early = Stabilisation { after: Some(3), ..by_default };
         let early_here = Stabilisation { after: Some(3), ..at_once };
         assert_eq!(stabilisations(&[]), [Some(by_default), Some(at_once)]);
@@ -429,7 +434,7 @@ mod tests {
         assert_eq!(stabilisations(&["loading.stabilise=false"]), [None; 2]);
         // A stage adds to what the top says, and may switch it off or on for itself.
         let more = ["loading.stabilise_after=3", "stage.1.loading.stabilise_increments=7"];
-        assert_eq!(stabilisations(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early })]);
+        assert_eq!(stabilisations(&more), [Some(early), Some(Stabilisation { most_increments: 7, ..early_here })]);
         assert_eq!(
             stabilisations(&["loading.stabilise_after=3", "stage.1.loading.stabilise=false"]),
             [Some(early), None]

@@ -164,7 +164,8 @@ impl Site {
         let count = workers.to_string();
         let arguments = self.arguments(name, scene, &["--attach", &run, "--workers", &count]);
         let log = self.path(&format!("{name}.faults"));
-        let mut workers_of_run = RunWorkers { run, log: log.clone(), workers: Vec::new(), hired: 0 };
+        let engine = scene.set.iter().find_map(|set| set.strip_prefix("pool.engine="));
+        let mut workers_of_run = RunWorkers { run, log: log.clone(), engine, workers: Vec::new(), hired: 0 };
         let mut r#macro = Macro::start(&arguments, &self.path(&format!("{name}.stderr")));
         let ended = wait(&mut r#macro, |_| workers_of_run.keep(workers, draw));
         drop(workers_of_run);
@@ -267,6 +268,8 @@ pub fn wait(run: &mut Macro, mut meanwhile: impl FnMut(u32)) -> Result<(), Strin
 struct RunWorkers {
     run: String,
     log: PathBuf,
+    /// Engine of the scene, if it names one.
+    engine: Option<&'static str>,
     workers: Vec<Child>,
     hired: usize,
 }
@@ -276,6 +279,7 @@ impl RunWorkers {
         self.workers.retain_mut(|worker| matches!(worker.try_wait(), Ok(None)));
         while self.workers.len() < count + usize::from(self.hired < FAULTY) {
             let mut words = vec![format!("run={}", self.run), format!("log={}", self.log.display())];
+            words.extend(self.engine.map(|engine| format!("engine={engine}")));
             if self.hired < FAULTY {
                 words.push(format!("fault={}", Fault::draw(draw)));
             }

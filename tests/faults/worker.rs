@@ -6,8 +6,7 @@ use protocol::transport::shared_memory::SharedMemoryWorkerPort;
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use protocol::{Capabilities, Definition, RveEngine, RveError, RveSolver, Tensor2, TrialOptions, TrialResult};
 use rustix::process::{Resource, Rlimit, Signal, getpid, kill_process, setrlimit};
-use rve_server::engine::GrainEngine;
-use rve_server::server::{ServeOptions, serve};
+use rve_server::server::{ServeOptions, built_in_engine, serve};
 use std::cell::Cell;
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -83,7 +82,7 @@ fn suffer(action: Action) {
     }
 }
 
-/// `run=NAME log=FILE [fault=STATE:ACTION:COUNT]`
+/// `run=NAME log=FILE [engine=KEYWORD] [fault=STATE:ACTION:COUNT]`
 pub fn play(words: &[String]) -> ExitCode {
     let value = |key: &str| words.iter().find_map(|word| word.strip_prefix(key)).map(str::to_owned);
     let (Some(run), Some(log)) = (value("run="), value("log=")) else { return ExitCode::FAILURE };
@@ -94,7 +93,9 @@ pub fn play(words: &[String]) -> ExitCode {
     script.at(State::BeforeJoining);
     let Ok(port) = SharedMemoryWorkerPort::join(&run, Duration::from_secs(20)) else { return ExitCode::from(2) };
     let mut port = FaultyPort { port, script: Arc::clone(&script), answered: Cell::new(false) };
-    let mut engine = FaultyEngine(script);
+    let keyword = value("engine=").unwrap_or_else(|| "grainspan-dem".to_owned());
+    let built_in = built_in_engine(&keyword).expect("an engine that scenes name");
+    let mut engine = FaultyEngine { inner: (built_in.create)(), script };
     match serve(&mut engine, &mut port, &ServeOptions::new(&run)) {
         Ok(_) => ExitCode::SUCCESS,
         Err(_) => ExitCode::from(2),
@@ -204,15 +205,18 @@ impl WorkerPort for FaultyPort {
     }
 }
 
-struct FaultyEngine(Arc<Script>);
+struct FaultyEngine {
+    inner: Box<dyn RveEngine>,
+    script: Arc<Script>,
+}
 
 impl RveEngine for FaultyEngine {
     fn capabilities(&self) -> Capabilities {
-        GrainEngine.capabilities()
+        self.inner.capabilities()
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
-        Ok(Box::new(FaultySolver { solver: GrainEngine.create(definition)?, script: Arc::clone(&self.0) }))
+        Ok(Box::new(FaultySolver { solver: self.inner.create(definition)?, script: Arc::clone(&self.script) }))
     }
 }
 

@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 23] = [
+pub const SHORT_SCENES: [ShortScene; 24] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -83,6 +83,16 @@ pub const SHORT_SCENES: [ShortScene; 23] = [
             "loading.max_iterations=1",
             "loading.stabilise_after=1",
             "solver.capped_change=1e-4",
+        ],
+    ),
+    scene(
+        "committed-iterates",
+        "biaxial-small",
+        &[
+            "mesh.elements=[1, 2]",
+            "boundary.2.displacement.y=-3e-3",
+            "loading.increments=8",
+            "loading.commit_iterates_after=2",
         ],
     ),
     scene(

@@ -9,6 +9,7 @@ use macro_solver::problem::{Problem, Stabilisation};
 use macro_solver::solve::solve;
 use protocol::Definition;
 use protocol::transport::in_process::channel;
+use rve_server::contact::ContactTable;
 use rve_server::definition::{Accuracy, AnyDefinition, GrainDefinition, Packing, PackingFile, RveOptions};
 use rve_server::engine::GrainEngine;
 use rve_server::preparation::{PackingRecipe, generate_any};
@@ -101,9 +102,10 @@ impl Observer for Recorder {
     }
 }
 
-/// As in scenes whose supports move under constant loads: a step that fails is stabilised at once.
+/// As in scenes whose supports move under constant loads: a step that fails is stabilised at once. No iterate is committed
+/// before a step has converged, so that iterations are those of the strategy.
 pub(crate) const STABILISATION: Option<Stabilisation> =
-    Some(Stabilisation { after: Some(1), most_increments: 300, viscosity: 0.1 });
+    Some(Stabilisation { after: Some(1), most_increments: 300, viscosity: 0.1, commit_iterates_after: None });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;
@@ -207,8 +209,25 @@ pub(crate) fn side_by_side<T: Send>(count: usize, work: impl Fn(usize) -> T + Sy
 /// # Errors
 /// The recipe finds no packing from this seed.
 pub(crate) fn packing_of_seed(seed: u64) -> anyhow::Result<PackingFile> {
-    let mut recipe: PackingRecipe = toml::from_str(include_str!("../../../packings/discs-400.toml"))?;
-    recipe.seed = seed;
+    made(PackingRecipe { seed, ..recipe()? })
+}
+
+/// As many discs as the shipped recipe makes them from another seed, with this friction and modulus, Pa, of the preparation.
+///
+/// # Errors
+/// The recipe finds no packing.
+pub(crate) fn packing_of(seed: u64, number: usize, friction: f64, modulus: f64) -> anyhow::Result<PackingFile> {
+    let recipe = recipe()?;
+    let contact = ContactTable { friction, modulus: Some(modulus), ..recipe.contact.clone() };
+    made(PackingRecipe { seed, number, contact, ..recipe })
+}
+
+fn recipe() -> anyhow::Result<PackingRecipe> {
+    Ok(toml::from_str(include_str!("../../../packings/discs-400.toml"))?)
+}
+
+fn made(recipe: PackingRecipe) -> anyhow::Result<PackingFile> {
+    let seed = recipe.seed;
     match generate_any(&recipe, &mut |_| {}).with_context(|| format!("packing of seed {seed}"))?.0 {
         Packing::Discs(packing) => Ok(packing),
         Packing::Spheres(_) => anyhow::bail!("the recipe is that of discs"),

@@ -57,6 +57,9 @@ pub trait Observer {
     /// A step that found no balance was stabilised; it is accepted next.
     fn stabilised(&mut self, _event: &Stabilised) {}
 
+    /// A step whose iterations did not contract went on from committed iterates, without viscosity; it is accepted next.
+    fn iterates_committed(&mut self, _event: &Stabilised) {}
+
     /// The run is over; nothing follows.
     fn finished(&mut self, _run: &Run) {}
 
@@ -124,6 +127,8 @@ pub struct StepReport {
     pub cut_backs: usize,
     /// Increments of viscous stabilisation in this step, see [`Stabilised`]; 0 unless it was stabilised.
     pub stabilisation_increments: usize,
+    /// Iterates of this step that were committed before the last; 0 in stabilised steps, whose increments are counted there.
+    pub committed_iterates: usize,
     /// Out-of-balance ratio of the accepted state.
     pub force_ratio: f64,
     /// Displacement ratio of the accepted state; 0 for an initial equilibrium that needed no iteration.
@@ -149,7 +154,7 @@ pub struct CutBack {
     pub reason: String,
 }
 
-/// A step that reached equilibrium by viscous stabilisation, see [`crate::problem::Stabilisation`].
+/// A step that reached equilibrium by viscous stabilisation, or by iterates that were committed, see [`crate::problem::Stabilisation`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stabilised {
     /// Step.
@@ -164,7 +169,7 @@ pub struct Stabilised {
     pub largest_imbalance: f64,
     /// Viscous work, J, in the plane per metre.
     pub work: f64,
-    /// Why the last attempt without it failed.
+    /// Why the last attempt without it failed or ended.
     pub reason: String,
 }
 
@@ -343,8 +348,14 @@ pub struct Statistics {
     pub stabilisation_increments: u64,
     /// Point evaluations of viscous stabilisation, those of rejected increments included.
     pub stabilisation_evaluations: u64,
-    /// Viscous work of stabilised steps, J, in the plane per metre.
+    /// Viscous work of stabilised steps, and of the forces out of balance along steps with committed iterates, J, in the plane per metre.
     pub stabilisation_work: f64,
+    /// Steps that went on from committed iterates, without viscosity.
+    #[serde(default)]
+    pub steps_with_committed_iterates: u64,
+    /// These iterates, the last of each step not among them.
+    #[serde(default)]
+    pub committed_iterates: u64,
     /// Secant corrections applied to point tangents.
     pub secant_corrections: u64,
     /// Secant corrections that a gate or the floor rejected.

@@ -17,7 +17,7 @@ use std::path::Path;
 const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
 
 /// Columns that every history ends with.
-const LAST_COLUMNS: [&str; 2] = ["cut_backs", "stabilised"];
+const LAST_COLUMNS: [&str; 3] = ["cut_backs", "stabilised", "committed_iterates"];
 
 /// Columns behind them in runs whose error is estimated.
 const ACCURACY_COLUMNS: [&str; 5] =
@@ -44,6 +44,8 @@ pub struct HistoryRow {
     pub cut_backs: u64,
     /// Increments of viscous stabilisation in the step; 0 if it was not stabilised.
     pub stabilised: u64,
+    /// Iterates that were committed before the last; 0 in stabilised steps.
+    pub committed_iterates: u64,
     /// Strain per ramp step, and the estimated errors of the stresses: of a point, and of their mean over the body.
     pub accuracy: StepAccuracy,
     /// Estimated errors of the probes that are means of stresses, in their units; for pictures.
@@ -123,7 +125,7 @@ impl HistoryLayout {
             row.evaluations.to_string(),
         ];
         let stage = self.tells_stages().then(|| self.stages.get(row.stage).cloned().unwrap_or_default());
-        let last = [row.cut_backs.to_string(), row.stabilised.to_string()];
+        let last = [row.cut_backs, row.stabilised, row.committed_iterates].map(|count| count.to_string());
         let of_estimate = |figure: fn(&ErrorEstimate) -> f64| {
             row.accuracy.estimate.as_ref().map(figure).map_or(String::new(), number)
         };
@@ -171,6 +173,7 @@ mod tests {
                 probes: values.clone(),
                 cut_backs: 2,
                 stabilised: 17,
+                committed_iterates: 5,
                 accuracy: StepAccuracy { strain_per_step: 1e-6, ..StepAccuracy::default() },
                 probe_errors: Vec::new(),
             })
@@ -182,10 +185,13 @@ mod tests {
         assert_eq!(read, values);
         assert_eq!((&row[4], &row[7]), ("384", "shear"));
         let headers = reader.headers().unwrap();
-        assert_eq!([7, 8, 9].map(|column| &headers[column]), ["stage", "cut_backs", "stabilised"]);
-        assert_eq!((&row[8], &row[9]), ("2", "17"));
-        assert_eq!([10, 11].map(|column| &headers[column]), ["strain_per_step", "estimated_error"]);
-        assert_eq!((&row[10], &row[11]), ("1e-6", ""), "what is not known is left empty");
+        assert_eq!(
+            [7, 8, 9, 10].map(|column| &headers[column]),
+            ["stage", "cut_backs", "stabilised", "committed_iterates"]
+        );
+        assert_eq!((&row[8], &row[9], &row[10]), ("2", "17", "5"));
+        assert_eq!([11, 12].map(|column| &headers[column]), ["strain_per_step", "estimated_error"]);
+        assert_eq!((&row[11], &row[12]), ("1e-6", ""), "what is not known is left empty");
     }
 
     #[test]
@@ -194,7 +200,8 @@ mod tests {
         let headings = [("force", "N/m"), ("ratio", "-"), ("time", "s")].map(|(name, unit)| (name.to_owned(), unit));
         let layout = HistoryLayout { headings: headings.into(), probes, ..HistoryLayout::default() };
         let header = layout.header(Path::new("history.csv")).unwrap();
-        let expected = "step,time [s],load,iterations,evaluations,force [N/m],ratio,cut_backs,stabilised\n";
+        let expected =
+            "step,time [s],load,iterations,evaluations,force [N/m],ratio,cut_backs,stabilised,committed_iterates\n";
         assert_eq!(String::from_utf8(header).unwrap(), expected);
     }
 
@@ -214,6 +221,7 @@ mod tests {
             probes: vec![1.0],
             cut_backs: 0,
             stabilised: 0,
+            committed_iterates: 0,
             accuracy: StepAccuracy::default(),
             probe_errors: Vec::new(),
         };
@@ -234,6 +242,7 @@ mod tests {
             probes: vec![-0.0, 1.0 / 3.0][..1 + usize::from(step > 99)].to_vec(),
             cut_backs: step % 2,
             stabilised: 0,
+            committed_iterates: 0,
             accuracy: StepAccuracy::default(),
             probe_errors: Vec::new(),
         };

@@ -149,6 +149,7 @@ impl Recorder {
             probes: self.plan.probes.iter().map(|probe| probe.quantity.value(view, &self.references)).collect(),
             cut_backs: report.cut_backs as u64,
             stabilised: report.stabilisation_increments as u64,
+            committed_iterates: report.committed_iterates as u64,
             accuracy: report.accuracy,
             probe_errors: self.probe_errors(report, view),
         };

@@ -93,7 +93,7 @@ pub(super) fn energy(dimension: Dimension) -> &'static str {
     }
 }
 
-const HISTORY: [(&str, &str); 13] = [
+const HISTORY: [(&str, &str); 14] = [
     ("step", "-"),
     ("time", "s"),
     ("load", "-"),
@@ -102,6 +102,7 @@ const HISTORY: [(&str, &str); 13] = [
     ("stage", "-"),
     ("cut_backs", "-"),
     ("stabilised", "-"),
+    ("committed_iterates", "-"),
     ("strain_per_step", "-"),
     ("estimated_error", "-"),
     ("estimated_error_of_mean", "-"),

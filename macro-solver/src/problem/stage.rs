@@ -164,6 +164,9 @@ pub struct Stabilisation {
     pub most_increments: usize,
     /// Viscosity of the first increment in terms of the first stiffness, above 0.
     pub viscosity: f64,
+    /// Iterations after which the last iterate is committed and the step goes on from it, if they do not contract as those of a smooth
+    /// material do; with 0 or `None` never.
+    pub commit_iterates_after: Option<usize>,
 }
 
 /// The keys of `[loading]` about viscous stabilisation.
@@ -186,6 +189,11 @@ struct StabilisationKeys {
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     stabilise_viscosity: f64,
+    /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not contract
+    /// as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
+    /// `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
+    #[schemars(extend("x-default" = "3 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
+    commit_iterates_after: Option<usize>,
 }
 
 impl Default for StabilisationKeys {
@@ -196,12 +204,13 @@ impl Default for StabilisationKeys {
 
 impl From<Option<Stabilisation>> for StabilisationKeys {
     fn from(settings: Option<Stabilisation>) -> Self {
-        let Stabilisation { after, most_increments, viscosity } = settings.unwrap_or_default();
+        let Stabilisation { after, most_increments, viscosity, commit_iterates_after } = settings.unwrap_or_default();
         Self {
             stabilise: settings.is_some(),
             stabilise_after: after,
             stabilise_increments: most_increments,
             stabilise_viscosity: viscosity,
+            commit_iterates_after,
         }
     }
 }
@@ -223,13 +232,14 @@ mod stabilisation_keys {
             after: keys.stabilise_after,
             most_increments: keys.stabilise_increments,
             viscosity: keys.stabilise_viscosity,
+            commit_iterates_after: keys.commit_iterates_after,
         }))
     }
 }
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Self { after: None, most_increments: 100, viscosity: 0.1 }
+        Self { after: None, most_increments: 100, viscosity: 0.1, commit_iterates_after: None }
     }
 }
 

@@ -23,6 +23,26 @@ pub(super) struct Converged {
     pub(super) stagnated: bool,
 }
 
+/// An iterate that is not in balance, and from which a step goes on.
+#[derive(Clone, Debug)]
+pub(super) struct Unfinished {
+    /// Change of the displacements, m, by degree of freedom. The material has evaluated it last.
+    pub(super) increment: Vec<f64>,
+    /// Iterations used.
+    pub(super) iterations: usize,
+    /// Force ratio reached.
+    pub(super) force_ratio: f64,
+}
+
+/// How an attempt at a step ends that has not failed.
+#[derive(Clone, Debug)]
+pub(super) enum Attempted {
+    /// Within the tolerances.
+    Converged(Converged),
+    /// Iterations from the committed state do not contract: the step goes on from the last iterate.
+    Unfinished(Unfinished),
+}
+
 /// What the last accepted load step tells about the next one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct LastStep {
@@ -42,10 +62,10 @@ impl LastStep {
     }
 }
 
-/// How viscous stabilisation of a step ended.
-pub(super) enum Stabilised {
-    /// In equilibrium; the step has been accepted.
-    Accepted,
+/// How a step ended that was stabilised or went on from a committed iterate.
+pub(super) enum Followed {
+    /// In equilibrium; the step has been accepted after this many iterations and increments.
+    Accepted(usize),
     /// Without equilibrium, for this reason; the body is in the state before it again.
     TakenBack(String),
 }
@@ -59,6 +79,8 @@ pub(super) struct Counters {
     pub(super) cut_backs: usize,
     /// Increments of viscous stabilisation.
     pub(super) stabilisation_increments: usize,
+    /// Iterates committed before the last.
+    pub(super) committed_iterates: usize,
 }
 
 impl Counters {
@@ -69,6 +91,7 @@ impl Counters {
             skipped: statistics.skipped,
             cut_backs: 0,
             stabilisation_increments: 0,
+            committed_iterates: 0,
         }
     }
 }

@@ -3,10 +3,11 @@
 //! A load step starts from the last committed configuration and requests from every Gauss point the stress at the total
 //! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
 //! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
-//! it, except through the choice of the ramp. A step is accepted when force and displacement criteria both hold, is
+//! it, except through the choice of the ramp. Exceptions are steps whose iterations do
+//! not contract, which go on from an iterate that is committed, and stabilised ones. A step is accepted when force and displacement criteria both hold, is
 //! cut back when it does not converge, and the run ends with a reason when the smallest step does not.
 
-use super::accepted::{AcceptedState, Converged, Counters, LastStep, Stabilised};
+use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;
 use super::explicit::Integrator;
 use super::linear_solver::{LinearSolver, norm};
@@ -257,7 +258,9 @@ impl<'a> Solver<'a> {
                 stagnated: false,
             }
         } else {
-            let converged = method.attempt(self, 0.0, false, session).map_err(ended)?;
+            let Attempted::Converged(converged) = method.attempt(self, 0.0, false, session).map_err(ended)? else {
+                return Err(explain("the iterations do not contract"));
+            };
             session.material.commit().map_err(|error| ended(failure(error)))?;
             converged
         };
@@ -278,35 +281,43 @@ impl<'a> Solver<'a> {
         self.points.start_step();
         for cut_backs in 0.. {
             let target = next_fraction(self.stage_fraction, *size, control.increments, control.min);
-            match method.attempt(self, target, cut_backs > 0, session) {
-                Ok(converged) => {
-                    self.commit_step(&converged, target, &Counters { cut_backs, ..counters }, session)?;
+            let counters = Counters { cut_backs, ..counters };
+            let mut reason = match method.attempt(self, target, cut_backs > 0, session) {
+                Ok(Attempted::Converged(converged)) => {
+                    self.commit_step(&converged, target, &counters, session)?;
                     return Ok(converged.iterations);
                 }
+                Ok(Attempted::Unfinished(unfinished)) => {
+                    match self.go_on_from(&unfinished, target, &counters, session)? {
+                        Followed::Accepted(iterations) => return Ok(iterations),
+                        Followed::TakenBack(reason) => reason,
+                    }
+                }
                 Err(Failure::Run(outcome)) => return Err(outcome),
-                Err(Failure::Attempt(mut reason)) => {
-                    self.statistics.cut_backs += 1;
+                Err(Failure::Attempt(reason)) => {
                     session.material.rollback();
                     self.points.forget_trials();
                     self.points.forget_corrections();
-                    let from = target - self.stage_fraction;
-                    if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
-                        let counters = Counters { cut_backs: cut_backs + 1, ..counters };
-                        match self.stabilise(settings, target, &reason, &counters, session)? {
-                            Stabilised::Accepted => {
-                                *size = first_size;
-                                return Ok(1);
-                            }
-                            Stabilised::TakenBack(why) => reason = why,
-                        }
+                    reason
+                }
+            };
+            self.statistics.cut_backs += 1;
+            let from = target - self.stage_fraction;
+            if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
+                let counters = Counters { cut_backs: cut_backs + 1, ..counters };
+                match self.stabilise(settings, target, &reason, &counters, session)? {
+                    Followed::Accepted(_) => {
+                        *size = first_size;
+                        return Ok(1);
                     }
-                    *size = from * control.cut;
-                    if *size < control.min {
-                        return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
-                    }
-                    session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, reason });
+                    Followed::TakenBack(why) => reason = why,
                 }
             }
+            *size = from * control.cut;
+            if *size < control.min {
+                return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
+            }
+            session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, reason });
         }
         unreachable!("the loop only ends by returning")
     }

@@ -1,6 +1,6 @@
 //! The procedures of stages, one folder each, and the one list that maps a stage's [`Procedure`] to its folder.
 
-use super::accepted::Converged;
+use super::accepted::Attempted;
 use super::driver::{Session, Solver};
 use super::newton::Newton;
 use crate::model::failure::Failure;
@@ -29,7 +29,7 @@ impl<'a> StageMethod<'a> {
 /// Finds the equilibrium at the end of one load step.
 pub(super) trait LoadStepMethod {
     /// Tries to reach the share `stage_fraction` of the stage's path from the committed state; `again` after a failed attempt at
-    /// this step. Nothing is committed.
+    /// this step. Nothing is committed, by an unfinished attempt neither.
     ///
     /// # Errors
     /// [`Failure::Attempt`] if a smaller step may help, otherwise the end of the run.
@@ -39,7 +39,7 @@ pub(super) trait LoadStepMethod {
         stage_fraction: f64,
         again: bool,
         session: &mut Session<'_>,
-    ) -> Result<Converged, Failure>;
+    ) -> Result<Attempted, Failure>;
 
     /// Whether the number of iterations measures how hard a step was, so that it governs the size of the next one.
     fn iterations_govern_step_size(&self) -> bool;

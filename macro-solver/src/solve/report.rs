@@ -47,6 +47,7 @@ impl Solver<'_> {
             skipped: self.statistics.skipped - before.skipped,
             cut_backs: before.cut_backs,
             stabilisation_increments: before.stabilisation_increments,
+            committed_iterates: before.committed_iterates,
             force_ratio: state.force_ratio,
             displacement_ratio: state.displacement_ratio,
             flags: self.points.flags(),

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 const FIXED: [&str; 6] = ["step", "time", "load", "iterations", "evaluations", "stage"];
 
 /// Columns that tell how a step was reached.
-const SOLVER: [&str; 3] = ["cut_backs", "stabilised", "strain_per_step"];
+const SOLVER: [&str; 4] = ["cut_backs", "stabilised", "committed_iterates", "strain_per_step"];
 
 /// Columns of the estimated errors.
 const ERRORS: [&str; 4] = ["estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];

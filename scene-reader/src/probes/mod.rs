@@ -21,7 +21,7 @@ use macro_solver::problem::{Axis, PoreFluid};
 use measure::{Word, bare_measure, measure};
 
 /// Columns that every history has, that of a run with several stages, and those of a run with an estimated error.
-const TAKEN: [&str; 13] = [
+const TAKEN: [&str; 14] = [
     "step",
     "time",
     "load",
@@ -30,6 +30,7 @@ const TAKEN: [&str; 13] = [
     "stage",
     "cut_backs",
     "stabilised",
+    "committed_iterates",
     "strain_per_step",
     "estimated_error",
     "estimated_error_of_mean",

@@ -37,7 +37,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 41] = [
+pub(crate) const COUNTERS: [Counter; 43] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -50,6 +50,8 @@ pub(crate) const COUNTERS: [Counter; 41] = [
     counter("error_above_wanted", LookAtThis, "step* with an estimated error above rve.error"),
     counter("replicas_lost", LookAtThis, "replica* given up"),
     counter("stabilisation_evaluations", Harmless, "evaluation* in stabilisation"),
+    counter("steps_with_committed_iterates", Harmless, "step* with committed iterates"),
+    counter("committed_iterates", Harmless, "committed iterate*"),
     counter("stabilisations_taken_back", Harmless, "stabilisation* taken back"),
     counter("unfinished_trials", Harmless, "unfinished trial*"),
     counter("damping_changed", Harmless, "trial* with changed damping"),

@@ -87,6 +87,7 @@ impl Observer for EventLog {
             skipped = report.skipped,
             cut_backs = report.cut_backs,
             stabilisation_increments = report.stabilisation_increments,
+            committed_iterates = report.committed_iterates,
             // The former name, for one version.
             creep = report.stabilisation_increments,
             force_ratio = report.force_ratio,
@@ -120,6 +121,19 @@ impl Observer for EventLog {
     fn stabilised(&mut self, event: &Stabilised) {
         tracing::warn!(
             event = "stabilised",
+            step = event.step,
+            load = event.load,
+            increments = event.increments,
+            evaluations = event.evaluations,
+            largest_imbalance = event.largest_imbalance,
+            work = event.work,
+            reason = event.reason,
+        );
+    }
+
+    fn iterates_committed(&mut self, event: &Stabilised) {
+        tracing::info!(
+            event = "committed_iterates",
             step = event.step,
             load = event.load,
             increments = event.increments,

@@ -35,6 +35,10 @@ impl Observer for ObserverChain<'_> {
         self.0.iter_mut().for_each(|observer| observer.stabilised(event));
     }
 
+    fn iterates_committed(&mut self, event: &Stabilised) {
+        self.0.iter_mut().for_each(|observer| observer.iterates_committed(event));
+    }
+
     fn finished(&mut self, run: &Run) {
         self.0.iter_mut().for_each(|observer| observer.finished(run));
     }

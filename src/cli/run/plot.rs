@@ -55,6 +55,7 @@ mod tests {
             probes: vec![2.0 * step as f64],
             cut_backs: u64::from(step == 1),
             stabilised: 0,
+            committed_iterates: 0,
             accuracy: StepAccuracy::default(),
             probe_errors: Vec::new(),
         };

@@ -164,6 +164,8 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("sub_steps_of_points", statistics.sub_steps),
         ("stagnated_steps", statistics.stagnated_steps),
         ("steps_stabilised", statistics.stabilised_steps),
+        ("steps_with_committed_iterates", statistics.steps_with_committed_iterates),
+        ("committed_iterates", statistics.committed_iterates),
         ("stabilisations_taken_back", statistics.stabilisations_taken_back),
         ("stabilisation_increments", statistics.stabilisation_increments),
         ("stabilisation_evaluations", statistics.stabilisation_evaluations),

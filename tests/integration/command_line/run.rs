@@ -88,7 +88,7 @@ fn check_history(out: &Path) {
     assert_eq!(
         lines.next(),
         Some(
-            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,strain_per_step,estimated_error,estimated_error_of_mean,balance_error,balance_error_of_mean"
+            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,committed_iterates,strain_per_step,estimated_error,estimated_error_of_mean,balance_error,balance_error_of_mean"
         )
     );
     let rows: Vec<Vec<f64>> = lines

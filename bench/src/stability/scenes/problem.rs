@@ -6,7 +6,7 @@ use anyhow::Context;
 use macro_solver::mesh::Mesh;
 use macro_solver::mesh::block::Block;
 use macro_solver::problem::{
-    Axis, Condition, Criteria, ErrorControl, NamedStrategy, Platen, PressureKind, Problem, Tolerances,
+    Axis, Condition, Criteria, ErrorControl, NamedStrategy, Platen, PressureKind, Problem, Stabilisation, Tolerances,
 };
 use rve_server::definition::RveOptions;
 
@@ -32,7 +32,9 @@ pub(super) fn problem(scene: &Scene, options: &RveOptions, tightness: f64) -> an
     stage.control.increments = scene.steps;
     stage.control.min = 1.0 / (64 * scene.steps) as f64;
     stage.control.max_iterations = 25;
-    stage.control.stabilisation = STABILISATION;
+    // As in scenes that do not say otherwise.
+    stage.control.stabilisation =
+        STABILISATION.map(|settings| Stabilisation { commit_iterates_after: Some(3), ..settings });
     // Tolerances of the scene itself: a finer run has none of its own.
     let given = match scene.options.error {
         Some(error) => Tolerances::within(error),

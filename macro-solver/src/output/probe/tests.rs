@@ -19,6 +19,7 @@ pub(crate) fn report(step: usize, stage: usize, load: f64) -> StepReport {
         skipped: 0,
         cut_backs: 0,
         stabilisation_increments: 0,
+        committed_iterates: 0,
         force_ratio: 0.0,
         displacement_ratio: 0.0,
         flags: crate::observer::FlagCounts::default(),

@@ -1,6 +1,7 @@
 //! One attempt at one load step: predictor, Newton iterations, convergence.
 //!
-//! Every iterate is evaluated from the committed state.
+//! Every iterate is evaluated from the committed state. Where that does not contract because cells snap, the attempt ends unfinished, and the
+//! step goes on from its last iterate.
 
 mod globalisation;
 pub(in crate::solve) mod path;
@@ -8,7 +9,7 @@ mod prediction;
 pub(in crate::solve) mod quasi_newton;
 pub(in crate::solve) mod tangent_update;
 
-use super::accepted::Converged;
+use super::accepted::{Attempted, Converged, Unfinished};
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::{LinearSolverError, norm};
 use super::procedure::LoadStepMethod;
@@ -27,6 +28,15 @@ const ROUND_OFF: f64 = 1e-12;
 /// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
+
+/// Out-of-balance force over reactions and loads up to which an iterate is committed.
+const LARGEST_IMBALANCE: f64 = 0.1;
+
+/// Share of the force tolerance from which on it is: below that, iterations only move within the rounding of the grains' equilibrium.
+const LEAST_IMBALANCE: f64 = 1e-2;
+
+/// Correction over the displacements of a full step up to which it is.
+const LARGEST_CORRECTION: f64 = 1.0;
 
 /// Why an iterate is rejected.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -75,7 +85,7 @@ impl LoadStepMethod for Newton {
         stage_fraction: f64,
         again: bool,
         session: &mut Session<'_>,
-    ) -> Result<Converged, Failure> {
+    ) -> Result<Attempted, Failure> {
         solver.attempt_newton(stage_fraction, again, session)
     }
 
@@ -140,25 +150,25 @@ impl Attempt {
 impl Solver<'_> {
     /// Tries the step from the committed state to the share `target` of the stage's path; `again` after a failed attempt at
     /// this step.
-    fn attempt_newton(&mut self, target: f64, again: bool, session: &mut Session<'_>) -> Result<Converged, Failure> {
+    fn attempt_newton(&mut self, target: f64, again: bool, session: &mut Session<'_>) -> Result<Attempted, Failure> {
         let mut attempt = self.begin_attempt(target, again)?;
         let full_step = self.full_step(target);
         match self.iterate(&mut attempt, full_step, session) {
             Err(Failure::Attempt(reason)) => match attempt.nearest.take() {
-                Some((_, nearest)) => self.settle_for(attempt, nearest, full_step, session),
+                Some((_, nearest)) => self.settle_for(attempt, nearest, full_step, session).map(Attempted::Converged),
                 None => Err(Failure::Attempt(reason)),
             },
             ended => ended,
         }
     }
 
-    /// Iterates until the step has converged, or until it stagnates close enough to convergence.
+    /// Iterates until the step has converged, until it stagnates close enough to convergence, or until an iterate is better committed.
     fn iterate(
         &mut self,
         attempt: &mut Attempt,
         full_step: f64,
         session: &mut Session<'_>,
-    ) -> Result<Converged, Failure> {
+    ) -> Result<Attempted, Failure> {
         let mut last = String::new();
         let max_iterations = self.stage().control.max_iterations;
         for iteration in 1..=max_iterations {
@@ -184,7 +194,14 @@ impl Solver<'_> {
             let crawls = attempt.globalisation.crawls(excess);
             let may_end_here = attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures));
             if is_converged || (may_end_here && crawls) {
-                return Ok(attempt.converged(&measures, correction, !is_converged));
+                return Ok(Attempted::Converged(attempt.converged(&measures, correction, !is_converged)));
+            }
+            if self.is_better_committed(attempt, &measures, crawls) {
+                return Ok(Attempted::Unfinished(Unfinished {
+                    increment: attempt.iterate.clone(),
+                    iterations: attempt.iterations,
+                    force_ratio: measures.force,
+                }));
             }
             last = format!("out-of-balance {:.2e}, correction {:.2e}", measures.force, measures.displacement);
             if tolerances.criteria.energy {
@@ -200,6 +217,23 @@ impl Solver<'_> {
             attempt.load += share * load_change;
         }
         Err(Failure::Attempt(format!("not converged after {max_iterations} iterations: {last}")))
+    }
+
+    /// Whether the step goes on from the evaluated iterate in place of the committed state: its iterations do not contract as those of a
+    /// smooth material do, and it is not far from balance.
+    fn is_better_committed(&self, attempt: &Attempt, measures: &ConvergenceMeasures, crawls: bool) -> bool {
+        let Some(after) = self.stage().control.stabilisation.and_then(|settings| settings.commit_iterates_after)
+        else {
+            return false;
+        };
+        let is_due = attempt.iterations >= after && !self.tangents.is_smooth() || attempt.iterations > 1 && crawls;
+        after > 0
+            && is_due
+            && attempt.constraint.is_none()
+            && attempt.target > self.stage_fraction
+            && measures.force <= LARGEST_IMBALANCE
+            && measures.force >= LEAST_IMBALANCE * self.stage().tolerances.force
+            && measures.displacement <= LARGEST_CORRECTION
     }
 
     /// Counts the iterate that is evaluated next; its report, of which nothing is known yet.

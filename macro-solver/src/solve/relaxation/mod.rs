@@ -5,7 +5,7 @@
 
 mod motion;
 
-use super::accepted::Converged;
+use super::accepted::{Attempted, Converged};
 use super::driver::{Session, Solver, timed};
 use super::linear_solver::norm;
 use super::newton::ResidualNorms;
@@ -30,8 +30,8 @@ impl LoadStepMethod for RelaxationSettings {
         stage_fraction: f64,
         _again: bool,
         session: &mut Session<'_>,
-    ) -> Result<Converged, Failure> {
-        solver.relax(self, stage_fraction, session)
+    ) -> Result<Attempted, Failure> {
+        solver.relax(self, stage_fraction, session).map(Attempted::Converged)
     }
 
     fn iterations_govern_step_size(&self) -> bool {

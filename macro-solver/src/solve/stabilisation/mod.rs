@@ -9,15 +9,18 @@
 //! The viscosity falls with the out-of-balance force and rises when that changes direction, so that the last increments are
 //! Newton's. The state that is accepted in the end fulfils the criteria of every other step, without viscosity. If there is none,
 //! the body is returned to the state before the step, which is cut back to its smallest size before it is stabilised once more.
+//! A step that goes on from a [committed iterate](committed_iterates) takes the same path from there, at first without viscosity.
 
+mod committed_iterates;
 mod path;
 
-use super::accepted::{Converged, Counters, Stabilised};
+use super::accepted::{Converged, Counters, Followed};
 use super::driver::{Session, Solver};
 use super::linear_solver::{LinearSolverError, norm};
 use super::newton::largest_component;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::LoadStepMethod;
+use crate::material::MaterialError;
 use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
 use crate::model::failure::{Failure, failure};
@@ -44,6 +47,9 @@ const MAX_HALVINGS: usize = 20;
 
 /// An increment in which supports and loads cover less than this share of the step counts as one at fixed loads.
 const LEAST_ADVANCE: f64 = 1e-3;
+
+/// Increments without viscosity after a committed iterate, after which viscosity is added.
+const MOST_PLAIN: usize = 10;
 
 /// An increment to be tried.
 struct Trial {
@@ -86,9 +92,23 @@ impl Solver<'_> {
         reason: &str,
         before: &Counters,
         session: &mut Session<'_>,
-    ) -> Result<Stabilised, Outcome> {
+    ) -> Result<Followed, Outcome> {
         let state = self.state_before(session);
-        let mut path = self.stabilised_path(settings.viscosity, target, reason.to_owned());
+        let path = self.stabilised_path(settings.viscosity, target, reason.to_owned());
+        self.take_path(path, state, settings, target, before, session)
+    }
+
+    /// Follows a path that begins at the committed state, which is not that of `state` after a committed iterate, and accepts its end or
+    /// returns to `state`.
+    fn take_path(
+        &mut self,
+        mut path: StabilisedPath,
+        state: StateBefore,
+        settings: Stabilisation,
+        target: f64,
+        before: &Counters,
+        session: &mut Session<'_>,
+    ) -> Result<Followed, Outcome> {
         // Viscous forces are no part of the pairs that quasi-Newton updates are made of.
         let mut memory = self.memory.take();
         let followed = self.follow(&mut path, settings, target, session);
@@ -98,17 +118,33 @@ impl Solver<'_> {
         self.memory = memory;
         let converged = match followed {
             Ok(converged) => converged,
-            Err(Failure::Run(outcome)) => return Err(outcome),
-            Err(Failure::Attempt(lost)) => {
+            Err(failure) => {
+                self.count_stabilisation(&path.event);
+                let Failure::Attempt(lost) = failure else { return Err(failure.into_outcome()) };
                 self.return_to(state, session);
-                return Ok(Stabilised::TakenBack(format!("{reason}; stabilised: {lost}")));
+                return Ok(Followed::TakenBack(format!("{}; stabilised: {lost}", path.event.reason)));
             }
         };
-        self.statistics.stabilised_steps += 1;
-        session.observer.stabilised(&path.event);
-        let before = Counters { stabilisation_increments: path.event.increments, ..*before };
+        let increments = path.event.increments;
+        let before = if path.is_viscous {
+            self.statistics.stabilised_steps += 1;
+            self.count_stabilisation(&path.event);
+            session.observer.stabilised(&path.event);
+            Counters { stabilisation_increments: increments, ..*before }
+        } else {
+            self.statistics.steps_with_committed_iterates += 1;
+            self.statistics.committed_iterates += increments as u64;
+            session.observer.iterates_committed(&path.event);
+            Counters { committed_iterates: increments, ..*before }
+        };
         self.accept(&converged, target, &path.gradients, &before, session)?;
-        Ok(Stabilised::Accepted)
+        Ok(Followed::Accepted(converged.iterations))
+    }
+
+    /// Counts what a path has cost that needed viscosity, or that led nowhere.
+    fn count_stabilisation(&mut self, path: &Event) {
+        self.statistics.stabilisation_increments += path.increments as u64;
+        self.statistics.stabilisation_evaluations += path.evaluations;
     }
 
     /// Keeps the committed state, of the material too.
@@ -135,7 +171,7 @@ impl Solver<'_> {
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
     }
 
-    /// A path that begins at the committed state.
+    /// A path that begins at the committed state, for a step that takes it for `reason`.
     fn stabilised_path(&self, viscosity: f64, target: f64, reason: String) -> StabilisedPath {
         let event = Event {
             step: self.step,
@@ -146,9 +182,7 @@ impl Solver<'_> {
             work: 0.0,
             reason,
         };
-        let points = self.points.all();
-        let moduli = |point: usize| points[point].first_moduli();
-        StabilisedPath::new(&self.body, moduli, points.len(), viscosity, self.stage_fraction, event)
+        StabilisedPath::new(&self.body, self.points.all().len(), viscosity, self.stage_fraction, event)
     }
 
     /// Follows the path to a balanced state at the share `target` of the stage's path, which is settled then. Increments are
@@ -163,9 +197,12 @@ impl Solver<'_> {
         let mut last = String::new();
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
         let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
-        for iteration in 1.. {
+        for iteration in path.iterations + 1.. {
             if at_fixed_loads == settings.most_increments {
                 break;
+            }
+            if !path.is_viscous && path.event.increments == MOST_PLAIN {
+                path.add_viscosity();
             }
             self.statistics.iterations += 1;
             let from = path.stage_fraction;
@@ -234,7 +271,6 @@ impl Solver<'_> {
             }
             other => other?,
         };
-        self.statistics.stabilisation_evaluations += norms.evaluations;
         path.event.evaluations += norms.evaluations;
         let after = self.constraints.restrict(&self.balance.residual());
         let growth = norm(&after) / norm(&trial.residual);
@@ -261,20 +297,34 @@ impl Solver<'_> {
         growth: f64,
         session: &mut Session<'_>,
     ) -> Result<(), Failure> {
-        session.material.commit().map_err(failure)?;
-        let along = self.constraints.select(&trial.increment);
+        let loads_moved = trial.to > path.stage_fraction;
+        self.commit_part(path, &trial.increment, trial.to, after, session).map_err(failure)?;
+        path.is_viscous |= path.viscosity > 0.0;
+        path.adapt(growth, dot(&trial.residual, after) < 0.0, loads_moved);
+        path.event.increments += 1;
+        Ok(())
+    }
+
+    /// Commits a part of a path, at the end of which supports and loads are at the share `to` and the out-of-balance force along the
+    /// unknowns is `after`.
+    fn commit_part(
+        &mut self,
+        path: &mut StabilisedPath,
+        increment: &[f64],
+        to: f64,
+        after: &[f64],
+        session: &mut Session<'_>,
+    ) -> Result<(), MaterialError> {
+        session.material.commit()?;
+        let along = self.constraints.select(increment);
         // The part that supports and loads add does no viscous work.
         let at_its_begin = dot(&self.constraints.restrict(&self.committed_balance.residual()), &along);
         let work = -0.5 * (at_its_begin + dot(after, &along));
-        let gradients = self.settle(&trial.increment);
-        let loads_moved = trial.to > path.stage_fraction;
-        path.stage_fraction = trial.to;
-        path.adapt(growth, dot(&trial.residual, after) < 0.0, loads_moved);
-        path.add(&trial.increment, &gradients, self.body.formulation());
+        let gradients = self.settle(increment);
+        path.stage_fraction = to;
+        path.add(increment, &gradients, self.body.formulation());
         path.event.work += work;
         self.statistics.stabilisation_work += work;
-        path.event.increments += 1;
-        self.statistics.stabilisation_increments += 1;
         Ok(())
     }
 
@@ -288,12 +338,17 @@ impl Solver<'_> {
 
     /// The next increment on the way to the share `target` of the path. No component of a displacement gradient is
     /// larger than `capped_change` in it, next to a support as anywhere else.
-    fn viscous_increment(&mut self, path: &StabilisedPath, target: f64) -> Result<Trial, LinearSolverError> {
+    fn viscous_increment(&mut self, path: &mut StabilisedPath, target: f64) -> Result<Trial, LinearSolverError> {
         self.balance = self.committed_balance.clone();
-        // Blocks of elements come first.
-        for (block, viscous) in self.balance.blocks.iter_mut().zip(&path.viscous_blocks) {
-            for (entry, viscous) in block.matrix.iter_mut().zip(&viscous.matrix) {
-                *entry += path.viscosity * viscous;
+        let viscosity = path.viscosity;
+        if viscosity > 0.0 {
+            let points = self.points.all();
+            let viscous_blocks = path.viscous_blocks(&self.body, |point| points[point].first_moduli());
+            // Blocks of elements come first.
+            for (block, viscous) in self.balance.blocks.iter_mut().zip(viscous_blocks) {
+                for (entry, viscous) in block.matrix.iter_mut().zip(&viscous.matrix) {
+                    *entry += viscosity * viscous;
+                }
             }
         }
         self.factorize()?;

@@ -1,4 +1,4 @@
-//! A stabilised step under way: its viscosity, its increments so far, and what is reported about them.
+//! A step under way that is stabilised or goes on from a committed iterate: its viscosity, its increments so far, and what is reported about them.
 
 use crate::element::integrals::add_stiffness;
 use crate::formulation::{Configuration, Formulation};
@@ -28,8 +28,12 @@ pub(super) struct StabilisedPath {
     pub(super) viscosity: f64,
     /// Factor on the next increment.
     pub(super) step_factor: f64,
-    /// `C`: stiffness of every element with its first moduli.
-    pub(super) viscous_blocks: Vec<Block>,
+    /// `C`: stiffness of every element with its first moduli; empty until it is needed.
+    viscous_blocks: Vec<Block>,
+    /// Whether any increment had viscosity.
+    pub(super) is_viscous: bool,
+    /// Iterations before the path.
+    pub(super) iterations: usize,
     /// Rejected increments in a row.
     pub(super) backtracks: usize,
     /// Rejected increments since the out-of-balance force last fell markedly.
@@ -45,11 +49,9 @@ pub(super) struct StabilisedPath {
 }
 
 impl StabilisedPath {
-    /// A path from the committed state of `body`, at the share `stage_fraction` of the stage; `moduli` are the first ones of
-    /// every point.
+    /// A path from the committed state of `body`, at the share `stage_fraction` of the stage.
     pub(super) fn new(
         body: &Body,
-        moduli: impl Fn(usize) -> [f64; 2],
         points: usize,
         first_viscosity: f64,
         stage_fraction: f64,
@@ -59,7 +61,9 @@ impl StabilisedPath {
             first_viscosity,
             viscosity: first_viscosity,
             step_factor: 1.0,
-            viscous_blocks: first_stiffness(body, moduli),
+            viscous_blocks: Vec::new(),
+            is_viscous: false,
+            iterations: 0,
             backtracks: 0,
             rejections: 0,
             stage_fraction,
@@ -67,6 +71,19 @@ impl StabilisedPath {
             gradients: vec![Matrix3::zeros(); points],
             event,
         }
+    }
+
+    /// `C`, with the first moduli of every point.
+    pub(super) fn viscous_blocks(&mut self, body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> &[Block] {
+        if self.viscous_blocks.is_empty() {
+            self.viscous_blocks = first_stiffness(body, moduli);
+        }
+        &self.viscous_blocks
+    }
+
+    /// Makes the next increment as viscous as the first of a stabilised step.
+    pub(super) fn add_viscosity(&mut self) {
+        self.viscosity = self.first_viscosity;
     }
 
     /// Makes the next increment smaller after one that was rejected.
@@ -87,21 +104,22 @@ impl StabilisedPath {
     /// it; `loads_moved` if supports and loads moved in it.
     ///
     /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
-    /// short: neither requires more viscosity. What rejected increments have added to the first one is taken back then, or the
+    /// short: neither requires more viscosity, and with some, increments are made longer. What rejected increments have added to the first one is taken back then, or the
     /// body would stand still.
     pub(super) fn adapt(&mut self, left: f64, reversed: bool, loads_moved: bool) {
         self.backtracks = 0;
         if left < SLOW {
             self.rejections = 0;
         }
-        if reversed {
+        // Without viscosity it is Newton's method, which may converge from the other side.
+        if reversed && (self.viscosity > 0.0 || left >= 1.0) {
             self.viscosity = (2.0 * self.viscosity).max(LEAST_VISCOSITY * self.first_viscosity);
         } else if left < 1.0 {
             self.viscosity *= (0.5 * left).max(0.2);
         } else if self.viscosity > self.first_viscosity {
             self.viscosity = (self.viscosity / BACKTRACK_FACTOR).max(self.first_viscosity);
         }
-        let is_slow = !reversed && !loads_moved && left > SLOW;
+        let is_slow = !reversed && !loads_moved && left > SLOW && self.viscosity > 0.0;
         self.step_factor = if is_slow { (2.0 * self.step_factor).min(LARGEST_STEP_FACTOR) } else { 1.0 };
     }
 
@@ -155,6 +173,8 @@ mod tests {
             viscosity: 0.1,
             step_factor: 1.0,
             viscous_blocks: Vec::new(),
+            is_viscous: false,
+            iterations: 0,
             backtracks: 0,
             rejections: 0,
             stage_fraction: 0.0,

@@ -4,6 +4,7 @@ mod answers;
 mod averages;
 mod balance_error;
 mod bending;
+mod committed_iterates;
 mod continued;
 mod convergence;
 mod equilibrium;
