@@ -117,7 +117,7 @@ impl Subject<'_> {
         };
         if *class == Class::NotAtRest {
             checked.reason = restless::reason(self);
-        } else if is_plain && ledger::is_open(checked.open, &self.test.contact) {
+        } else if is_plain && ledger::is_open(checked.open) {
             checked.class = Class::Wrong;
             checked.reason = format!("energy ledger open by {:.0} % of the largest energy", 100.0 * checked.open);
         } else if is_chosen {

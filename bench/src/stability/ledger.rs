@@ -2,14 +2,13 @@
 //! along the steps of the grains, so that it closes however coarse the increments are.
 
 use super::outcome::Increment;
-use rve_server::contact::ContactTable;
 
 /// Energy that may be missing or left over, over the largest of the energies.
 pub(super) const LIMIT: f64 = 0.05;
 
-/// Whether a ledger that is open this far is wrong. Contact viscosity takes energy that is not counted.
-pub(super) fn is_open(open: f64, contact: &ContactTable) -> bool {
-    open > LIMIT || (open < -LIMIT && contact.damping == 0.0)
+/// Whether a ledger that is open this far is wrong.
+pub(super) fn is_open(open: f64) -> bool {
+    open.abs() > LIMIT
 }
 
 /// Energy stored and lost beyond the work done on the cell, over the largest of the three; NaN for a path of no energy.

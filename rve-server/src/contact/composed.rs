@@ -221,10 +221,12 @@ impl<K: KernelSpace, N: Springs, const MEMORY: usize> ContactLaw<K> for Composed
                 let both = K::shortened(kept.plus(across), limit, AT_LIMIT).kept;
                 across = both.minus(kept);
             }
-            response.viscous = Some(Viscous {
-                normal_force: -(viscosity * normal_stiffness * (overlap - before)),
-                tangential_force: across,
-            });
+            let approach = overlap - before;
+            let viscous =
+                Viscous { normal_force: -(viscosity * normal_stiffness * approach), tangential_force: across };
+            // What the dashpots take of the work of this step.
+            response.dissipation += across.dot(motion.slip) - viscous.normal_force * approach;
+            response.viscous = Some(viscous);
             let rolling = motion.rolling.where_or(motion.touched, K::Axial::zero());
             let (moment, lost) = rolled::<K, R>(
                 rolled_before,

@@ -342,9 +342,15 @@ fn crystal_of_spheres_is_tested_in_all_nine_components() {
 #[test]
 fn what_friction_and_damping_take_and_what_is_stored_is_the_work() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for (packing, law) in [
-        ("discs-100", "law = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.1"),
-        ("spheres-100", "law = \"hertz_mindlin\"\nshear_modulus = 2.9e10\npoisson_ratio = 0.2\nfriction = 0.1"),
+    // Dashpots push as a step of theirs has gone, and the sums take the mean of a step's begin and end.
+    for (packing, law, bound) in [
+        ("discs-100", "law = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.1", 5e-4),
+        ("spheres-100", "law = \"hertz_mindlin\"\nshear_modulus = 2.9e10\npoisson_ratio = 0.2\nfriction = 0.1", 5e-4),
+        (
+            "discs-100",
+            "law = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.1\ndamping = 0.5",
+            1e-3,
+        ),
     ] {
         let text = format!(
             "packing = \"packings/{packing}.json\"\nstress_tolerance = 1e-2\n[contact]\n{law}\n[rve]\naccuracy = \"draft\"\n\
@@ -359,7 +365,10 @@ fn what_friction_and_damping_take_and_what_is_stored_is_the_work() {
         let without_damping = last.work - stored - last.frictional_dissipation;
         let turned_over = last.work.abs() + last.elastic_energy + last.frictional_dissipation;
         assert!(without_damping > 1e-2 * turned_over, "{packing}: damping takes {without_damping} of {turned_over}");
-        assert!((without_damping - damping).abs() < 5e-4 * turned_over, "{packing}: {without_damping} for {damping}");
+        assert!(
+            (without_damping - damping).abs() < bound * turned_over,
+            "{packing}: {without_damping} for {damping} of {turned_over}"
+        );
     }
 }
 
