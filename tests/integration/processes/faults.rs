@@ -46,8 +46,8 @@ fn workers_that_are_recycled_change_no_byte_of_the_history() {
     let run = |name: &str, sets: &[&str]| {
         let out = site.path(name);
         let words = ["run", "scenes/biaxial-small.toml", "--workers", "2", "--out", out.to_str().unwrap()];
-        // Seconds, not milliseconds: the memory of a worker is looked at now and then.
-        let longer = ["--set", "rve.strain_per_step=1e-7", "--set", "loading.increments=10"];
+        // Some seconds: the memory of a worker is looked at twice a second, and one that works then keeps on.
+        let longer = ["--set", "rve.strain_per_step=4e-8", "--set", "loading.increments=10"];
         let ended = site.start(name, &[&words[..], &longer, sets].concat()).end();
         assert!(ended.status.success(), "{}", ended.stderr);
         let summary = std::fs::read_to_string(site.path(name).join("summary.json")).unwrap();
