@@ -12,7 +12,7 @@ use super::tables::{NonlocalTable, ProcedureKeyword, SceneFile, SolverTable, Sta
 use keys::{Key, Located, Table};
 use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stage, Tolerances};
+use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stabilisation, Stage, Tolerances};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -147,23 +147,17 @@ fn nonlocal(
     Ok(averages.enabled.then_some(averages.settings))
 }
 
-/// Increments of stabilisation where supports drive the stage: a body that softens as a whole takes more than a snap does. Under loads that
-/// change, a body that takes so many has collapsed.
-const MOST_INCREMENTS: usize = 300;
-
-/// Iterations after which iterates are committed there, if they do not contract.
-const COMMIT_ITERATES_AFTER: usize = 3;
-
 /// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once, if
-/// supports drive the stage; the reasons are in docs/lab-book/strategies.md.
+/// supports drive the stage.
 fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {
-        settings.after = settings.after.or(Some(1));
-        settings.commit_iterates_after = settings.commit_iterates_after.or(Some(COMMIT_ITERATES_AFTER));
+        let default = Stabilisation::UNDER_MOVING_SUPPORTS;
+        settings.after = settings.after.or(default.after);
+        settings.commit_iterates_after = settings.commit_iterates_after.or(default.commit_iterates_after);
         if !tables.iter().any(|table| table.has("stabilise_increments")) {
-            settings.most_increments = MOST_INCREMENTS;
+            settings.most_increments = default.most_increments;
         }
     }
 }
@@ -424,8 +418,8 @@ mod tests {
         };
         let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
         // Loads grow in the first stage, supports move under constant loads in the second.
-        let at_once =
-            Stabilisation { after: Some(1), most_increments: 300, commit_iterates_after: Some(3), ..by_default };
+        let at_once = Stabilisation::UNDER_MOVING_SUPPORTS;
+        assert_eq!(at_once.viscosity, by_default.viscosity);
         let early = Stabilisation { after: Some(3), ..by_default };
         let early_here = Stabilisation { after: Some(3), ..at_once };
         assert_eq!(stabilisations(&[]), [Some(by_default), Some(at_once)]);

@@ -105,7 +105,7 @@ impl Observer for Recorder {
 /// As in scenes whose supports move under constant loads: a step that fails is stabilised at once. No iterate is committed
 /// before a step has converged, so that iterations are those of the strategy.
 pub(crate) const STABILISATION: Option<Stabilisation> =
-    Some(Stabilisation { after: Some(1), most_increments: 300, viscosity: 0.1, commit_iterates_after: None });
+    Some(Stabilisation { commit_iterates_after: None, ..Stabilisation::UNDER_MOVING_SUPPORTS });
 
 /// Seed by which packings are dealt out to points.
 const DEAL: u64 = 1;

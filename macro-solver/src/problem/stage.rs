@@ -189,8 +189,8 @@ struct StabilisationKeys {
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     stabilise_viscosity: f64,
-    /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not contract
-    /// as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
+    /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not
+    /// contract as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
     /// `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
     #[schemars(extend("x-default" = "3 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
     commit_iterates_after: Option<usize>,
@@ -237,7 +237,15 @@ mod stabilisation_keys {
     }
 }
 
+impl Stabilisation {
+    /// Of a stage that supports drive under constant loads, unless it says otherwise: the body has an equilibrium further on, and a body that
+    /// softens as a whole takes more increments than a snap does. Chosen in docs/lab-book/strategies.md.
+    pub const UNDER_MOVING_SUPPORTS: Self =
+        Self { after: Some(1), most_increments: 300, viscosity: 0.1, commit_iterates_after: Some(3) };
+}
+
 impl Default for Stabilisation {
+    /// Of any other stage: under loads that change, a body that takes so many increments has collapsed.
     fn default() -> Self {
         Self { after: None, most_increments: 100, viscosity: 0.1, commit_iterates_after: None }
     }

@@ -3,9 +3,8 @@
 //! A load step starts from the last committed configuration and requests from every Gauss point the stress at the total
 //! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
 //! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
-//! it, except through the choice of the ramp. Exceptions are steps whose iterations do
-//! not contract, which go on from an iterate that is committed, and stabilised ones. A step is accepted when force and displacement criteria both hold, is
-//! cut back when it does not converge, and the run ends with a reason when the smallest step does not.
+//! it, except through the choice of the ramp. Exceptions are steps whose iterations do not contract, which go on from an
+//! iterate that is committed, and stabilised ones. A step is accepted when force and displacement criteria both hold, is cut back when it does not converge, and the run ends with a reason when the smallest step does not.
 
 use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;

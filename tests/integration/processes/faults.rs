@@ -46,7 +46,7 @@ fn workers_that_are_recycled_change_no_byte_of_the_history() {
     let run = |name: &str, sets: &[&str]| {
         let out = site.path(name);
         let words = ["run", "scenes/biaxial-small.toml", "--workers", "2", "--out", out.to_str().unwrap()];
-        // Some seconds: the memory of a worker is looked at twice a second, and one that works then keeps on.
+        // Some seconds: the memory of a worker is looked at twice a second.
         let longer = ["--set", "rve.strain_per_step=4e-8", "--set", "loading.increments=10"];
         let ended = site.start(name, &[&words[..], &longer, sets].concat()).end();
         assert!(ended.status.success(), "{}", ended.stderr);

@@ -1,7 +1,6 @@
 //! The boundary value problem of a small scene.
 
 use super::draw::{Loading, Scene};
-use crate::newton::case::STABILISATION;
 use anyhow::Context;
 use macro_solver::mesh::Mesh;
 use macro_solver::mesh::block::Block;
@@ -33,8 +32,7 @@ pub(super) fn problem(scene: &Scene, options: &RveOptions, tightness: f64) -> an
     stage.control.min = 1.0 / (64 * scene.steps) as f64;
     stage.control.max_iterations = 25;
     // As in scenes that do not say otherwise.
-    stage.control.stabilisation =
-        STABILISATION.map(|settings| Stabilisation { commit_iterates_after: Some(3), ..settings });
+    stage.control.stabilisation = Some(Stabilisation::UNDER_MOVING_SUPPORTS);
     // Tolerances of the scene itself: a finer run has none of its own.
     let given = match scene.options.error {
         Some(error) => Tolerances::within(error),

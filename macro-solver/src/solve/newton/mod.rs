@@ -1,7 +1,7 @@
 //! One attempt at one load step: predictor, Newton iterations, convergence.
 //!
-//! Every iterate is evaluated from the committed state. Where that does not contract because cells snap, the attempt ends unfinished, and the
-//! step goes on from its last iterate.
+//! Every iterate is evaluated from the committed state. Where that does not contract because cells snap, the attempt ends unfinished,
+//! and the step goes on from its last iterate.
 
 mod globalisation;
 pub(in crate::solve) mod path;
@@ -226,7 +226,8 @@ impl Solver<'_> {
         else {
             return false;
         };
-        let is_due = attempt.iterations >= after && !self.tangents.is_smooth() || attempt.iterations > 1 && crawls;
+        let is_slow = attempt.iterations >= after && !self.tangents.is_smooth();
+        let is_due = is_slow || (attempt.iterations > 1 && crawls);
         after > 0
             && is_due
             && attempt.constraint.is_none()

@@ -1,10 +1,10 @@
 //! Committed iterates: where iterations from the last accepted state do not contract, a step goes on from the last of them.
 //!
-//! Every iterate of an attempt takes the cells from the last accepted state to another target. Where cells snap, almost equal targets end on
-//! different branches, and the out-of-balance force then jumps about at a few per cent, however good the tangent is. A correction
+//! Every iterate of an attempt takes the cells from the last accepted state to another target. Where cells snap, almost equal targets
+//! end on different branches, and the out-of-balance force then jumps about at a few per cent, however good the tangent is. A correction
 //! that begins where the last iterate ended is a small increment of its own, and its answer is close to that iterate. So the iterate
-//! is committed, though it is not in balance, and what is left of the out-of-balance force is corrected from there: path-dependent iteration, as
-//! a servo-controlled test follows its path. The cells take another way to the accepted state, not straight but by way of the iterates.
+//! is committed, though it is not in balance, and what is left of the out-of-balance force is corrected from there: path-dependent
+//! iteration, as a servo-controlled test follows its path. The cells take another way to the accepted state, not straight but by way of the iterates.
 //!
 //! Corrections are increments of a [stabilised path](super::path) without viscosity. Where they do not lower the out-of-balance force,
 //! viscosity is added as in every other such path, and the step counts as stabilised.

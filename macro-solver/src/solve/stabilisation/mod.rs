@@ -48,9 +48,6 @@ const MAX_HALVINGS: usize = 20;
 /// An increment in which supports and loads cover less than this share of the step counts as one at fixed loads.
 const LEAST_ADVANCE: f64 = 1e-3;
 
-/// Increments without viscosity after a committed iterate, after which viscosity is added.
-const MOST_PLAIN: usize = 10;
-
 /// An increment to be tried.
 struct Trial {
     increment: Vec<f64>,
@@ -201,9 +198,7 @@ impl Solver<'_> {
             if at_fixed_loads == settings.most_increments {
                 break;
             }
-            if !path.is_viscous && path.event.increments == MOST_PLAIN {
-                path.add_viscosity();
-            }
+            path.limit_plain_increments();
             self.statistics.iterations += 1;
             let from = path.stage_fraction;
             let force_ratio = self.try_increment(path, target, iteration, session)?;

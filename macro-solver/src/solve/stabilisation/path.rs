@@ -1,4 +1,5 @@
-//! A step under way that is stabilised or goes on from a committed iterate: its viscosity, its increments so far, and what is reported about them.
+//! A step under way that is stabilised or goes on from a committed iterate: its viscosity, its increments so far, and what is reported
+//! about them.
 
 use crate::element::integrals::add_stiffness;
 use crate::formulation::{Configuration, Formulation};
@@ -16,6 +17,9 @@ const SLOW: f64 = 0.5;
 
 /// Largest factor on an increment.
 const LARGEST_STEP_FACTOR: f64 = 32.0;
+
+/// Increments without viscosity after a committed iterate, after which viscosity is added.
+const MOST_PLAIN: usize = 10;
 
 /// Factor on the viscosity after a rejected increment.
 const BACKTRACK_FACTOR: f64 = 4.0;
@@ -81,9 +85,12 @@ impl StabilisedPath {
         &self.viscous_blocks
     }
 
-    /// Makes the next increment as viscous as the first of a stabilised step.
-    pub(super) fn add_viscosity(&mut self) {
-        self.viscosity = self.first_viscosity;
+    /// Makes the next increment as viscous as the first of a stabilised step, if none had viscosity and there were [`MOST_PLAIN`] of them.
+    pub(super) fn limit_plain_increments(&mut self) {
+        // A rejected increment has brought more already.
+        if !self.is_viscous && self.viscosity == 0.0 && self.event.increments >= MOST_PLAIN {
+            self.viscosity = self.first_viscosity;
+        }
     }
 
     /// Makes the next increment smaller after one that was rejected.
@@ -104,8 +111,8 @@ impl StabilisedPath {
     /// it; `loads_moved` if supports and loads moved in it.
     ///
     /// Away from a state that is not stable the force grows by itself, and a tangent that is too stiff makes increments too
-    /// short: neither requires more viscosity, and with some, increments are made longer. What rejected increments have added to the first one is taken back then, or the
-    /// body would stand still.
+    /// short: neither requires more viscosity, and with some, increments are made longer. What rejected increments have added to the
+    /// first one is taken back then, or the body would stand still.
     pub(super) fn adapt(&mut self, left: f64, reversed: bool, loads_moved: bool) {
         self.backtracks = 0;
         if left < SLOW {
@@ -194,6 +201,31 @@ mod tests {
         assert_eq!((path.backtracks, path.rejections), (1, 2));
         path.adapt(0.3, false, false);
         assert_eq!((path.backtracks, path.rejections), (0, 0));
+    }
+
+    /// After a committed iterate it is Newton's method: it may go past the balance as long as it comes closer, is not made longer, and gets
+    /// viscosity where it goes astray or takes too long.
+    #[test]
+    fn increments_after_a_committed_iterate_get_viscosity_where_they_need_it() {
+        let plain = || StabilisedPath { viscosity: 0.0, ..path() };
+        let mut closer = plain();
+        closer.adapt(0.7, true, false);
+        closer.adapt(0.9, false, false);
+        assert_eq!((closer.viscosity, closer.step_factor), (0.0, 1.0));
+        let mut astray = plain();
+        astray.adapt(1.2, true, false);
+        assert!(astray.viscosity > 0.0);
+        let mut long = plain();
+        long.event.increments = MOST_PLAIN - 1;
+        long.limit_plain_increments();
+        assert_eq!(long.viscosity, 0.0);
+        long.event.increments += 1;
+        long.limit_plain_increments();
+        assert_eq!(long.viscosity, 0.1);
+        // It is rejected: the next one needs more, not the same once more.
+        long.backtrack();
+        long.limit_plain_increments();
+        assert_eq!(long.viscosity, 0.4);
     }
 
     #[test]

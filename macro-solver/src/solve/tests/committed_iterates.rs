@@ -1,9 +1,9 @@
 //! Steps that go on from committed iterates: a material whose stress depends on where in the step its path ended.
 
-use super::stabilisation::{pulled, weak_at_the_bottom};
+use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
 use crate::material::damage::DamageMaterial;
-use crate::observer::{Outcome, Stabilised};
+use crate::observer::Outcome;
 use crate::problem::Stabilisation;
 use protocol::RveError;
 use std::collections::BTreeMap;
@@ -96,27 +96,6 @@ fn problem(commit_iterates_after: Option<usize>) -> Problem {
     problem
 }
 
-#[derive(Default)]
-struct Watch(Vec<Stabilised>, Vec<Stabilised>, Recorder);
-
-impl Observer for Watch {
-    fn iterated(&mut self, report: &IterationReport) {
-        self.2.iterated(report);
-    }
-
-    fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        self.2.accepted(report, fields)
-    }
-
-    fn stabilised(&mut self, event: &Stabilised) {
-        self.0.push(event.clone());
-    }
-
-    fn iterates_committed(&mut self, event: &Stabilised) {
-        self.1.push(event.clone());
-    }
-}
-
 /// Without them the steps fail and are stabilised. With them none fails, each needs few increments more, and all is counted.
 #[test]
 fn a_rough_material_is_brought_to_balance_from_committed_iterates() {
@@ -129,9 +108,9 @@ fn a_rough_material_is_brought_to_balance_from_committed_iterates() {
     let run = solve(&problem(Some(3)), &mut material, &mut watch);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let statistics = &run.statistics;
-    assert_eq!((statistics.cut_backs, statistics.stabilised_steps, watch.0.len()), (0, 0, 0));
+    assert_eq!((statistics.cut_backs, statistics.stabilised_steps, watch.stabilised.len()), (0, 0, 0));
     assert!(statistics.evaluations < without.statistics.evaluations);
-    let Watch(_, events, recorder) = watch;
+    let Watch { committed: events, recorder, .. } = watch;
     assert!(!events.is_empty() && events.len() as u64 == statistics.steps_with_committed_iterates);
     let increments: usize = events.iter().map(|event| event.increments).sum();
     assert_eq!(statistics.committed_iterates, increments as u64);

@@ -57,20 +57,29 @@ fn strain_beyond(pulled: f64) -> f64 {
     0.5 * (low + high)
 }
 
+/// Keeps what is told about stabilised steps and those with committed iterates, and everything else.
 #[derive(Default)]
-struct Watch(Vec<Stabilised>, Recorder);
+pub(super) struct Watch {
+    pub(super) stabilised: Vec<Stabilised>,
+    pub(super) committed: Vec<Stabilised>,
+    pub(super) recorder: Recorder,
+}
 
 impl Observer for Watch {
     fn iterated(&mut self, report: &IterationReport) {
-        self.1.iterated(report);
+        self.recorder.iterated(report);
     }
 
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
-        self.1.accepted(report, fields)
+        self.recorder.accepted(report, fields)
     }
 
     fn stabilised(&mut self, event: &Stabilised) {
-        self.0.push(event.clone());
+        self.stabilised.push(event.clone());
+    }
+
+    fn iterates_committed(&mut self, event: &Stabilised) {
+        self.committed.push(event.clone());
     }
 }
 
@@ -83,13 +92,13 @@ fn a_snap_under_displacement_control_ends_on_the_far_branch() {
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     let exact = strain_beyond(1e-2);
     assert!((material.largest_strain(0) / exact - 1.0).abs() < 1e-6, "{} {exact}", material.largest_strain(0));
-    let [event] = &watch.0[..] else { panic!("{:?}", watch.0) };
+    let [event] = &watch.stabilised[..] else { panic!("{:?}", watch.stabilised) };
     assert_eq!(
         (run.statistics.stabilised_steps, run.statistics.stabilisation_increments),
         (1, event.increments as u64)
     );
     assert!(event.work > 0.0 && event.largest_imbalance > 1e-2 && event.increments < 60, "{event:?}");
-    let Watch(_, recorder) = watch;
+    let Watch { recorder, .. } = watch;
     let stabilised: Vec<&StepReport> =
         recorder.steps.iter().filter(|step| step.stabilisation_increments > 0).collect();
     assert_eq!(stabilised.len(), 1);
@@ -113,13 +122,13 @@ fn the_drag_takes_what_the_snap_sets_free() {
     };
     let lost = DamageLaw { lambda: 1.0e7, shear: 1.0e7, threshold: THRESHOLD, softening: SOFTENING };
     // The column is held at the length of the stabilised step, and begins it next to the threshold.
-    let length = 1e-2 * watch.0[0].load;
+    let length = 1e-2 * watch.stabilised[0].load;
     let after = strain_beyond(length);
     let others = (length - after) / (CELLS - 1) as f64;
     let released = stored(THRESHOLD, THRESHOLD) - stored(after, others) - lost.dissipation(after);
     // The trapezium rule over the increments, and the load step itself.
     // Increments are few, and the trapezium rule is what it is.
-    assert!((watch.0[0].work / released - 1.0).abs() < 0.1, "{} {released}", watch.0[0].work);
+    assert!((watch.stabilised[0].work / released - 1.0).abs() < 0.1, "{} {released}", watch.stabilised[0].work);
 }
 
 /// Under a force that the column cannot carry there is no balance to come to. What that took is counted all the same.
@@ -215,7 +224,7 @@ fn increments_that_points_refuse_are_taken_back_and_counted() {
     let mut watch = Watch::default();
     let run = solve(&problem, &mut material, &mut watch);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
-    let Watch(events, Recorder { iterations, .. }) = watch;
+    let Watch { stabilised: events, recorder: Recorder { iterations, .. }, .. } = watch;
     let refused = |reports: &[IterationReport]| {
         reports.iter().filter(|report| report.rejected && report.evaluations == 0).count()
     };

@@ -1,12 +1,12 @@
 //! Viscous stabilisation where nothing snaps: a history-dependent column ends where Newton's method brings it, however many rows it
 //! has, and no increment on the way strains a point by more than the cap. And what the drag decides where something snaps.
 
-use super::stabilisation::{pulled, weak_at_the_bottom};
+use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
 use crate::formulation::Formulation;
 use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
 use crate::material::elastic::isotropic_moduli;
-use crate::observer::{Outcome, Stabilised};
+use crate::observer::Outcome;
 use crate::problem::{Platen, Stabilisation};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, Scalars, TangentKind, TrialFlags};
@@ -174,15 +174,6 @@ fn stabilisation_under_a_growing_load_stays_near_equilibrium() {
     assert!(material.committed.iter().all(|state| state.lost > 0.0));
 }
 
-#[derive(Default)]
-struct Watch(Vec<Stabilised>);
-
-impl Observer for Watch {
-    fn stabilised(&mut self, event: &Stabilised) {
-        self.0.push(event.clone());
-    }
-}
-
 /// On a softening column with one far branch all drags end on it; a stronger one only takes longer.
 #[test]
 fn the_drag_changes_the_way_and_not_the_far_branch() {
@@ -192,7 +183,7 @@ fn the_drag_changes_the_way_and_not_the_far_branch() {
         let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
         let run = solve(&problem, &mut material, &mut watch);
         assert!(matches!(run.outcome, Outcome::Completed), "{viscosity}: {:?}", run.outcome);
-        let increments: usize = watch.0.iter().map(|event| event.increments).sum();
+        let increments: usize = watch.stabilised.iter().map(|event| event.increments).sum();
         (material.largest_strain(0), run.statistics.stabilisation_work, increments)
     });
     for end in &ends {

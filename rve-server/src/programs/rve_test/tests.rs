@@ -342,7 +342,7 @@ fn crystal_of_spheres_is_tested_in_all_nine_components() {
 #[test]
 fn what_friction_and_damping_take_and_what_is_stored_is_the_work() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    // Dashpots push as a step of theirs has gone, and the sums take the mean of a step's begin and end.
+    // The force of a dashpot is that of the step just made, and `work` takes the mean of the forces before and after a step.
     for (packing, law, bound) in [
         ("discs-100", "law = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = 0.1", 5e-4),
         ("spheres-100", "law = \"hertz_mindlin\"\nshear_modulus = 2.9e10\npoisson_ratio = 0.2\nfriction = 0.1", 5e-4),
