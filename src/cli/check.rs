@@ -106,7 +106,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
-    let mut notes: Vec<String> = packing.listed_forces.warning().into_iter().collect();
+    let mut notes = packing.remarks_on_the_law();
     notes.extend(packing.remarks());
     if let Some(mismatch) = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load()) {
         notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::remedy(scene)));

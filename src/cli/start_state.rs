@@ -10,8 +10,9 @@ use macro_solver::observer::Silent;
 use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
 use macro_solver::solve::solve;
 use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialFlags, TrialResult};
-use rve_server::definition::AnyDefinition;
+use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::{GrainRve, ListedForces};
+use rve_server::solver::SolverFor;
 use scene_reader::Scene;
 use std::collections::BTreeMap;
 
@@ -43,6 +44,8 @@ pub(crate) struct PackingState {
     pub(crate) listed_forces: ListedForces,
     /// Largest over smallest radius.
     pub(crate) radius_ratio: f64,
+    /// Whether it holds together and is far from equilibrium under the contact law.
+    pub(crate) is_far_from_rest: bool,
 }
 
 impl PackingState {
@@ -51,28 +54,31 @@ impl PackingState {
     /// # Errors
     /// Forces that are not finite.
     pub(crate) fn of(definition: &AnyDefinition) -> Result<Self, Failure> {
-        let refused = |error| Failure::new(Exit::BadInput, error);
-        let (answer, listed_forces, radii): (TrialResult, ListedForces, Vec<f64>) = match definition {
-            AnyDefinition::Discs(discs) => {
-                let mut cell = GrainRve::new(discs).map_err(refused)?;
-                let radii = discs.packing.grains.iter().map(|grain| grain[2]).collect();
-                (cell.observe(Observables::ALL).map_err(refused)?, cell.listed_forces(), radii)
-            }
+        match definition {
+            AnyDefinition::Discs(discs) => Self::of_cell(discs, discs.packing.grains.iter().map(|grain| grain[2])),
             AnyDefinition::Spheres(spheres) => {
-                let mut cell = GrainRve::new(spheres).map_err(refused)?;
-                let radii = spheres.packing.grains.iter().map(|grain| grain[3]).collect();
-                (cell.observe(Observables::ALL).map_err(refused)?, cell.listed_forces(), radii)
+                Self::of_cell(spheres, spheres.packing.grains.iter().map(|grain| grain[3]))
             }
-        };
+        }
+    }
+
+    fn of_cell<S: SolverFor>(
+        definition: &GrainDefinition<S>,
+        radii: impl Iterator<Item = f64>,
+    ) -> Result<Self, Failure> {
+        let refused = |error| Failure::new(Exit::BadInput, error);
+        let mut cell = GrainRve::new(definition).map_err(refused)?;
+        let answer = cell.observe(Observables::ALL).map_err(refused)?;
         let (smallest, largest) =
-            radii.iter().fold((f64::INFINITY, 0.0f64), |(low, high), radius| (low.min(*radius), high.max(*radius)));
+            radii.fold((f64::INFINITY, 0.0f64), |(low, high), radius| (low.min(radius), high.max(radius)));
         Ok(Self {
             stress: answer.stress,
-            dimension: definition.dimension() as usize,
+            dimension: S::DIMENSION as usize,
             scalars: answer.scalars,
             coordination_no_rattlers: answer.observed.coordination_number_no_rattlers,
-            listed_forces,
+            listed_forces: cell.listed_forces(),
             radius_ratio: largest / smallest,
+            is_far_from_rest: cell.is_far_from_rest(&answer),
         })
     }
 
@@ -105,6 +111,18 @@ impl PackingState {
             self.coordination_no_rattlers,
             self.scalars.max_overlap_ratio
         )
+    }
+
+    /// What the contact law does not take over of the equilibrium in which the packing was written, one line each.
+    pub(crate) fn remarks_on_the_law(&self) -> Vec<String> {
+        let unrest = self.is_far_from_rest.then(|| {
+            format!(
+                "the grains are far from rest under this contact law, unbalanced forces reach {:.2} of the mean contact force: the first \
+                 increment begins with their motion. Prepare the packing under the law of the scene (`grainspan pack`)",
+                self.scalars.unbalanced_force_ratio
+            )
+        });
+        self.listed_forces.warning().into_iter().chain(unrest).collect()
     }
 
     /// Warnings, one line each.

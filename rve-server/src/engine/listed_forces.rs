@@ -39,6 +39,11 @@ impl ListedForces {
         counts
     }
 
+    /// All forces and moments that were dropped or cut.
+    pub fn changed(&self) -> usize {
+        self.dropped + self.cut + self.springless + self.moments_cut
+    }
+
     /// A warning for the user, or nothing if all forces were taken over.
     pub fn warning(&self) -> Option<String> {
         let mut parts = Vec::new();

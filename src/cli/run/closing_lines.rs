@@ -88,16 +88,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
         lines.push(("initial stress", format!("{cells} cells brought to it, {smaller} of them in smaller steps")));
     }
-    lines.push(match listed(&summary.fallback_groups, Concern::LookAtThis) {
-        found if found.is_empty() => ("warnings", "none".to_owned()),
-        found => ("warnings", format!("{found} ({EXPLAINED})")),
-    });
-    let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
-    if residual > LARGEST_RESIDUAL {
-        let percent = 100.0 * residual;
-        let text = format!("energy balance open by {percent:.0} %: steps are too large for the trapezium rule");
-        lines.push(("warnings", text));
-    }
+    lines.push(("warnings", warnings(summary)));
     lines.push(match listed(&summary.fallback_groups, Concern::Harmless) {
         found if found.is_empty() => ("fallbacks", "none".to_owned()),
         found => ("fallbacks", format!("{found} (no effect on accuracy, {EXPLAINED})")),
@@ -114,6 +105,19 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
         writeln!(text, "  {label:<16} {value}").expect("writing to a String cannot fail");
     }
     text
+}
+
+/// What may have cost accuracy.
+fn warnings(summary: &Summary) -> String {
+    let counted = listed(&summary.fallback_groups, Concern::LookAtThis);
+    let counted = (!counted.is_empty()).then(|| format!("{counted} ({EXPLAINED})"));
+    let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
+    let open = (residual > LARGEST_RESIDUAL).then(|| {
+        let percent = 100.0 * residual;
+        format!("energy balance open by {percent:.0} %: steps are too large for the trapezium rule")
+    });
+    let all: Vec<String> = counted.into_iter().chain(open).collect();
+    if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }
 
 /// What the shortcuts have saved of all force evaluations, the least that is known.

@@ -37,10 +37,12 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 43] = [
+pub(crate) const COUNTERS: [Counter; 45] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
+    counter("packings_far_from_rest", LookAtThis, "packing* far from rest under the contact law"),
+    counter("packing_forces_changed", LookAtThis, "contact force* of packings dropped or cut"),
     counter("asymmetric_stresses", LookAtThis, "asymmetric stress tensor*"),
     counter("stagnated_steps", LookAtThis, "stagnated step*"),
     counter("steps_stabilised", LookAtThis, "stabilised step*"),

@@ -8,6 +8,7 @@ use super::failure::{failure, write_failure_case};
 use super::folder::OutputFolder;
 use super::grains::{GrainWriter, SnapshotRecorder};
 use super::observers::ObserverChain;
+use super::packings::packings_under_the_law;
 use super::plot;
 use super::progress::ProgressDisplay;
 use super::resume::{Continued, RunDescription};
@@ -80,6 +81,7 @@ pub(super) fn execute<P: MacroPort>(
         (context.assignment, context.workers, context.quiet, context.description);
     let other_build = context.continued.as_ref().is_some_and(|continued| continued.other_build);
     let hosts = context.hosts;
+    let packings = packings_under_the_law(scene);
     let solved = solve(scene, &mut pool, folder, context)?;
     let statistics = pool.statistics();
     let hint = pool.quarantined().map(|case| write_failure_case(case, folder));
@@ -103,6 +105,7 @@ pub(super) fn execute<P: MacroPort>(
         allowed: allowed(scene),
         hosts: hosts(),
         prepared: scene.prepared,
+        packings,
     };
     let summary = summary(&solved.run, &statistics, inputs);
     let written = write_results(scene, &solved, &summary, folder);

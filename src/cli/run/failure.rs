@@ -67,17 +67,17 @@ fn smaller_steps(scene: &Scene, run: &Run) -> &'static str {
 }
 
 /// Explanation of a failure in step 0, before any load was changed: more increments cannot help there. `None` for a later failure,
-/// and if packing and loads match.
+/// and if packing, loads and contact law match.
 fn no_start(scene: &Scene, run: &Run) -> Option<String> {
     if run.statistics.steps > 0 || run.stage > 0 || run.load > 0.0 {
         return None;
     }
     let packing = PackingState::of(scene.definition()).ok()?;
-    let explained = match packing.remarks().first() {
-        Some(remark) => remark.clone(),
-        None => start_state::mismatch(scene, &packing)?,
-    };
-    Some(format!("{explained}\nhint: {}", start_state::remedy(scene)))
+    let explained = packing.remarks().into_iter().next().or_else(|| start_state::mismatch(scene, &packing));
+    match explained {
+        Some(explained) => Some(format!("{explained}\nhint: {}", start_state::remedy(scene))),
+        None => packing.is_far_from_rest.then(|| packing.remarks_on_the_law().join("; ")),
+    }
 }
 
 /// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.

@@ -13,6 +13,7 @@ mod grains;
 mod hosts;
 mod launch;
 mod observers;
+mod packings;
 mod plot;
 mod preparation;
 mod progress;

@@ -1,6 +1,7 @@
 //! `summary.json` from the figures of solver and pool.
 
 use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
+use super::packings::PackingCounts;
 use super::shortcuts::{Allowed, shortcuts};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
@@ -48,6 +49,8 @@ pub(super) struct SummaryInputs {
     pub(super) hosts: BTreeMap<String, u64>,
     /// Cells brought to their stress before the run.
     pub(super) prepared: Option<CellPreparation>,
+    /// Packings that the contact law does not leave in equilibrium.
+    pub(super) packings: PackingCounts,
 }
 
 /// Puts the figures of solver and pool together.
@@ -190,6 +193,8 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("replicas_lost", inputs.replicas.lost),
         ("checkpoints_failed", inputs.checkpoints.failed),
         ("continued_by_another_build", u64::from(inputs.other_build)),
+        ("packings_far_from_rest", inputs.packings.far_from_rest),
+        ("packing_forces_changed", inputs.packings.forces_changed),
     ])
 }
 
@@ -259,6 +264,7 @@ mod tests {
             allowed: Allowed::everything(1e-3),
             hosts: BTreeMap::new(),
             prepared: None,
+            packings: PackingCounts::default(),
         };
         let run = Run { outcome, stage: 0, load: 1.0, statistics };
         let summary = summary(&run, pool, inputs);

@@ -271,6 +271,41 @@ fn check_tells_what_the_packing_carries_and_whether_the_loads_ask_for_it() {
 }
 
 #[test]
+fn packings_that_are_not_at_rest_under_the_law_of_the_scene_are_named_before_and_after_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("springless");
+    let settings = [
+        "packing='../packings/discs-400.json'",
+        "contact.stiffness_ratio=0",
+        "mesh.elements=[1, 1]",
+        "loading.increments=1",
+    ];
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+    let check = [&["check", "scenes/biaxial-small.toml"], &settings[..]].concat();
+    let checked = String::from_utf8(succeeded(&check).stdout).unwrap();
+    for part in
+        ["753 were dropped because stiffness_ratio = 0", "the grains are far from rest under this contact law"]
+    {
+        assert!(checked.contains(part), "{part}: {checked}");
+    }
+    let run = ["run", "scenes/biaxial-small.toml", "--out", out.to_str().unwrap()];
+    let output = grainspan(&[&run, &settings[..]].concat());
+    let told = String::from_utf8(output.stderr).unwrap();
+    // A frictionless packing that was prepared with friction falls together: there is no equilibrium near.
+    assert!(!output.status.success(), "{told}");
+    for part in [
+        "753 contact forces of packings dropped or cut",
+        "1 packing far from rest",
+        "Prepare the packing under the law",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["fallback_groups"]["look_at_this"]["packing_forces_changed"], 753);
+    assert!(fs::read_to_string(out.join("run.jsonl")).unwrap().contains("packing_under_another_law"));
+}
+
+#[test]
 fn check_says_when_a_packing_carries_no_load() {
     let folder = tempfile::tempdir().unwrap();
     let packing = folder.path().join("one.json");

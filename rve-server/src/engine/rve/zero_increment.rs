@@ -13,9 +13,9 @@ const FAR_FROM_REST: f64 = 0.05;
 const HELD_TOGETHER: f64 = 2.0;
 
 impl<S: SolverFor> GrainRve<S> {
-    /// Whether the state that an answer describes holds together and is far from equilibrium: the packing of another law. States that a trial has left are
-    /// far below the bound.
-    pub(crate) fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
+    /// Whether the state that an answer describes holds together and is far from equilibrium: the packing of another law. States that a
+    /// trial has left are far below the bound.
+    pub fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
         let unbalanced = answer.scalars.unbalanced_force_ratio;
         unbalanced.is_finite()
             && unbalanced > FAR_FROM_REST.max(2.0 * self.model.options.tolerance())
