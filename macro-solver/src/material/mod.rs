@@ -8,6 +8,7 @@ pub mod difference;
 pub mod elastic;
 pub mod error_estimate;
 pub mod frictional;
+pub mod stress_level;
 mod trial_states;
 
 use crate::checkpoint::{Archive, CheckpointError};

@@ -333,7 +333,7 @@ pub struct Statistics {
     pub cut_backs: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].
     pub stagnated_steps: u64,
-    /// Largest mean pressure of the body in an accepted step of Newton's method, Pa.
+    /// Largest mean [level](crate::material::stress_level::stress_level) of the stresses in an accepted step of Newton's method, Pa.
     pub largest_pressure: f64,
     /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].
     pub largest_force_ratio: f64,

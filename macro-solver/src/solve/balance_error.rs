@@ -1,18 +1,19 @@
 //! Error of the stresses that the tolerances of the equilibrium leave.
 
 use super::driver::Solver;
+use crate::material::stress_level::stress_level;
 use crate::observer::BalanceError;
 use nalgebra::Matrix3;
 
 impl Solver<'_> {
     /// Error of the committed stresses whose next correction of the displacements would be `correction`, by the tangents of the last
-    /// evaluation; `None` before the body has been under pressure. Costs no evaluation.
+    /// evaluation; `None` before the body has been under stress. Costs no evaluation.
     pub(super) fn balance_error(&mut self, correction: &[f64]) -> Option<BalanceError> {
         let points = self.points.all();
         let axes = self.body.mesh().dimension.count();
-        let pressures = points.iter().map(|point| pressure(axes, &point.response.stress));
+        let levels = points.iter().map(|point| stress_level(axes, &point.response.stress));
         let largest = &mut self.statistics.largest_pressure;
-        *largest = largest.max(pressures.sum::<f64>() / points.len() as f64);
+        *largest = largest.max(levels.sum::<f64>() / points.len() as f64);
         let gradients = self.body.gradients(correction);
         // Of the grains: what pore fluid adds is no stress of theirs.
         let changes = self.points.stress_changes(&gradients);
@@ -20,12 +21,7 @@ impl Solver<'_> {
     }
 }
 
-/// Mean pressure over the first `axes` axes, Pa.
-fn pressure(axes: usize, stress: &Matrix3<f64>) -> f64 {
-    -(0..axes).map(|axis| stress[(axis, axis)]).sum::<f64>() / axes as f64
-}
-
-/// Changes of the stresses of all points over a pressure, Pa.
+/// Changes of the stresses of all points over a [level](stress_level) of stresses, Pa.
 fn relative(changes: &[Matrix3<f64>], pressure: f64) -> BalanceError {
     let count = changes.len() as f64;
     let squares: f64 = changes.iter().map(Matrix3::norm_squared).sum();
@@ -43,6 +39,5 @@ mod tests {
         let error = relative(&[change, -change], 100.0);
         assert!((error.rms - 0.05).abs() < 1e-15 && error.of_mean == 0.0);
         assert!((relative(&[change, change], 100.0).of_mean - 0.05).abs() < 1e-15);
-        assert_eq!(pressure(2, &Matrix3::new(-1.0, 0.0, 0.0, 0.0, -3.0, 0.0, 0.0, 0.0, 9.0)), 2.0);
     }
 }

@@ -9,6 +9,7 @@ mod sample;
 
 pub use sample::{ErrorEstimateSettings, replicas};
 
+use super::stress_level::stress_level;
 use super::{MaterialError, PointId, PointMaterial, PointTrial};
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{matrix, tensor};
@@ -23,7 +24,8 @@ const ERROR_OF_DIFFERENCE: f64 = 1.5;
 /// Increments of one ramp step that a replica follows together, so that small increments cost little.
 const MERGED_INCREMENTS: u32 = 8;
 
-/// Estimated error over all replicas, after a commit. Relative to the mean pressure of a point: the largest it has had so far.
+/// Estimated error over all replicas, after a commit. Relative to the mean pressure of a point (the [level](stress_level) of its stress):
+/// the largest it has had so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorEstimate {
     /// Points compared with their replicas; 0 before anything has been committed.
@@ -71,7 +73,7 @@ struct State {
     pending: [f64; 9],
     pending_ramp_steps: u32,
     pending_increments: u32,
-    /// Largest mean pressure so far, Pa.
+    /// Largest [level](stress_level) of its stress so far, Pa.
     pressure: f64,
     /// Stress of the point minus that of the replica, Pa.
     difference: Option<[f64; 9]>,
@@ -207,8 +209,7 @@ impl State {
         self.pending = flat(&(deformation * Matrix3::from_row_slice(&self.pending)));
         self.pending_ramp_steps = self.pending_ramp_steps.saturating_add(latest.ramp_steps);
         self.pending_increments += 1;
-        let pressure = -(0..axes).map(|axis| latest.stress.get(axis, axis)).sum::<f64>() / axes as f64;
-        self.pressure = self.pressure.max(pressure);
+        self.pressure = self.pressure.max(stress_level(axes, &matrix(&latest.stress)));
     }
 
     /// The pending deformation with twice the ramp steps.
@@ -235,7 +236,7 @@ fn flat(matrix: &Matrix3<f64>) -> [f64; 9] {
     std::array::from_fn(|k| matrix[(k / 3, k % 3)])
 }
 
-/// The estimate over all replicas that have been compared with a point under pressure; `None` without any.
+/// The estimate over all replicas that have been compared with a point under stress; `None` without any.
 fn estimate<'s>(states: impl Iterator<Item = &'s State>) -> Option<ErrorEstimate> {
     let (mut points, mut squares, mut largest, mut pressures, mut sum) = (0_u64, 0.0, 0.0_f64, 0.0, [0.0; 9]);
     for state in states {
