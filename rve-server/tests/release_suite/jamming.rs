@@ -94,19 +94,23 @@ fn smooth_discs_scale_with_their_distance_from_jamming() {
 /// G-4: glass beads with a friction of 0.3 that are brought together at 10 kPa stay loose. An independent code that compresses an
 /// agitated gas finds a solid fraction of 0.593 and 4.5 contacts a grain; here grains come together without any momentum of
 /// their own and arch a little earlier, which is reported. What is asked is what friction does, as measured (docs/lab-book/verification.md): much
-/// looser than smooth spheres at 0.637, with far fewer contacts than their six, and not less than four, which carry a load.
+/// looser than smooth spheres at 0.637, with far fewer contacts than their six, and not less than four, which carry a load. Eight seeds gave
+/// 0.5778 (s.d. 0.0030) and 4.653 (s.d. 0.024): the mean of two is within three standard errors of them.
 #[test]
 fn rough_beads_come_to_rest_loosely() {
     eprintln!("G-4");
-    for (seed, solid, coordination) in [(1, 0.583, 4.64), (2, 0.573, 4.66)] {
+    let found = [1, 2].map(|seed| {
         let text = format!(
             "dimension = 3\nnumber = 1000\nseed = {seed}\npressure = 1.0e4\ntolerance = 1e-4\nstress_tolerance = 1e-2\n\
              [grading]\ndistribution = \"list\"\nradii = [1.0e-3]\n[contact]\nlaw = \"hertz_mindlin\"\n\
              shear_modulus = 26.9e9\npoisson_ratio = 0.3\nfriction = 0.3\ndensity = 2500.0\n"
         );
         let (_, report) = made::<Spheres>(&PackingRecipe::from_toml(&text).unwrap());
-        let found = [1.0 - report.porosity, report.coordination_number_no_rattlers];
-        assert!((found[0] - solid).abs() < 2e-3 && (found[1] - coordination).abs() < 0.02, "seed {seed}: {found:?}");
+        [1.0 - report.porosity, report.coordination_number_no_rattlers]
+    });
+    for (quantity, mean, deviation) in [(0, 0.5778, 0.0030), (1, 4.653, 0.024)] {
+        let miss = 0.5 * (found[0][quantity] + found[1][quantity]) - mean;
+        assert!(miss.abs() < 3.0 * deviation / 2f64.sqrt(), "{found:?}, {mean} expected");
     }
 }
 

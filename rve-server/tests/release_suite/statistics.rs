@@ -2,8 +2,8 @@
 
 use super::{made, recipe};
 use protocol::TangentKind;
-use rve_server::contact::Rotations;
 use rve_server::definition::PackingFile;
+use rve_server::preparation::PackingRecipe;
 use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use rve_server::space::Discs;
 use std::path::Path;
@@ -54,36 +54,53 @@ fn deviation(values: &[f64]) -> f64 {
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
 }
 
-/// G-10: the material of [Liu2018] beyond its strength: friction 0.6, blocked rotations, coordination and density at the
-/// start, compaction at 3 % strain. `packings` are the three samples of the suite.
-pub(crate) fn published_material(packings: &[std::path::PathBuf]) {
-    let law = |friction: f64, rotations: Rotations| {
-        let blocked = if rotations == Rotations::Blocked { "rotations = \"blocked\"\n" } else { "" };
-        format!("normal_stiffness = 1e7\nstiffness_ratio = 0.2\nfriction = {friction}\n{blocked}")
-    };
-    for (name, contact, expected, spread) in [
-        ("friction 0.6", law(0.6, Rotations::Free), 0.455, 0.002),
-        ("blocked, friction 0.4", law(0.4, Rotations::Blocked), 0.594, 0.015),
+/// Samples of the material of [Liu2018] here, and in the independent code.
+const SAMPLES: [u64; 2] = [8, 3];
+
+/// A sample of the material of [Liu2018], p/k_n = 0.015, compacted with the friction that brings it to the density of the independent
+/// code.
+fn published_packing(folder: &Path, seed: u64) -> std::path::PathBuf {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-liu2018.toml"));
+    let recipe = PackingRecipe::from_toml(&text.unwrap()).unwrap();
+    let mut recipe =
+        PackingRecipe { number: 228, seed, tolerance: 1e-6, stress_tolerance: 1e-4, anisotropy: None, ..recipe };
+    recipe.contact.friction = 0.07;
+    let path = folder.join(format!("{seed}.json"));
+    made::<Discs>(&recipe).0.write(&path).unwrap();
+    path
+}
+
+/// G-10: strength of the material of [Liu2018]: the mean over samples is that of an independent code, whose three samples had a solid
+/// fraction of 0.858 and 4.32 contacts a grain. The bound is two standard errors of the difference of both means, with the scatter of the samples
+/// here: that of three (0.002 to 0.026) is not known well.
+#[test]
+fn strength_of_the_published_material_is_that_of_an_independent_code() {
+    eprintln!("G-10");
+    let folder = tempfile::tempdir().unwrap();
+    let packings: Vec<_> = (1..=SAMPLES[0]).map(|seed| published_packing(folder.path(), seed)).collect();
+    for (name, friction, rotations, expected) in [
+        ("friction 0.2", 0.2, "free", 0.298),
+        ("friction 0.4", 0.4, "free", 0.406),
+        ("friction 0.6", 0.6, "free", 0.455),
+        ("blocked, friction 0.4", 0.4, "blocked", 0.594),
     ] {
+        let contact = format!(
+            "normal_stiffness = 1e7\nstiffness_ratio = 0.2\nfriction = {friction}\nrotations = \"{rotations}\"\n"
+        );
         let all: Vec<Vec<ElementRow>> =
             packings.iter().map(|packing| biaxial(packing, &contact, 1.5e5, (0.12, 60), CLOSE)).collect();
+        let solid = mean(all.iter().map(|rows| 1.0 / (1.0 + rows[0].void_ratio)));
+        let contacts = mean(all.iter().map(|rows| rows[0].coordination_number));
+        assert!((solid - 0.858).abs() < 3e-3 && (contacts - 4.32).abs() < 0.1, "{solid} {contacts}");
         let peaks: Vec<f64> = all.iter().map(|rows| rows.iter().map(strength).fold(0.0, f64::max)).collect();
+        let (found, scatter) = (mean(peaks.iter().copied()), deviation(&peaks));
+        let bound = 2.0 * scatter * SAMPLES.map(|samples| 1.0 / samples as f64).iter().sum::<f64>().sqrt();
         let compaction = mean(all.iter().map(|rows| dilation(&rows[15])));
-        let start = [
-            mean(all.iter().map(|rows| rows[0].coordination_number)),
-            mean(all.iter().map(|rows| 1.0 / (1.0 + rows[0].void_ratio))),
-        ];
         eprintln!(
-            "  {name}: mean {:.4} of {peaks:.4?}, expected {expected} +- {spread}; J(3 %) {compaction:.4}; z0 {:.3} (4.32), phi0 \
-             {:.4} (0.858)",
-            mean(peaks.iter().copied()),
-            start[0],
-            start[1]
+            "  {name}: solid fraction {solid:.4}, {contacts:.3} contacts; peak {found:.4} (s.d. {scatter:.4}), expected {expected} +- \
+             {bound:.4}; change of area at 3 % {compaction:.4}"
         );
-        // Friction 0.6 misses: its three samples are said to differ by 0.002 there, and differ by 0.012 here.
-        if name.starts_with("blocked") {
-            assert!((mean(peaks.iter().copied()) - expected).abs() < 2.0 * spread, "{name}: {peaks:?}");
-        }
+        assert!((found - expected).abs() < bound, "{name}: {peaks:?}");
     }
 }
 
