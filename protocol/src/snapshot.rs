@@ -10,6 +10,9 @@ use thiserror::Error;
 /// Version of the envelope, not of any engine's payload.
 pub const SNAPSHOT_FORMAT: u32 = 1;
 
+/// More than everything around payload and engine name takes, bytes.
+const LARGEST_HEADER: usize = 32;
+
 /// Why a snapshot was refused.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum SnapshotError {
@@ -47,6 +50,7 @@ struct Envelope<'a> {
 /// Wraps an engine's payload; `out` is overwritten.
 pub fn seal(engine: &str, payload: &[u8], out: &mut Vec<u8>) {
     out.clear();
+    out.reserve(payload.len() + engine.len() + LARGEST_HEADER);
     let envelope = Envelope { format: SNAPSHOT_FORMAT, engine, checksum: checksum(payload), payload };
     rmp_serde::encode::write(out, &envelope).expect("writing MessagePack to memory cannot fail");
 }

@@ -124,6 +124,9 @@ struct Payload<'a, T> {
     events: Option<EventPayload<'a, T>>,
 }
 
+/// Bytes that a state has next to its lists, most often: operators may need more.
+const USUAL_REST: usize = 1024;
+
 /// Why bytes are no state of a cell.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum StateError {
@@ -204,7 +207,12 @@ impl<S: Space> GrainState<S> {
                 columns: response.map_or(&[], |response| bytemuck::cast_slice(&response.columns)),
             }),
         };
-        rmp_serde::to_vec(&payload).expect("writing MessagePack to memory cannot fail")
+        let lists = [payload.positions, payload.rotations, payload.contacts, payload.rolling_moments];
+        let of_events = payload.events.as_ref().map_or(0, |events| events.pairs.len() + events.columns.len());
+        let length = lists.iter().map(|list| list.len()).sum::<usize>() + of_events;
+        let mut bytes = Vec::with_capacity(length + USUAL_REST);
+        rmp_serde::encode::write(&mut bytes, &payload).expect("writing MessagePack to memory cannot fail");
+        bytes
     }
 
     /// Reads a state of `grain_count` grains back.

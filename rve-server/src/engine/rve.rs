@@ -246,8 +246,9 @@ impl<S: SolverFor> GrainRve<S> {
         self.reduce_friction(0.0)?;
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         let cost = Cost { force_evaluations: 1, ..Cost::default() };
+        let elastic_energy = self.elastic_energy(&end.state, observables);
         let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
-        Ok(self.answer(&view, &end.state, observables, cost, TrialFlags::default()))
+        Ok(self.answer(&view, elastic_energy, observables, cost, TrialFlags::default()))
     }
 
     /// Whether several trials are solved side by side; no result depends on it.
@@ -301,9 +302,10 @@ impl<S: SolverFor> GrainRve<S> {
         let solved = end.solved;
         let network = self.solver.network(&self.model, &end);
         let stress = network.stress();
+        let elastic_energy = self.elastic_energy(&end.state, options.observables);
         // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
         let turn = stretch.polar.turn;
-        let state = end.state.clone().turned(turn);
+        let state = end.state.turned(turn);
         let network = network.turned_to(&state);
         let stress = rotated(&stress, &S::rotation_matrix(turn));
         let mut flags = TrialFlags::default();
@@ -327,7 +329,7 @@ impl<S: SolverFor> GrainRve<S> {
         };
         let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
         let view = View { network, state, stress, f };
-        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
+        let mut answer = self.answer(&view, elastic_energy, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
         // The network keeps the names of the contacts that the answer was computed with.
         let state = reduced(state);
@@ -381,11 +383,16 @@ impl<S: SolverFor> GrainRve<S> {
         answers
     }
 
-    /// Everything but the tangent. The stored energy is that of `unrotated`, the state as the solver left it.
+    /// Energy stored in the contacts of a state as the solver left it, J, if it is wanted.
+    fn elastic_energy(&self, state: &GrainState<S>, wanted: Observables) -> Option<f64> {
+        wanted.contains(Observables::ENERGY).then(|| self.solver.elastic_energy(&self.model, state))
+    }
+
+    /// Everything but the tangent.
     fn answer(
         &self,
         view: &View<S>,
-        unrotated: &GrainState<S>,
+        elastic_energy: Option<f64>,
         wanted: Observables,
         cost: Cost,
         mut flags: TrialFlags,
@@ -393,7 +400,6 @@ impl<S: SolverFor> GrainRve<S> {
         let View { network, state, stress, f } = view;
         let scalars = scalars(network, state);
         note_condition(state, scalars.max_overlap_ratio, &mut flags);
-        let elastic_energy = || self.solver.elastic_energy(&self.model, unrotated);
         TrialResult {
             stress: in_space(stress),
             tangent: None,

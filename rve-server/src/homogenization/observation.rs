@@ -20,9 +20,10 @@ pub(crate) fn scalars<S: Space>(network: &ContactNetwork<S>, state: &GrainState<
     }
 }
 
-/// The optional results that were requested. `elastic_energy` sums the energy stored in all contacts, J; `f` leads from the committed configuration to the present one.
+/// The optional results that were requested. `elastic_energy` is that stored in all contacts, J, if it was; `f` leads from the committed
+/// configuration to the present one.
 pub(crate) fn observe<S: Space>(
-    elastic_energy: impl FnOnce() -> f64,
+    elastic_energy: Option<f64>,
     network: &ContactNetwork<S>,
     state: &GrainState<S>,
     stress: &S::Tensor,
@@ -44,9 +45,9 @@ pub(crate) fn observe<S: Space>(
     if wanted.contains(Observables::SLIDING_FRACTION) {
         observed.sliding_fraction = network.sliding_fraction();
     }
-    if wanted.contains(Observables::ENERGY) {
+    if let Some(elastic_energy) = elastic_energy {
         let volume = network.volume();
-        observed.elastic_energy = elastic_energy() / volume;
+        observed.elastic_energy = elastic_energy / volume;
         observed.frictional_dissipation = state.dissipation / volume;
     }
     if wanted.contains(Observables::ROTATION) {

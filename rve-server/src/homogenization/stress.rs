@@ -21,6 +21,7 @@ impl<S: Space> ContactNetwork<S> {
     }
 
     /// Branch vector from origin to end, m.
+    #[inline]
     pub fn branch(&self, contact: &NetworkContact<S>) -> S::Vector {
         let (o, e) = (self.positions[contact.origin as usize], self.positions[contact.end as usize]);
         e.minus(o).plus(self.translation(contact))
@@ -28,7 +29,12 @@ impl<S: Space> ContactNetwork<S> {
 
     /// Force on the origin grain, N.
     pub fn force(&self, contact: &NetworkContact<S>) -> S::Vector {
-        let branch = self.branch(contact);
+        Self::force_along(contact, self.branch(contact))
+    }
+
+    /// Force on the origin grain of a contact with this branch vector, N.
+    #[inline]
+    fn force_along(contact: &NetworkContact<S>, branch: S::Vector) -> S::Vector {
         let length = branch.norm();
         let direction = S::Vector::from_fn(|axis| branch[axis] / length);
         S::contact_force(direction, contact.normal_force, contact.tangential_force)
@@ -39,7 +45,8 @@ impl<S: Space> ContactNetwork<S> {
     pub fn stress(&self) -> S::Tensor {
         let mut sum = S::Tensor::ZERO;
         for contact in &self.contacts {
-            let (force, branch) = (self.force(contact), self.branch(contact));
+            let branch = self.branch(contact);
+            let force = Self::force_along(contact, branch);
             for i in 0..S::DIMENSION {
                 for j in 0..S::DIMENSION {
                     sum[i][j] += force[i] * branch[j];

@@ -13,19 +13,20 @@ use protocol::{
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::rc::Rc;
 use std::time::Instant;
 
 /// An answer that owns its snapshot and error text.
 #[derive(Debug)]
 pub(super) struct JobResult {
     pub(super) reply: TrialReply,
-    pub(super) state: Vec<u8>,
+    pub(super) state: Rc<Vec<u8>>,
     pub(super) error: Vec<u8>,
 }
 
 impl JobResult {
     fn bare(job: &TrialJob, status: ReplyStatus) -> Self {
-        Self { reply: TrialReply::bare(job, status), state: Vec::new(), error: Vec::new() }
+        Self { reply: TrialReply::bare(job, status), state: Rc::default(), error: Vec::new() }
     }
 
     /// A failure with its reason.
@@ -33,7 +34,7 @@ impl JobResult {
         let error = rmp_serde::to_vec(error).expect("error values have no unserialisable parts");
         let mut reply = TrialReply::bare(job, ReplyStatus::Failed);
         reply.error_length = error.len() as u64;
-        Self { reply, state: Vec::new(), error }
+        Self { reply, state: Rc::default(), error }
     }
 
     /// Borrowed, as a port sends it.
@@ -56,7 +57,7 @@ struct Rve {
     definition: Definition,
     model: Model,
     /// Snapshot of the state in which the engine creates it.
-    initial: Vec<u8>,
+    initial: Rc<Vec<u8>>,
     initial_id: StateId,
     /// None after a panic: what is left of a solver then is not trusted.
     solver: Option<Box<dyn RveSolver>>,
@@ -89,7 +90,14 @@ impl<'a> JobRunner<'a> {
         let (solver, initial) = build(self.engine, &definition)?;
         let initial_id = StateId::of(&initial);
         let model = solver.model_identity().map_or(Model::Definition(id), Model::Shared);
-        let rve = Rve { definition, model, initial, initial_id, solver: Some(solver), committed: initial_id };
+        let rve = Rve {
+            definition,
+            model,
+            initial: Rc::new(initial),
+            initial_id,
+            solver: Some(solver),
+            committed: initial_id,
+        };
         self.rves.insert(id, rve);
         Ok(())
     }
@@ -141,15 +149,15 @@ impl<'a> JobRunner<'a> {
         }
         if !carried.is_empty() {
             check_name(job.state, carried)?;
-            self.states.insert(job.state, carried);
+            self.states.insert(job.state, Rc::new(carried.to_vec()));
         }
         let Some(rve) = self.rves.get(&job.definition) else {
             return Ok(Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedDefinition)));
         };
         let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
-        let start = if wanted == rve.initial_id { Some(rve.initial.as_slice()) } else { self.states.get(wanted) };
+        let start = if wanted == rve.initial_id { Some(Rc::clone(&rve.initial)) } else { self.states.get(wanted) };
         Ok(match start {
-            Some(start) => Prepared::Ready { options, wanted, start: start.to_vec() },
+            Some(start) => Prepared::Ready { options, wanted, start },
             None => Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedState)),
         })
     }
@@ -234,7 +242,8 @@ impl<'a> JobRunner<'a> {
         if !reply.is_finite() {
             return Err(RveError::NotFinite { force_evaluations: answer.cost.force_evaluations });
         }
-        self.states.insert(id, &state);
+        let state = Rc::new(state);
+        self.states.insert(id, Rc::clone(&state));
         Ok(JobResult { reply, state, error: Vec::new() })
     }
 }
@@ -247,13 +256,13 @@ struct Ready {
     /// Name of the state it starts from.
     wanted: StateId,
     /// Snapshot of that state.
-    start: Vec<u8>,
+    start: Rc<Vec<u8>>,
 }
 
 /// State of a job after its arrival.
 #[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
-    Ready { options: TrialOptions, wanted: StateId, start: Vec<u8> },
+    Ready { options: TrialOptions, wanted: StateId, start: Rc<Vec<u8>> },
     Answered(JobResult),
 }
 

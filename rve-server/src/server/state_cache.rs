@@ -2,6 +2,7 @@
 
 use protocol::StateId;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// A bounded set of snapshots by name; the least recently used one leaves first.
 #[derive(Debug)]
@@ -16,7 +17,7 @@ pub(super) struct StateCache {
 #[derive(Debug)]
 struct Kept {
     used: u64,
-    bytes: Vec<u8>,
+    bytes: Rc<Vec<u8>>,
 }
 
 impl StateCache {
@@ -26,13 +27,13 @@ impl StateCache {
     }
 
     /// The snapshot named `id`; counts as a use.
-    pub(super) fn get(&mut self, id: StateId) -> Option<&[u8]> {
+    pub(super) fn get(&mut self, id: StateId) -> Option<Rc<Vec<u8>>> {
         self.touch(id);
-        self.snapshots.get(&id).map(|kept| kept.bytes.as_slice())
+        self.snapshots.get(&id).map(|kept| Rc::clone(&kept.bytes))
     }
 
     /// Keeps `bytes`, whose name is `id`; counts as a use.
-    pub(super) fn insert(&mut self, id: StateId, bytes: &[u8]) {
+    pub(super) fn insert(&mut self, id: StateId, bytes: Rc<Vec<u8>>) {
         if self.snapshots.contains_key(&id) {
             return self.touch(id);
         }
@@ -42,7 +43,7 @@ impl StateCache {
         }
         self.clock += 1;
         self.by_age.insert(self.clock, id);
-        self.snapshots.insert(id, Kept { used: self.clock, bytes: bytes.to_vec() });
+        self.snapshots.insert(id, Kept { used: self.clock, bytes });
     }
 
     fn touch(&mut self, id: StateId) {
@@ -62,12 +63,13 @@ mod tests {
     fn the_least_recently_used_state_leaves_first() {
         let mut cache = StateCache::new(2);
         let [a, b, c] = [b"a", b"b", b"c"].map(|bytes| StateId::of(bytes));
-        cache.insert(a, b"a");
-        cache.insert(b, b"b");
-        assert_eq!(cache.get(a), Some(&b"a"[..]));
-        cache.insert(c, b"c");
+        let bytes = |text: &[u8]| Rc::new(text.to_vec());
+        cache.insert(a, bytes(b"a"));
+        cache.insert(b, bytes(b"b"));
+        assert_eq!(cache.get(a), Some(bytes(b"a")));
+        cache.insert(c, bytes(b"c"));
         assert_eq!(cache.get(b), None);
-        assert_eq!(cache.get(a), Some(&b"a"[..]));
-        assert_eq!(cache.get(c), Some(&b"c"[..]));
+        assert_eq!(cache.get(a), Some(bytes(b"a")));
+        assert_eq!(cache.get(c), Some(bytes(b"c")));
     }
 }

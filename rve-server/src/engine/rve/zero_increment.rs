@@ -44,10 +44,11 @@ impl<S: SolverFor> GrainRve<S> {
     pub(crate) fn stay(&mut self, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
+        let elastic_energy = self.elastic_energy(&end.state, options.observables);
         let view = View::still(self.solver.network(&self.model, &end), self.committed.clone());
         let flags = TrialFlags::SKIPPED_NULL_TARGET;
         let cost = Cost { force_evaluations: 1, solve_nanoseconds: nanoseconds_since(started), ..Cost::default() };
-        let mut answer = self.answer(&view, &end.state, options.observables, cost, flags);
+        let mut answer = self.answer(&view, elastic_energy, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
         let ramp_steps = options.ramp_steps.max(1);
         let energies = self.counts_energies.then(PathEnergies::default);

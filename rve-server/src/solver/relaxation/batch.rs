@@ -98,19 +98,17 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         self.keys.len()
     }
 
-    /// Fills an empty lane.
-    pub(crate) fn put(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &LaneContents<S, C>) {
+    /// Fills an empty lane. The list of the contents goes along; the rest stays, as room for what is taken out.
+    pub(crate) fn put(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &mut LaneContents<S, C>) {
         debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
         self.unpack();
         for (grain, given) in self.grains.iter_mut().zip(&contents.grains) {
             grain.set_lane(lane, given);
         }
         let range = 2.0 * setting.largest_radius + setting.skin;
+        let listing = contents.listing.take();
         let place = |grain: usize| vector_of::<S::Kernel, f64>(&contents.grains[grain].position, 0);
-        let known = match &contents.listing {
-            Some(listing) => Some(listing.clone()),
-            None => self.memory.recall(&contents.cell, place, range, setting.skin),
-        };
+        let known = listing.or_else(|| self.memory.recall(&contents.cell, place, range, setting.skin));
         let is_new = known.is_none();
         self.lanes[lane] = Some(Occupied { cell: contents.cell, listing: known.unwrap_or_default() });
         if is_new {
@@ -136,20 +134,23 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         assert!(given.next().is_none(), "the list holds every contact");
     }
 
-    /// Empties a lane and returns what was in it.
-    pub(crate) fn take(&mut self, lane: usize) -> LaneContents<S, C> {
+    /// Empties a lane into `contents`, whatever they were.
+    pub(crate) fn take(&mut self, lane: usize, contents: &mut LaneContents<S, C>) {
         self.unpack();
         let Occupied { cell, listing } = self.lanes[lane].take().expect("the lane is occupied");
-        let grains = self.grains.iter().map(|grain| grain.lane(lane)).collect();
-        let contacts = self
-            .keys
-            .iter()
-            .zip(self.contacts.iter().zip(&self.limit_counts))
-            .map(|(key, (contact, count))| (*key, contact.lane(lane), count.lane(lane)))
-            .filter(|(_, contact, _)| contact.touches())
-            .collect();
+        (contents.cell, contents.listing) = (cell, Some(listing));
+        contents.grains.clear();
+        contents.grains.extend(self.grains.iter().map(|grain| grain.lane(lane)));
+        contents.contacts.clear();
+        let histories = self.contacts.iter().zip(&self.limit_counts);
+        contents.contacts.extend(
+            self.keys
+                .iter()
+                .zip(histories)
+                .map(|(key, (contact, count))| (*key, contact.lane(lane), count.lane(lane)))
+                .filter(|(_, contact, _)| contact.touches()),
+        );
         self.stale[lane] = true;
-        LaneContents { grains, contacts, listing: Some(listing), cell }
     }
 
     /// Clears a lane that has been emptied.

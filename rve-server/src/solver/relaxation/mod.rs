@@ -131,13 +131,15 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
     }
 }
 
-/// A job under way in a lane.
-struct LaneJob<S: Space> {
+/// A job, on its way through a lane or before it.
+struct LaneJob<S: Space, C: ContactLaw<S::Kernel>> {
     /// Its number among the jobs.
     job: usize,
     run: Run<S>,
     /// The cell after the present step.
     cell: Cell<S>,
+    /// What goes into the lane and comes out of it.
+    contents: LaneContents<S, C>,
 }
 
 impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
@@ -155,16 +157,14 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
         // The longest first: what is short fills the gaps at the end.
         let mut order: Vec<usize> = (0..jobs.len()).collect();
         order.sort_by_key(|job| std::cmp::Reverse(jobs[*job].ramp_steps));
-        let mut queue: VecDeque<(LaneJob<S>, LaneContents<S, C>)> = VecDeque::new();
+        let mut queue: VecDeque<LaneJob<S, C>> = VecDeque::new();
         for job in order {
             let run = Run::new(&jobs[job]);
             let state = jobs[job].state;
-            queue.push_back((LaneJob { job, run, cell: state.cell }, contents(&setting, state)));
+            queue.push_back(LaneJob { job, run, cell: state.cell, contents: contents(&setting, state) });
         }
-        let mut finish = |lane_job: LaneJob<S>, outcome: Result<Solved, RveError>, lane: LaneContents<S, C>| {
-            let end =
-                outcome.map(|solved| end_of(setting.law, jobs[lane_job.job].state, &lane_job.run, solved, lane));
-            ends[lane_job.job] = Some(end);
+        let mut finish = |LaneJob { job, run, contents, .. }: LaneJob<S, C>, outcome: Result<Solved, RveError>| {
+            ends[job] = Some(outcome.map(|solved| end_of(setting.law, jobs[job].state, &run, solved, contents)));
         };
         if self.uses_lanes && setting.backend.has_lanes() && jobs.len() >= FEWEST_LANES {
             let batch = self.lanes.get_or_insert_with(|| Batch::new(&setting));
@@ -181,15 +181,15 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
 fn drive<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     batch: &mut Batch<S, C, R>,
     setting: &Setting<'_, C>,
-    queue: &mut VecDeque<(LaneJob<S>, LaneContents<S, C>)>,
+    queue: &mut VecDeque<LaneJob<S, C>>,
     fewest: usize,
-    finish: &mut impl FnMut(LaneJob<S>, Result<Solved, RveError>, LaneContents<S, C>),
+    finish: &mut impl FnMut(LaneJob<S, C>, Result<Solved, RveError>),
 ) {
-    let mut lane_jobs: Vec<Option<LaneJob<S>>> = (0..R::LANES).map(|_| None).collect();
+    let mut lane_jobs: Vec<Option<LaneJob<S, C>>> = (0..R::LANES).map(|_| None).collect();
     loop {
         for (lane, place) in lane_jobs.iter_mut().enumerate().filter(|(_, place)| place.is_none()) {
-            let Some((lane_job, contents)) = queue.pop_front() else { break };
-            batch.put(setting, lane, &contents);
+            let Some(mut lane_job) = queue.pop_front() else { break };
+            batch.put(setting, lane, &mut lane_job.contents);
             *place = Some(lane_job);
         }
         if lane_jobs.iter().flatten().count() < fewest {
@@ -200,14 +200,16 @@ fn drive<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
             let Some(lane_job) = place else { continue };
             let (sums, old_power) = (evaluated.sums.lane(lane), evaluated.old_power.lane(lane));
             if let Some(outcome) = lane_job.run.note(setting, &sums, old_power) {
-                let lane_job = place.take().expect("the lane is occupied");
-                finish(lane_job, outcome, batch.take(lane));
+                let mut lane_job = place.take().expect("the lane is occupied");
+                batch.take(lane, &mut lane_job.contents);
+                finish(lane_job, outcome);
             }
         }
     }
     for (lane, place) in lane_jobs.iter_mut().enumerate() {
-        if let Some(lane_job) = place.take() {
-            queue.push_back((lane_job, batch.take(lane)));
+        if let Some(mut lane_job) = place.take() {
+            batch.take(lane, &mut lane_job.contents);
+            queue.push_back(lane_job);
         }
     }
 }
@@ -222,7 +224,7 @@ struct Evaluated<R: Real> {
 fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     batch: &mut Batch<S, C, R>,
     setting: &Setting<'_, C>,
-    lane_jobs: &mut [Option<LaneJob<S>>],
+    lane_jobs: &mut [Option<LaneJob<S, C>>],
 ) -> Evaluated<R> {
     let options = setting.options;
     let mut steering = Steering::<S::Kernel, R> {
