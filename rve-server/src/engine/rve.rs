@@ -1,5 +1,6 @@
 //! One cell of grains with a committed state and at most one trial state.
 
+mod side_by_side;
 mod zero_increment;
 
 use super::listed_forces::ListedForces;
@@ -15,7 +16,7 @@ use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
 use protocol::{
     ContentId, Cost, Definition, DefinitionId, Observables, RveError, RveSolver, TangentKind, Tensor2, Tensor4,
-    TrialFlags, TrialOptions, TrialRequest, TrialResult, snapshot, solve_alone,
+    TrialFlags, TrialOptions, TrialRequest, TrialResult, snapshot,
 };
 use std::time::Instant;
 
@@ -76,20 +77,6 @@ struct Stretch<S: Space> {
     polar: PolarParts<S>,
     ramp_steps: u32,
 }
-
-/// A request whose state has been read.
-struct PreparedTrial<S: Space> {
-    /// Its place among the requests.
-    place: usize,
-    /// Names its snapshots.
-    definition: DefinitionId,
-    state: GrainState<S>,
-    stretch: Stretch<S>,
-    options: TrialOptions,
-}
-
-/// An answer with the sealed snapshot of its trial state.
-type TrialOutcome = Result<(TrialResult, Vec<u8>), RveError>;
 
 impl<S: SolverFor> Clone for GrainRve<S> {
     /// The same cell; working memory is not copied, it cannot reach a result.
@@ -344,45 +331,6 @@ impl<S: SolverFor> GrainRve<S> {
         self.id
     }
 
-    /// Does something under the name of another definition with the same model.
-    fn named<R>(&mut self, definition: DefinitionId, work: impl FnOnce(&mut Self) -> R) -> R {
-        let own = std::mem::replace(&mut self.id, definition);
-        let result = work(self);
-        self.id = own;
-        result
-    }
-
-    /// Answers several requests whose states have been read and whose targets are stretches, side by side.
-    fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
-        let started = Instant::now();
-        let jobs: Vec<Job<'_, S>> = opened
-            .iter()
-            .map(|one| Job {
-                state: &one.state,
-                strain: one.stretch.polar.strain,
-                ramp_steps: one.stretch.ramp_steps,
-            })
-            .collect();
-        let ends = self.solver.solve(&self.model, &jobs);
-        // Nobody can tell whose time it was; evaluations are a fair key.
-        let evaluations = |end: &Result<End<S>, RveError>| end.as_ref().map_or(0, |end| end.solved.force_evaluations);
-        let all = ends.iter().map(evaluations).sum::<u64>().max(1) as f64;
-        let spent = nanoseconds_since(started) as f64;
-        let mut answers = Vec::with_capacity(opened.len());
-        for (end, one) in ends.into_iter().zip(opened) {
-            let share = (spent * evaluations(&end) as f64 / all) as u64;
-            answers.push(end.and_then(|end| {
-                self.committed = one.state;
-                let answer = self.conclude(end, &one.stretch, &one.options, share);
-                let mut state = Vec::new();
-                self.named(one.definition, |rve| rve.snapshot_trial(&mut state))?;
-                self.trial = None;
-                Ok((answer, state))
-            }));
-        }
-        answers
-    }
-
     /// Energy stored in the contacts of a state as the solver left it, J, if it is wanted.
     fn elastic_energy(&self, state: &GrainState<S>, wanted: Observables) -> Option<f64> {
         wanted.contains(Observables::ENERGY).then(|| self.solver.elastic_energy(&self.model, state))
@@ -471,40 +419,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
     }
 
     fn solve_batch(&mut self, requests: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {
-        let mut answers: Vec<Option<TrialOutcome>> = requests.iter().map(|_| None).collect();
-        let mut opened = Vec::new();
-        for (place, request) in requests.iter().enumerate() {
-            let stretched = checked_target::<S::Tensor>(&request.target).and_then(|h| {
-                if self.stays(&h, &request.options) {
-                    return Ok(None);
-                }
-                let state = self::opened(request.state, request.definition, self.model.radii.len())?;
-                Ok(Some((state, self.stretch(&h, &request.options)?)))
-            });
-            match stretched {
-                Ok(Some((state, stretch))) => {
-                    let (definition, options) = (request.definition, request.options);
-                    opened.push(PreparedTrial { place, definition, state, stretch, options });
-                }
-                Ok(None) => answers[place] = Some(self.named(request.definition, |rve| solve_alone(rve, request))),
-                Err(error) => answers[place] = Some(Err(error)),
-            }
-        }
-        // Cells of one friction share a law, and so their lanes.
-        while let Some(reduction) = opened.first().map(|one: &PreparedTrial<S>| one.options.friction_reduction) {
-            let alike = |one: &PreparedTrial<S>| one.options.friction_reduction.to_bits() == reduction.to_bits();
-            let (group, others) = opened.into_iter().partition::<Vec<_>, _>(alike);
-            opened = others;
-            let places: Vec<usize> = group.iter().map(|one| one.place).collect();
-            let solved = match self.reduce_friction(reduction) {
-                Ok(()) => self.solve_side_by_side(group),
-                Err(error) => places.iter().map(|_| Err(error.clone())).collect(),
-            };
-            for (answer, place) in solved.into_iter().zip(places) {
-                answers[place] = Some(answer);
-            }
-        }
-        answers.into_iter().map(|answer| answer.expect("every request has been answered")).collect()
+        self.answer_side_by_side(requests)
     }
 
     fn commit(&mut self) -> Result<(), RveError> {
