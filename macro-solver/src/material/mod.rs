@@ -3,6 +3,8 @@
 //! The implicit solver sees Gauss points only through [`PointMaterial`]. The worker pool implements it; so does a
 //! closed-form elastic material that verifies elements without any grains.
 
+#[cfg(test)]
+pub(crate) mod altered;
 pub mod damage;
 pub mod difference;
 pub mod elastic;

@@ -1,6 +1,7 @@
 //! Answers that are wrong, and refusals that no smaller step would cure.
 
 use super::*;
+use crate::material::altered::{Alteration, Altered};
 use crate::observer::Outcome;
 use protocol::RveError;
 
@@ -13,33 +14,21 @@ fn squeezed() -> Problem {
 }
 
 /// Adds a couple to every stress, as a share of its largest component.
-struct Twisted(ElasticMaterial, f64);
+struct Couple(f64);
 
-impl PointMaterial for Twisted {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = self.0.evaluate(trials)?;
+impl Alteration for Couple {
+    fn answer(
+        &mut self,
+        material: &mut dyn PointMaterial,
+        trials: &[PointTrial],
+    ) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut answers = material.evaluate(trials)?;
         for answer in &mut answers {
             let size = answer.stress.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
-            answer.stress.0[1] += self.1 * size;
-            answer.stress.0[3] -= self.1 * size;
+            answer.stress.0[1] += self.0 * size;
+            answer.stress.0[3] -= self.0 * size;
         }
         Ok(answers)
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.0.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.0.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.0.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.0.return_to_mark();
     }
 }
 
@@ -47,7 +36,8 @@ impl PointMaterial for Twisted {
 fn stresses_that_are_not_symmetric_are_counted() {
     let problem = squeezed();
     for (share, counted) in [(0.0, false), (1e-3, false), (0.2, true)] {
-        let mut material = Twisted(elastic(ElasticLaw::SmallStrain, &problem), share);
+        let material = elastic(ElasticLaw::SmallStrain, &problem);
+        let mut material = Altered { material, alteration: Couple(share) };
         let statistics = run(&problem, &mut material).0.statistics;
         assert_eq!(statistics.asymmetric_stresses > 0, counted, "{share}: {}", statistics.asymmetric_stresses);
     }

@@ -2,31 +2,27 @@
 
 use super::stages::Shelf;
 use super::*;
-use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::Formulation;
+use crate::material::altered::{Alteration, Altered};
 use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{Amplitude, Applied, PathControl, ProblemError, Procedure};
 use crate::solve::solve_with_checkpoints;
 
-/// An elastic material that loses half its stiffness with all its friction.
+/// A material loses half its stiffness with all its friction.
 struct Softened {
-    inner: ElasticMaterial,
     /// Reduction of friction of the latest trial of each point.
     reductions: Vec<f64>,
 }
 
-impl Softened {
-    fn new(problem: &Problem) -> Self {
-        let inner = elastic(ElasticLaw::SmallStrain, problem);
-        Self { inner, reductions: vec![0.0; problem.point_count()] }
-    }
-}
-
-impl PointMaterial for Softened {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = self.inner.evaluate(trials)?;
+impl Alteration for Softened {
+    fn answer(
+        &mut self,
+        material: &mut dyn PointMaterial,
+        trials: &[PointTrial],
+    ) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut answers = material.evaluate(trials)?;
         for (trial, answer) in trials.iter().zip(&mut answers) {
             let reduction = trial.options.friction_reduction;
             self.reductions[trial.point] = reduction;
@@ -38,30 +34,12 @@ impl PointMaterial for Softened {
         }
         Ok(answers)
     }
+}
 
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.inner.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.inner.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.inner.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.inner.return_to_mark();
-    }
-
-    fn save(&self, archive: &mut Archive) {
-        self.inner.save(archive);
-    }
-
-    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        self.inner.restore(archive)
-    }
+/// An elastic material whose stiffness is that of its friction.
+fn softened(problem: &Problem) -> Altered<ElasticMaterial, Softened> {
+    let alteration = Softened { reductions: vec![0.0; problem.point_count()] };
+    Altered { material: elastic(ElasticLaw::SmallStrain, problem), alteration }
 }
 
 fn friction(elements: &str, from: f64, to: f64, history: Amplitude) -> Applied {
@@ -113,18 +91,18 @@ fn each_point_is_asked_with_the_friction_of_its_moment() {
         let within = if procedure == Procedure::Implicit { 1e-3 } else { 1e-2 };
         problem.stages[1].procedure = procedure;
         let mut top = Top::default();
-        let mut material = Softened::new(&problem);
+        let mut material = softened(&problem);
         let outcome = solve(&problem, &mut material, &mut top).outcome;
         assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
         let whole = top.0[4];
-        let softened = |factor: f64| 0.5 * whole * (1.0 + 1.0 / (1.0 - 0.5 * (1.0 - factor)));
+        let softer = |factor: f64| 0.5 * whole * (1.0 + 1.0 / (1.0 - 0.5 * (1.0 - factor)));
         let expected = [0.8, 0.6, 0.4, 0.2].into_iter().chain([0.6; 4]).chain([1.0; 4]);
         for (step, factor) in expected.enumerate() {
             let found = top.0[5 + step];
-            assert!((found / softened(factor) - 1.0).abs() < within, "step {}: {found} at {factor}", 5 + step);
+            assert!((found / softer(factor) - 1.0).abs() < within, "step {}: {found} at {factor}", 5 + step);
         }
         assert!(
-            material.reductions.iter().all(|reduction| *reduction == 0.0),
+            material.alteration.reductions.iter().all(|reduction| *reduction == 0.0),
             "the last stage has the whole friction"
         );
     }
@@ -138,10 +116,10 @@ fn motion_asks_with_the_friction_of_the_instant() {
     let settings = DynamicSettings { reporting: Reporting::Steps(1), ..DynamicSettings::new(1000.0) };
     problem.stages[1].procedure = Procedure::Dynamic(Box::new(settings));
     problem.stages[1].duration = 1.0;
-    let mut material = Softened::new(&problem);
+    let mut material = softened(&problem);
     let outcome = solve(&problem, &mut material, &mut Top::default()).outcome;
     assert!(matches!(outcome, Outcome::Completed), "{outcome:?}");
-    let (lower, upper) = material.reductions.split_at(problem.point_count() / 2);
+    let (lower, upper) = material.alteration.reductions.split_at(problem.point_count() / 2);
     assert!(lower.iter().all(|reduction| *reduction == 0.0));
     assert!(upper.iter().all(|reduction| (reduction - 0.8).abs() < 1e-12), "{upper:?}");
 }
@@ -150,12 +128,12 @@ fn motion_asks_with_the_friction_of_the_instant() {
 fn a_run_whose_friction_changes_goes_on_to_the_same_bits() {
     let problem = pulled_bar();
     let (mut whole, mut shelf) = (Top::default(), Shelf::default());
-    solve_with_checkpoints(&problem, &mut Softened::new(&problem), &mut whole, &mut shelf);
+    solve_with_checkpoints(&problem, &mut softened(&problem), &mut whole, &mut shelf);
     assert_eq!(shelf.kept.len(), 17);
     for (mark, archive) in shelf.kept {
         let mut rest = Top::default();
         let mut shelf = Shelf { earlier: Some(archive), ..Shelf::default() };
-        solve_with_checkpoints(&problem, &mut Softened::new(&problem), &mut rest, &mut shelf);
+        solve_with_checkpoints(&problem, &mut softened(&problem), &mut rest, &mut shelf);
         assert!(rest.0[..] == whole.0[mark.step as usize + 1..], "after step {}", mark.step);
     }
 }

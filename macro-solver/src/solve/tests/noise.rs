@@ -2,24 +2,19 @@
 
 use super::stabilisation::{pulled, weak_at_the_bottom};
 use super::*;
-use crate::material::damage::DamageMaterial;
+use crate::material::altered::{Alteration, Altered};
 use crate::observer::Outcome;
 use crate::problem::NamedStrategy;
 
 /// Spoils every tangent it hands on, as probes of a cell spoil theirs next to events among its grains.
-struct Noisy {
-    inner: DamageMaterial,
+struct Noise {
     /// Largest share by which a component is off.
     share: f64,
     /// State of the generator.
     state: u64,
 }
 
-impl Noisy {
-    fn new(share: f64, seed: u64) -> Self {
-        Self { inner: weak_at_the_bottom(), share, state: seed }
-    }
-
+impl Noise {
     /// Between -1 and 1.
     fn number(&mut self) -> f64 {
         self.state = self.state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -27,9 +22,13 @@ impl Noisy {
     }
 }
 
-impl PointMaterial for Noisy {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = self.inner.evaluate(trials)?;
+impl Alteration for Noise {
+    fn answer(
+        &mut self,
+        material: &mut dyn PointMaterial,
+        trials: &[PointTrial],
+    ) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut answers = material.evaluate(trials)?;
         for answer in &mut answers {
             let Some(tangent) = answer.tangent.as_mut() else { continue };
             for component in &mut tangent.0 {
@@ -37,22 +36,6 @@ impl PointMaterial for Noisy {
             }
         }
         Ok(answers)
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.inner.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.inner.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.inner.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.inner.return_to_mark();
     }
 }
 
@@ -67,10 +50,11 @@ fn noisy_tangents_cost_iterations_and_not_the_answer() {
         for (share, seed) in [(0.1, 1), (0.3, 2), (0.5, 3), (0.5, 4)] {
             let mut problem = pulled(1e-2);
             problem.stages[0].strategy = strategy.preset();
-            let mut material = Noisy::new(share, seed);
+            let alteration = Noise { share, state: seed };
+            let mut material = Altered { material: weak_at_the_bottom(), alteration };
             let (run, recorder) = run(&problem, &mut material);
             assert!(matches!(run.outcome, Outcome::Completed), "{strategy:?} {share} {seed}: {:?}", run.outcome);
-            let ratio = material.inner.largest_strain(0) / exact.largest_strain(0);
+            let ratio = material.material.largest_strain(0) / exact.largest_strain(0);
             assert!((ratio - 1.0).abs() < 1e-6, "{strategy:?} {share} {seed}: {ratio}");
             assert!(recorder.iterations.iter().all(|report| report.force_ratio.is_finite()));
             assert!(recorder.points.iter().all(|point| point.stress.0.iter().all(|value| value.is_finite())));

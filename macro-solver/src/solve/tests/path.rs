@@ -4,6 +4,7 @@
 //! height is `G (s^3 - s)`: it grows in compression up to `s = 3^-1/2` and falls beyond.
 
 use super::*;
+use crate::material::altered::{Alteration, Altered};
 use crate::observer::Outcome;
 use crate::problem::{PathControl, Predictor, Strategy};
 
@@ -24,16 +25,19 @@ fn shortened_under(factor: f64, pressed: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// A law of which all points from one on are stiffer.
-struct Graded {
-    inner: ElasticMaterial,
+/// All points from one on are stiffer.
+struct Stiffer {
     from: usize,
     factor: f64,
 }
 
-impl PointMaterial for Graded {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = self.inner.evaluate(trials)?;
+impl Alteration for Stiffer {
+    fn answer(
+        &mut self,
+        material: &mut dyn PointMaterial,
+        trials: &[PointTrial],
+    ) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut answers = material.evaluate(trials)?;
         for (trial, answer) in trials.iter().zip(&mut answers) {
             if trial.point >= self.from {
                 answer.stress.0.iter_mut().for_each(|component| *component *= self.factor);
@@ -42,22 +46,6 @@ impl PointMaterial for Graded {
             }
         }
         Ok(answers)
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.inner.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.inner.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.inner.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.inner.return_to_mark();
     }
 }
 
@@ -82,9 +70,9 @@ fn column(cells: usize, loading: Condition, path: PathControl) -> Problem {
     problem
 }
 
-fn material(problem: &Problem, factor: f64) -> Graded {
-    let inner = ElasticMaterial::new(ElasticLaw::SaintVenant, MODULUS, MODULUS, problem.point_count());
-    Graded { inner, from: 4, factor }
+fn material(problem: &Problem, factor: f64) -> Altered<ElasticMaterial, Stiffer> {
+    let material = ElasticMaterial::new(ElasticLaw::SaintVenant, MODULUS, MODULUS, problem.point_count());
+    Altered { material, alteration: Stiffer { from: 4, factor } }
 }
 
 /// Load factor and joint's height over the steps, the start first.

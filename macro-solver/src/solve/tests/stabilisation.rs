@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::formulation::Formulation;
+use crate::material::altered::{Altered, Timid};
 use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::{Outcome, Stabilised};
 use crate::problem::Stabilisation;
-use protocol::RveError;
 
 const CELLS: usize = 6;
 
@@ -178,49 +178,12 @@ fn a_step_that_is_stabilised_in_vain_is_taken_back_and_cut_back() {
     }
 }
 
-/// Refuses targets beyond a limit, and counts how often.
-struct Timid {
-    inner: DamageMaterial,
-    limit: f64,
-    refused: usize,
-}
-
-impl PointMaterial for Timid {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-        match trials.iter().find(|trial| size(trial) > self.limit) {
-            None => self.inner.evaluate(trials),
-            Some(trial) => {
-                self.refused += 1;
-                let reason = RveError::TargetTooLarge { norm: size(trial), limit: self.limit };
-                Err(MaterialError::Point { point: trial.point, reason })
-            }
-        }
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.inner.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.inner.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.inner.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.inner.return_to_mark();
-    }
-}
-
 /// An increment that a point refuses is taken back and made smaller, counted and told like any iterate that is turned down.
 #[test]
 fn increments_that_points_refuse_are_taken_back_and_counted() {
     let mut problem = pulled(1e-2);
     problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
-    let mut material = Timid { inner: weak_at_the_bottom(), limit: 4e-4, refused: 0 };
+    let mut material = Altered { material: weak_at_the_bottom(), alteration: Timid::new(4e-4) };
     let mut watch = Watch::default();
     let run = solve(&problem, &mut material, &mut watch);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
@@ -228,7 +191,7 @@ fn increments_that_points_refuse_are_taken_back_and_counted() {
     let refused = |reports: &[IterationReport]| {
         reports.iter().filter(|report| report.rejected && report.evaluations == 0).count()
     };
-    assert_eq!(refused(&iterations), material.refused);
+    assert_eq!(refused(&iterations) as u64, material.alteration.refused);
     assert_eq!(run.statistics.rejected, iterations.iter().filter(|report| report.rejected).count() as u64);
     // Stabilisation begins to count iterations again after the attempt that failed.
     let snap = &events[0];

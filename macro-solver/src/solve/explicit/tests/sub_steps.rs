@@ -1,54 +1,7 @@
 //! A point that refuses its trial in an explicit step goes there in parts.
 
 use super::*;
-use crate::checkpoint::{Archive, CheckpointError};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
-use protocol::{RveError, TrialResult};
-
-/// Refuses targets beyond a limit.
-struct Timid {
-    inner: DamageMaterial,
-    limit: f64,
-    refused: u64,
-}
-
-impl PointMaterial for Timid {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let size = |trial: &PointTrial| trial.target.0.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-        match trials.iter().find(|trial| size(trial) > self.limit) {
-            None => self.inner.evaluate(trials),
-            Some(trial) => {
-                self.refused += 1;
-                let reason = RveError::TargetTooLarge { norm: size(trial), limit: self.limit };
-                Err(MaterialError::Point { point: trial.point, reason })
-            }
-        }
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.inner.commit()
-    }
-
-    fn rollback(&mut self) {
-        self.inner.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.inner.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.inner.return_to_mark();
-    }
-
-    fn save(&self, archive: &mut Archive) {
-        self.inner.save(archive);
-    }
-
-    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        self.inner.restore(archive)
-    }
-}
+use crate::material::altered::{Altered, Timid};
 
 /// A strip whose left end is pushed: the elements next to it are strained by up to 1e-4 in a step.
 fn pushed() -> Problem {
@@ -63,10 +16,10 @@ fn pushed() -> Problem {
 fn a_refused_trial_is_gone_in_parts_and_counted() {
     let problem = pushed();
     let solved = |limit: f64| {
-        let mut material = Timid { inner: elastic(&problem, 1.0, 1.0), limit, refused: 0 };
+        let mut material = Altered { material: elastic(&problem, 1.0, 1.0), alteration: Timid::new(limit) };
         let mut film = Film::default();
         let run = solve(&problem, &mut material, &mut film);
-        (run, film, material.refused)
+        (run, film, material.alteration.refused)
     };
     let (whole, film, refused) = solved(f64::INFINITY);
     assert!(matches!(whole.outcome, Outcome::Completed) && refused == 0 && whole.statistics.sub_steps == 0);
