@@ -73,7 +73,7 @@ impl PackingState {
             radii.fold((f64::INFINITY, 0.0f64), |(low, high), radius| (low.min(radius), high.max(radius)));
         Ok(Self {
             stress: answer.stress,
-            dimension: S::DIMENSION as usize,
+            dimension: S::DIMENSION,
             scalars: answer.scalars,
             coordination_no_rattlers: answer.observed.coordination_number_no_rattlers,
             listed_forces: cell.listed_forces(),
