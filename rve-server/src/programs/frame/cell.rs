@@ -112,7 +112,8 @@ struct Trial {
 }
 
 impl FrameRve {
-    /// Cuts the frame out of the packing. Its grains stay where they are: loads appear with the first trial.
+    /// Cuts the frame out of the packing. Its grains stay where they are until the first trial, which lets them come to rest even if its
+    /// target is zero.
     ///
     /// # Errors
     /// [`RveError::Definition`] if a table is not sound or no frame can be cut.
@@ -155,9 +156,12 @@ impl FrameRve {
             committed,
             trial: None,
         };
-        // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
+        // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves. The frame is seldom at rest:
+        // contacts along its sides count whole on both of them.
         let start = frame.committed.clone();
-        frame.committed = GrainState { dissipation: 0.0, ..frame.relaxation(&start).end_state(&start, 0.0) };
+        let relaxation = frame.relaxation(&start);
+        let as_cut = relaxation.end_state(&start, relaxation.unbalanced());
+        frame.committed = GrainState { dissipation: 0.0, ..as_cut };
         Ok(frame)
     }
 
@@ -205,6 +209,12 @@ impl FrameRve {
         let (geometry, options) = (&self.geometry, &self.options);
         let constraint = options.constraint;
         FrameRelaxation::new(geometry, options, constraint, self.turning, body, state.rotations.clone())
+    }
+
+    /// Whether the committed state is the answer to an increment of zero. As it was cut out of a packing it is not: strained trials relax,
+    /// and a stress from before that does not belong to theirs. Finite differences of the two would be far from any stiffness.
+    fn is_at_rest(&self) -> bool {
+        self.committed.unbalanced <= self.options.largest_unbalanced_at_rest()
     }
 
     fn solve(&mut self, h: &Plane, options: &TrialOptions) -> Result<TrialResult, RveError> {
@@ -466,6 +476,9 @@ impl RveSolver for FrameRve {
         }
         if h != [[0.0; 2]; 2] {
             return self.solve(&h, options);
+        }
+        if !self.is_at_rest() {
+            return self.solve(&h, &TrialOptions { ramp_steps: 1, ..*options });
         }
         let state = self.committed.clone();
         let cost = Cost { force_evaluations: 1, ..Cost::default() };

@@ -132,6 +132,14 @@ impl FrameOptions {
         self.servo_tolerance.unwrap_or(if follows { 30.0 * self.tolerance() } else { 1e-2 })
     }
 
+    /// Ratio of a state that counts as at rest: what the damping in force leaves at the end of a trial.
+    pub(crate) fn largest_unbalanced_at_rest(&self) -> f64 {
+        match self.damping {
+            FrameDamping::Fire => self.tolerance(),
+            FrameDamping::Local { .. } => self.servo_tolerance(),
+        }
+    }
+
     /// Step cap in force.
     pub fn max_steps(&self) -> u32 {
         self.max_steps.unwrap_or(50_000)

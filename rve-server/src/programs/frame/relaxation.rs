@@ -331,7 +331,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
     }
 
     /// Largest load left on a grain over the mean normal contact force; 0 without contacts.
-    fn unbalanced(&self) -> f64 {
+    pub(crate) fn unbalanced(&self) -> f64 {
         let largest = self.loads.iter().zip(&self.geometry.radii).fold(0.0, |largest: f64, (load, radius)| {
             largest.max(load.force.dot(load.force).sqrt()).max(load.moment[0].abs() / radius)
         });

@@ -12,7 +12,12 @@ use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialR
 use std::path::Path;
 
 fn packing() -> PackingFile {
-    PackingFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json")).unwrap()
+    shipped("discs-100")
+}
+
+fn shipped(name: &str) -> PackingFile {
+    let file = format!("../packings/{name}.json");
+    PackingFile::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap()
 }
 
 fn sand() -> ContactTable {
@@ -298,5 +303,35 @@ fn frames_that_get_no_nearer_to_rest_end_early() {
         assert!(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{damping:?}");
         let evaluations = answer.cost.force_evaluations;
         assert!(evaluations < u64::from(most) / 4, "{damping:?}: {evaluations} evaluations");
+    }
+}
+
+/// A frame as cut is out of balance, says so, and comes to rest in its first trial even where that asks for no strain: finite
+/// differences then have the stiffness of the frame in them and no jump. At rest it stays as it is.
+#[test]
+fn a_frame_as_cut_comes_to_rest_in_an_increment_of_zero() {
+    let control = FrameControl::Servo { gain: 1.0 };
+    let periodic = options(FrameConstraint::Periodic);
+    let contact = ContactTable { rotations: Rotations::InnerBlocked, ..ContactTable::linear(1.0e7, 0.2, 0.4) };
+    for options in [
+        periodic.clone(),
+        FrameOptions { control, ..periodic.clone() },
+        FrameOptions { damping: FrameDamping::Local { coefficient: 0.4 }, ..periodic },
+        options(FrameConstraint::Traction),
+    ] {
+        let definition =
+            FrameDefinition { packing: shipped("discs-liu2018"), contact: contact.clone(), frame: options.clone() };
+        let mut frame = FrameRve::new(&definition).unwrap();
+        let as_cut = frame.observe(Observables::NONE).scalars.unbalanced_force_ratio;
+        assert!(as_cut > options.largest_unbalanced_at_rest(), "{options:?}: {as_cut}");
+        let still = trial(&mut frame, [[0.0; 2]; 2]);
+        assert!(!still.flags.contains(TrialFlags::SKIPPED_NULL_TARGET) && still.cost.force_evaluations > 1);
+        let strain = 1e-5;
+        let strained = trial(&mut frame, [[-strain, 0.0], [0.0, 0.0]]);
+        let stiffness = (strained.stress.plane()[0][0] - still.stress.plane()[0][0]) / -strain;
+        assert!((3e6..3e7).contains(&stiffness), "{options:?}: {stiffness:e} Pa");
+        trial(&mut frame, [[0.0; 2]; 2]);
+        frame.commit().unwrap();
+        assert!(trial(&mut frame, [[0.0; 2]; 2]).flags.contains(TrialFlags::SKIPPED_NULL_TARGET), "{options:?}");
     }
 }
