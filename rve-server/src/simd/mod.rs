@@ -7,11 +7,13 @@
 //! multiplication with zero.
 
 mod array;
+mod dispatch;
 mod real;
 #[cfg(test)]
 mod tests;
 mod tuple;
 
 pub use array::{LaneMask, Lanes};
+pub(crate) use dispatch::{Vectorised, dispatch};
 pub use real::{Mask, Real};
 pub use tuple::Tuple;

@@ -5,20 +5,20 @@ use crate::definition::RveOptions;
 use crate::space::Space;
 
 /// Force evaluations that take as long as one factorisation with its solutions.
-const OF_FACTORISATION: i32 = 55;
+const OF_FACTORISATION: i32 = 45;
 
 /// Force evaluations that take as long as an attempt besides its own evaluations and factorisations: the start of every pair, products with
 /// the stored response, the check of the answer.
-const OF_ATTEMPT: i32 = 5;
+const OF_ATTEMPT: i32 = 2;
 
 /// Bound of the balance in either direction. At the lower one the solver rests.
-const BOUND: i32 = 400;
+const BOUND: i32 = 330;
 
 /// Trials that relaxation answers then, at first and at most. Each rest is twice the last one.
 const REST: [u32; 2] = [8, 512];
 
 /// Force evaluations that may be lost after a rest until the next one: two factorisations show whether modes still change.
-const AFTER_REST: i32 = 110;
+const AFTER_REST: i32 = 90;
 
 /// Force evaluations that relaxation spends on each decade of the tolerance below 1e-3.
 const PER_DECADE: f64 = 30.0;

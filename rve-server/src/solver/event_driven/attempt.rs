@@ -8,7 +8,8 @@
 
 use super::account::Spent;
 use super::evaluation::{Evaluation, Motion, Start};
-use crate::cell::{ContactRecord, GrainState, PairFinder, PairKey, StoredResponse};
+use super::near_pairs::{NearPairs, NearPairsMemory};
+use crate::cell::{ContactRecord, GrainState, PairFinder, StoredResponse};
 use crate::contact::{PlainLinear, Rotations};
 use crate::definition::GrainModel;
 use crate::solver::course::Course;
@@ -51,6 +52,7 @@ pub(super) struct GivenUp;
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
     finder: PairFinder<Discs>,
+    lists: NearPairsMemory,
 }
 
 /// An answer.
@@ -70,7 +72,8 @@ pub(super) fn attempt(
 ) -> Result<Answered, GivenUp> {
     let stored = job.state.events.as_deref().and_then(|events| events.response.as_ref());
     if let Some(stored) = stored {
-        let trial = Trial::new(model, law, job, Arc::clone(&stored.pairs), stored.reach);
+        let near = work.lists.of(&stored.pairs, model, law);
+        let trial = Trial::new(model, law, job, near, stored.reach);
         match trial.solved(responses, Some(stored), spent) {
             Err(Stopped::ListEnds) => {}
             Err(Stopped::GivenUp) => return Err(GivenUp),
@@ -80,7 +83,8 @@ pub(super) fn attempt(
     let skin = SKIN * model.mean_radius();
     let mut pairs = Vec::new();
     work.finder.find(&job.state.cell, job.state.positions.iter().copied(), &model.radii, skin, &mut pairs);
-    let trial = Trial::new(model, law, job, Arc::new(pairs), skin);
+    let near = work.lists.of(&Arc::new(pairs), model, law);
+    let trial = Trial::new(model, law, job, near, skin);
     trial.solved(responses, stored, spent).map_err(|_| GivenUp)
 }
 
@@ -96,7 +100,6 @@ struct Trial<'a> {
     model: &'a GrainModel,
     job: &'a Job<'a, Discs>,
     start: Start<'a>,
-    pairs: Arc<Vec<PairKey<Discs>>>,
     reach: f64,
 }
 
@@ -105,11 +108,11 @@ impl<'a> Trial<'a> {
         model: &'a GrainModel,
         law: &'a PlainLinear,
         job: &'a Job<'a, Discs>,
-        pairs: Arc<Vec<PairKey<Discs>>>,
+        near: Arc<NearPairs>,
         reach: f64,
     ) -> Self {
-        let start = Start::of(model, law, job.state, &pairs, model.rotations == Rotations::Free);
-        Self { model, job, start, pairs, reach }
+        let start = Start::of(law, job.state, near, model.rotations == Rotations::Free);
+        Self { model, job, start, reach }
     }
 
     fn solved(
@@ -215,13 +218,13 @@ impl<'a> Trial<'a> {
         course: Course,
         spent: &Spent,
     ) -> Result<Answered, Stopped> {
-        let model = self.model;
-        let farthest = motion.iter().map(|[x, y, _]| x.hypot(*y)).fold(0.0, f64::max);
-        if !is_within(farthest, LARGEST_MOTION * model.mean_radius()) {
+        let (model, near) = (self.model, self.start.near());
+        let farthest = motion.iter().map(|[x, y, _]| x * x + y * y).fold(0.0, f64::max).sqrt();
+        if !is_within(farthest, LARGEST_MOTION * near.mean_radius) {
             return Err(Stopped::GivenUp);
         }
         let stretch = norm(&self.job.strain);
-        let range = 2.0 * model.largest_radius() + SKIN * model.mean_radius();
+        let range = 2.0 * near.largest_radius + SKIN * near.mean_radius;
         let reach = self.reach - (2.0 * farthest * (1.0 + 2.0 * stretch) + stretch * range);
         if reach <= 0.0 {
             return Err(Stopped::ListEnds);
@@ -240,9 +243,11 @@ impl<'a> Trial<'a> {
             (None, Some(stored)) => (Arc::clone(&stored.columns), stored.frame),
             (None, None) => return Err(Stopped::GivenUp),
         };
-        let closed = self.start.keys().zip(&evaluation.pairs).filter(|(_, now)| now.touches);
-        let (mut contacts, mut slid) = (Vec::new(), Vec::new());
-        for (key, now) in closed {
+        let keys = &near.keys;
+        let closed = keys.iter().enumerate().map(|(place, key)| (key, evaluation.pair(place)));
+        let count = evaluation.sums.contacts as usize;
+        let (mut contacts, mut slid) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (key, now) in closed.filter(|(_, now)| now.touches) {
             contacts.push(ContactRecord {
                 origin: key.origin,
                 end: key.end,
@@ -251,11 +256,11 @@ impl<'a> Trial<'a> {
             });
             slid.push(now.slides);
         }
-        let turned = start.rotations.iter().zip(motion).zip(&model.radii);
+        let turned = start.rotations.iter().zip(motion).zip(&near.inverse_radii);
         let state = GrainState {
             cell: evaluation.cell,
-            positions: evaluation.positions,
-            rotations: turned.map(|((before, motion), radius)| before + motion[2] / radius).collect(),
+            positions: evaluation.positions(),
+            rotations: turned.map(|((before, motion), inverse_radius)| before + motion[2] * inverse_radius).collect(),
             contacts,
             rolling_moments: Vec::new(),
             operators: start.operators.clone(),
@@ -276,7 +281,7 @@ impl<'a> Trial<'a> {
             course,
             energies: None,
         };
-        let response = StoredResponse { pairs: Arc::clone(&self.pairs), columns, frame, reach };
+        let response = StoredResponse { pairs: Arc::clone(keys), columns, frame, reach };
         Ok(Answered { end: End { solved, state, slid }, response })
     }
 }

@@ -1,12 +1,14 @@
 //! One exact evaluation of all contacts after a given motion of the grains: geometry, springs, friction, and what is left
 //! out of balance. Nothing is linearised here, so that the residual is the whole error of a predicted motion.
 
-use crate::cell::{Cell, GrainState, PairKey};
+use super::near_pairs::{GroupConstants, NearPairs, Packed, WIDTH};
+use crate::cell::{Cell, GrainState};
 use crate::contact::{ContactLaw, ContactMotion, PlainLinear};
-use crate::definition::GrainModel;
-use crate::solver::kernel::StepSums;
+use crate::simd::{Mask, Real, Tuple, Vectorised, dispatch};
+use crate::solver::kernel::{ListedPair, StepSums};
 use crate::solver::linear::DiscPair;
-use crate::space::{Components, Discs, Space, add_scaled, apply};
+use crate::space::{Discs, KernelSpace, add_scaled};
+use std::sync::Arc;
 
 /// Gap that a loose grain is left with when it is pushed away, over the distance of the centres.
 const FREE_GAP: f64 = 3e-5;
@@ -14,18 +16,22 @@ const FREE_GAP: f64 = 3e-5;
 /// Motion of a grain besides the affine one: two displacements and its spin times its radius, m.
 pub(super) type Motion = [f64; 3];
 
-/// A near pair at the committed state.
-#[derive(Clone, Copy, Debug)]
-struct StartPair {
-    key: PairKey<Discs>,
-    constants: [f64; 7],
-    /// Sum of the radii and half their difference, m.
-    range: f64,
-    half_difference: f64,
-    /// Normal; zero where the pair does not touch.
-    direction: [f64; 2],
-    touched: bool,
-    tangential_force: f64,
+/// Near pairs at the committed state: normals, zero where a pair does not touch, and tangential forces, N.
+#[derive(Clone, Copy, Debug, Default)]
+struct History {
+    direction: [Packed; 2],
+    tangential_force: Packed,
+}
+
+/// Near pairs after the motion; masks are 1 where they hold.
+#[derive(Clone, Copy, Debug, Default)]
+struct GroupNow {
+    branch: [Packed; 2],
+    length: Packed,
+    touches: Packed,
+    normal_force: Packed,
+    tangential_force: Packed,
+    slides: Packed,
 }
 
 /// A near pair after the motion.
@@ -47,144 +53,63 @@ pub(super) struct PairNow {
 pub(super) struct Start<'a> {
     pub(super) state: &'a GrainState<Discs>,
     law: &'a PlainLinear,
-    radii: &'a [f64],
     rotations_free: bool,
-    pairs: Vec<StartPair>,
+    near: Arc<NearPairs>,
+    histories: Vec<History>,
 }
 
 /// All contacts after a motion.
 #[derive(Debug)]
 pub(super) struct Evaluation {
     pub(super) cell: Cell<Discs>,
-    pub(super) positions: Vec<[f64; 2]>,
-    /// In the order of the listed pairs.
-    pub(super) pairs: Vec<PairNow>,
+    /// Position, m, spin and nothing of each grain: one load brings all.
+    grains: Vec<[f64; 4]>,
     /// Force out of balance and moment over radius of each grain, N.
     pub(super) loads: Vec<[f64; 3]>,
     pub(super) sums: StepSums<f64>,
+    groups: Vec<GroupNow>,
+}
+
+impl Evaluation {
+    /// Positions of the grains, m.
+    pub(super) fn positions(&self) -> Vec<[f64; 2]> {
+        self.grains.iter().map(|[x, y, ..]| [*x, *y]).collect()
+    }
+
+    /// A near pair, by its place in the list.
+    pub(super) fn pair(&self, place: usize) -> PairNow {
+        let (group, lane) = (&self.groups[place / WIDTH], place % WIDTH);
+        PairNow {
+            branch: group.branch.map(|value| value.lane(lane)),
+            length: group.length.lane(lane),
+            touches: group.touches.lane(lane) > 0.0,
+            normal_force: group.normal_force.lane(lane),
+            tangential_force: group.tangential_force.lane(lane),
+            slides: group.slides.lane(lane) > 0.0,
+        }
+    }
 }
 
 impl<'a> Start<'a> {
-    /// With these near pairs, sorted; they must hold every contact of the state.
+    /// With these near pairs; they must hold every contact of the state.
     pub(super) fn of(
-        model: &'a GrainModel,
         law: &'a PlainLinear,
         state: &'a GrainState<Discs>,
-        pairs: &[PairKey<Discs>],
+        near: Arc<NearPairs>,
         rotations_free: bool,
     ) -> Self {
-        let mut records = state.contacts.iter().peekable();
-        let pairs = pairs
-            .iter()
-            .map(|key| {
-                let radii = [model.radii[key.origin as usize], model.radii[key.end as usize]];
-                while records.peek().is_some_and(|record| record.key() < *key) {
-                    records.next();
-                }
-                let record = records.next_if(|record| record.key() == *key);
-                let mut pair = StartPair {
-                    key: *key,
-                    constants: ContactLaw::<Discs>::constants(law, radii),
-                    range: radii[0] + radii[1],
-                    half_difference: 0.5 * (radii[0] - radii[1]),
-                    direction: [0.0; 2],
-                    touched: false,
-                    tangential_force: 0.0,
-                };
-                if let Some(record) = record {
-                    let (origin, end) = (state.positions[key.origin as usize], state.positions[key.end as usize]);
-                    let branch = end.minus(origin).plus(state.cell.translation(key.shift));
-                    let length = branch.norm();
-                    if length < pair.range {
-                        pair.direction = branch.times(1.0 / length);
-                        pair.touched = true;
-                        pair.tangential_force = record.tangential_force;
-                    }
-                }
-                pair
-            })
-            .collect();
-        Self { state, law, radii: &model.radii, rotations_free, pairs }
+        let histories = dispatch(Histories { state, near: &near });
+        Self { state, law, rotations_free, near, histories }
     }
 
-    /// Keys of the near pairs.
-    pub(super) fn keys(&self) -> impl Iterator<Item = PairKey<Discs>> {
-        self.pairs.iter().map(|pair| pair.key)
+    /// The near pairs.
+    pub(super) fn near(&self) -> &NearPairs {
+        &self.near
     }
 
     /// The contacts after the stretch `I + strain` and `motion`.
     pub(super) fn evaluate(&self, strain: &[[f64; 2]; 2], motion: &[Motion]) -> Evaluation {
-        let stretch = add_scaled(&[[1.0, 0.0], [0.0, 1.0]], 1.0, strain);
-        let cell = self.state.cell.deformed(&stretch);
-        let moved = |(position, motion): (&[f64; 2], &Motion)| {
-            position.plus(apply(strain, *position).plus([motion[0], motion[1]]))
-        };
-        let positions: Vec<[f64; 2]> = self.state.positions.iter().zip(motion).map(moved).collect();
-        let mut loads = vec![[0.0; 3]; positions.len()];
-        let mut sums = StepSums::<f64>::default();
-        let pairs = self.pairs.iter().map(|pair| {
-            let (origin, end) = (pair.key.origin as usize, pair.key.end as usize);
-            let branch = positions[end].minus(positions[origin]).plus(cell.translation(pair.key.shift));
-            let length = branch.norm();
-            let overlap = pair.range - length;
-            let mut now = PairNow {
-                branch,
-                length,
-                touches: overlap > 0.0,
-                normal_force: 0.0,
-                tangential_force: 0.0,
-                slides: false,
-            };
-            if !now.touches {
-                if pair.touched {
-                    sums.opening_loss +=
-                        ContactLaw::<Discs>::opening_loss(self.law, &pair.constants, [pair.tangential_force], &[]);
-                }
-                return now;
-            }
-            let direction = branch.times(1.0 / length);
-            let arms = [0.5 * length + pair.half_difference, 0.5 * length - pair.half_difference];
-            let spins = [motion[origin][2] / self.radii[origin], motion[end][2] / self.radii[end]];
-            let mut slip = [0.0];
-            if pair.touched {
-                (slip, ()) = Discs::slip(pair.direction, direction, length, arms, spins);
-            }
-            let contact_motion = ContactMotion::<Discs, f64> {
-                overlap,
-                touched: pair.touched,
-                carried: [pair.tangential_force],
-                slip,
-                rolling: [0.0],
-            };
-            let response = self.law.respond(&pair.constants, &contact_motion, &mut []);
-            let [tangential] = response.tangential_force;
-            now.normal_force = response.normal_force;
-            now.tangential_force = tangential;
-            let [_, stiffness, _] = ContactLaw::<Discs>::stiffness(self.law, &pair.constants, overlap);
-            now.slides = pair.touched && tangential.abs() < (pair.tangential_force + slip[0] * stiffness).abs();
-            let force = Discs::contact_force(direction, now.normal_force, tangential);
-            for (grain, sign, arm) in [(origin, 1.0, arms[0]), (end, -1.0, arms[1])] {
-                let load = &mut loads[grain];
-                load[0] += sign * force[0];
-                load[1] += sign * force[1];
-                load[2] += tangential * arm / self.radii[grain];
-            }
-            sums.contacts += 1.0;
-            sums.normal_force += now.normal_force.abs();
-            sums.contact_force_square += now.normal_force * now.normal_force + tangential * tangential;
-            sums.dissipation += response.dissipation;
-            now
-        });
-        let pairs = pairs.collect();
-        for load in &mut loads {
-            if !self.rotations_free {
-                load[2] = 0.0;
-            }
-            let force = load[0] * load[0] + load[1] * load[1];
-            sums.largest_force_square = sums.largest_force_square.max(force).max(load[2] * load[2]);
-            sums.force_square += force + load[2] * load[2];
-        }
-        Evaluation { cell, positions, pairs, loads, sums }
+        dispatch(Contacts { start: self, strain, motion })
     }
 
     /// Pushes every loose grain that is out of balance by more than `threshold`, N, away from what it touches, and a little
@@ -200,9 +125,11 @@ impl<'a> Start<'a> {
         threshold: f64,
     ) -> bool {
         let mut strongest = vec![0.0_f64; motion.len()];
-        let touching = || self.pairs.iter().zip(&evaluation.pairs).filter(|(_, now)| now.touches);
-        for (pair, now) in touching() {
-            for grain in [pair.key.origin as usize, pair.key.end as usize] {
+        let listed =
+            || self.near.listed.iter().enumerate().map(|(place, pair)| (place, pair, evaluation.pair(place)));
+        let touching = || listed().filter(|(.., now)| now.touches);
+        for (_, pair, now) in touching() {
+            for grain in [pair.origin as usize, pair.end as usize] {
                 strongest[grain] = strongest[grain].max(now.normal_force.abs());
             }
         }
@@ -211,10 +138,11 @@ impl<'a> Start<'a> {
             .zip(&evaluation.loads)
             .map(|(strongest, [x, y, turn])| *strongest <= weak && x.hypot(*y).max(turn.abs()) > threshold)
             .collect();
-        for (pair, now) in touching() {
-            let grains = [pair.key.origin as usize, pair.key.end as usize];
+        for (place, pair, now) in touching() {
+            let grains = [pair.origin as usize, pair.end as usize];
             let shared = if is_moved[grains[0]] && is_moved[grains[1]] { 0.5 } else { 1.0 };
-            let way = shared * (pair.range * (1.0 + FREE_GAP) - now.length) / now.length;
+            let ([first, second], _) = self.near.constants(place);
+            let way = shared * ((first + second) * (1.0 + FREE_GAP) - now.length) / now.length;
             for (grain, sign) in grains.into_iter().zip([-1.0, 1.0]) {
                 if is_moved[grain] {
                     motion[grain][0] += sign * way * now.branch[0];
@@ -228,12 +156,14 @@ impl<'a> Start<'a> {
     /// The near pairs of an evaluation, for the linear equations. Open pairs are among them, so that the order of
     /// elimination holds for as long as the list does.
     pub(super) fn linear_pairs(&self, evaluation: &Evaluation) -> Vec<DiscPair> {
-        let linear = |(pair, now): (&StartPair, &PairNow)| {
+        let linear = |(place, pair): (usize, &ListedPair)| {
+            let now = evaluation.pair(place);
+            let ([first, second], constants) = self.near.constants(place);
             let [normal, tangential, _] =
-                ContactLaw::<Discs>::stiffness(self.law, &pair.constants, pair.range - now.length);
+                ContactLaw::<Discs>::stiffness(self.law, &constants, first + second - now.length);
             DiscPair {
-                origin: pair.key.origin as usize,
-                end: pair.key.end as usize,
+                origin: pair.origin as usize,
+                end: pair.end as usize,
                 touches: now.touches,
                 branch: now.branch,
                 length: now.length,
@@ -243,6 +173,209 @@ impl<'a> Start<'a> {
                 slides: now.slides,
             }
         };
-        self.pairs.iter().zip(&evaluation.pairs).map(linear).collect()
+        self.near.listed.iter().enumerate().map(linear).collect()
+    }
+}
+
+/// What the near pairs were at the committed state.
+struct Histories<'a> {
+    state: &'a GrainState<Discs>,
+    near: &'a NearPairs,
+}
+
+impl Vectorised for Histories<'_> {
+    type Output = Vec<History>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<History> {
+        let Self { state, near } = self;
+        let images = near.images(&state.cell);
+        let mut histories = vec![History::default(); near.groups.len()];
+        let mut records = state.contacts.iter();
+        let mut next = records.next();
+        let pairs = near.keys.chunks(WIDTH).zip(near.listed.chunks(WIDTH));
+        for (history, (keys, pairs)) in histories.iter_mut().zip(pairs) {
+            // Branch vectors at first. Pairs without a record are infinitely far apart.
+            history.direction = [Packed::splat(f64::INFINITY); 2];
+            for (lane, (key, pair)) in keys.iter().zip(pairs).enumerate() {
+                while next.is_some_and(|record| record.key() < *key) {
+                    next = records.next();
+                }
+                let Some(record) = next.filter(|record| record.key() == *key) else { continue };
+                next = records.next();
+                history.tangential_force.set_lane(lane, record.tangential_force);
+                let (origin, end) = (&state.positions[pair.origin as usize], &state.positions[pair.end as usize]);
+                let image = &images[pair.image as usize];
+                for axis in 0..2 {
+                    history.direction[axis].set_lane(lane, end[axis] - origin[axis] + image[axis]);
+                }
+            }
+        }
+        let zero = Packed::default();
+        for (history, constants) in histories.iter_mut().zip(&near.groups) {
+            let branch = history.direction;
+            let length = branch.dot(branch).sqrt();
+            let touched = length.less(constants.radii[0] + constants.radii[1]);
+            history.direction = branch.scaled(Packed::splat(1.0) / length).where_or(touched, [zero; 2]);
+            history.tangential_force = Packed::select(touched, history.tangential_force, zero);
+        }
+        histories
+    }
+}
+
+/// All contacts after a motion, to be found.
+struct Contacts<'a> {
+    start: &'a Start<'a>,
+    strain: &'a [[f64; 2]; 2],
+    motion: &'a [Motion],
+}
+
+/// Branch vectors and spins of pairs side by side.
+#[derive(Clone, Copy)]
+struct Gather {
+    branch: [Packed; 2],
+    spins: [[Packed; 1]; 2],
+}
+
+/// Groups that are collected before the first of them is worked on: numbers that have just been written one by one cannot be
+/// read as a whole for a while.
+const AHEAD: usize = 4;
+
+impl Vectorised for Contacts<'_> {
+    type Output = Evaluation;
+
+    #[inline(always)]
+    fn run(self) -> Evaluation {
+        let Self { start, strain, motion } = self;
+        let (state, near) = (start.state, &*start.near);
+        let cell = state.cell.deformed(&add_scaled(&[[1.0, 0.0], [0.0, 1.0]], 1.0, strain));
+        let images = near.images(&cell);
+        let mut grains = vec![[0.0; 4]; motion.len()];
+        let given = state.positions.iter().zip(motion).zip(&near.inverse_radii);
+        for (grain, (([x, y], [u, v, turn]), inverse_radius)) in grains.iter_mut().zip(given) {
+            let by_strain = [strain[0][0] * x + strain[0][1] * y, strain[1][0] * x + strain[1][1] * y];
+            *grain = [x + (by_strain[0] + u), y + (by_strain[1] + v), turn * inverse_radius, 0.0];
+        }
+        let mut gathers =
+            [Gather { branch: [Packed::splat(f64::INFINITY); 2], spins: [[Packed::default()]; 2] }; AHEAD];
+        let mut groups = vec![GroupNow::default(); near.groups.len()];
+        let mut moments = vec![[0.0; 4]; motion.len()];
+        let mut sums = StepSums::<Packed>::default();
+        let inputs = start.histories.chunks(AHEAD).zip(near.groups.chunks(AHEAD));
+        for ((groups, (histories, constants)), pairs) in
+            groups.chunks_mut(AHEAD).zip(inputs).zip(near.listed.chunks(AHEAD * WIDTH))
+        {
+            for (gather, pairs) in gathers.iter_mut().zip(pairs.chunks(WIDTH)) {
+                gather.branch = [Packed::splat(f64::INFINITY); 2];
+                for (lane, pair) in pairs.iter().enumerate() {
+                    let (origin, end) = (&grains[pair.origin as usize], &grains[pair.end as usize]);
+                    let image = &images[pair.image as usize];
+                    for axis in 0..2 {
+                        gather.branch[axis].set_lane(lane, end[axis] - origin[axis] + image[axis]);
+                    }
+                    gather.spins[0][0].set_lane(lane, origin[2]);
+                    gather.spins[1][0].set_lane(lane, end[2]);
+                }
+            }
+            let inputs = gathers.iter().zip(histories).zip(constants);
+            for ((now, ((gather, history), constants)), pairs) in
+                groups.iter_mut().zip(inputs).zip(pairs.chunks(WIDTH))
+            {
+                let loads = contact_forces(start.law, constants, history, gather, now, &mut sums);
+                for (lane, pair) in pairs.iter().enumerate() {
+                    let [x, y, first, second] = loads.map(|value| value.lane(lane));
+                    let load: &mut [f64; 4] = &mut moments[pair.origin as usize];
+                    (load[0], load[1], load[2]) = (load[0] + x, load[1] + y, load[2] + first);
+                    let load = &mut moments[pair.end as usize];
+                    (load[0], load[1], load[2]) = (load[0] - x, load[1] - y, load[2] + second);
+                }
+            }
+        }
+        let mut sums = sum_of_lanes(&sums);
+        let mut loads = vec![[0.0; 3]; motion.len()];
+        // Four sums: each waits for itself alone.
+        let (mut largest, mut squares) = ([0.0_f64; 4], [0.0_f64; 4]);
+        let given = moments.iter().zip(&near.inverse_radii);
+        for (grain, (load, ([x, y, moment, _], inverse_radius))) in loads.iter_mut().zip(given).enumerate() {
+            let turning = if start.rotations_free { moment * inverse_radius } else { 0.0 };
+            *load = [*x, *y, turning];
+            let (force, turning, sum) = (x * x + y * y, turning * turning, grain % 4);
+            let larger = if force < turning { turning } else { force };
+            largest[sum] = if largest[sum] < larger { larger } else { largest[sum] };
+            squares[sum] += force + turning;
+        }
+        sums.largest_force_square = largest.into_iter().fold(0.0, f64::max);
+        sums.force_square = squares.into_iter().sum();
+        Evaluation { cell, grains, loads, sums, groups }
+    }
+}
+
+/// Geometry, springs and friction of pairs side by side. Returns the two components of the force on the origin grain, N, whose
+/// opposite acts on the end grain, and the moments on both, N m; all are zero where a pair does not touch.
+#[inline(always)]
+fn contact_forces(
+    law: &PlainLinear,
+    constants: &GroupConstants,
+    history: &History,
+    gather: &Gather,
+    now: &mut GroupNow,
+    sums: &mut StepSums<Packed>,
+) -> [Packed; 4] {
+    let (zero, one) = (Packed::default(), Packed::splat(1.0));
+    let (branch, radii) = (gather.branch, constants.radii);
+    let length = branch.dot(branch).sqrt();
+    let overlap = (radii[0] + radii[1]) - length;
+    let touching = zero.less(overlap);
+    (now.branch, now.length) = (branch, length);
+    let touched = Packed::splat(0.5).less(history.direction.dot(history.direction));
+    let carried = [history.tangential_force];
+    let opened = touched & !touching;
+    if opened.any() {
+        let loss = ContactLaw::<Discs>::opening_loss(law, &constants.law, carried, &[]);
+        sums.opening_loss += Packed::select(opened, loss, zero);
+    }
+    if !touching.any() {
+        return [zero; 4];
+    }
+    let reciprocal = one / length;
+    let direction = branch.scaled(reciprocal);
+    let half = Packed::splat(0.5) * overlap;
+    let arms = [radii[0] - half, radii[1] - half];
+    let (slip, ()) = Discs::slip_and_turning(history.direction, direction, reciprocal, length, arms, gather.spins);
+    let motion = ContactMotion::<Discs, Packed> { overlap, touched, carried, slip, rolling: [zero] };
+    let response = law.respond(&constants.law, &motion, &mut []);
+    let [_, stiffness, _] = ContactLaw::<Discs>::stiffness(law, &constants.law, overlap);
+    let [tangential] = response.tangential_force;
+    // With the roundings of the law: where it has cut nothing, both are equal.
+    let attempt = carried[0] + slip[0] * stiffness;
+    let slides = touching & touched & tangential.abs().less(attempt.abs());
+
+    // From here on everything is zero in lanes that do not touch.
+    let direction = direction.where_or(touching, [zero; 2]);
+    let tangential = Packed::select(touching, tangential, zero);
+    let normal = Packed::select(touching, response.normal_force, zero);
+    now.touches = Packed::select(touching, one, zero);
+    (now.normal_force, now.tangential_force) = (normal, tangential);
+    now.slides = Packed::select(slides, one, zero);
+    sums.contacts += now.touches;
+    sums.normal_force += normal.abs();
+    sums.contact_force_square += normal.mul_add(normal, tangential * tangential);
+    sums.dissipation += Packed::select(touching, response.dissipation, zero);
+    let force = direction.scaled_plus(normal, Discs::turn([tangential], direction));
+    let arms = arms.map(|arm| Packed::select(touching, arm, zero));
+    [force[0], force[1], tangential * arms[0], tangential * arms[1]]
+}
+
+/// Sums over the lanes, in their order, of what is summed over pairs.
+#[inline(always)]
+fn sum_of_lanes(sums: &StepSums<Packed>) -> StepSums<f64> {
+    let of = |value: &Packed| value.0.iter().sum();
+    StepSums {
+        contacts: of(&sums.contacts),
+        normal_force: of(&sums.normal_force),
+        contact_force_square: of(&sums.contact_force_square),
+        dissipation: of(&sums.dissipation),
+        opening_loss: of(&sums.opening_loss),
+        ..StepSums::default()
     }
 }

@@ -10,6 +10,7 @@
 mod account;
 mod attempt;
 mod evaluation;
+mod near_pairs;
 
 use super::course::Course;
 use super::grain_solver::{End, GrainSolver, Job};

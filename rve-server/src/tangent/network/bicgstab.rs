@@ -8,7 +8,7 @@ use super::block_matrix::Columns;
 use super::closeness::Closeness;
 use super::single_precision::{SingleColumns, gather};
 use super::two_level::{Problem, TwoLevel};
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 
 /// Iterations after which a network counts as singular: those that are not need some twenty. Beyond, the material next to
 /// flows, and the answer would cost many increments and say little.

@@ -7,7 +7,7 @@ use super::block_matrix::Columns;
 use super::closeness::Closeness;
 use super::single_precision::{SingleColumns, dot, gather};
 use super::two_level::{Problem, TwoLevel};
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 
 /// Iterations whose work is the estimate of what was missing before them.
 const LOOK_BACK: usize = 4;

@@ -8,7 +8,7 @@
 
 use super::block_matrix::{BlockMatrix, Columns};
 use super::elimination::{Elimination, Supernode};
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 use std::ops::Range;
 
 /// Blocks of discs that are updated at a time.

@@ -16,7 +16,6 @@ mod response;
 mod single_precision;
 mod solver;
 mod two_level;
-mod vectorised;
 
 pub use closeness::Closeness;
 pub use motions::NetworkResponses;

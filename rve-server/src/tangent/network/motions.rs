@@ -9,7 +9,7 @@ use super::elimination::Elimination;
 use super::factors::Factors;
 use super::orderings::Orderings;
 use super::response::Response;
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 use crate::solver::{DiscMotions, DiscPair, LinearResponses};
 use crate::tangent::link::Link;
 use crate::tangent::sliding::{ContactStiffness, Sliding, SlidingSet};
@@ -19,7 +19,7 @@ const RELATIVE_SHIFT: f64 = 1e-6;
 
 /// Corrections of an answer by the matrix itself: prestress is left out of the cheap factors, and sliding makes the others
 /// less accurate than exchanges of rows would.
-const CORRECTIONS: usize = 2;
+const CORRECTIONS: usize = 1;
 
 /// Unknowns of a disc: two displacements and its spin times its radius.
 const UNKNOWNS: usize = 3;

@@ -5,7 +5,7 @@ use super::closeness::Closeness;
 use super::elimination::Elimination;
 use super::factors::Factors;
 use super::orderings::Orderings;
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};

@@ -9,7 +9,7 @@ use super::block_matrix::{Block, BlockMatrix, Columns, add_product};
 use super::elimination::Elimination;
 use super::factors::Factors;
 use super::single_precision::{SingleBlock, SingleColumns, SingleMatrix, product, rounded, subtract};
-use super::vectorised::{Vectorised, dispatch};
+use crate::simd::{Vectorised, dispatch};
 
 /// Grains of a group, unless that makes more groups than [`MOST_GROUPS`].
 const GROUP_SIZE: usize = 60;

@@ -4,7 +4,7 @@
 //! turns these into vectors. Every fused multiply-add is written as such, so that all ways give the same bits.
 
 /// Work that gains from wide vectors. `run` and all it calls should be `#[inline(always)]`.
-pub(super) trait Vectorised {
+pub(crate) trait Vectorised {
     /// Its result.
     type Output;
 
@@ -14,7 +14,7 @@ pub(super) trait Vectorised {
 
 /// Does `work` with the widest instructions that this processor has and the program knows of. What several algorithms need is
 /// dispatched by itself: written into each of them, it would be compiled again for every place of use.
-pub(super) fn dispatch<T: Vectorised>(work: T) -> T::Output {
+pub(crate) fn dispatch<T: Vectorised>(work: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
         #[expect(unsafe_code, reason = "the features that the function needs have just been detected")]
