@@ -6,7 +6,7 @@ use crate::definition::GrainModel;
 use crate::simd::{Lanes, Real};
 use crate::solver::kernel::ListedPair;
 use crate::space::Discs;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Pairs side by side.
@@ -46,7 +46,7 @@ pub(super) struct NearPairs {
 #[derive(Debug, Default)]
 pub(super) struct NearPairsMemory {
     /// By the address of the keys, which cannot be given to another list as long as this one is kept.
-    known: HashMap<usize, Arc<NearPairs>>,
+    known: BTreeMap<usize, Arc<NearPairs>>,
 }
 
 impl NearPairs {
