@@ -4,19 +4,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A short run of one element of the small biaxial scene.
-fn run(folder: &Path, name: &str, more: &[&str]) -> (Output, PathBuf) {
+/// A run of a scene.
+fn run_scene(scene: &str, folder: &Path, name: &str, settings: &[&str]) -> (Output, PathBuf) {
     let out = folder.join(name);
     let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(["run", "scenes/biaxial-small.toml", "--workers", "2", "--out"])
+        .args(["run", scene, "--workers", "2", "--out"])
         .arg(&out)
-        .args(["--set", "mesh.elements=[1, 1]", "--set", "loading.increments=2", "--set", "rve.accuracy=draft"])
-        .args(["--set", "boundary.2.displacement.y=-1e-4"])
-        .args(more)
+        .args(settings)
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
     (ran, out)
+}
+
+/// A short run of one element of the small biaxial scene.
+fn run(folder: &Path, name: &str, more: &[&str]) -> (Output, PathBuf) {
+    let short = ["--set", "mesh.elements=[1, 1]", "--set", "loading.increments=2", "--set", "rve.accuracy=draft"];
+    let settings = [&short[..], &["--set", "boundary.2.displacement.y=-1e-4"], more].concat();
+    run_scene("scenes/biaxial-small.toml", folder, name, &settings)
 }
 
 fn history(folder: &Path, name: &str, more: &[&str]) -> String {
@@ -50,6 +55,21 @@ fn a_scene_chooses_its_frame_and_the_engine_follows() {
     let periodic = last_ratio(&by_scene);
     assert!((servo / periodic - 1.0).abs() < 5e-2, "by servo {servo}, directly {periodic}");
     assert!(linear > periodic && blocked > servo, "{linear} > {periodic}, {blocked} > {servo}");
+}
+
+/// Where contacts along the sides of a frame count whole on both of them, it is not at rest as it is cut. Its first tangents must not
+/// hold the way to rest, or several elements find no equilibrium.
+#[test]
+fn frames_that_are_cut_out_of_balance_find_the_equilibrium_of_several_elements() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings =
+        ["mesh.elements=[1, 2]", "stage.1.loading.increments=1", "stage.1.boundary.0.displacement.y=-2e-5"];
+    let settings = settings.map(|setting| ["--set", setting]).concat();
+    let (ran, out) = run_scene("scenes/liu2018/frame-biaxial.toml", folder.path(), "frames", &settings);
+    assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stderr));
+    let history = fs::read_to_string(out.join("history.csv")).unwrap();
+    let ratio = last_ratio(&history);
+    assert!((1.0..1.4).contains(&ratio) && history.lines().count() == 4, "{history}");
 }
 
 #[test]
