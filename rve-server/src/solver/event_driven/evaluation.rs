@@ -3,11 +3,11 @@
 
 use super::near_pairs::{GroupConstants, NearPairs, Packed, WIDTH};
 use crate::cell::{Cell, GrainState};
-use crate::contact::{ContactLaw, ContactMotion, PlainLinear};
-use crate::simd::{Mask, Real, Tuple, Vectorised, dispatch};
-use crate::solver::kernel::{ListedPair, StepSums};
+use crate::contact::{ContactLaw, ContactMotion, ContactResponse, PlainLinear};
+use crate::simd::{LaneMask, Mask, Real, Tuple, Vectorised, dispatch};
+use crate::solver::kernel::{Contact, ListedPair, PairSite, StepSums, Wanted, pair_forces};
 use crate::solver::linear::DiscPair;
-use crate::space::{Discs, KernelSpace, add_scaled};
+use crate::space::{Discs, add_scaled};
 use std::sync::Arc;
 
 /// Gap that a loose grain is left with when it is pushed away, over the distance of the centres.
@@ -16,12 +16,8 @@ const FREE_GAP: f64 = 3e-5;
 /// Motion of a grain besides the affine one: two displacements and its spin times its radius, m.
 pub(super) type Motion = [f64; 3];
 
-/// Near pairs at the committed state: normals, zero where a pair does not touch, and tangential forces, N.
-#[derive(Clone, Copy, Debug, Default)]
-struct History {
-    direction: [Packed; 2],
-    tangential_force: Packed,
-}
+/// Near pairs at the committed state.
+type History = Contact<Discs, PlainLinear, Packed>;
 
 /// Near pairs after the motion; masks are 1 where they hold.
 #[derive(Clone, Copy, Debug, Default)]
@@ -62,7 +58,7 @@ pub(super) struct Start<'a> {
 #[derive(Debug)]
 pub(super) struct Evaluation {
     pub(super) cell: Cell<Discs>,
-    /// Position, m, spin and nothing of each grain: one load brings all.
+    /// Position, m, spin, rad, and a zero of each grain, so that one load brings all.
     grains: Vec<[f64; 4]>,
     /// Force out of balance and moment over radius of each grain, N.
     pub(super) loads: Vec<[f64; 3]>,
@@ -190,7 +186,7 @@ impl Vectorised for Histories<'_> {
     fn run(self) -> Vec<History> {
         let Self { state, near } = self;
         let images = near.images(&state.cell);
-        let mut histories = vec![History::default(); near.groups.len()];
+        let mut histories = vec![History::none(); near.groups.len()];
         let mut records = state.contacts.iter();
         let mut next = records.next();
         let pairs = near.keys.chunks(WIDTH).zip(near.listed.chunks(WIDTH));
@@ -203,7 +199,7 @@ impl Vectorised for Histories<'_> {
                 }
                 let Some(record) = next.filter(|record| record.key() == *key) else { continue };
                 next = records.next();
-                history.tangential_force.set_lane(lane, record.tangential_force);
+                history.tangential_force[0].set_lane(lane, record.tangential_force);
                 let (origin, end) = (&state.positions[pair.origin as usize], &state.positions[pair.end as usize]);
                 let image = &images[pair.image as usize];
                 for axis in 0..2 {
@@ -217,7 +213,7 @@ impl Vectorised for Histories<'_> {
             let length = branch.dot(branch).sqrt();
             let touched = length.less(constants.radii[0] + constants.radii[1]);
             history.direction = branch.scaled(Packed::splat(1.0) / length).where_or(touched, [zero; 2]);
-            history.tangential_force = Packed::select(touched, history.tangential_force, zero);
+            history.tangential_force = history.tangential_force.where_or(touched, [zero]);
         }
         histories
     }
@@ -230,7 +226,7 @@ struct Contacts<'a> {
     motion: &'a [Motion],
 }
 
-/// Branch vectors and spins of pairs side by side.
+/// Branch vectors, m, and spins of pairs side by side. Lanes without a pair have no radii, so that these never touch.
 #[derive(Clone, Copy)]
 struct Gather {
     branch: [Packed; 2],
@@ -256,8 +252,7 @@ impl Vectorised for Contacts<'_> {
             let by_strain = [strain[0][0] * x + strain[0][1] * y, strain[1][0] * x + strain[1][1] * y];
             *grain = [x + (by_strain[0] + u), y + (by_strain[1] + v), turn * inverse_radius, 0.0];
         }
-        let mut gathers =
-            [Gather { branch: [Packed::splat(f64::INFINITY); 2], spins: [[Packed::default()]; 2] }; AHEAD];
+        let mut gathers = [Gather { branch: [Packed::splat(1.0); 2], spins: [[Packed::default()]; 2] }; AHEAD];
         let mut groups = vec![GroupNow::default(); near.groups.len()];
         let mut moments = vec![[0.0; 4]; motion.len()];
         let mut sums = StepSums::<Packed>::default();
@@ -266,7 +261,6 @@ impl Vectorised for Contacts<'_> {
             groups.chunks_mut(AHEAD).zip(inputs).zip(near.listed.chunks(AHEAD * WIDTH))
         {
             for (gather, pairs) in gathers.iter_mut().zip(pairs.chunks(WIDTH)) {
-                gather.branch = [Packed::splat(f64::INFINITY); 2];
                 for (lane, pair) in pairs.iter().enumerate() {
                     let (origin, end) = (&grains[pair.origin as usize], &grains[pair.end as usize]);
                     let image = &images[pair.image as usize];
@@ -281,9 +275,12 @@ impl Vectorised for Contacts<'_> {
             for ((now, ((gather, history), constants)), pairs) in
                 groups.iter_mut().zip(inputs).zip(pairs.chunks(WIDTH))
             {
-                let loads = contact_forces(start.law, constants, history, gather, now, &mut sums);
+                let Some([[x, y], [first, second]]) = loads_of(start.law, constants, history, gather, now, &mut sums)
+                else {
+                    continue;
+                };
                 for (lane, pair) in pairs.iter().enumerate() {
-                    let [x, y, first, second] = loads.map(|value| value.lane(lane));
+                    let [x, y, first, second] = [x, y, first, second].map(|value| value.lane(lane));
                     let load: &mut [f64; 4] = &mut moments[pair.origin as usize];
                     (load[0], load[1], load[2]) = (load[0] + x, load[1] + y, load[2] + first);
                     let load = &mut moments[pair.end as usize];
@@ -310,60 +307,115 @@ impl Vectorised for Contacts<'_> {
     }
 }
 
-/// Geometry, springs and friction of pairs side by side. Returns the two components of the force on the origin grain, N, whose
-/// opposite acts on the end grain, and the moments on both, N m; all are zero where a pair does not touch.
+/// Pairs side by side in one evaluation.
+struct Site<'a> {
+    law: &'a PlainLinear,
+    constants: &'a GroupConstants,
+    history: &'a History,
+    spins: [[Packed; 1]; 2],
+    now: &'a mut GroupNow,
+    sums: &'a mut StepSums<Packed>,
+    force: [Packed; 2],
+    moments: [Packed; 2],
+}
+
+/// Loads of pairs side by side: the force on the origin grain, N, whose opposite acts on the end grain, and the moments on both, N m.
+/// `None` where no pair touches or has touched.
 #[inline(always)]
-fn contact_forces(
+fn loads_of(
     law: &PlainLinear,
     constants: &GroupConstants,
     history: &History,
     gather: &Gather,
     now: &mut GroupNow,
     sums: &mut StepSums<Packed>,
-) -> [Packed; 4] {
-    let (zero, one) = (Packed::default(), Packed::splat(1.0));
-    let (branch, radii) = (gather.branch, constants.radii);
+) -> Option<[[Packed; 2]; 2]> {
+    let branch = gather.branch;
     let length = branch.dot(branch).sqrt();
-    let overlap = (radii[0] + radii[1]) - length;
-    let touching = zero.less(overlap);
     (now.branch, now.length) = (branch, length);
     let touched = Packed::splat(0.5).less(history.direction.dot(history.direction));
-    let carried = [history.tangential_force];
-    let opened = touched & !touching;
-    if opened.any() {
-        let loss = ContactLaw::<Discs>::opening_loss(law, &constants.law, carried, &[]);
-        sums.opening_loss += Packed::select(opened, loss, zero);
+    if !(touched | length.less(constants.radii[0] + constants.radii[1])).any() {
+        return None;
     }
-    if !touching.any() {
-        return [zero; 4];
-    }
-    let reciprocal = one / length;
-    let direction = branch.scaled(reciprocal);
-    let half = Packed::splat(0.5) * overlap;
-    let arms = [radii[0] - half, radii[1] - half];
-    let (slip, ()) = Discs::slip_and_turning(history.direction, direction, reciprocal, length, arms, gather.spins);
-    let motion = ContactMotion::<Discs, Packed> { overlap, touched, carried, slip, rolling: [zero] };
-    let response = law.respond(&constants.law, &motion, &mut []);
-    let [_, stiffness, _] = ContactLaw::<Discs>::stiffness(law, &constants.law, overlap);
-    let [tangential] = response.tangential_force;
-    // With the roundings of the law: where it has cut nothing, both are equal.
-    let attempt = carried[0] + slip[0] * stiffness;
-    let slides = touching & touched & tangential.abs().less(attempt.abs());
+    let wanted = Wanted { contact_force_square: true, ..Wanted::default() };
+    let zero = Packed::default();
+    let (force, moments, spins) = ([zero; 2], [zero; 2], gather.spins);
+    let mut site = Site { law, constants, history, spins, now, sums, force, moments };
+    pair_forces(law, branch, length, Packed::splat(1.0) / length, wanted, &mut site);
+    Some([site.force, site.moments])
+}
 
-    // From here on everything is zero in lanes that do not touch.
-    let direction = direction.where_or(touching, [zero; 2]);
-    let tangential = Packed::select(touching, tangential, zero);
-    let normal = Packed::select(touching, response.normal_force, zero);
-    now.touches = Packed::select(touching, one, zero);
-    (now.normal_force, now.tangential_force) = (normal, tangential);
-    now.slides = Packed::select(slides, one, zero);
-    sums.contacts += now.touches;
-    sums.normal_force += normal.abs();
-    sums.contact_force_square += normal.mul_add(normal, tangential * tangential);
-    sums.dissipation += Packed::select(touching, response.dissipation, zero);
-    let force = direction.scaled_plus(normal, Discs::turn([tangential], direction));
-    let arms = arms.map(|arm| Packed::select(touching, arm, zero));
-    [force[0], force[1], tangential * arms[0], tangential * arms[1]]
+impl PairSite<Discs, PlainLinear, Packed> for Site<'_> {
+    #[inline(always)]
+    fn radii(&self) -> [Packed; 2] {
+        self.constants.radii
+    }
+
+    #[inline(always)]
+    fn constants(&self) -> [Packed; 7] {
+        self.constants.law
+    }
+
+    #[inline(always)]
+    fn contact(&self) -> &History {
+        self.history
+    }
+
+    #[inline(always)]
+    fn spins(&self) -> [[Packed; 1]; 2] {
+        self.spins
+    }
+
+    #[inline(always)]
+    fn change(&mut self, _: LaneMask<WIDTH>, loss: Packed, births: Packed) {
+        self.sums.opening_loss += loss;
+        self.sums.births += births;
+    }
+
+    /// A contact slides where friction has cut its force. Of a law without memory that is what the spring would have been without
+    /// the limit, with the roundings of the law: where nothing was cut, both are equal.
+    #[inline(always)]
+    fn answered(&mut self, motion: &ContactMotion<Discs, Packed>, response: &ContactResponse<Discs, Packed>) {
+        let (zero, one) = (Packed::default(), Packed::splat(1.0));
+        let [_, stiffness, _] = ContactLaw::<Discs>::stiffness(self.law, &self.constants.law, motion.overlap);
+        let [uncut] = motion.carried.plus(motion.slip.scaled(stiffness));
+        let touches = zero.less(motion.overlap);
+        let slides = touches & motion.touched & response.tangential_force[0].abs().less(uncut.abs());
+        self.now.touches = Packed::select(touches, one, zero);
+        self.now.normal_force = Packed::select(touches, response.normal_force, zero);
+        self.now.slides = Packed::select(slides, one, zero);
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, contact: History) {
+        [self.now.tangential_force] = contact.tangential_force;
+    }
+
+    #[inline(always)]
+    fn load(&mut self, force: [Packed; 2], moments: [[Packed; 1]; 2]) {
+        (self.force, self.moments) = (force, [moments[0][0], moments[1][0]]);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, touches: Packed, normal_force: Packed, dissipation: Packed) {
+        self.sums.contacts += touches;
+        self.sums.normal_force += normal_force;
+        self.sums.dissipation += dissipation;
+    }
+
+    #[inline(always)]
+    fn add_at_limit(&mut self, _: Packed) {}
+
+    #[inline(always)]
+    fn add_force_square(&mut self, square: Packed) {
+        self.sums.contact_force_square += square;
+    }
+
+    #[inline(always)]
+    fn add_energy(&mut self, _: Packed) {}
+
+    #[inline(always)]
+    fn add_virial(&mut self, _: [Packed; 2], _: [Packed; 2]) {}
 }
 
 /// Sums over the lanes, in their order, of what is summed over pairs.
@@ -377,5 +429,56 @@ fn sum_of_lanes(sums: &StepSums<Packed>) -> StepSums<f64> {
         dissipation: of(&sums.dissipation),
         opening_loss: of(&sums.opening_loss),
         ..StepSums::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::near_pairs::NearPairsMemory;
+    use super::*;
+    use crate::cell::PairFinder;
+    use crate::contact::ContactTable;
+    use crate::definition::{GrainDefinition, GrainModel, PackingFile, RveOptions};
+    use crate::engine::GrainRve;
+    use std::path::Path;
+
+    /// Motions of all grains that open, close and slide contacts, in a strained cell: the same bits whatever the processor has.
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        for friction in [0.0, 0.3, 1.0] {
+            let linear = ContactTable::linear(1.0, 0.8, friction);
+            let contact = ContactTable { normal_stiffness: None, modulus: Some(1.0e8), ..linear };
+            let packing = PackingFile::read(&file).unwrap();
+            let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
+            let model = GrainModel::new(&definition).unwrap();
+            let law = definition.contact.plain_linear().unwrap();
+            let state = GrainRve::new(&definition).unwrap().committed().clone();
+            let mut pairs = Vec::new();
+            let positions = state.positions.iter().copied();
+            PairFinder::default().find(&state.cell, positions, &model.radii, 1e-5, &mut pairs);
+            let near = NearPairsMemory::default().of(&Arc::new(pairs), &model, &law);
+            let start = Start::of(&law, &state, near, true);
+            let motion: Vec<Motion> = (0..model.radii.len())
+                .map(|grain| [0.3, 0.7, 1.1].map(|phase| 2e-6 * (phase * grain as f64).sin()))
+                .collect();
+            let strain = [[-2e-4, 1e-4], [1e-4, -5e-4]];
+            let wide = start.evaluate(&strain, &motion);
+            let plain = Contacts { start: &start, strain: &strain, motion: &motion }.run();
+            assert_eq!(wide.loads, plain.loads);
+            assert_eq!((wide.positions(), wide.sums), (plain.positions(), plain.sums));
+            let listed = 0..start.near().keys.len();
+            let kinds = listed.fold([0; 3], |[touching, sliding, open], place| {
+                let now = wide.pair(place);
+                assert_eq!(format!("{now:?}"), format!("{:?}", plain.pair(place)));
+                [
+                    touching + usize::from(now.touches),
+                    sliding + usize::from(now.slides),
+                    open + usize::from(!now.touches),
+                ]
+            });
+            assert!(kinds[1] > 0 && kinds[2] > 0 && kinds[0] == wide.sums.contacts as usize, "{kinds:?}");
+            assert!(wide.sums.opening_loss > 0.0 || friction == 0.0, "no contact has opened");
+        }
     }
 }

@@ -50,6 +50,7 @@ pub(super) struct NearPairsMemory {
 }
 
 impl NearPairs {
+    /// With the constants of its pairs.
     fn of(keys: &Arc<Vec<PairKey<Discs>>>, model: &GrainModel, law: &PlainLinear) -> Self {
         let mut shifts: Vec<[i32; 2]> = keys.iter().map(|key| key.shift).collect();
         shifts.sort_unstable();
@@ -107,5 +108,32 @@ impl NearPairsMemory {
         let near = Arc::new(NearPairs::of(keys, model, law));
         self.known.insert(address, Arc::clone(&near));
         near
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactTable;
+    use crate::definition::{GrainDefinition, PackingFile, RveOptions};
+    use std::path::Path;
+
+    #[test]
+    fn lists_are_kept_as_long_as_states_have_them() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let contact = ContactTable::linear(1.0e5, 0.5, 0.5);
+        let packing: PackingFile = PackingFile::read(&file).unwrap();
+        let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
+        let model = GrainModel::new(&definition).unwrap();
+        let law = definition.contact.plain_linear().unwrap();
+        let list = |end: u32| Arc::new(vec![PairKey { origin: 0, end, shift: [0, 1] }]);
+        let mut memory = NearPairsMemory::default();
+        let (kept, gone) = (list(1), list(2));
+        let first = memory.of(&kept, &model, &law);
+        assert!(Arc::ptr_eq(&first, &memory.of(&kept, &model, &law)), "made once");
+        drop((memory.of(&gone, &model, &law), gone));
+        let third = list(3);
+        assert_eq!(memory.of(&third, &model, &law).listed[0].end, 3);
+        assert_eq!(memory.known.len(), 2, "the list of a state that is gone has been let go");
     }
 }

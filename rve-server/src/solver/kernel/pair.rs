@@ -2,12 +2,12 @@
 //! cells side by side and for several pairs of one cell.
 
 use super::step::{Contact, Wanted};
-use crate::contact::{ContactLaw, ContactMotion};
+use crate::contact::{ContactLaw, ContactMotion, ContactResponse};
 use crate::simd::{Mask, Real, Tuple};
 use crate::space::KernelSpace;
 
 /// Where a pair's numbers come from and go to.
-pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
+pub(in crate::solver) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
     /// Radii of origin and end grain, m.
     fn radii(&self) -> [R; 2];
 
@@ -22,6 +22,10 @@ pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
 
     /// A contact has opened or begun somewhere: where it has opened, the tangential energy lost there, J, and 1 where one has begun.
     fn change(&mut self, opened: R::Mask, loss: R, births: R);
+
+    /// What the law was asked and has answered, also where the pair does not touch. Most sites have no use for it.
+    #[inline(always)]
+    fn answered(&mut self, _: &ContactMotion<K, R>, _: &ContactResponse<K, R>) {}
 
     /// The new history.
     fn keep(&mut self, contact: Contact<K, C, R>);
@@ -47,7 +51,7 @@ pub(super) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> {
 
 /// Force, history and loads of one pair with this branch vector, its length and one over it.
 #[inline(always)]
-pub(super) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
+pub(in crate::solver) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     law: &C,
     branch: K::Coordinates<R>,
     length: R,
@@ -85,6 +89,7 @@ pub(super) fn pair_forces<K: KernelSpace, C: ContactLaw<K>, R: Real>(
         |moment| K::carried(&carrier, moment),
     );
     let response = law.respond(&constants, &motion, &mut memory);
+    site.answered(&motion, &response);
 
     // From here on everything is zero in lanes that do not touch.
     let direction = direction.where_or(touching, Tuple::zero());

@@ -7,7 +7,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-rotation",
     source: "[Liu2018] Figs. 10, 11",
     shows: "stress ratio and anisotropy of the contacts with free and blocked rotations, of periodic cells and of frames",
-    run_time: ("10 s", "6 min"),
+    run_time: ("10 s", "4 min"),
     entries: &[("J-1", "blocked over free")],
     runs,
     evaluate,
@@ -18,7 +18,7 @@ pub(super) const FIGURE: Figure = Figure {
 struct Cells {
     /// In the names of runs.
     name: &'static str,
-    /// In the names of quantities and curves; empty for those that all scenes have.
+    /// In the names of quantities and curves; empty for periodic cells.
     label: &'static str,
     scene: &'static str,
     /// How rotations are blocked.
