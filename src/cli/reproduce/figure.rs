@@ -54,18 +54,26 @@ pub(super) struct Run {
     pub(super) size: Option<&'static str>,
     /// Arguments of `--set`.
     pub(super) settings: Vec<String>,
+    /// Worker processes where their number belongs to the figure; `None`: those of the command line.
+    pub(super) workers: Option<usize>,
 }
 
 impl Run {
     /// A run of a file in the size that belongs to that of the figure.
     pub(super) fn new(name: impl Into<String>, input: &'static str, command: Command, size: Size) -> Self {
         let size = (size == Size::Small).then_some("small");
-        Self { name: name.into(), input, command, size, settings: Vec::new() }
+        Self { name: name.into(), input, command, size, settings: Vec::new(), workers: None }
     }
 
     /// The same run with another setting.
     pub(super) fn set(mut self, setting: impl Into<String>) -> Self {
         self.settings.push(setting.into());
+        self
+    }
+
+    /// The same run on this number of worker processes, whatever the command line says.
+    pub(super) fn on_workers(mut self, count: usize) -> Self {
+        self.workers = Some(count);
         self
     }
 }

@@ -86,7 +86,8 @@ fn next_to(folder: &Path, ending: &str) -> PathBuf {
 /// What runs, in full: the input with its size and settings, and the command.
 fn identity(run: &Run, inputs: &Inputs) -> Result<String, Failure> {
     let document = Document::read_in_size(&inputs.file(run.input), run.size, &run.settings)?;
-    Ok(format!("{:?}\n{}", run.command, document.as_run(&[])?))
+    let workers = run.workers.map_or_else(String::new, |count| format!(" on {count} workers"));
+    Ok(format!("{:?}{workers}\n{}", run.command, document.as_run(&[])?))
 }
 
 /// Whether a specimen test names layers whose shear is written.
@@ -107,7 +108,7 @@ fn execute(
     let own = || std::env::current_exe().unwrap_or_else(|_| PathBuf::from("grainspan"));
     let program = arguments.program.clone().unwrap_or_else(own);
     let mut command = process::Command::new(&program);
-    let workers = arguments.workers.map(|count| count.to_string());
+    let workers = run.workers.or(arguments.workers.map(usize::from)).map(|count| count.to_string());
     match run.command {
         Command::Scene | Command::Stopping | Command::Refused => {
             command.arg("run").arg(inputs.file(run.input)).arg("--out").arg(folder);

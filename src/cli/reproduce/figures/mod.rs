@@ -5,6 +5,7 @@ mod argilaga2018_iterations;
 mod argilaga2018_operators;
 mod argilaga2018_residuals;
 mod argilaga2018_shares;
+mod argilaga2018_speedup;
 mod geotechnics;
 mod geotechnics_cavity;
 mod geotechnics_cells;
@@ -39,6 +40,7 @@ pub(super) const ALL: &[&Figure] = &[
     &argilaga2018_residuals::FIGURE,
     &argilaga2018_iterations::FIGURE,
     &argilaga2018_shares::FIGURE,
+    &argilaga2018_speedup::FIGURE,
     &liu2018_cells::FIGURE,
     &liu2018_meshes::FIGURE,
     &liu2018_friction::FIGURE,
