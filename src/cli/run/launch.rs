@@ -4,6 +4,7 @@ use super::arguments::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
+use super::message_size::message_bytes;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
@@ -39,7 +40,11 @@ pub(super) fn run(
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let requested = workers(arguments);
     let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
-    let limits = ChannelLimits { waiting, ..channel_limits(requested) };
+    let mut limits = ChannelLimits { waiting, ..channel_limits(requested) };
+    // Agents of other hosts pass messages of the usual length on.
+    if arguments.listen.is_none() {
+        limits.message_bytes = message_bytes(scene, requested);
+    }
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
     // The memory of a run that was killed before its first worker joined is removed by no one else. Failure harms no run.
     match RunDirectory::clean() {

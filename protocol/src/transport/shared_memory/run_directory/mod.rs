@@ -46,6 +46,11 @@ pub struct RunDirectory {
 }
 
 impl RunDirectory {
+    /// Shared memory that is free on this machine, bytes; `None` where the system does not tell, and where there is no limit.
+    pub fn free_room() -> Option<u64> {
+        segments::free_room()
+    }
+
     /// Begins a run. What a dead run of the same name left is removed.
     ///
     /// # Errors

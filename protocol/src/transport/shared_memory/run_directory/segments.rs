@@ -62,11 +62,17 @@ impl Latecomer {
 /// [`RunError::Room`].
 pub(in crate::transport::shared_memory) fn check_room(bytes: u64) -> Result<(), RunError> {
     let needed = bytes + RESERVE;
-    // Where the system does not tell, there is nothing to check.
-    let Ok(room) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
-    let free = room.f_bavail.saturating_mul(room.f_frsize);
+    match free_room() {
+        Some(free) if free < needed => Err(RunError::Room { free, needed }),
+        _ => Ok(()),
+    }
+}
+
+/// Free shared memory, bytes; `None` where the system does not tell, and where there is no limit.
+pub(super) fn free_room() -> Option<u64> {
+    let room = rustix::fs::statvfs(SHARED_MEMORY).ok()?;
     // A file system without a limit shows no blocks at all.
-    if room.f_blocks == 0 || free >= needed { Ok(()) } else { Err(RunError::Room { free, needed }) }
+    (room.f_blocks > 0).then(|| room.f_bavail.saturating_mul(room.f_frsize))
 }
 
 /// Shared-memory files whose names begin with `prefix`, with their metadata.
