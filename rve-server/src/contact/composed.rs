@@ -138,10 +138,11 @@ impl<K: KernelSpace, N: Springs, const MEMORY: usize> ContactLaw<K> for Composed
         constants
     }
 
-    fn limits_scaled(&self, constants: &[f64; 7], factor: f64) -> [f64; 7] {
+    #[inline(always)]
+    fn limits_scaled<R: Real>(&self, constants: &[R; 7], factor: R) -> [R; 7] {
         let mut scaled = *constants;
-        scaled[LIMIT] *= factor;
-        scaled[ROLLING_LIMIT_ARM] *= factor;
+        scaled[LIMIT] = scaled[LIMIT] * factor;
+        scaled[ROLLING_LIMIT_ARM] = scaled[ROLLING_LIMIT_ARM] * factor;
         scaled
     }
 

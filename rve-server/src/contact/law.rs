@@ -75,7 +75,7 @@ pub trait ContactLaw<K: KernelSpace>: Copy + Debug + PartialEq + Send + Sync + '
     fn wall_constants(&self, radius: f64) -> Self::Constants<f64>;
 
     /// The same constants with friction and rolling limits `factor` times as large: a dashpot presses too.
-    fn limits_scaled(&self, constants: &Self::Constants<f64>, factor: f64) -> Self::Constants<f64>;
+    fn limits_scaled<R: Real>(&self, constants: &Self::Constants<R>, factor: R) -> Self::Constants<R>;
 
     /// Memory of a contact that is taken from a state: its overlap, m, and rolling moment on the origin grain, N m.
     fn resumed(&self, overlap: f64, rolling_moment: K::Axial<f64>) -> Self::Memory<f64>;

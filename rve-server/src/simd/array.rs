@@ -28,6 +28,14 @@ pub struct Lanes<const L: usize>(pub [f64; L]);
 #[repr(C, align(64))]
 pub struct LaneMask<const L: usize>([u64; L]);
 
+impl<const L: usize> Lanes<L> {
+    /// The number of each lane: 0, 1, ...
+    #[inline(always)]
+    pub fn counting() -> Self {
+        Self(each!(0.0, lane => lane as f64))
+    }
+}
+
 impl<const L: usize> Default for Lanes<L> {
     #[inline(always)]
     fn default() -> Self {

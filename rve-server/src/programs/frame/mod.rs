@@ -2,6 +2,7 @@
 
 pub mod cell;
 mod constraint;
+mod motion;
 pub mod options;
 mod relaxation;
 #[cfg(test)]

@@ -5,12 +5,13 @@
 //! grains go back to `F X_q` without rotation in every increment, which throws away the fluctuations found before.
 
 use super::constraint::project;
+use super::motion::{Course, Mix, Moves};
 use super::options::{FrameDamping, FrameOptions};
 use crate::contact::{ContactLaw, Rotations};
 use crate::definition::{FrameConstraint, FrameControl};
 use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Load};
-use crate::simd::Tuple;
+use crate::simd::{Tuple, dispatch};
 use crate::solver::{Advice, ConvergenceMonitor, Imbalance, descent_share};
 use crate::space::Discs;
 use crate::space::plane::{self, Plane};
@@ -226,15 +227,16 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         self.steer();
         // Grains that are not to turn get no moment either.
         let free = if self.boundary_turns() { 1.0 } else { 0.0 };
-        for (((grain, load), inertia), rotation) in
-            self.body.grains.iter_mut().zip(&self.loads).zip(&self.inertias).zip(&mut self.rotations)
-        {
-            grain.velocity = load.force.scaled_plus(self.push / self.mass, grain.velocity);
-            grain.spin = load.moment.scaled_plus(self.push * free / (self.mass * inertia), grain.spin);
-            let carried = plane::apply(affine, grain.position);
-            grain.position = grain.position.plus(carried).plus(grain.velocity);
-            *rotation += grain.spin[0];
-        }
+        dispatch(Moves {
+            grains: &mut self.body.grains,
+            rotations: &mut self.rotations,
+            loads: &self.loads,
+            inertias: &self.inertias,
+            affine,
+            push: self.push,
+            turning_push: self.push * free,
+            mass: self.mass,
+        });
         self.evaluate();
     }
 
@@ -259,29 +261,21 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
     }
 
     fn steer_by_fire(&mut self) {
-        let (mut power, mut motion, mut force) = (0.0, 0.0, 0.0);
-        for ((load, grain), inertia) in self.loads.iter().zip(&self.body.grains).zip(&self.inertias) {
-            power += load.force.dot(grain.velocity) + load.moment[0] * grain.spin[0];
-            motion += grain.velocity.dot(grain.velocity) + inertia * grain.spin[0] * grain.spin[0];
-            force += load.force.dot(load.force) + load.moment[0] * load.moment[0] / inertia;
-        }
+        let (grains, loads, inertias) = (&mut self.body.grains, &self.loads, &self.inertias);
+        let [power, motion, force] = dispatch(Course { grains, loads, inertias });
         self.push = 1.0;
         if power < 0.0 {
             self.push = descent_share(SAFETY);
             self.mixing = MIXING;
             self.positive_steps = 0;
-            for grain in &mut self.body.grains {
+            for grain in grains {
                 grain.velocity = Tuple::zero();
                 grain.spin = Tuple::zero();
             }
             return;
         }
         let turn = if force > 0.0 { self.mixing * (motion / force).sqrt() } else { 0.0 };
-        let keep = 1.0 - self.mixing;
-        for ((load, grain), inertia) in self.loads.iter().zip(&mut self.body.grains).zip(&self.inertias) {
-            grain.velocity = load.force.scaled_plus(turn, grain.velocity.scaled(keep));
-            grain.spin = load.moment.scaled_plus(turn / inertia, grain.spin.scaled(keep));
-        }
+        dispatch(Mix { grains, loads, inertias, turn, keep: 1.0 - self.mixing });
         self.positive_steps += 1;
         if self.positive_steps > DOWNHILL_STEPS {
             self.mixing *= MIXING_DECAY;

@@ -157,7 +157,7 @@ pub fn tiled<S: SpecimenSpace>(
 
 impl<S: SpecimenSpace> Assembled<S> {
     /// A contact of the packing between these two grains of the specimen.
-    fn keep(
+    pub(super) fn keep(
         &mut self,
         origin: usize,
         end: usize,

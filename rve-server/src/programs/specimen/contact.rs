@@ -3,9 +3,10 @@
 //! The forces come from the same laws as in periodic cells; conventions of one contact: see [`crate::cell::network`].
 
 use super::SpecimenSpace;
-use crate::contact::{ContactLaw, ContactMotion};
-use crate::simd::Tuple;
-use crate::space::Components;
+use super::block::{lane_of, set_lane};
+use super::pressed::{Approach, History, Pressed, PressedSums, press};
+use crate::contact::ContactLaw;
+use crate::simd::{Real, Tuple};
 
 /// A grain as contacts see it. Rates are per second, or per step where the step is the unit of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,19 +103,6 @@ pub(crate) struct Slot<S: SpecimenSpace, C: ContactLaw<S>> {
     pub(crate) overlap: f64,
     /// Elastic normal force at the last evaluation, N, negative in compression.
     pub(crate) normal_force: f64,
-}
-
-/// Relative motion of the two surfaces since the last evaluation.
-struct Approach<S: SpecimenSpace> {
-    direction: S::Coordinates<f64>,
-    overlap: f64,
-    arms: [f64; 2],
-    slip: S::Axial<f64>,
-    carried: S::Axial<f64>,
-    rolling: S::Axial<f64>,
-    /// Rate at which the overlap grows, m/s.
-    closing: f64,
-    step: f64,
 }
 
 impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
@@ -220,44 +208,32 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         self.viscous_force = 0.0;
     }
 
-    /// Forces of two touching grains `branch` apart after a motion of `step` seconds.
+    /// Puts constants and history into one lane.
     #[inline(always)]
-    pub(crate) fn press(
-        &mut self,
-        law: &C,
-        branch: S::Coordinates<f64>,
-        grains: [&Grain<S>; 2],
-        step: f64,
-        sums: &mut ContactSums,
-    ) -> PairLoad<S> {
-        let length = branch.dot(branch).sqrt();
-        let direction = branch.scaled(1.0 / length);
-        let overlap = (self.radii[0] + self.radii[1]) - length;
-        let arms = [self.radii[0] - 0.5 * overlap, self.radii[1] - 0.5 * overlap];
-        let [origin, end] = grains.map(|grain| grain.spin.scaled(step));
-        let (slip, carrier) = S::slip(
-            vector::<S>(self.direction),
-            vector::<S>(direction),
-            length,
-            arms,
-            [S::spin(origin), S::spin(end)],
-        );
-        law.carry(&mut self.memory, |moment| S::carry(&carrier, moment));
-        let approach = Approach {
-            direction,
-            overlap,
-            arms,
-            slip,
-            carried: S::carry(&carrier, self.tangential_force),
-            rolling: if C::ROLLS { S::across(origin.minus(end), direction) } else { Tuple::zero() },
-            closing: if self.viscosity > 0.0 {
-                direction.dot(grains[0].velocity.minus(grains[1].velocity))
-            } else {
-                0.0
-            },
-            step,
-        };
-        self.answer(law, &approach, sums)
+    pub(super) fn put_into_lane<R: Real>(&self, history: &mut History<S, C, R>, radii: &mut [R; 2], lane: usize) {
+        for (radius, own) in radii.iter_mut().zip(self.radii) {
+            radius.set_lane(lane, own);
+        }
+        set_lane(&mut history.constants, lane, &self.constants);
+        history.weight.set_lane(lane, self.weight);
+        history.viscosity.set_lane(lane, self.viscosity);
+        history.viscous_force.set_lane(lane, self.viscous_force);
+        history.touched.set_lane(lane, f64::from(u8::from(self.touches)));
+        set_lane(&mut history.direction, lane, &self.direction);
+        set_lane(&mut history.tangential_force, lane, &self.tangential_force);
+        set_lane(&mut history.memory, lane, &self.memory);
+    }
+
+    /// Takes the new history from one lane.
+    #[inline(always)]
+    pub(super) fn keep_lane<R: Real>(&mut self, approach: &Approach<S, R>, pressed: &Pressed<S, C, R>, lane: usize) {
+        self.touches = true;
+        self.direction = lane_of(&approach.direction, lane);
+        self.tangential_force = lane_of(&pressed.tangential_force, lane);
+        self.memory = lane_of(&pressed.memory, lane);
+        self.overlap = approach.overlap.lane(lane);
+        self.normal_force = pressed.normal_force.lane(lane);
+        self.viscous_force = pressed.viscous_force.lane(lane);
     }
 
     /// Forces of a grain that overlaps a wall with the inward unit normal `normal`, after a motion of `step` seconds.
@@ -285,66 +261,16 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
             carried: self.tangential_force,
             rolling: S::across(spin, direction),
             closing: -direction.dot(relative),
-            step,
         };
-        self.answer(law, &approach, sums)
-    }
-
-    #[inline(always)]
-    fn answer(&mut self, law: &C, approach: &Approach<S>, sums: &mut ContactSums) -> PairLoad<S> {
-        let motion = ContactMotion {
-            overlap: approach.overlap,
-            touched: self.touches,
-            carried: approach.carried,
-            slip: approach.slip,
-            rolling: approach.rolling,
-        };
-        let elastic = law.normal_force(&self.constants, approach.overlap);
-        let [stiffness, tangential_stiffness, _] = law.stiffness(&self.constants, approach.overlap);
-        // Viscosity brakes the approach and the parting, but never pulls grains together.
-        let viscous = -self.viscosity * stiffness.sqrt() * approach.closing;
-        let normal =
-            if viscous > 0.0 && elastic + viscous > elastic.max(0.0) { elastic.max(0.0) } else { elastic + viscous };
-        // Friction goes with all that presses the surfaces together, the dashpot included.
-        let constants = if self.viscosity > 0.0 {
-            let repulsion = law.normal_force(&self.constants, 0.0) - elastic;
-            law.limits_scaled(&self.constants, ((repulsion + elastic - normal) / repulsion).max(0.0))
-        } else {
-            self.constants
-        };
-        let response = law.respond(&constants, &motion, &mut self.memory);
-        let tangential = response.tangential_force;
-        if motion.touched && response.at_limit && tangential_stiffness > 0.0 {
-            // Laws book the work of friction for a limit that changes little in a step. This one may drop to nothing: with the
-            // force of the dashpot, or at the beginning of a stage with less friction.
-            let attempt = motion.carried.plus(motion.slip.scaled(tangential_stiffness));
-            let cut = attempt.minus(tangential).dot(motion.carried.minus(tangential));
-            sums.dissipation += self.weight * 0.5 * cut / tangential_stiffness;
-        }
-        self.touches = true;
-        self.direction = approach.direction;
-        self.tangential_force = tangential;
-        self.overlap = approach.overlap;
-        self.normal_force = elastic;
-
+        let (mut history, mut radii) = (History::none(), [0.0; 2]);
+        self.put_into_lane(&mut history, &mut radii, 0);
+        let pressed = press(law, &history, &approach, grain.radius, step, self.viscosity > 0.0);
+        self.keep_lane(&approach, &pressed, 0);
+        let mut own = PressedSums::default();
+        own.add(&pressed.sums, true);
+        own.add_to(sums);
         sums.contacts += 1;
-        sums.normal_force += self.weight * elastic.abs();
-        sums.dissipation += self.weight * response.dissipation;
-        // The velocity between two evaluations meets the mean of both forces: so the energy of leap-frog steps adds up.
-        let viscous = elastic - normal;
-        sums.viscous_work += self.weight * 0.5 * (self.viscous_force + viscous) * approach.closing * approach.step;
-        self.viscous_force = viscous;
-        let stored = law.energy(&self.constants, approach.overlap, S::length(tangential), &self.memory);
-        sums.elastic_energy += self.weight * stored;
-        sums.sliding += u64::from(response.at_limit);
-        sums.largest_overlap = sums.largest_overlap.max(approach.overlap / self.radii[0].min(self.radii[1]));
-
-        let force = approach.direction.scaled_plus(normal, S::turn(tangential, approach.direction));
-        let mut moments = approach.arms.map(|arm| tangential.scaled(arm));
-        if let Some(couple) = response.couple {
-            moments = [moments[0].plus(couple), moments[1].minus(couple)];
-        }
-        PairLoad { force: force.scaled(self.weight), moments: moments.map(|moment| moment.scaled(self.weight)) }
+        PairLoad { force: pressed.force, moments: pressed.moments }
     }
 }
 
@@ -408,10 +334,4 @@ pub(super) fn bound([normal, tangential, rolling]: [f64; 3], radius: f64, inerti
 /// Twice the damping ratio times the root of the reduced mass: times the root of a stiffness it is a dashpot.
 fn viscosity(reduced_mass: f64, damping_ratio: f64) -> f64 {
     if damping_ratio > 0.0 { 2.0 * damping_ratio * reduced_mass.sqrt() } else { 0.0 }
-}
-
-/// The same components as a vector of the space.
-#[inline(always)]
-fn vector<S: SpecimenSpace>(coordinates: S::Coordinates<f64>) -> S::Vector {
-    S::Vector::from_fn(|axis| coordinates.as_ref()[axis])
 }

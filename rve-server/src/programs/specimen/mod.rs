@@ -18,6 +18,8 @@ mod fluctuation;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
+mod numbering;
+mod pressed;
 mod profile;
 mod removal;
 mod restart;

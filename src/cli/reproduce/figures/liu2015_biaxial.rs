@@ -8,7 +8,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-biaxial",
     source: "[Liu2015] Figs. 16 to 19",
     shows: "plane strain compression on three meshes: stress ratio and shear band, local and nonlocal",
-    run_time: ("15 min", "days"),
+    run_time: ("15 min", "15 h"),
     entries: &[("J-6", "width of the band on"), ("J-6", "spread"), ("J-7", "inclination of the band")],
     runs,
     evaluate,

@@ -9,7 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-shear-layer",
     source: "[Liu2015] Figs. 10 to 14",
     shows: "simple shear of a layer with a weak row: stress, porosity, contacts, width of the band, local, nonlocal and all grains",
-    run_time: ("6 min", "days"),
+    run_time: ("6 min", "8 h"),
     entries: &[("J-5", "")],
     runs,
     evaluate,

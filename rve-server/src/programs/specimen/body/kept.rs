@@ -50,6 +50,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         });
         stream.count(&mut self.renewals);
         if stream.is_loading() {
+            self.list_touching();
             self.place_images();
         }
     }

@@ -54,6 +54,8 @@ pub struct Body<S: SpecimenSpace, C: ContactLaw<S>> {
     keys: Vec<PairKey<S>>,
     pub(crate) pairs: Vec<Listed>,
     pub(crate) slots: Vec<Slot<S, C>>,
+    /// Whether each listed pair touches, as its slot says: most questions need nothing else of it.
+    touching: Vec<bool>,
     pair_loads: Vec<PairLoad<S>>,
     /// Sums of the blocks of pairs in the last evaluation, in their order.
     block_sums: Vec<ContactSums>,
@@ -99,6 +101,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             keys: Vec::new(),
             pairs: Vec::new(),
             slots: Vec::new(),
+            touching: Vec::new(),
             pair_loads: Vec::new(),
             block_sums: Vec::new(),
             images: Vec::new(),
@@ -173,7 +176,8 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             let adopted = self.keys.binary_search(&key).is_ok_and(|index| {
                 let branch = self.branch(index);
                 let [force, moment] = history(branch);
-                self.slots[index].adopt(&self.law, branch, force, moment)
+                self.touching[index] = self.slots[index].adopt(&self.law, branch, force, moment);
+                self.touching[index]
             });
             passed_over += usize::from(!adopted);
         }
@@ -187,7 +191,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
 
     /// Numbers of the touching pairs, in key order.
     pub(crate) fn touching(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.slots.len()).filter(|index| self.slots[*index].touches)
+        (0..self.touching.len()).filter(|index| self.touching[*index])
     }
 
     /// Branch vector of a listed pair, m.
@@ -256,7 +260,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     /// Sum of the normal stiffnesses of a grain's contacts with grains that are not `driven`, N/m.
     pub(crate) fn stiffness_against_free(&self, grain: usize, driven: &[bool]) -> f64 {
         let members = &self.members[self.starts[grain] as usize..self.starts[grain + 1] as usize];
-        let pairs = members.iter().map(|member| (*member >> 1) as usize).filter(|pair| self.slots[*pair].touches);
+        let pairs = members.iter().map(|member| (*member >> 1) as usize).filter(|pair| self.touching[*pair]);
         pairs.fold(0.0, |sum, index| {
             let pair = &self.pairs[index];
             let is_free = !(driven[pair.origin as usize] && driven[pair.end as usize]);
@@ -268,6 +272,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
     pub fn evaluate(&mut self, step: f64) -> ContactSums {
         let (law, grains, images) = (&self.law, &self.grains, &self.images);
         let image_velocities = &self.image_velocities;
+        let is_viscous = self.damping_ratio > 0.0;
         let blocks = self.pairs.len().div_ceil(PAIRS_PER_BLOCK);
         let threaded = self.pairs.len() >= FEWEST_FOR_THREADS;
         self.block_sums.clear();
@@ -276,19 +281,35 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             self.pairs
                 .par_chunks(PAIRS_PER_BLOCK)
                 .zip(self.slots.par_chunks_mut(PAIRS_PER_BLOCK))
+                .zip(self.touching.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.block_sums.par_iter_mut())
-                .for_each(|(((pairs, slots), loads), sums)| {
-                    *sums = Block { law, grains, images, image_velocities, pairs, slots, loads, step }.evaluate();
+                .for_each(|((((pairs, slots), touching), loads), sums)| {
+                    let block = Block {
+                        law,
+                        grains,
+                        images,
+                        image_velocities,
+                        pairs,
+                        slots,
+                        touching,
+                        loads,
+                        is_viscous,
+                        step,
+                    };
+                    *sums = block.evaluate();
                 });
         } else {
             let blocks = self
                 .pairs
                 .chunks(PAIRS_PER_BLOCK)
                 .zip(self.slots.chunks_mut(PAIRS_PER_BLOCK))
+                .zip(self.touching.chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
-            for (((pairs, slots), loads), sums) in blocks.zip(&mut self.block_sums) {
-                *sums = Block { law, grains, images, image_velocities, pairs, slots, loads, step }.evaluate();
+            for ((((pairs, slots), touching), loads), sums) in blocks.zip(&mut self.block_sums) {
+                let block =
+                    Block { law, grains, images, image_velocities, pairs, slots, touching, loads, is_viscous, step };
+                *sums = block.evaluate();
             }
         }
         self.collect(threaded);
@@ -301,14 +322,14 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
 
     /// Every grain sums the loads of its own pairs.
     fn collect(&mut self, threaded: bool) {
-        let (starts, members, slots, pair_loads) = (&self.starts, &self.members, &self.slots, &self.pair_loads);
+        let (starts, members, touching, pair_loads) = (&self.starts, &self.members, &self.touching, &self.pair_loads);
         let gather = |first: usize, loads: &mut [Load<S>]| {
             for (offset, load) in loads.iter_mut().enumerate() {
                 let grain = first + offset;
                 *load = Load::none();
                 for &member in &members[starts[grain] as usize..starts[grain + 1] as usize] {
                     let pair = (member >> 1) as usize;
-                    if !slots[pair].touches {
+                    if !touching[pair] {
                         continue;
                     }
                     let is_end = (member & 1) as usize;
@@ -358,6 +379,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         }
         drop(old);
         (self.keys, self.slots) = (keys, slots);
+        self.list_touching();
         self.list_shifts();
         self.pairs = self.keys.iter().map(|key| self.listed(key)).collect();
         self.pair_loads.clear();
@@ -368,6 +390,12 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         self.listed_periods = self.periods.carried;
         self.place_images();
         self.renewals += 1;
+    }
+
+    /// Which of the listed pairs touch, from their slots.
+    fn list_touching(&mut self) {
+        self.touching.clear();
+        self.touching.extend(self.slots.iter().map(|slot| slot.touches));
     }
 
     /// Share of a contact that belongs to this body.

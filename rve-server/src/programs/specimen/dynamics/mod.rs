@@ -12,7 +12,7 @@ use super::body::Body;
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, bound};
 use super::wall::Wall;
 use crate::contact::ContactLaw;
-use crate::simd::Tuple;
+use crate::simd::{Tuple, Vectorised, dispatch};
 use rayon::prelude::*;
 
 /// Grains from which on threads are worth their cost.
@@ -223,16 +223,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let gravity = <S::Coordinates<f64>>::build(|axis| motion.gravity[axis]);
         let (loads, masses, driven, flow) = (&self.body.loads, &self.masses, &self.driven, self.flow.as_ref());
         let work = |first: usize, grains: &mut [Grain<S>], rotations: &mut [S::Axial<f64>]| {
-            let mut sums = GrainSums::default();
-            for (offset, (grain, rotation)) in grains.iter_mut().zip(rotations).enumerate() {
-                let index = first + offset;
-                if !driven[index] {
-                    kick(grain, &loads[index], masses[index], factor, &motion, gravity, flow, step, &mut sums);
-                }
-                grain.position = grain.velocity.scaled_plus(step, grain.position);
-                *rotation = grain.spin.scaled_plus(step, *rotation);
-            }
-            sums
+            let range = first..first + grains.len();
+            let (loads, masses, driven) = (&loads[range.clone()], &masses[range.clone()], &driven[range]);
+            dispatch(Moves { grains, rotations, loads, masses, driven, factor, motion: &motion, gravity, flow, step })
         };
         let count = self.body.grains.len();
         self.block_sums.clear();
@@ -329,6 +322,39 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             for (grain, own) in wall.own_stiffnesses(&self.body.grains, self.inertia_factor) {
                 sums[grain].add(&own);
             }
+        }
+        sums
+    }
+}
+
+/// Grains to be kicked and moved.
+struct Moves<'a, S: SpecimenSpace> {
+    grains: &'a mut [Grain<S>],
+    rotations: &'a mut [S::Axial<f64>],
+    loads: &'a [Load<S>],
+    masses: &'a [f64],
+    driven: &'a [bool],
+    factor: f64,
+    motion: &'a Motion,
+    gravity: S::Coordinates<f64>,
+    flow: Option<&'a Flow<S>>,
+    step: f64,
+}
+
+impl<S: SpecimenSpace> Vectorised for Moves<'_, S> {
+    type Output = GrainSums;
+
+    #[inline(always)]
+    fn run(self) -> GrainSums {
+        let Self { grains, rotations, loads, masses, driven, factor, motion, gravity, flow, step } = self;
+        let mut sums = GrainSums::default();
+        let given = loads.iter().zip(masses).zip(driven);
+        for ((grain, rotation), ((load, mass), driven)) in grains.iter_mut().zip(rotations).zip(given) {
+            if !driven {
+                kick(grain, load, *mass, factor, motion, gravity, flow, step, &mut sums);
+            }
+            grain.position = grain.velocity.scaled_plus(step, grain.position);
+            *rotation = grain.spin.scaled_plus(step, *rotation);
         }
         sums
     }
