@@ -10,7 +10,7 @@ use super::options::{FrameDamping, FrameOptions};
 use crate::contact::{ContactLaw, Rotations};
 use crate::definition::{FrameConstraint, FrameControl};
 use crate::programs::frame_geometry::FrameGeometry;
-use crate::programs::specimen::{Body, ContactSums, Load};
+use crate::programs::specimen::{Body, ContactSums, Load, bound};
 use crate::simd::{Tuple, dispatch};
 use crate::solver::{Advice, ConvergenceMonitor, Imbalance, descent_share};
 use crate::space::Discs;
@@ -22,6 +22,10 @@ const INERTIA: f64 = 0.8;
 
 /// `omega_max` stays below this share of the stability limit.
 const SAFETY: f64 = 0.8;
+
+/// Contacts of the stiffest kind that the step always suits: grains that touch nothing have no stiffness, until contacts close between two
+/// checks. With `SAFETY` that is stable for six of them.
+const FEWEST_CONTACTS: f64 = 4.0;
 
 /// Steps between two checks of the stiffness.
 const STIFFNESS_INTERVAL: u64 = 64;
@@ -60,6 +64,8 @@ pub(crate) struct FrameRelaxation<'a, C: ContactLaw<Discs>> {
     pub(crate) rotations: Vec<f64>,
     loads: Vec<Load<Discs>>,
     inertias: Vec<f64>,
+    /// Largest share of one contact in the stability bound of a grain, N/m, whether grains touch or not.
+    stiffest: f64,
     mass: f64,
     /// Share of the full push that the next step may have.
     push: f64,
@@ -81,6 +87,9 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         rotations: Vec<f64>,
     ) -> Self {
         let inertias = geometry.radii.iter().map(|radius| INERTIA * radius * radius).collect();
+        let law = body.law();
+        let of_pair = |radius: &f64| bound(law.stiffness(&law.constants([*radius; 2]), 0.0), *radius, INERTIA);
+        let stiffest = geometry.radii.iter().map(of_pair).fold(0.0, f64::max);
         let mut relaxation = Self {
             geometry,
             options,
@@ -90,6 +99,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             body,
             rotations,
             inertias,
+            stiffest,
             mass: 0.0,
             push: 1.0,
             mixing: MIXING,
@@ -284,12 +294,13 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
 
     fn raise_mass(&mut self) {
         let stiffness = self.body.own_stiffness(INERTIA);
-        let bound = stiffness.iter().fold(0.0, |largest: f64, stiffness| largest.max(2.0 * stiffness.stiffness));
+        let loose = FEWEST_CONTACTS * self.stiffest;
+        let largest = 2.0 * stiffness.iter().map(|own| own.stiffness).fold(loose, f64::max);
         let damping = match self.options.damping {
             FrameDamping::Fire => 1.0,
             FrameDamping::Local { coefficient } => 1.0 + coefficient,
         };
-        self.mass = self.mass.max(damping * bound / (4.0 * SAFETY * SAFETY)).max(f64::MIN_POSITIVE);
+        self.mass = self.mass.max(damping * largest / (4.0 * SAFETY * SAFETY)).max(f64::MIN_POSITIVE);
     }
 
     fn evaluate(&mut self) {

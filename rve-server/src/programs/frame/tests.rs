@@ -342,3 +342,26 @@ fn a_frame_as_cut_comes_to_rest_in_an_increment_of_zero() {
         assert!(error < 0.15, "{options:?}: {from_as_cut:e} Pa as cut, {from_rest:e} Pa at rest");
     }
 }
+
+/// Grains that touch nothing when a trial begins have no stiffness; the step has to suit the contacts that close in it.
+#[test]
+fn a_frame_that_was_pulled_apart_is_pressed_together_again() {
+    for name in ["discs-100", "discs-400-loose"] {
+        for constraint in [FrameConstraint::Linear, FrameConstraint::Periodic, FrameConstraint::Traction] {
+            let label = format!("{name}, {}", constraint.keyword());
+            let options =
+                FrameOptions { tolerance: Some(1e-4), strain_per_step: Some(1e-4), ..FrameOptions::new(constraint) };
+            let definition = FrameDefinition { packing: shipped(name), contact: sand(), frame: options };
+            let mut frame = FrameRve::new(&definition).unwrap();
+            let apart = trial(&mut frame, [[0.03, 0.0], [0.0, 0.03]]);
+            assert!(apart.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS), "{label}");
+            frame.commit().unwrap();
+            let together = -0.03 / 1.03 - 2e-3;
+            let again = trial(&mut frame, [[together, 0.0], [0.0, together]]);
+            let pressure = -0.5 * (again.stress.plane()[0][0] + again.stress.plane()[1][1]);
+            // Under uniform traction grains may have passed the border: then nothing is pressed.
+            let least = if constraint == FrameConstraint::Traction { -1.0 } else { 1e4 };
+            assert!(pressure > least && pressure < 1e7, "{label}: {pressure} Pa");
+        }
+    }
+}

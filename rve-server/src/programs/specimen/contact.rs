@@ -322,7 +322,7 @@ impl OwnStiffness {
 
 /// Largest stiffness of one contact for the motion of one grain of mass 1 and inertia `inertia_factor radius^2`, N/m. The
 /// tangential spring couples translation and spin, the rolling one adds to the spin alone: the larger eigenvalue of both.
-pub(super) fn bound([normal, tangential, rolling]: [f64; 3], radius: f64, inertia_factor: f64) -> f64 {
+pub(crate) fn bound([normal, tangential, rolling]: [f64; 3], radius: f64, inertia_factor: f64) -> f64 {
     if rolling == 0.0 {
         return normal.max(tangential * (1.0 + 1.0 / inertia_factor));
     }

@@ -40,6 +40,7 @@ pub mod wall;
 mod wave_tests;
 
 pub use body::Body;
+pub(crate) use contact::bound;
 pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
 pub use dynamics::{Dynamics, GrainSums, Motion};
