@@ -2,7 +2,6 @@
 
 use macro_solver::mesh::Dimension;
 use macro_solver::problem::Procedure;
-use rve_server::definition::AnyDefinition;
 use scene_reader::Scene;
 
 /// Force evaluations of one point evaluation, measured on biaxial tests between the first steps and those after the peak.
@@ -29,11 +28,6 @@ pub(crate) struct Estimate {
     pub(crate) bytes: f64,
 }
 
-/// Estimated bytes of one state of a cell.
-pub(crate) fn state_bytes(definition: &AnyDefinition) -> f64 {
-    definition.number() as f64 * BYTES_PER_GRAIN[usize::from(definition.dimension() == 3)]
-}
-
 impl Estimate {
     /// Of a scene whose steps are not cut back, with the given least and most evaluations.
     pub(crate) fn of(scene: &Scene, evaluations: [usize; 2]) -> Self {
@@ -50,7 +44,7 @@ impl Estimate {
             Dimension::Space => 8.0 * 12.0 * unknowns.powf(4.0 / 3.0),
         };
         let points = problem.point_count() as f64;
-        let bytes = points * (STATES * state_bytes(definition) + BYTES_PER_POINT) + factor;
+        let bytes = points * (STATES * grains * BYTES_PER_GRAIN[space] + BYTES_PER_POINT) + factor;
         Self { seconds: motionless.then_some(seconds), bytes }
     }
 

@@ -170,7 +170,7 @@ fn open(
     interrupt: Interrupt,
 ) -> Result<WorkerPool, PoolError> {
     let name = run_name(&format!("pool{number}"));
-    let limits = ChannelLimits { waiting: options.waiting, ..channel_limits(options.workers) };
+    let limits = ChannelLimits { waiting: options.waiting, ..channel_limits(options.workers, &definitions) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(start("open the channels"))?;
     match RunDirectory::clean() {
         Ok(names) if !names.is_empty() => tracing::info!(?names, "removed the remains of dead runs"),

@@ -6,6 +6,7 @@
 
 mod engine;
 mod launch;
+mod message_length;
 mod restart_backoff;
 mod run_name;
 mod stderr_tail;
@@ -17,6 +18,7 @@ pub use run_name::run_name;
 pub use worker_groups::WorkerGroups;
 pub use worker_processes::{LaunchPlan, WorkerProcesses};
 
+use protocol::Definition;
 use protocol::transport::shared_memory::ChannelLimits;
 use std::num::NonZeroUsize;
 
@@ -35,11 +37,13 @@ fn usual_most(cores: usize) -> usize {
     cores.saturating_mul(MOST_PER_CORE).max(MOST_ANYWHERE)
 }
 
-/// Channels for all workers, for as many that have ended and are not removed yet, and for 16 that join by hand.
-pub fn channel_limits(workers: usize) -> ChannelLimits {
+/// Channels for all workers, for as many that have ended and are not removed yet, and for 16 that join by hand. Messages have room for
+/// several states of each definition; without any they have the usual length.
+pub fn channel_limits(workers: usize, definitions: &[Definition]) -> ChannelLimits {
     let usual = ChannelLimits::default();
     let wanted = u32::try_from(workers.saturating_mul(2).saturating_add(16)).unwrap_or(u32::MAX);
-    ChannelLimits { workers: usual.workers.max(wanted), ..usual }
+    let message_bytes = message_length::message_bytes(definitions, workers);
+    ChannelLimits { message_bytes, workers: usual.workers.max(wanted), ..usual }
 }
 
 #[cfg(test)]

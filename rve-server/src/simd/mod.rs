@@ -17,3 +17,4 @@ pub use array::{LaneMask, Lanes};
 pub(crate) use dispatch::{Vectorised, dispatch};
 pub use real::{Mask, Real};
 pub use tuple::Tuple;
+pub(crate) use tuple::{put_lane, take_lane};

@@ -76,6 +76,23 @@ pub trait Tuple<R: Real>: Copy + Debug + PartialEq + Send + Sync + AsRef<[R]> + 
     }
 }
 
+/// Sets one lane of every component from a tuple of single numbers.
+#[inline(always)]
+pub(crate) fn put_lane<P: Real, R: Real, T: Tuple<P>, U: Tuple<R>>(packed: &mut T, lane: usize, given: &U) {
+    for (value, given) in packed.as_mut().iter_mut().zip(given.as_ref()) {
+        value.set_lane(lane, given.lane(0));
+    }
+}
+
+/// One lane of every component, as a tuple of single numbers.
+#[inline(always)]
+pub(crate) fn take_lane<P: Real, R: Real, T: Tuple<P>, U: Tuple<R>>(packed: &T, lane: usize) -> U {
+    U::build(
+        #[inline(always)]
+        |component| R::splat(packed.as_ref()[component].lane(lane)),
+    )
+}
+
 impl<R: Real, const N: usize> Tuple<R> for [R; N] {
     #[inline(always)]
     fn filled(value: R) -> Self {

@@ -64,7 +64,7 @@ fn serve_one(
     // A run or agent that was killed on this host has left its memory. Failure harms nobody.
     let _ = RunDirectory::clean();
     let name = run_name("agent");
-    let local = SharedMemoryMacroPort::create(&name, channel_limits(workers))
+    let local = SharedMemoryMacroPort::create(&name, channel_limits(workers, &[]))
         .map_err(|error| Failure::new(Exit::BadInput, error))?;
     signals.wakes(protocol::transport::MacroPort::waker(&local));
     let mut supply = WorkerProcesses::start(LaunchPlan::for_run(&name, engine, workers), interrupt)

@@ -4,7 +4,6 @@ use super::arguments::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
-use super::message_size::message_bytes;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
@@ -40,11 +39,12 @@ pub(super) fn run(
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let requested = workers(arguments);
     let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
-    let mut limits = ChannelLimits { waiting, ..channel_limits(requested) };
+    let mut served = assignment.pool_definitions(&scene.materials);
+    let replicas = replicas_of(scene, assignment)?;
+    served.add_replicas(&replicas, &scene.materials);
     // Agents of other hosts pass messages of the usual length on.
-    if arguments.listen.is_none() {
-        limits.message_bytes = message_bytes(scene, requested);
-    }
+    let definitions = if arguments.listen.is_some() { &[] } else { &served.definitions[..] };
+    let limits = ChannelLimits { waiting, ..channel_limits(requested, definitions) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
     // The memory of a run that was killed before its first worker joined is removed by no one else. Failure harms no run.
     match RunDirectory::clean() {
@@ -60,9 +60,6 @@ pub(super) fn run(
     let differences = assignment.differences();
     // The assigned engines have been checked; workers that join by hand must have the same tangents.
     settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.tangents() };
-    let mut served = assignment.pool_definitions(&scene.materials);
-    let replicas = replicas_of(scene, assignment)?;
-    served.add_replicas(&replicas, &scene.materials);
     settings.engines = served.engines;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.worker_timeout = ATTACHED_TIMEOUT;

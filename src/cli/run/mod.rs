@@ -12,7 +12,6 @@ mod folder;
 mod grains;
 mod hosts;
 mod launch;
-mod message_size;
 mod observers;
 mod packings;
 mod plot;

@@ -6,7 +6,7 @@ use crate::space::Discs;
 use crate::space::plane::{self, Plane};
 
 /// Kick and motion of all grains in one step.
-pub(super) struct Moves<'a> {
+pub(super) struct KickAndMove<'a> {
     pub grains: &'a mut [Grain<Discs>],
     pub rotations: &'a mut [f64],
     pub loads: &'a [Load<Discs>],
@@ -17,7 +17,7 @@ pub(super) struct Moves<'a> {
     pub mass: f64,
 }
 
-impl Vectorised for Moves<'_> {
+impl Vectorised for KickAndMove<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -34,13 +34,13 @@ impl Vectorised for Moves<'_> {
 }
 
 /// Power of the loads, square of the velocities and square of the loads, each with its rotational part.
-pub(super) struct Course<'a> {
+pub(super) struct PowerAndSquares<'a> {
     pub grains: &'a [Grain<Discs>],
     pub loads: &'a [Load<Discs>],
     pub inertias: &'a [f64],
 }
 
-impl Vectorised for Course<'_> {
+impl Vectorised for PowerAndSquares<'_> {
     type Output = [f64; 3];
 
     #[inline(always)]
@@ -55,8 +55,8 @@ impl Vectorised for Course<'_> {
     }
 }
 
-/// Velocities turned towards the loads.
-pub(super) struct Mix<'a> {
+/// Velocities turned towards the loads, as FIRE does.
+pub(super) struct FireMixing<'a> {
     pub grains: &'a mut [Grain<Discs>],
     pub loads: &'a [Load<Discs>],
     pub inertias: &'a [f64],
@@ -64,7 +64,7 @@ pub(super) struct Mix<'a> {
     pub keep: f64,
 }
 
-impl Vectorised for Mix<'_> {
+impl Vectorised for FireMixing<'_> {
     type Output = ();
 
     #[inline(always)]

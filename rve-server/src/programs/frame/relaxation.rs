@@ -5,7 +5,7 @@
 //! grains go back to `F X_q` without rotation in every increment, which throws away the fluctuations found before.
 
 use super::constraint::project;
-use super::motion::{Course, Mix, Moves};
+use super::motion::{FireMixing, KickAndMove, PowerAndSquares};
 use super::options::{FrameDamping, FrameOptions};
 use crate::contact::{ContactLaw, Rotations};
 use crate::definition::{FrameConstraint, FrameControl};
@@ -23,12 +23,15 @@ const INERTIA: f64 = 0.8;
 /// `omega_max` stays below this share of the stability limit.
 const SAFETY: f64 = 0.8;
 
-/// Contacts of the stiffest kind that the step always suits: grains that touch nothing have no stiffness, until contacts close between two
-/// checks. With `SAFETY` that is stable for six of them.
+/// Contacts of the stiffest kind per grain that the mass always suits: grains that touch nothing have no stiffness until contacts close.
+/// With `SAFETY` it is stable for six of them.
 const FEWEST_CONTACTS: f64 = 4.0;
 
 /// Steps between two checks of the stiffness.
 const STIFFNESS_INTERVAL: u64 = 64;
+
+/// Growth of the number of contacts since the last check, as a share of it, with which the stiffness is checked at once.
+const CONTACT_GROWTH: f64 = 0.1;
 
 /// FIRE: first mixing, its decay, steps of positive power before it decays.
 const MIXING: f64 = 0.1;
@@ -67,6 +70,8 @@ pub(crate) struct FrameRelaxation<'a, C: ContactLaw<Discs>> {
     /// Largest share of one contact in the stability bound of a grain, N/m, whether grains touch or not.
     stiffest: f64,
     mass: f64,
+    /// Contacts at the last check of the stiffness.
+    checked_contacts: u64,
     /// Share of the full push that the next step may have.
     push: f64,
     mixing: f64,
@@ -101,6 +106,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             inertias,
             stiffest,
             mass: 0.0,
+            checked_contacts: 0,
             push: 1.0,
             mixing: MIXING,
             positive_steps: 0,
@@ -231,13 +237,14 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
 
     /// One step: kick, move with the affine motion, evaluate.
     fn advance(&mut self, affine: &Plane) {
-        if self.relaxed.force_evaluations.is_multiple_of(STIFFNESS_INTERVAL) || self.mass == 0.0 {
+        let is_due = self.relaxed.force_evaluations.is_multiple_of(STIFFNESS_INTERVAL) || self.mass == 0.0;
+        if is_due || self.contacts.contacts as f64 > (1.0 + CONTACT_GROWTH) * self.checked_contacts as f64 {
             self.raise_mass();
         }
         self.steer();
         // Grains that are not to turn get no moment either.
         let free = if self.boundary_turns() { 1.0 } else { 0.0 };
-        dispatch(Moves {
+        dispatch(KickAndMove {
             grains: &mut self.body.grains,
             rotations: &mut self.rotations,
             loads: &self.loads,
@@ -272,7 +279,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
 
     fn steer_by_fire(&mut self) {
         let (grains, loads, inertias) = (&mut self.body.grains, &self.loads, &self.inertias);
-        let [power, motion, force] = dispatch(Course { grains, loads, inertias });
+        let [power, motion, force] = dispatch(PowerAndSquares { grains, loads, inertias });
         self.push = 1.0;
         if power < 0.0 {
             self.push = descent_share(SAFETY);
@@ -285,7 +292,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             return;
         }
         let turn = if force > 0.0 { self.mixing * (motion / force).sqrt() } else { 0.0 };
-        dispatch(Mix { grains, loads, inertias, turn, keep: 1.0 - self.mixing });
+        dispatch(FireMixing { grains, loads, inertias, turn, keep: 1.0 - self.mixing });
         self.positive_steps += 1;
         if self.positive_steps > DOWNHILL_STEPS {
             self.mixing *= MIXING_DECAY;
@@ -293,6 +300,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
     }
 
     fn raise_mass(&mut self) {
+        self.checked_contacts = self.contacts.contacts;
         let stiffness = self.body.own_stiffness(INERTIA);
         let loose = FEWEST_CONTACTS * self.stiffest;
         let largest = 2.0 * stiffness.iter().map(|own| own.stiffness).fold(loose, f64::max);

@@ -359,9 +359,11 @@ fn a_frame_that_was_pulled_apart_is_pressed_together_again() {
             let together = -0.03 / 1.03 - 2e-3;
             let again = trial(&mut frame, [[together, 0.0], [0.0, together]]);
             let pressure = -0.5 * (again.stress.plane()[0][0] + again.stress.plane()[1][1]);
-            // Under uniform traction grains may have passed the border: then nothing is pressed.
-            let least = if constraint == FrameConstraint::Traction { -1.0 } else { 1e4 };
-            assert!(pressure > least && pressure < 1e7, "{label}: {pressure} Pa");
+            let is_pressed = (1e5..1e6).contains(&pressure) && !again.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+            // Of the loose frame under uniform traction grains slip out through the border, which the answer says.
+            let has_slipped_out = pressure.abs() < 1.0 && again.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+            let may_slip_out = name == "discs-400-loose" && constraint == FrameConstraint::Traction;
+            assert!(is_pressed || may_slip_out && has_slipped_out, "{label}: {pressure} Pa, {:?}", again.flags);
         }
     }
 }

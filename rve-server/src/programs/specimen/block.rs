@@ -1,10 +1,10 @@
-//! One block of pairs: those that touch are collected and pressed eight side by side, with the widest instructions that help.
+//! One block of pairs: those that touch are collected and evaluated eight side by side, with the widest instructions that help.
 
 use super::SpecimenSpace;
 use super::contact::{ContactSums, Grain, PairLoad, Slot};
-use super::pressed::{History, PairMotion, PressedSums, press};
+use super::contact_forces::{ForceSums, History, PairMotion, contact_forces};
 use crate::contact::ContactLaw;
-use crate::simd::{Lanes, Real, Tuple, Vectorised, dispatch};
+use crate::simd::{Lanes, Real, Tuple, Vectorised, dispatch, put_lane, take_lane};
 
 /// Contacts side by side.
 const WIDTH: usize = 8;
@@ -64,22 +64,22 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Block<'_, S, C> {
         dispatch(self)
     }
 
-    /// Presses the collected pairs, which have these places in the block.
+    /// Forces of the collected pairs, which have these places in the block.
     #[inline(always)]
-    fn press(&mut self, groups: &[Group<S, C>; AHEAD], places: &[usize], sums: &mut PressedSums<Packed>) {
+    fn evaluate_groups(&mut self, groups: &[Group<S, C>; AHEAD], places: &[usize], sums: &mut ForceSums<Packed>) {
         let step = Packed::splat(self.step);
         for (group, places) in groups.iter().zip(places.chunks(WIDTH)) {
             let mut history = group.history;
             let approach = group.motion.approach(self.law, &mut history, self.is_viscous);
             let [first, second] = group.motion.radii;
-            let pressed = press(self.law, &history, &approach, first.smaller(second), step, self.is_viscous);
-            sums.add(&pressed.sums, Packed::counting().less(Packed::splat(places.len() as f64)));
+            let forces = contact_forces(self.law, &history, &approach, first.smaller(second), step, self.is_viscous);
+            sums.add(&forces.sums, Packed::counting().less(Packed::splat(places.len() as f64)));
             for (lane, &place) in places.iter().enumerate() {
                 let slot = &mut self.slots[place];
-                slot.keep_lane(&approach, &pressed, lane);
+                slot.keep_lane(&approach, &forces, lane);
                 self.loads[place] = PairLoad {
-                    force: lane_of(&pressed.force, lane),
-                    moments: [lane_of(&pressed.moments[0], lane), lane_of(&pressed.moments[1], lane)],
+                    force: take_lane(&forces.force, lane),
+                    moments: [take_lane(&forces.moments[0], lane), take_lane(&forces.moments[1], lane)],
                 };
             }
         }
@@ -92,7 +92,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Vectorised for Block<'_, S, C> {
     #[inline(always)]
     fn run(mut self) -> ContactSums {
         let mut sums = ContactSums::default();
-        let mut pressed = PressedSums::default();
+        let mut force_sums = ForceSums::default();
         let mut groups = [Group { history: History::none(), motion: PairMotion::none() }; AHEAD];
         let mut places = [0; AHEAD * WIDTH];
         let mut collected = 0;
@@ -111,45 +111,28 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Vectorised for Block<'_, S, C> {
             self.touching[place] = true;
             let (group, lane) = (&mut groups[collected / WIDTH], collected % WIDTH);
             self.slots[place].put_into_lane(&mut group.history, &mut group.motion.radii, lane);
-            set_lane(&mut group.motion.branch, lane, &branch);
+            put_lane(&mut group.motion.branch, lane, &branch);
             for (spin, grain) in group.motion.spins.iter_mut().zip([origin, end]) {
-                set_lane(spin, lane, &grain.spin.scaled(self.step));
+                put_lane(spin, lane, &grain.spin.scaled(self.step));
             }
             if self.is_viscous {
                 let mut velocity = origin.velocity.minus(end.velocity);
                 if let Some(image) = self.image_velocities.get(pair.image as usize) {
                     velocity = velocity.minus(*image);
                 }
-                set_lane(&mut group.motion.velocity, lane, &velocity);
+                put_lane(&mut group.motion.velocity, lane, &velocity);
             }
             places[collected] = place;
             collected += 1;
             sums.contacts += 1;
             if collected == places.len() {
-                self.press(&groups, &places, &mut pressed);
+                self.evaluate_groups(&groups, &places, &mut force_sums);
                 collected = 0;
             }
         }
-        self.press(&groups, &places[..collected], &mut pressed);
-        pressed.add_to(&mut sums);
+        self.evaluate_groups(&groups, &places[..collected], &mut force_sums);
+        force_sums.add_to(&mut sums);
         sums
-    }
-}
-
-/// The components of one lane.
-#[inline(always)]
-pub(super) fn lane_of<R: Real, T: Tuple<R>, U: Tuple<f64>>(packed: &T, lane: usize) -> U {
-    U::build(
-        #[inline(always)]
-        |component| packed.as_ref()[component].lane(lane),
-    )
-}
-
-/// Puts components into one lane.
-#[inline(always)]
-pub(super) fn set_lane<R: Real, T: Tuple<R>, U: Tuple<f64>>(packed: &mut T, lane: usize, values: &U) {
-    for (packed, value) in packed.as_mut().iter_mut().zip(values.as_ref()) {
-        packed.set_lane(lane, *value);
     }
 }
 
@@ -258,5 +241,7 @@ mod tests {
         linear.compile::<Spheres, _>(SideBySide).unwrap();
         let hertz = "law = \"hertz_mindlin\"\nshear_modulus = 1e4\npoisson_ratio = 0.2\nfriction = 0.02";
         table(hertz).compile::<Spheres, _>(SideBySide).unwrap();
+        let rolling = "cohesion = 0.1\nrolling_stiffness = 0.3\nrolling_friction = 0.1";
+        table(&format!("{hertz}\n{rolling}")).compile::<Spheres, _>(SideBySide).unwrap();
     }
 }

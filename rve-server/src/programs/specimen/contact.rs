@@ -3,10 +3,9 @@
 //! The forces come from the same laws as in periodic cells; conventions of one contact: see [`crate::cell::network`].
 
 use super::SpecimenSpace;
-use super::block::{lane_of, set_lane};
-use super::pressed::{Approach, History, Pressed, PressedSums, press};
+use super::contact_forces::{Approach, ContactForces, ForceSums, History, contact_forces};
 use crate::contact::ContactLaw;
-use crate::simd::{Real, Tuple};
+use crate::simd::{Real, Tuple, put_lane, take_lane};
 
 /// A grain as contacts see it. Rates are per second, or per step where the step is the unit of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -214,26 +213,31 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         for (radius, own) in radii.iter_mut().zip(self.radii) {
             radius.set_lane(lane, own);
         }
-        set_lane(&mut history.constants, lane, &self.constants);
+        put_lane(&mut history.constants, lane, &self.constants);
         history.weight.set_lane(lane, self.weight);
         history.viscosity.set_lane(lane, self.viscosity);
         history.viscous_force.set_lane(lane, self.viscous_force);
         history.touched.set_lane(lane, f64::from(u8::from(self.touches)));
-        set_lane(&mut history.direction, lane, &self.direction);
-        set_lane(&mut history.tangential_force, lane, &self.tangential_force);
-        set_lane(&mut history.memory, lane, &self.memory);
+        put_lane(&mut history.direction, lane, &self.direction);
+        put_lane(&mut history.tangential_force, lane, &self.tangential_force);
+        put_lane(&mut history.memory, lane, &self.memory);
     }
 
     /// Takes the new history from one lane.
     #[inline(always)]
-    pub(super) fn keep_lane<R: Real>(&mut self, approach: &Approach<S, R>, pressed: &Pressed<S, C, R>, lane: usize) {
+    pub(super) fn keep_lane<R: Real>(
+        &mut self,
+        approach: &Approach<S, R>,
+        forces: &ContactForces<S, C, R>,
+        lane: usize,
+    ) {
         self.touches = true;
-        self.direction = lane_of(&approach.direction, lane);
-        self.tangential_force = lane_of(&pressed.tangential_force, lane);
-        self.memory = lane_of(&pressed.memory, lane);
+        self.direction = take_lane(&approach.direction, lane);
+        self.tangential_force = take_lane(&forces.tangential_force, lane);
+        self.memory = take_lane(&forces.memory, lane);
         self.overlap = approach.overlap.lane(lane);
-        self.normal_force = pressed.normal_force.lane(lane);
-        self.viscous_force = pressed.viscous_force.lane(lane);
+        self.normal_force = forces.normal_force.lane(lane);
+        self.viscous_force = forces.viscous_force.lane(lane);
     }
 
     /// Forces of a grain that overlaps a wall with the inward unit normal `normal`, after a motion of `step` seconds.
@@ -264,13 +268,13 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         };
         let (mut history, mut radii) = (History::none(), [0.0; 2]);
         self.put_into_lane(&mut history, &mut radii, 0);
-        let pressed = press(law, &history, &approach, grain.radius, step, self.viscosity > 0.0);
-        self.keep_lane(&approach, &pressed, 0);
-        let mut own = PressedSums::default();
-        own.add(&pressed.sums, true);
+        let forces = contact_forces(law, &history, &approach, grain.radius, step, self.viscosity > 0.0);
+        self.keep_lane(&approach, &forces, 0);
+        let mut own = ForceSums::default();
+        own.add(&forces.sums, true);
         own.add_to(sums);
         sums.contacts += 1;
-        PairLoad { force: pressed.force, moments: pressed.moments }
+        PairLoad { force: forces.force, moments: forces.moments }
     }
 }
 

@@ -9,6 +9,7 @@ mod collision_tests;
 #[cfg(test)]
 mod conservation_tests;
 pub mod contact;
+mod contact_forces;
 pub mod csv_table;
 #[cfg(test)]
 mod damping_tests;
@@ -19,7 +20,6 @@ mod fluctuation;
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
 mod numbering;
-mod pressed;
 mod profile;
 mod removal;
 mod restart;

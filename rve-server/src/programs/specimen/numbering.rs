@@ -1,4 +1,4 @@
-//! Numbers grains by place: neighbours in space become neighbours in memory, and a pair finds both of its grains in the caches. Packings
+//! Numbers grains by position: neighbours in space become neighbours in memory, and a pair finds both of its grains in the caches. Packings
 //! number their grains in no order at all.
 
 use super::SpecimenSpace;
@@ -8,7 +8,7 @@ use super::assembly::Assembled;
 const EDGE: f64 = 4.0;
 
 /// The same specimen with its grains numbered cube by cube: in rows along the shortest side, rows in layers, layers along the longest.
-pub(super) fn numbered_by_place<S: SpecimenSpace>(assembled: Assembled<S>) -> Assembled<S> {
+pub(super) fn numbered_by_position<S: SpecimenSpace>(assembled: Assembled<S>) -> Assembled<S> {
     let count = assembled.grains.len();
     let mean = assembled.grains.iter().map(|grain| grain.radius).sum::<f64>() / count.max(1) as f64;
     let mut axes: Vec<usize> = (0..S::DIMENSION).collect();
@@ -24,8 +24,9 @@ pub(super) fn numbered_by_place<S: SpecimenSpace>(assembled: Assembled<S>) -> As
         numbers[*grain] = number;
     }
     let grains = order.iter().map(|grain| assembled.grains[*grain]).collect();
-    let mut renumbered = Assembled { grains, histories: Vec::new(), ..assembled.clone() };
-    for history in &assembled.histories {
+    let Assembled { histories, .. } = assembled;
+    let mut renumbered = Assembled { grains, histories: Vec::with_capacity(histories.len()), ..assembled };
+    for history in &histories {
         let contact = &history.contact;
         let ends = [contact.origin, contact.end].map(|grain| numbers[grain as usize]);
         renumbered.keep(ends[0], ends[1], contact.shift, contact, Some(history.moment));
@@ -70,7 +71,7 @@ mod tests {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/spheres-1000.json");
         let packing = PackingFile::<Spheres>::read(&file).unwrap();
         let before = tiled(&packing, &[4, 1, 1], [true; 3]).unwrap();
-        let after = numbered_by_place(before.clone());
+        let after = numbered_by_position(before.clone());
         let sorted = |assembled: &Assembled<Spheres>| {
             let mut places: Vec<_> = assembled.grains.iter().map(|grain| grain.position.map(f64::to_bits)).collect();
             places.sort_unstable();
@@ -94,6 +95,6 @@ mod tests {
             assembled.histories.iter().map(apart).sum::<f64>() / assembled.histories.len() as f64
         };
         assert!(mean_distance(&after) < 0.4 * mean_distance(&before));
-        assert!(numbered_by_place(after.clone()) == after, "numbered once, they stay");
+        assert!(numbered_by_position(after.clone()) == after, "numbered once, they stay");
     }
 }

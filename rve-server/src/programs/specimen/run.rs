@@ -4,7 +4,7 @@ use super::assembly::{Joinable, assembled, straightened};
 use super::body::Body;
 use super::dynamics::{Dynamics, GrainSums, Motion};
 use super::error::SpecimenError;
-use super::numbering::numbered_by_place;
+use super::numbering::numbered_by_position;
 use super::removal::weakened;
 use super::restart::{Checkpoints, Place};
 use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
@@ -160,7 +160,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         let upright = test.straighten.then(|| straightened(packing, periodic));
         let whole = assembled(upright.as_ref().unwrap_or(packing), &test.tiles, test.cut, periodic)?;
         let (weakened, removed) = weakened(whole, &test.region)?;
-        let assembled = numbered_by_place(weakened);
+        let assembled = numbered_by_position(weakened);
         let wall_law = law.with_friction(test.walls.friction);
         let thickness = packing.thickness;
         let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };

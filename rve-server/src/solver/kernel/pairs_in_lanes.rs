@@ -8,7 +8,7 @@ use super::cells_in_lanes::{add_force, add_loads, branch_of};
 use super::pair::{PairSite, pair_forces};
 use super::step::{Contact, StepData, StepSums};
 use crate::contact::ContactLaw;
-use crate::simd::{Lanes, Mask, Real, Tuple};
+use crate::simd::{Lanes, Mask, Real, Tuple, put_lane, take_lane};
 use crate::space::KernelSpace;
 
 /// Pairs side by side.
@@ -67,13 +67,13 @@ pub fn pack<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     groups.resize(data.pairs.len().div_ceil(WIDTH), PairGroup::empty());
     for (index, constants) in data.pair_constants.iter().enumerate() {
         let (group, lane) = (&mut groups[index / WIDTH], index % WIDTH);
-        put::<f64, _, _>(&mut group.radii, lane, &constants.radii);
+        put_lane::<_, f64, _, _>(&mut group.radii, lane, &constants.radii);
         group.near_square.set_lane(lane, constants.near_square);
-        put::<f64, _, _>(&mut group.constants, lane, &constants.law);
+        put_lane::<_, f64, _, _>(&mut group.constants, lane, &constants.law);
         let contact = &data.contacts[index];
-        put(&mut group.contact.direction, lane, &contact.direction);
-        put(&mut group.contact.tangential_force, lane, &contact.tangential_force);
-        put(&mut group.contact.memory, lane, &contact.memory);
+        put_lane(&mut group.contact.direction, lane, &contact.direction);
+        put_lane(&mut group.contact.tangential_force, lane, &contact.tangential_force);
+        put_lane(&mut group.contact.memory, lane, &contact.memory);
         group.limit_count.set_lane(lane, data.limit_counts[index].lane(0));
         group.is_live |= data.live[index];
     }
@@ -90,9 +90,9 @@ pub fn unpack<K: KernelSpace, C: ContactLaw<K>, R: Real>(
     for (index, ((contact, live), limit_count)) in pairs.enumerate() {
         let (group, lane) = (&groups[index / WIDTH], index % WIDTH);
         *contact = Contact {
-            direction: get(&group.contact.direction, lane),
-            tangential_force: get(&group.contact.tangential_force, lane),
-            memory: get(&group.contact.memory, lane),
+            direction: take_lane(&group.contact.direction, lane),
+            tangential_force: take_lane(&group.contact.tangential_force, lane),
+            memory: take_lane(&group.contact.memory, lane),
         };
         *live = group.is_live;
         *limit_count = R::splat(group.limit_count.lane(lane));
@@ -114,14 +114,14 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real, const BLOCK
         for (gather, pairs) in gathers.iter_mut().zip(pairs.chunks(WIDTH)) {
             if BLOCKED {
                 for (lane, pair) in pairs.iter().enumerate() {
-                    put(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
+                    put_lane(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
                 }
                 continue;
             }
             for (lane, pair) in pairs.iter().enumerate() {
-                put(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
-                put(&mut gather.spins[0], lane, &data.grains[pair.origin as usize].spin);
-                put(&mut gather.spins[1], lane, &data.grains[pair.end as usize].spin);
+                put_lane(&mut gather.branch, lane, &branch_of(data.grains, data.images, pair));
+                put_lane(&mut gather.spins[0], lane, &data.grains[pair.origin as usize].spin);
+                put_lane(&mut gather.spins[1], lane, &data.grains[pair.end as usize].spin);
             }
         }
         for ((group, gather), pairs) in groups.iter_mut().zip(&mut gathers).zip(pairs.chunks(WIDTH)) {
@@ -138,13 +138,13 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real, const BLOCK
             pair_forces(data.law, branch, length, Packed::splat(1.0) / length, data.wanted, &mut site);
             if BLOCKED {
                 for (lane, pair) in pairs.iter().enumerate() {
-                    add_force(data.grains, pair, get(&gather.force, lane));
+                    add_force(data.grains, pair, take_lane(&gather.force, lane));
                     gather.add_to(&mut local, lane);
                 }
             } else {
                 for (lane, pair) in pairs.iter().enumerate() {
-                    let moments = [get(&gather.moments[0], lane), get(&gather.moments[1], lane)];
-                    add_loads(data.grains, pair, get(&gather.force, lane), moments);
+                    let moments = [take_lane(&gather.moments[0], lane), take_lane(&gather.moments[1], lane)];
+                    add_loads(data.grains, pair, take_lane(&gather.force, lane), moments);
                     gather.add_to(&mut local, lane);
                 }
             }
@@ -160,8 +160,8 @@ pub(super) fn load_groups<K: KernelSpace, C: ContactLaw<K>, R: Real, const BLOCK
             }
             if data.wanted.virial {
                 for lane in 0..pairs.len() {
-                    let force: K::Coordinates<R> = get(&gather.force, lane);
-                    let branch: K::Coordinates<R> = get(&gather.branch, lane);
+                    let force: K::Coordinates<R> = take_lane(&gather.force, lane);
+                    let branch: K::Coordinates<R> = take_lane(&gather.branch, lane);
                     local.add_virial(force.as_ref(), branch.as_ref());
                 }
             }
@@ -278,21 +278,4 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for GroupSite<'_, 
     /// The gather holds both already.
     #[inline(always)]
     fn add_virial(&mut self, _: K::Coordinates<Packed>, _: K::Coordinates<Packed>) {}
-}
-
-/// Sets one lane of a tuple.
-#[inline(always)]
-fn put<R: Real, P: Tuple<Packed>, T: Tuple<R>>(tuple: &mut P, lane: usize, given: &T) {
-    for (value, given) in tuple.as_mut().iter_mut().zip(given.as_ref()) {
-        value.set_lane(lane, given.lane(0));
-    }
-}
-
-/// One lane of a tuple.
-#[inline(always)]
-fn get<R: Real, P: Tuple<Packed>, T: Tuple<R>>(tuple: &P, lane: usize) -> T {
-    T::build(
-        #[inline(always)]
-        |i| R::splat(tuple.as_ref()[i].lane(lane)),
-    )
 }

@@ -277,6 +277,10 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         let threaded = self.pairs.len() >= FEWEST_FOR_THREADS;
         self.block_sums.clear();
         self.block_sums.resize(blocks, ContactSums::default());
+        let evaluated = |pairs, slots, touching, loads| {
+            Block { law, grains, images, image_velocities, pairs, slots, touching, loads, is_viscous, step }
+                .evaluate()
+        };
         if threaded {
             self.pairs
                 .par_chunks(PAIRS_PER_BLOCK)
@@ -285,19 +289,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.pair_loads.par_chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.block_sums.par_iter_mut())
                 .for_each(|((((pairs, slots), touching), loads), sums)| {
-                    let block = Block {
-                        law,
-                        grains,
-                        images,
-                        image_velocities,
-                        pairs,
-                        slots,
-                        touching,
-                        loads,
-                        is_viscous,
-                        step,
-                    };
-                    *sums = block.evaluate();
+                    *sums = evaluated(pairs, slots, touching, loads);
                 });
         } else {
             let blocks = self
@@ -307,9 +299,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 .zip(self.touching.chunks_mut(PAIRS_PER_BLOCK))
                 .zip(self.pair_loads.chunks_mut(PAIRS_PER_BLOCK));
             for ((((pairs, slots), touching), loads), sums) in blocks.zip(&mut self.block_sums) {
-                let block =
-                    Block { law, grains, images, image_velocities, pairs, slots, touching, loads, is_viscous, step };
-                *sums = block.evaluate();
+                *sums = evaluated(pairs, slots, touching, loads);
             }
         }
         self.collect(threaded);

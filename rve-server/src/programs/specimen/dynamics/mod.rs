@@ -225,7 +225,18 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let work = |first: usize, grains: &mut [Grain<S>], rotations: &mut [S::Axial<f64>]| {
             let range = first..first + grains.len();
             let (loads, masses, driven) = (&loads[range.clone()], &masses[range.clone()], &driven[range]);
-            dispatch(Moves { grains, rotations, loads, masses, driven, factor, motion: &motion, gravity, flow, step })
+            dispatch(KickAndMove {
+                grains,
+                rotations,
+                loads,
+                masses,
+                driven,
+                factor,
+                motion: &motion,
+                gravity,
+                flow,
+                step,
+            })
         };
         let count = self.body.grains.len();
         self.block_sums.clear();
@@ -328,7 +339,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
 }
 
 /// Grains to be kicked and moved.
-struct Moves<'a, S: SpecimenSpace> {
+struct KickAndMove<'a, S: SpecimenSpace> {
     grains: &'a mut [Grain<S>],
     rotations: &'a mut [S::Axial<f64>],
     loads: &'a [Load<S>],
@@ -341,7 +352,7 @@ struct Moves<'a, S: SpecimenSpace> {
     step: f64,
 }
 
-impl<S: SpecimenSpace> Vectorised for Moves<'_, S> {
+impl<S: SpecimenSpace> Vectorised for KickAndMove<'_, S> {
     type Output = GrainSums;
 
     #[inline(always)]

@@ -119,7 +119,7 @@ impl<S: SpecimenSpace, R: Real> PairMotion<S, R> {
 
 /// What a contact answers.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pressed<S: SpecimenSpace, C: ContactLaw<S>, R: Real> {
+pub(super) struct ContactForces<S: SpecimenSpace, C: ContactLaw<S>, R: Real> {
     /// New tangential force as an axial vector, N.
     pub tangential_force: S::Axial<R>,
     /// What else the law remembers.
@@ -133,12 +133,12 @@ pub(super) struct Pressed<S: SpecimenSpace, C: ContactLaw<S>, R: Real> {
     /// The share of the body: moments on origin and end grain, N m.
     pub moments: [S::Axial<R>; 2],
     /// The share of the body: what the contact adds to the sums over all of them.
-    pub sums: PressedSums<R>,
+    pub sums: ForceSums<R>,
 }
 
 /// What touching contacts add to [`ContactSums`].
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PressedSums<R: Real> {
+pub(super) struct ForceSums<R: Real> {
     /// |f_n|, N.
     normal_force: R,
     /// Work lost to friction, J.
@@ -153,7 +153,7 @@ pub(super) struct PressedSums<R: Real> {
     overlap_ratio: R,
 }
 
-impl<R: Real> PressedSums<R> {
+impl<R: Real> ForceSums<R> {
     /// Adds those of further contacts where `valid` holds.
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self, valid: R::Mask) {
@@ -181,14 +181,14 @@ impl<R: Real> PressedSums<R> {
 
 /// Forces of touching contacts after a motion of `step` seconds; `smaller_radius` is that of the two grains, m.
 #[inline(always)]
-pub(super) fn press<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
+pub(super) fn contact_forces<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
     law: &C,
     history: &History<S, C, R>,
     approach: &Approach<S, R>,
     smaller_radius: R,
     step: R,
     is_viscous: bool,
-) -> Pressed<S, C, R> {
+) -> ContactForces<S, C, R> {
     let (zero, one, half) = (R::default(), R::splat(1.0), R::splat(0.5));
     let History { constants, weight, .. } = history;
     let touched = half.less(history.touched);
@@ -205,7 +205,7 @@ pub(super) fn press<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
         normal = R::select(pulls, free, elastic + viscous);
         // Friction goes with all that presses the surfaces together, the dashpot included.
         let repulsion = law.normal_force(constants, zero) - elastic;
-        limited = law.limits_scaled(constants, ((repulsion + elastic - normal) / repulsion).larger(zero));
+        limited = law.limits_scaled(constants, zero.larger((repulsion + elastic - normal) / repulsion));
     }
     let mut memory = history.memory;
     let response = law.respond(&limited, &motion, &mut memory);
@@ -228,14 +228,14 @@ pub(super) fn press<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
     if let Some(couple) = response.couple {
         moments = [moments[0].plus(couple), moments[1].minus(couple)];
     }
-    Pressed {
+    ContactForces {
         tangential_force: tangential,
         memory,
         normal_force: elastic,
         viscous_force,
         force: force.scaled(*weight),
         moments: [moments[0].scaled(*weight), moments[1].scaled(*weight)],
-        sums: PressedSums {
+        sums: ForceSums {
             normal_force: *weight * elastic.abs(),
             dissipation,
             viscous_work,
@@ -243,5 +243,51 @@ pub(super) fn press<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
             sliding: R::select(response.at_limit, one, zero),
             overlap_ratio: overlap / smaller_radius,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{ContactTable, LawVisitor};
+    use crate::space::{Discs, Spheres};
+
+    struct WithoutOverlap;
+
+    impl<S: SpecimenSpace> LawVisitor<S> for WithoutOverlap {
+        type Output = ();
+
+        fn visit<C: ContactLaw<S>>(self, law: C) {
+            let constants = law.constants([1.0, 1.0]);
+            let memory = law.resumed(1e-6, Tuple::zero());
+            let history: History<S, C, f64> =
+                History { constants, weight: 1.0, viscosity: 0.4, touched: 1.0, memory, ..History::none() };
+            let approach = Approach {
+                direction: <S::Coordinates<f64>>::build(|axis| if axis == 0 { 1.0 } else { 0.0 }),
+                overlap: 0.0,
+                arms: [1.0; 2],
+                slip: Tuple::zero(),
+                carried: <S::Axial<f64>>::build(|axis| if axis == 0 && S::DIMENSION == 3 { 0.0 } else { 0.1 }),
+                rolling: Tuple::zero(),
+                closing: -0.1,
+            };
+            let forces = contact_forces(&law, &history, &approach, 1.0, 1e-3, true);
+            let numbers =
+                [forces.force.as_ref(), forces.moments[0].as_ref(), forces.tangential_force.as_ref()].concat();
+            assert!(numbers.iter().all(|number| number.is_finite()), "{forces:?}");
+            assert_eq!(S::length(forces.tangential_force), 0.0, "{forces:?}");
+            assert!(forces.sums.dissipation.is_finite() && forces.sums.elastic_energy.is_finite(), "{forces:?}");
+        }
+    }
+
+    /// Grains may touch without any overlap: the difference of radii and distance rounds to nothing. Nothing presses then, and friction
+    /// bears nothing.
+    #[test]
+    fn contacts_without_overlap_bear_no_tangential_force() {
+        let table = |text: &str| -> ContactTable { toml::from_str(text).unwrap() };
+        let linear = table("law = \"linear\"\nnormal_stiffness = 1e3\nstiffness_ratio = 0.8\nfriction = 0.5");
+        linear.compile::<Discs, _>(WithoutOverlap).unwrap();
+        let hertz = table("law = \"hertz_mindlin\"\nshear_modulus = 1e4\npoisson_ratio = 0.2\nfriction = 0.5");
+        hertz.compile::<Spheres, _>(WithoutOverlap).unwrap();
     }
 }
