@@ -1,5 +1,6 @@
 //! How the program ends: five exit codes, one message.
 
+use crate::stderr::tell;
 use macro_solver::output::OutputError;
 use scene_reader::InputError;
 use std::fmt;
@@ -44,7 +45,7 @@ pub struct Failure {
 
 /// Tells people about old names of keys in an input file.
 pub(crate) fn warn(document: &scene_reader::Document) {
-    document.warnings().iter().for_each(|warning| eprintln!("warning: {warning}"));
+    document.warnings().iter().for_each(|warning| tell(format_args!("warning: {warning}")));
 }
 
 impl Failure {

@@ -6,6 +6,7 @@ mod cli;
 mod engines;
 pub mod exit;
 pub mod machine;
+pub mod stderr;
 pub mod stdout;
 mod workers;
 

@@ -46,7 +46,25 @@ impl EnginePlan {
         Ok(Self {
             engine: keys.engine.clone(),
             points: points.map(|(engine, points)| (engine.clone(), points.clone())).collect(),
-            difference: given.over(&DifferencePlan::new(2)).map_err(|fault| document.fault(&fault))?,
+            difference: given
+                .over(&DifferencePlan::new(problem.mesh.dimension.count()))
+                .map_err(|fault| document.fault(&fault))?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Scene;
+    use std::path::Path;
+
+    /// Tangents by differences had no rows along z, whatever the mesh.
+    #[test]
+    fn differences_are_taken_along_all_axes_of_the_mesh() {
+        for (scene, dimension) in [("biaxial-small", 2), ("single-hexahedron-shear", 3)] {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{scene}.toml"));
+            let scene = Scene::load(&path, &["pool.difference_reuses=2".to_owned()]).unwrap();
+            assert_eq!((scene.engines.difference.dimension, scene.engines.difference.reuses), (dimension, 2));
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::document::Document;
 use super::input_error::InputError;
 use keys::Located;
-use macro_solver::mesh::Mesh;
+use macro_solver::mesh::{Dimension, Mesh};
 
 /// The named sets of a mesh.
 pub(super) struct Sets<'a> {
@@ -16,7 +16,7 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn node_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        check(document, name, "node set", self.mesh.node_sets.keys())
+        check(document, name, ("node set", self.side_entity()), self.mesh.node_sets.keys())
     }
 
     /// The name, if the mesh has such a side set.
@@ -24,7 +24,7 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn side_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        check(document, name, "side set", self.mesh.side_sets.keys())
+        check(document, name, ("side set", self.side_entity()), self.mesh.side_sets.keys())
     }
 
     /// The name, if the mesh has such an element set.
@@ -32,14 +32,25 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn element_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        check(document, name, "element set", self.mesh.element_sets.keys())
+        check(document, name, ("element set", self.body_entity()), self.mesh.element_sets.keys())
+    }
+
+    /// What Gmsh calls a part of the border.
+    fn side_entity(&self) -> &'static str {
+        if self.mesh.dimension == Dimension::Plane { "Curve" } else { "Surface" }
+    }
+
+    /// What Gmsh calls a part of the body.
+    fn body_entity(&self) -> &'static str {
+        if self.mesh.dimension == Dimension::Plane { "Surface" } else { "Volume" }
     }
 }
 
+/// The name, if it is among those `available`; `what` they are, and what Gmsh calls what it names.
 fn check<'a>(
     document: &Document,
     name: &Located<String>,
-    what: &str,
+    (what, entity): (&str, &str),
     available: impl Iterator<Item = &'a String>,
 ) -> Result<String, InputError> {
     let available: Vec<&str> = available.map(String::as_str).collect();
@@ -48,7 +59,7 @@ fn check<'a>(
     }
     let hint = match &available[..] {
         [] | ["all"] => format!(
-            "there is {}; name lines, surfaces or volumes in Gmsh with `Physical Curve(\"{}\") = {{...}}` and save the mesh again",
+            "there is {}; name one in Gmsh with `Physical {entity}(\"{}\") = {{...}}` and save the mesh again",
             if available.is_empty() { "none at all" } else { "only 'all', which every mesh has" },
             name.get_ref()
         ),

@@ -12,7 +12,9 @@ use super::tables::{NonlocalTable, ProcedureKeyword, SceneFile, SolverTable, Sta
 use keys::{Key, Located, Table};
 use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{LoadingSettings, NamedStrategy, Procedure, Stabilisation, Stage, Tolerances};
+use macro_solver::problem::{
+    Amplitude, LoadingSettings, NamedStrategy, PathControl, Procedure, Stabilisation, Stage, Tolerances,
+};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -46,16 +48,17 @@ pub(super) fn stages(
     let mut stages: Vec<Stage> = Vec::new();
     let mut outputs = Vec::new();
     for table in &file.stage {
+        let number = stages.len().to_string();
         let name = name(document, &table.get_ref().name, &stages)?;
         let table = table.get_ref();
         if let Some(before) = stages.last() {
+            refuse_to_follow(document, before, &number)?;
             conditions.settle(before.duration);
         }
         conditions.remove(document, &table.remove)?;
         conditions.add(document, sets, &ConditionTables::from(table))?;
         let base = base(table.procedure.unwrap_or(file.procedure), Some(&table.solver))?;
         let mut stage = Stage { name: name.clone(), conditions: conditions.applied(), ..base };
-        let number = stages.len().to_string();
         let place = ["stage", number.as_str()];
         change(document, &mut stage, &place, table)?;
         let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
@@ -84,10 +87,32 @@ pub(super) fn stages(
     Ok((stages, outputs))
 }
 
-/// Refuses keys of `[loading]` and `[solver]` at `place` that are not used, because none of the stages for which they hold has a
+/// Refuses a stage after one whose load factor is an unknown: what its loads have reached is not known when the scene is read.
+fn refuse_to_follow(document: &Document, before: &Stage, number: &str) -> Result<(), InputError> {
+    let ends_at_one = before.control.path == PathControl::Load;
+    if ends_at_one || before.conditions.iter().all(|applied| applied.history == Amplitude::Constant) {
+        return Ok(());
+    }
+    let problem = format!(
+        "no stage can follow '{}': its loads end at the factor that `loading.control` finds, which is not known before",
+        before.name
+    );
+    let hint = "make it the last stage, or drive it by displacements without `loading.control`";
+    Err(document.error_at_key(&["stage", number, "name"], problem).hint(hint))
+}
+
+/// Refuses keys of `[loading]` and `[solver]`, and tables of other procedures, at `place` that are not used, because none of the stages for which they hold has a
 /// procedure that does.
 fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
     let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
+    for (table, procedure) in [("dynamics", "dynamic"), ("relaxation", "relaxation")] {
+        let path = [place, &[table]].concat();
+        if document.is_written(&path) && !keywords.contains(&procedure) {
+            let problem = format!("this table is not used in a stage with procedure = \"{}\"", keywords[0]);
+            let hint = format!("leave it out, or give the stage procedure = \"{procedure}\"");
+            return Err(document.error_at_key(&path, problem).hint(hint));
+        }
+    }
     for (table, keys) in [("loading", Table::of::<LoadingSettings>()), ("solver", Table::of::<SolverTable>())] {
         let is_used = |key: &Key| {
             key.procedures.is_empty() || key.procedures.iter().any(|procedure| keywords.contains(&procedure.as_str()))
@@ -266,6 +291,24 @@ mod tests {
         assert!(error.contains("--set loading.cut"), "{error}");
     }
 
+    /// D: unused tables were taken in silence, and loads after a stage with an unknown load factor were those of the factor 1.
+    #[test]
+    fn tables_of_other_procedures_and_stages_after_an_unknown_load_are_refused() {
+        for (key, procedure) in [("dynamics.time_step=1e-5", "dynamic"), ("relaxation.hits=5", "relaxation")] {
+            for key in [key.to_owned(), format!("stage.0.{key}")] {
+                let error = stages(&[&key]).unwrap_err();
+                assert!(
+                    error.contains("not used") && error.contains(&format!("procedure = \"{procedure}\"")),
+                    "{error}"
+                );
+            }
+        }
+        let control = "stage.0.loading.control={ arc_length = { first_load = 0.1 } }";
+        let error = stages(&[control]).unwrap_err();
+        assert!(error.contains("no stage can follow 'compression'"), "{error}");
+        assert_eq!(stages(&[&control.replace("stage.0", "stage.1")]).unwrap().len(), 2);
+    }
+
     #[test]
     fn smooth_histories_are_read_and_loads_that_they_replace_fade_likewise() {
         let of_bottom = |keys: &str| {
@@ -392,7 +435,11 @@ mod tests {
             refused("shear-column", &[key], place, "dynamic");
             // Where one stage is implicit, the top speaks to that one; the others are not to say it again.
             let mixed = "stage.1.procedure=dynamic";
-            assert!(stages(&[mixed, "stage.1.solver={}", "stage.1.loading={}", key]).is_ok(), "{key}");
+            let error = stages(&[mixed, "stage.1.solver={}", "stage.1.loading={}", key]).err().unwrap_or_default();
+            assert!(
+                error.is_empty() || (key.contains("arc_length") && error.contains("no stage can follow")),
+                "{error}"
+            );
             let (own, place) = (format!("stage.1.{key}"), format!("stage.1.{place}"));
             refused(
                 "compression-shear",
@@ -441,8 +488,8 @@ mod tests {
         assert_eq!(stabilisations(&["loading.stabilise=false", on[0], on[1]]), [None, Some(early_here)]);
         let one_arc = format!("stage.1.{arc}");
         assert_eq!(stabilisations(&["loading.stabilise_after=3", &one_arc])[0], Some(early));
-        let back = "stage.1.loading.control=load";
-        assert_eq!(stabilisations(&[arc, back, on[1]]), [Some(by_default), Some(early_here)]);
+        let back = ["stage.0.loading.control=load", "stage.0.loading.stabilise_after=3"];
+        assert_eq!(stabilisations(&[arc, back[0], back[1]])[0], Some(early));
 
         let refused = |more: &[&str], place: &str, said: [&str; 2]| {
             let error = stages(more).err().unwrap_or_else(|| panic!("{more:?} were accepted"));
@@ -464,7 +511,7 @@ mod tests {
                 let (top, stage) = (format!("loading.{key}"), format!("stage.1.loading.{key}"));
                 let place = |written: &str| written.split('=').next().unwrap().to_owned();
                 refused(&[control, &top], &place(&top), unknown);
-                refused(&[control, &stage], &place(&stage), unknown);
+                refused(&[control, back[0], &stage], &place(&stage), unknown);
                 refused(&[&format!("stage.1.{control}"), &stage], &place(&stage), unknown);
             }
         }

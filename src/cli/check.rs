@@ -106,8 +106,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
-    let mut notes = packing.remarks_on_the_law();
-    notes.extend(packing.remarks());
+    let mut notes = remarks_on_the_packings(scene, packing);
     if let Some(mismatch) = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load()) {
         notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::remedy(scene)));
     }
@@ -131,6 +130,25 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     }
     text.push_str("Scene OK.\n");
     text
+}
+
+/// What is to be known about the packing of the scene and those of its regions under their contact laws.
+fn remarks_on_the_packings(scene: &Scene, packing: &PackingState) -> Vec<String> {
+    let of = |packing: &PackingState| -> Vec<String> {
+        packing.remarks_on_the_law().into_iter().chain(packing.remarks()).collect()
+    };
+    let mut notes = of(packing);
+    // Cells that are brought to their initial stress, and packings that are turned, say nothing new.
+    let regions = scene.materials.definitions.iter().skip(1).filter(|_| scene.preparation().is_none());
+    for definition in regions {
+        for note in PackingState::of(definition).map(|packing| of(&packing)).unwrap_or_default() {
+            let note = format!("packing of a region: {note}");
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+    }
+    notes
 }
 
 fn prescribed_count(problem: &Problem, stage: &Stage) -> usize {

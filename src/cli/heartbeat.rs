@@ -1,5 +1,6 @@
 //! Periodic progress on standard error, for commands that print nothing else for a long time.
 
+use crate::stderr::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -32,7 +33,7 @@ impl Heartbeat {
             bar.enable_steady_tick(Duration::from_millis(200));
             return Self(Shown::Bar(bar));
         }
-        Self(Self::lines(BETWEEN_LINES, |line| eprintln!("{line}")))
+        Self(Self::lines(BETWEEN_LINES, |line| tell(&line)))
     }
 
     fn lines(every: Duration, mut write: impl FnMut(&str) + Send + 'static) -> Shown {

@@ -29,6 +29,7 @@ mod sweep;
 mod verification;
 mod watch;
 
+use crate::stderr::tell;
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -125,7 +126,7 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
     match ended {
         Ok(exit) => exit.code(),
         Err(failure) => {
-            eprintln!("error: {failure}");
+            tell(format_args!("error: {failure}"));
             failure.exit.code()
         }
     }

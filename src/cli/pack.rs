@@ -2,6 +2,7 @@
 
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::stdout::deliver;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
@@ -55,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     deliver(arguments.out.as_deref(), text.as_bytes())?;
     if !arguments.quiet {
-        eprint!("{}", summary(&recipe, &report));
+        tell(summary(&recipe, &report).trim_end());
     }
     Ok(Exit::Done)
 }

@@ -5,6 +5,7 @@ use super::failure_case;
 use super::heartbeat::Heartbeat;
 use super::sweep::{self, Common, Sweep};
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::stdout::{deliver, print};
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
@@ -124,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     match ended {
         Ok(summary) => {
             if !arguments.quiet {
-                eprintln!("{}", closing(&summary));
+                tell(closing(&summary));
             }
             Ok(Exit::Done)
         }

@@ -14,7 +14,7 @@ use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::{GrainRve, ListedForces};
 use rve_server::solver::SolverFor;
 use scene_reader::Scene;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Out-of-balance force over the loads above which packing and loads do not match. Regions of weakened or turned cells stay
 /// below it; a load of half the packing pressure is far above.
@@ -89,7 +89,7 @@ impl PackingState {
 
     /// Mean pressure, Pa, compression positive: over the axes of the packing.
     fn pressure(&self) -> f64 {
-        -(0..self.dimension).map(|axis| self.stress.0[4 * axis]).sum::<f64>() / self.dimension as f64
+        pressure_of(&self.stress, self.dimension)
     }
 
     /// The stress tensor and its mean for people.
@@ -163,16 +163,31 @@ pub(crate) fn mismatch(scene: &Scene, packing: &PackingState) -> Option<String> 
             "initial residual {imbalance:.1e} (relative to applied loads): the stress that [initial_stress] brings the cells to is not in \
              balance with the initial loads; unit weight, body force and pressures on the surface belong together"
         ),
-        None => comparison(&scene.problem, packing, imbalance),
+        None => comparison(scene, packing, imbalance),
     })
 }
 
-/// The stress of the packing and the initial loads.
-fn comparison(problem: &Problem, packing: &PackingState, imbalance: f64) -> String {
+/// The stress of the packing, those of other packings in use, and the initial loads.
+fn comparison(scene: &Scene, packing: &PackingState, imbalance: f64) -> String {
+    let stresses = stresses_of_packings(scene).unwrap_or_default();
+    let mut others: Vec<f64> = stresses
+        .iter()
+        .map(|stress| pressure_of(stress, packing.dimension))
+        .filter(|pressure| (pressure - packing.pressure()).abs() > MISMATCH * packing.pressure().abs())
+        .collect();
+    others.sort_by(f64::total_cmp);
+    let others = match (others.first(), others.last()) {
+        (Some(least), Some(most)) => format!(
+            "; {} of {} Gauss points have packings of regions with mean pressures of {least:.3e} to {most:.3e} Pa",
+            others.len(),
+            stresses.len()
+        ),
+        _ => String::new(),
+    };
     format!(
-        "initial residual {imbalance:.1e} (relative to applied loads): the packing has the stress {}; the initial loads are {}",
+        "initial residual {imbalance:.1e} (relative to applied loads): the packing has the stress {}{others}; {}",
         packing.stress_text(),
-        initial_loads(problem, &packing.stress)
+        initial_loads(&scene.problem, &stresses)
     )
 }
 
@@ -261,9 +276,9 @@ impl PointMaterial for AsGiven {
     fn return_to_mark(&mut self) {}
 }
 
-/// The initial loads and the free faces, set by set, with the pressure of the packing on each.
-fn initial_loads(problem: &Problem, stress: &Tensor2) -> String {
-    let Some(stage) = problem.stages.first() else { return "nothing".to_owned() };
+/// The initial loads and the free faces, set by set, with the pressure of the packings on each: those that differ if any do.
+fn initial_loads(problem: &Problem, stresses: &[Tensor2]) -> String {
+    let Some(stage) = problem.stages.first() else { return "there are no initial loads".to_owned() };
     let mut loads: BTreeMap<&str, f64> = BTreeMap::new();
     let mut others = Vec::new();
     for applied in &stage.conditions {
@@ -292,40 +307,78 @@ fn initial_loads(problem: &Problem, stress: &Tensor2) -> String {
             | Condition::Friction { .. } => {}
         }
     }
-    for free in problem.mesh.side_sets.keys().filter(|set| is_free(stage, set)) {
+    for free in problem.mesh.side_sets.keys().filter(|set| is_free(&problem.mesh, stage, set)) {
         loads.entry(free).or_insert(0.0);
     }
-    let pressures = loads.iter().map(|(set, pressure)| match pressed(&problem.mesh, set, stress) {
-        Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing has {carried:.3e})"),
-        None => format!("a pressure of {pressure:.3e} Pa on {set}"),
-    });
-    let parts: Vec<String> = pressures.chain(others).collect();
+    let compared: Vec<(&str, f64, Option<f64>)> =
+        loads.into_iter().map(|(set, pressure)| (set, pressure, pressed(&problem.mesh, set, stresses))).collect();
+    let differs = |&(_, pressure, carried): &(&str, f64, Option<f64>)| {
+        carried.is_none_or(|carried| (pressure - carried).abs() > MISMATCH * pressure.abs().max(carried.abs()))
+    };
+    let some_differ = compared.iter().any(differs);
+    let pressures =
+        compared.iter().filter(|load| !some_differ || differs(load)).map(|&(set, pressure, carried)| match carried {
+            Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing has {carried:.3e})"),
+            None => format!("a pressure of {pressure:.3e} Pa on {set}"),
+        });
+    let mut parts: Vec<String> = pressures.chain(others).collect();
     let more = parts.len().saturating_sub(MOST_SETS);
-    let mut text = parts[..parts.len().min(MOST_SETS)].join(", ");
+    parts.truncate(MOST_SETS);
+    let mut text = parts.join(", ");
     if more > 0 {
         text += &format!(" and {more} more");
     }
-    if text.is_empty() { "nothing".to_owned() } else { text }
+    match (text.is_empty(), some_differ) {
+        (true, _) => "there are no initial loads".to_owned(),
+        (_, true) => format!("initial loads that differ from it: {text}"),
+        (_, false) => format!(
+            "the initial loads are {text}, which agrees: the difference is inside the body or at supports that let it through"
+        ),
+    }
 }
 
 fn at_start(history: &Amplitude) -> f64 {
     history.factor(Moment { load: 0.0, time: 0.0 })
 }
 
-/// Whether no condition of the stage names the set: neither loaded nor held, as far as names tell.
-fn is_free(stage: &Stage, set: &str) -> bool {
-    !stage.conditions.iter().any(|applied| match &applied.condition {
-        Condition::Displacement { nodes, .. } | Condition::Platen { nodes, .. } => nodes == set,
-        Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => sides == set,
-        Condition::BodyForce { .. } | Condition::Friction { .. } => false,
-        Condition::MultiPointConstraint(_) => true,
-    })
+/// Whether nothing acts on a side set: no side of it is loaded, and not all of its nodes are held.
+fn is_free(mesh: &Mesh, stage: &Stage, set: &str) -> bool {
+    let sides = &mesh.side_sets[set];
+    let mut nodes: BTreeSet<usize> = sides.iter().flat_map(|side| mesh.side_nodes(*side)).collect();
+    for applied in &stage.conditions {
+        match &applied.condition {
+            Condition::Displacement { nodes: held, .. } | Condition::Platen { nodes: held, .. } => {
+                for node in mesh.node_sets.get(held).into_iter().flatten() {
+                    nodes.remove(node);
+                }
+            }
+            Condition::Pressure { sides: loaded, .. } | Condition::Traction { sides: loaded, .. } => {
+                let loaded = mesh.side_sets.get(loaded);
+                if loaded.is_some_and(|loaded| loaded.iter().any(|side| sides.contains(side))) {
+                    return false;
+                }
+            }
+            Condition::BodyForce { .. } | Condition::Friction { .. } => {}
+            Condition::MultiPointConstraint(_) => return false,
+        }
+    }
+    !nodes.is_empty()
 }
 
-/// Pressure of a stress on a side set along its mean normal, Pa; `None` for a set without one.
-fn pressed(mesh: &Mesh, set: &str, stress: &Tensor2) -> Option<f64> {
+/// Mean pressure of a stress over the axes of a packing, Pa, compression positive.
+fn pressure_of(stress: &Tensor2, dimension: usize) -> f64 {
+    -(0..dimension).map(|axis| stress.0[4 * axis]).sum::<f64>() / dimension as f64
+}
+
+/// Pressure of the stresses of the points next to a side set along its mean normal, Pa; `None` for a set without one.
+fn pressed(mesh: &Mesh, set: &str, stresses: &[Tensor2]) -> Option<f64> {
     let mut normal = [0.0f64; 3];
-    for side in mesh.side_sets.get(set)? {
+    let mut stress = [0.0; 9];
+    let firsts = mesh.first_points();
+    let sides = mesh.side_sets.get(set)?;
+    for side in sides {
+        let near = stresses.get(firsts[side.element])?;
+        stress.iter_mut().zip(near.0).for_each(|(sum, part)| *sum += part / sides.len() as f64);
         let nodes = mesh.side_nodes(*side);
         let from = mesh.nodes[nodes[0]];
         let to =
@@ -346,7 +399,7 @@ fn pressed(mesh: &Mesh, set: &str, stress: &Tensor2) -> Option<f64> {
     let length = normal.iter().map(|part| part * part).sum::<f64>().sqrt();
     let tension: f64 = (0..3)
         .flat_map(|i| (0..3).map(move |j| (i, j)))
-        .map(|(i, j)| normal[i] * stress.0[3 * i + j] * normal[j])
+        .map(|(i, j)| normal[i] * stress[3 * i + j] * normal[j])
         .sum();
     // Sides around a hole have no direction in common.
     (length > 0.0).then(|| 0.0 - tension / (length * length))
@@ -383,6 +436,15 @@ mod tests {
         let text = text_of(&scene("biaxial-small.toml", &["pressure=[]"])).unwrap();
         assert!(text.contains("0.000e0 Pa on left (the packing has 1.000e5)"), "{text}");
         assert!(!text.contains("on bottom"), "a held face is not free: {text}");
+    }
+
+    /// A set whose sides are loaded by the names of others is not free, and loads that agree are not named among those that differ.
+    #[test]
+    fn sides_that_other_sets_load_are_not_called_free() {
+        let text = text_of(&scene("geotechnics/footing.toml", &["pressure.0.value=3e5"])).unwrap();
+        assert!(text.contains("3.000e5 Pa on surface") && !text.contains("on top"), "{text}");
+        let text = text_of(&scene("biaxial-small.toml", &["pressure.0.value=2e5"])).unwrap();
+        assert!(text.contains("2.000e5 Pa on left") && !text.contains("on right"), "{text}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! The rows come in the order of the values whatever ends first, so the table has the same bytes for any number of jobs.
 
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::stdout::deliver;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{ElementCsv, run_element_on};
@@ -109,7 +110,7 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
                     results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     if !common.quiet {
-                        eprintln!("{done} of {}: {}", combinations.len(), described(sweeps, values));
+                        tell(format_args!("{done} of {}: {}", combinations.len(), described(sweeps, values)));
                     }
                     if failed {
                         // Input that is not sound: no use in starting the others.

@@ -7,9 +7,9 @@ use crate::material::{MaterialError, PointMaterial, PointTrial};
 use nalgebra::{DMatrix, Matrix3};
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialResult};
 
-/// Modulus, Pa: so stiff that no load of soil mechanics moves a node by more than some 1e-6 of the body. The stress of a body between
+/// Modulus over the loads per area: so stiff that they move no node by more than some 1e-6 of the body. The stress of a body between
 /// supports that do not move does not depend on it.
-const MODULUS: f64 = 1e12;
+const MODULUS_OVER_LOAD: f64 = 1e7;
 
 /// Change of the elastic stress by which the return to the cone is differentiated, over that stress.
 const PERTURBATION: f64 = 1e-6;
@@ -32,10 +32,12 @@ pub struct FrictionalMaterial {
 }
 
 impl FrictionalMaterial {
-    /// `points` points without stress. `rest_coefficient` is K0, horizontal over vertical stress of level ground, at least 0 and below 1;
+    /// `points` points without stress, for loads of `load` per area of the body, Pa. `rest_coefficient` is K0, horizontal over vertical stress of level ground, at least 0 and below 1;
     /// `friction_angle` in radians; `dimension` 2 (plane strain) or 3.
-    pub fn new(dimension: usize, rest_coefficient: f64, friction_angle: f64, points: usize) -> Self {
-        let shear = 0.5 * MODULUS;
+    pub fn new(dimension: usize, rest_coefficient: f64, friction_angle: f64, load: f64, points: usize) -> Self {
+        // A power of two: loads in other units give the same digits.
+        let load = if load > 0.0 { load } else { 1.0 };
+        let shear = 0.5 * (MODULUS_OVER_LOAD * load).log2().round().exp2();
         // K0 = lambda / (lambda + 2 G) in strain along one axis.
         let lambda = 2.0 * shear * rest_coefficient / (1.0 - rest_coefficient);
         Self {
@@ -152,7 +154,7 @@ mod tests {
     #[test]
     fn stresses_within_the_cone_stay_and_others_come_to_it_with_their_mean() {
         for axes in [2, 3] {
-            let material = FrictionalMaterial::new(axes, 0.5, 30f64.to_radians(), 1);
+            let material = FrictionalMaterial::new(axes, 0.5, 30f64.to_radians(), 1e5, 1);
             let inside = Matrix3::new(-3.0, 0.3, 0.0, 0.3, -4.0, 0.0, 0.0, 0.0, -3.5);
             assert!((material.returned(&inside) - inside).amax() < 1e-14);
             let outside = Matrix3::new(-1.0, 2.0, 0.0, 2.0, -4.0, 0.0, 0.0, 0.0, -2.0);

@@ -133,6 +133,11 @@ pub struct StepReport {
     pub force_ratio: f64,
     /// Displacement ratio of the accepted state; 0 for an initial equilibrium that needed no iteration.
     pub displacement_ratio: f64,
+    /// Whether the stage ends with it.
+    pub ends_stage: bool,
+    /// Whether iterations had stopped to make progress, and one of these ratios is above its tolerance, see
+    /// [`crate::problem::Tolerances::stagnated`].
+    pub stagnated: bool,
     /// Shortcuts in the accepted answers, counted by point.
     pub flags: FlagCounts,
     /// Strain per ramp step, and the error of the stresses as far as it is estimated.
@@ -333,6 +338,8 @@ pub struct Statistics {
     pub cut_backs: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].
     pub stagnated_steps: u64,
+    /// Largest out-of-balance force ratio of these steps.
+    pub largest_stagnated_force_ratio: f64,
     /// Largest mean [level](crate::material::stress_level::stress_level) of the stresses in an accepted step of Newton's method, Pa.
     pub largest_pressure: f64,
     /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].

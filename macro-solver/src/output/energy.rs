@@ -12,6 +12,9 @@ pub struct EnergyLedger {
     external_work: f64,
     last: Option<Last>,
     initial_elastic: f64,
+    /// Dissipated by friction and by viscous stabilisation before the first accepted state: the work of step 0, which brings cells that
+    /// do not match the loads to balance, is not known.
+    dissipated_before: [f64; 2],
     elastic: f64,
     dissipation: f64,
     hourglass: f64,
@@ -33,7 +36,7 @@ impl EnergyLedger {
         self.dynamics.clone()
     }
 
-    /// All entries by name. The rest of the work, `residual`, is the dissipation by damping of the grain solver and the
+    /// All entries by name. Work and balance count from the end of step 0. The rest of the work, `residual`, is the dissipation by damping of the grain solver and the
     /// error of the trapezium rule over the steps; `relative_residual` is its size over the largest entry. A run with
     /// dynamic stages has neither: its balance is among their figures. Without the energies of the grains, which the
     /// observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance.
@@ -49,9 +52,11 @@ impl EnergyLedger {
         entries.insert("elastic_initial".to_owned(), self.initial_elastic);
         entries.insert("elastic".to_owned(), self.elastic);
         entries.insert("frictional_dissipation".to_owned(), self.dissipation);
+        entries.insert("frictional_dissipation_initial".to_owned(), self.dissipated_before[0]);
         if self.dynamics.is_empty() {
             let change = self.elastic - self.initial_elastic;
-            let consumed = [change, self.dissipation, self.hourglass, self.stabilisation];
+            let [friction, viscous] = self.dissipated_before;
+            let consumed = [change, self.dissipation - friction, self.hourglass, self.stabilisation - viscous];
             let residual = self.external_work - consumed.iter().sum::<f64>();
             let largest = consumed.iter().fold(self.external_work.abs(), |most, value| most.max(value.abs()));
             entries.insert("residual".to_owned(), residual);
@@ -65,7 +70,7 @@ impl EnergyLedger {
 const SECTION: &str = "energy";
 
 /// Counts changes of [`EnergyLedger`].
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 impl Observer for EnergyLedger {
     fn save(&self, archive: &mut Archive) {
@@ -101,7 +106,10 @@ impl Observer for EnergyLedger {
         let forces: Vec<[f64; 3]> =
             view.reactions.iter().zip(view.loads).map(|(r, l)| std::array::from_fn(|i| r[i] + l[i])).collect();
         match &self.last {
-            None => self.initial_elastic = self.elastic,
+            None => {
+                self.initial_elastic = self.elastic;
+                self.dissipated_before = [self.dissipation, self.stabilisation];
+            }
             Some(last) => {
                 for (node, force) in forces.iter().enumerate() {
                     let before = last.forces[node];

@@ -51,7 +51,7 @@ impl RecordPlan {
     /// Whether the fields of this step are wanted.
     pub fn wants_fields(&self, report: &StepReport) -> bool {
         let every = self.stages.get(report.stage).map_or(0, |stage| stage.fields_every);
-        every > 0 && (report.load >= 1.0 || (report.step as u64).is_multiple_of(every))
+        every > 0 && (report.ends_stage || (report.step as u64).is_multiple_of(every))
     }
 
     /// Whether any fields are wanted.
@@ -61,7 +61,7 @@ impl RecordPlan {
 
     /// Whether a profile is written at this step.
     fn wants_profile(&self, profile: &Profile, report: &StepReport) -> bool {
-        report.load >= 1.0 || (report.step as u64).is_multiple_of(profile.every)
+        report.ends_stage || (report.step as u64).is_multiple_of(profile.every)
     }
 
     /// The states from whose start anything is counted.

@@ -119,7 +119,9 @@ pub enum ProblemError {
         formulation: &'static str,
     },
     /// A condition acts along z on a plane mesh.
-    #[error("a plane problem has no direction z: displacements and forces along it must be left out")]
+    #[error(
+        "a plane problem has no direction z: displacements and forces along it, and rotations but that about z, must be left out"
+    )]
     NoThirdAxis,
     /// Two conditions prescribe different values for one component of one node.
     #[error(

@@ -111,6 +111,8 @@ pub(super) struct AcceptedState<'a> {
     pub(super) force_ratio: f64,
     /// See [`crate::observer::StepReport::displacement_ratio`].
     pub(super) displacement_ratio: f64,
+    /// See [`crate::observer::StepReport::stagnated`].
+    pub(super) stagnated: bool,
     /// Displacement gradients of the points in the step.
     pub(super) gradients: &'a [Matrix3<f64>],
     /// Forces of supports and multi-point constraints.

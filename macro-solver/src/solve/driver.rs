@@ -219,8 +219,13 @@ impl<'a> Solver<'a> {
 
     /// Whether the stage's path has been followed to its end.
     fn is_at_end(&self) -> bool {
+        self.ends_stage(self.stage_fraction)
+    }
+
+    /// Whether the stage ends at this share of its path and the present load factor.
+    pub(super) fn ends_stage(&self, stage_fraction: f64) -> bool {
         let reaches_load = matches!(self.stage().control.path, PathControl::ArcLength { .. });
-        self.stage_fraction >= 1.0 || (reaches_load && self.load >= 1.0)
+        stage_fraction >= 1.0 || (reaches_load && self.load >= 1.0)
     }
 
     /// Saves the accepted step.
@@ -312,10 +317,10 @@ impl<'a> Solver<'a> {
                     Followed::TakenBack(why) => reason = why,
                 }
             }
-            *size = from * control.cut;
-            if *size < control.min {
+            if is_smallest(from, control.min) {
                 return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
             }
+            *size = (from * control.cut).max(control.min);
             session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, reason });
         }
         unreachable!("the loop only ends by returning")
@@ -337,7 +342,7 @@ impl<'a> Solver<'a> {
     /// Why the last attempt, which aimed at the share `target` of the path, was the last.
     pub(super) fn explained(&self, target: f64, reason: &str) -> String {
         let (size, stage) = (target - self.stage_fraction, self.of_stage());
-        let smallest = if size * self.stage().control.cut < self.stage().control.min { "the smallest" } else { "a" };
+        let smallest = if is_smallest(size, self.stage().control.min) { "the smallest" } else { "a" };
         format!("at load {target:.6}{stage} with {smallest} step {size:.2e}: {reason}")
     }
 
@@ -375,8 +380,12 @@ impl<'a> Solver<'a> {
             self.stabilised_in_vain &= self.full_step(stage_fraction) > 1.0 + 1e-9;
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
-        self.statistics.stagnated_steps += u64::from(converged.stagnated);
         let statistics = &mut self.statistics;
+        if converged.stagnated {
+            statistics.stagnated_steps += 1;
+            statistics.largest_stagnated_force_ratio =
+                statistics.largest_stagnated_force_ratio.max(converged.force_ratio);
+        }
         statistics.largest_force_ratio = statistics.largest_force_ratio.max(converged.force_ratio);
         statistics.largest_displacement_ratio =
             statistics.largest_displacement_ratio.max(converged.displacement_ratio);
@@ -397,6 +406,7 @@ impl<'a> Solver<'a> {
             iterations: converged.iterations,
             force_ratio: converged.force_ratio,
             displacement_ratio: converged.displacement_ratio,
+            stagnated: converged.stagnated,
             gradients,
             reactions: &reactions,
             loads: &self.committed_balance.external,
@@ -405,6 +415,11 @@ impl<'a> Solver<'a> {
         };
         self.report_accepted(&state, before, session)
     }
+}
+
+/// Whether a step is as small as steps may be. Sizes are differences of shares of the path, which round.
+pub(super) fn is_smallest(size: f64, min: f64) -> bool {
+    size <= (1.0 + 1e-9) * min
 }
 
 /// Share of the path that a step of `size` aims at. Snaps to the grid of equal steps, so that an undisturbed run meets

@@ -48,13 +48,14 @@ pub fn equilibrium_stress(
     // Newton's method takes some ten iterations, but can go to and fro between points that yield in turns; a damped motion cannot.
     for procedure in [newton, relaxation] {
         let start = start_of(problem, procedure);
+        let mut solver = Solver::new(&start)?;
         let mut material = FrictionalMaterial::new(
             problem.mesh.dimension.count(),
             settings.rest_coefficient,
             settings.friction_angle.to_radians(),
+            solver.load_per_area(),
             problem.point_count(),
         );
-        let mut solver = Solver::new(&start)?;
         let session = &mut Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
         reason = match solver.solve_start(session) {
             Ok(()) => return Ok(material.stresses()),
@@ -63,6 +64,15 @@ pub fn equilibrium_stress(
         };
     }
     Err(EquilibriumError::NotFound(reason))
+}
+
+impl Solver<'_> {
+    /// Loads at the start over the area of a side as long as the body, Pa.
+    fn load_per_area(&self) -> f64 {
+        let forces = self.loads.force(&self.body.positions(&self.body.zero()), self.moment(0.0));
+        let sides = i32::try_from(self.body.mesh().dimension.count() - 1).expect("two or three axes");
+        forces.iter().map(|force| force.abs()).sum::<f64>() / self.body.extent().powi(sides)
+    }
 }
 
 /// The problem up to its first step, with small strains and nothing that belongs to grains.

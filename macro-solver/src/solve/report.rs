@@ -50,6 +50,8 @@ impl Solver<'_> {
             committed_iterates: before.committed_iterates,
             force_ratio: state.force_ratio,
             displacement_ratio: state.displacement_ratio,
+            ends_stage: self.ends_stage(state.stage_fraction),
+            stagnated: state.stagnated,
             flags: self.points.flags(),
             accuracy: self.accuracy,
         };

@@ -17,7 +17,7 @@ pub fn displacement_fluctuations<S: Space>(
 
 /// Deformation gradient of a cell from its periodicity vectors, rows `Y = M Y0 F^T`. The whole numbers `M` by which a cell under large
 /// shear was described anew follow from a gradient that is about right.
-fn cell_deformation<S: Space>(start: &S::Tensor, now: &S::Tensor, about: &S::Tensor) -> S::Tensor {
+pub(crate) fn cell_deformation<S: Space>(start: &S::Tensor, now: &S::Tensor, about: &S::Tensor) -> S::Tensor {
     let whole = product(now, &inverse(&product(start, &transpose(about))));
     let whole = S::Tensor::from_fn(|i, j| whole[i][j].round());
     transpose(&product(&inverse(&product(&whole, start)), now))

@@ -219,6 +219,18 @@ mod tests {
         }
     }
 
+    /// The same lattice by vectors that lean far, which the first trial describes by shorter ones.
+    #[test]
+    fn cells_that_lean_by_whole_vectors_are_brought_to_it() {
+        let AnyDefinition::Discs(mut given) = cell("discs-100.json", 6e7, 0.0) else { panic!("discs") };
+        let [first, second] = &mut given.packing.periodicity;
+        (0..2).for_each(|axis| second[axis] += 2.0 * first[axis]);
+        given.packing.contacts.clear();
+        let wanted = at_rest(0.5, 1.5e5);
+        let (stress, _) = state_of(&AnyDefinition::Discs(given).at_stress(&wanted).unwrap().definition);
+        assert!((stress[1][1] / wanted[1][1] - 1.0).abs() < 2e-6, "{stress:?}");
+    }
+
     #[test]
     fn spheres_too() {
         let wanted = at_rest(0.5, 6e4);

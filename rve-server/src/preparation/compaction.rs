@@ -74,7 +74,7 @@ pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
     target: StressTarget,
     tolerances: Tolerances,
-    limits: ServoLimits<S::Tensor>,
+    limits: ServoLimits<S>,
     log: &'a ProgressLog<'a>,
 }
 

@@ -1,7 +1,8 @@
 //! The strain that should bring a cell to its target stress.
 
 use super::stress_target::{Matrix, StressTarget, symmetric_pairs};
-use crate::space::{Tensor, inverse, product};
+use crate::homogenization::fluctuation::cell_deformation;
+use crate::space::{Space, Tensor};
 use nalgebra::{DMatrix, DVector};
 use protocol::{Tensor2, Tensor4};
 
@@ -33,29 +34,33 @@ pub(crate) fn pressure(stress: &Tensor2, dimension: usize) -> f64 {
 }
 
 /// What ends a servo that does not reach its target.
-pub(crate) struct ServoLimits<T> {
+pub(crate) struct ServoLimits<S: Space> {
     /// Most servo steps.
     pub(crate) increments: u32,
     /// The vectors of the cell at the start, m, by rows, and how far a component of the deformation since then may be from the identity.
-    strain: Option<(T, f64)>,
+    strain: Option<(S::Tensor, f64)>,
 }
 
-impl<T: Tensor> ServoLimits<T> {
+impl<S: Space> ServoLimits<S> {
     /// So many steps, however far they lead.
     pub(crate) fn increments(increments: u32) -> Self {
         Self { increments, strain: None }
     }
 
     /// So many steps, and so much strain of a cell that has these vectors.
-    pub(crate) fn increments_and_strain(increments: u32, rows: T, most: f64) -> Self {
+    pub(crate) fn increments_and_strain(increments: u32, rows: S::Tensor, most: f64) -> Self {
         Self { increments, strain: Some((rows, most)) }
     }
 
     /// Whether a cell with these vectors has been strained by more than the limit.
-    pub(crate) fn are_passed_by(&self, rows: &T) -> bool {
+    pub(crate) fn are_passed_by(&self, rows: &S::Tensor) -> bool {
         self.strain.as_ref().is_some_and(|(before, most)| {
-            let deformation = product(&inverse(before), rows);
-            deformation.components().zip(T::IDENTITY.components()).any(|(now, then)| (now - then).abs() > *most)
+            // A cell whose vectors lean far is described by shorter ones from its first trial on: that is no strain.
+            let deformation = cell_deformation::<S>(before, rows, &S::Tensor::IDENTITY);
+            deformation
+                .components()
+                .zip(S::Tensor::IDENTITY.components())
+                .any(|(now, then)| (now - then).abs() > *most)
         })
     }
 }

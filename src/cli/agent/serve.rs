@@ -3,6 +3,7 @@
 use super::Arguments;
 use crate::engines::Catalogue;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::workers::SignalWatch;
 use grain_pool::processes::{Engine, LaunchPlan, WorkerProcesses, channel_limits, most_workers, run_name};
 use hosts::agent::{Agent, AgentEnd, AgentError, AgentFigures, AgentOptions};
@@ -41,7 +42,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         .map_err(|error| Failure::new(Exit::WorkersLost, format!("could not watch for signals: {error}")))?;
     loop {
         let (ended, figures) = serve_one(arguments, &engine, workers, &interrupt, &signals)?;
-        eprintln!("{}", closing_line(&ended, figures));
+        tell(closing_line(&ended, figures));
         match ended {
             Ok(AgentEnd::RunEnded(_)) if arguments.standing => {}
             Ok(AgentEnd::RunEnded(_)) => return Ok(Exit::Done),
@@ -122,6 +123,7 @@ fn closing_line(ended: &Result<AgentEnd, AgentError>, figures: AgentFigures) -> 
 fn log_to_stderr() {
     let subscriber = tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .log_internal_errors(false)
         .with_ansi(std::io::stderr().is_terminal())
         .with_max_level(tracing::Level::INFO)
         .finish();

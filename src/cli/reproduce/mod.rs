@@ -16,6 +16,7 @@ use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
 use crate::machine::Machine;
+use crate::stderr::tell;
 use crate::stdout::print;
 use error::ReproduceError;
 use figure::{Figure, Outcome, Size};
@@ -136,7 +137,7 @@ fn list() -> String {
 fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs) -> Result<(), Failure> {
     let default = || Path::new("out/reproduce").join(format!("{}-{}", figure.name, arguments.size.keyword()));
     let out = arguments.out.clone().unwrap_or_else(default);
-    eprintln!("{}: {} ({})", figure.name, figure.shows, figure.source);
+    tell(format_args!("{}: {} ({})", figure.name, figure.shows, figure.source));
     let results = runner::run_all(figure, arguments.size, inputs, &out, arguments)?;
     let outcome = (figure.evaluate)(&results, arguments.size)?;
     deliver(figure, arguments.size, inputs, &out, &outcome)?;
@@ -144,7 +145,7 @@ fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs) -> Result<(), F
     for note in &outcome.notes {
         print(format!("note: {note}\n").as_bytes())?;
     }
-    eprintln!("written to {}", out.display());
+    tell(format_args!("written to {}", out.display()));
     Ok(())
 }
 

@@ -7,6 +7,7 @@ use super::figure::{Command, Figure, Run, Size};
 use super::inputs::Inputs;
 use super::results::{Finished, Results};
 use crate::exit::Failure;
+use crate::stderr::tell;
 use macro_solver::output::write_atomically;
 use rve_server::programs::specimen::SpecimenTest;
 use scene_reader::Document;
@@ -36,7 +37,7 @@ pub(super) fn run_all(
     let mut finished = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         let folder = out.join("runs").join(&run.name);
-        eprintln!("run {} of {count}: {}", index + 1, run.name);
+        tell(format_args!("run {} of {count}: {}", index + 1, run.name));
         finished.push(made(run, &folder, inputs, arguments)?);
     }
     Ok(Results::new(finished))
@@ -67,7 +68,7 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
     };
     let Some(code) = code.filter(|code| accepted.contains(code)) else {
         let code = code.map_or("-".to_owned(), |code| code.to_string());
-        eprint!("{said}");
+        tell(said.trim_end());
         return Err(ReproduceError::Run { name: run.name.clone(), code, folder: folder.to_owned() }.into());
     };
     let finished = Finished::new(&run.name, folder, identity, code, said, clock.elapsed().as_secs_f64());

@@ -114,7 +114,7 @@ fn warnings(summary: &Summary) -> String {
     let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
     let open = (residual > LARGEST_RESIDUAL).then(|| {
         let percent = 100.0 * residual;
-        format!("energy balance open by {percent:.0} %: steps are too large for the trapezium rule")
+        format!("energy balance open by {percent:.0} % of the largest entry; if smaller steps do not close it, look at the snaps")
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }

@@ -92,6 +92,7 @@ impl Observer for EventLog {
             creep = report.stabilisation_increments,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
+            stagnated = report.stagnated,
             not_equilibrated = report.flags.not_equilibrated,
             largest_unbalanced = largest_unbalanced(fields),
             tangent_fallback = report.flags.tangent_fallback,

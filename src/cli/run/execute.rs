@@ -16,6 +16,7 @@ use super::shortcuts::Allowed;
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
 use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, ReplicaPlan};
@@ -112,7 +113,7 @@ pub(super) fn execute<P: MacroPort>(
     if !quiet {
         let force_evaluations = solved.run.statistics.cost.force_evaluations;
         let place = folder.path().display().to_string();
-        eprint!("{}", closing_lines(&summary, &solved.run.outcome, force_evaluations, &place));
+        tell(closing_lines(&summary, &solved.run.outcome, force_evaluations, &place).trim_end());
     }
     // The failure of the run itself matters more than that of a file.
     if let Some(failure) = failure {

@@ -66,7 +66,7 @@ mod with {
         let join_file =
             JoinFile::write(&path, address, &arguments.advertise, &secret).map_err(|error| bad(&error))?;
         if !arguments.quiet {
-            eprintln!("listening at {address}; on other hosts: grainspan agent --join {}", path.display());
+            tell(format_args!("listening at {address}; on other hosts: grainspan agent --join {}", path.display()));
         }
         tracing::info!(%address, "listening for agents");
         let figures = Some(port.figures());

@@ -7,6 +7,7 @@ use super::hosts;
 use super::resume::{Continued, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::workers::{RunProgress, SignalWatch, StatusFile};
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
@@ -67,7 +68,7 @@ pub(super) fn run(
             for assigned in &assignment.engines {
                 let engine = &assigned.engine;
                 let choice = if engine.is_built_in() { String::new() } else { format!(" --engine {}", engine.name) };
-                eprintln!("waiting for {workers} x `grainspan rve-server --run {name}{choice}`");
+                tell(format_args!("waiting for {workers} x `grainspan rve-server --run {name}{choice}`"));
             }
         }
         Box::new(JoiningWorkers)

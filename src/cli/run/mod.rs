@@ -27,6 +27,7 @@ pub(crate) use arguments::Arguments;
 
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use folder::OutputFolder;
 use resume::{RunDescription, Start};
 use scene_reader::{CellPreparation, Scene};
@@ -59,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             let folder = OutputFolder::reopen(&path)?;
             let (step, load) = (continued.description.step, continued.description.load);
             print_unless_quiet(arguments, &format!("continuing after step {step} at load {load:.4}"));
-            continued.remarks.iter().for_each(|remark| eprintln!("warning: {remark}"));
+            continued.remarks.iter().for_each(|remark| tell(format_args!("warning: {remark}")));
             (folder, Some(*continued))
         }
         Start::Beginning => {
@@ -74,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     event_log::open(&folder.path().join("run.jsonl"))?;
     if !arguments.quiet {
-        assignment.remarks().for_each(|remark| eprintln!("note: {remark}"));
+        assignment.remarks().for_each(|remark| tell(format_args!("note: {remark}")));
     }
     assignment.remarks().for_each(|remark| tracing::info!(remark, "engine"));
     if let Some(CellPreparation { cells, in_smaller_steps, .. }) = scene.prepared {
@@ -89,6 +90,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 
 fn print_unless_quiet(arguments: &Arguments, line: &str) {
     if !arguments.quiet {
-        eprintln!("{line}");
+        tell(&line);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::super::heartbeat::Heartbeat;
 use crate::exit::Failure;
+use crate::stderr::tell;
 use scene_reader::Scene;
 use std::time::Instant;
 
@@ -18,9 +19,9 @@ pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool) -> Result<(), Failur
     let (cells, [lowest, highest], seconds) =
         (planned.cells, planned.vertical_pressure, begun.elapsed().as_secs_f64());
     if !quiet {
-        eprintln!(
+        tell(format_args!(
             "{cells} cells brought to vertical pressures of {lowest:.3e} to {highest:.3e} Pa in {seconds:.1} s"
-        );
+        ));
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Progress on standard error: a bar with the time left on a terminal, a line per step elsewhere.
 
+use crate::stderr::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::observer::{CutBack, FieldsView, IterationReport, Observer, Stabilised, StepReport, StopRequest};
 use macro_solver::problem::Problem;
@@ -43,7 +44,7 @@ impl ProgressDisplay {
     fn print(&self, line: &str) {
         match &self.view {
             View::Bar(bar) => bar.println(line),
-            View::Lines => eprintln!("{line}"),
+            View::Lines => tell(&line),
             View::Nothing => {}
         }
     }
@@ -84,10 +85,10 @@ impl Observer for ProgressDisplay {
                 let left = if covered > 0.0 { elapsed / covered * (1.0 - report.share) } else { f64::NAN };
                 let left = if left.is_nan() { String::new() } else { format!(", about {left:.0} s left") };
                 let stage = self.stages.get(report.stage).map_or("", String::as_str);
-                eprintln!(
+                tell(format_args!(
                     "step {:>3}  {stage}load {:.4}  {:>2} iterations  {:>5} evaluations  residual {:.1e}  {elapsed:.1} s{left}",
                     report.step, report.load, report.iterations, report.evaluations, report.force_ratio
-                );
+                ));
             }
             View::Nothing => {}
         }

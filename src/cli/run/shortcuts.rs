@@ -91,7 +91,7 @@ pub(super) fn shortcuts(
         enabled: allowed.stagnated_steps,
         count: statistics.stagnated_steps,
         of: statistics.steps,
-        error: bound(statistics.stagnated_steps > 0, statistics.largest_force_ratio),
+        error: bound(statistics.stagnated_steps > 0, statistics.largest_stagnated_force_ratio),
         ..Shortcut::default()
     };
     let error_estimate = Shortcut {
@@ -148,7 +148,7 @@ pub(super) fn lines(summary: &Summary) -> Vec<(&'static str, String)> {
         ("lanes", "side by side", "trials"),
         ("tangents_not_requested", "no tangent", "evaluations without one"),
         ("event_driven", "linear response", "evaluations"),
-        ("stagnated_steps", "stagnation", "steps ended above the tolerance"),
+        ("stagnated_steps", "stagnation", "steps ended above a tolerance"),
     ];
     let taken = words.into_iter().filter_map(|(name, label, what)| {
         let shortcut = summary.economy.get(name).filter(|shortcut| shortcut.count > 0)?;

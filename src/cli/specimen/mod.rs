@@ -6,6 +6,7 @@ mod restart;
 use self::profile::Profiles;
 use self::restart::Restart;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use crate::stdout::deliver;
 use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -125,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
                 restart.remove()?;
             }
             if !arguments.quiet {
-                eprintln!("{}", closing(&summary));
+                tell(closing(&summary));
             }
             Ok(if summary.unbalanced_stages > 0 { Exit::NotConverged } else { Exit::Done })
         }

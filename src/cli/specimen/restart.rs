@@ -2,6 +2,7 @@
 
 use super::profile;
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFile, StoredCheckpoint};
 use protocol::ContentId;
 use scene_reader::changes;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -104,13 +105,13 @@ impl Restart {
         let unusable = |error: CheckpointError| Failure::new(Exit::BadInput, error);
         let (archive, damage) = match self.file.read().map_err(unusable)? {
             StoredCheckpoint::Nothing => {
-                eprintln!("{} holds no checkpoint; starting from the beginning", self.folder.display());
+                tell(format_args!("{} holds no checkpoint; starting from the beginning", self.folder.display()));
                 return Ok(None);
             }
             StoredCheckpoint::Archive(archive, damage) => (archive, damage),
         };
         if let Some(damage) = damage {
-            eprintln!("warning: {damage}; continuing from the checkpoint before it");
+            tell(format_args!("warning: {damage}; continuing from the checkpoint before it"));
         }
         let kept: Kept = archive.get(SECTION, VERSION).map_err(unusable)?;
         let mut found = changes(&kept.test, &self.blank.test);
@@ -137,11 +138,11 @@ impl Restart {
             return Err(Failure::new(Exit::BadInput, text));
         }
         if kept.program != self.blank.program {
-            eprintln!(
+            tell(format_args!(
                 "warning: the checkpoint was written by another build ({}, this is {}): the rest of the run may differ in the last \
                  digits from a run in one piece",
                 kept.program, self.blank.program
-            );
+            ));
         }
         Ok(Some(kept))
     }
@@ -161,7 +162,7 @@ impl Restart {
         if let Err(error) = self.file.write(&archive)
             && !std::mem::replace(&mut self.has_failed, true)
         {
-            eprintln!("warning: {error}; the run goes on");
+            tell(format_args!("warning: {error}; the run goes on"));
         }
     }
 

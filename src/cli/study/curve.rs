@@ -136,7 +136,9 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
     let needs = |strain: f64| match &path.stopped {
         _ if reached >= strain - SAME_STRAIN => Ok(()),
         Some(reason) => Err(format!("stopped at a strain of {reached:.4}: {reason}")),
-        None => Err(format!("the path ends at a strain of {reached:.4}, before {strain}")),
+        None => {
+            Err(format!("the largest strain of the path is {reached:.4} (extension counts negative), below {strain}"))
+        }
     };
     let window = |from: f64, to: Option<f64>| match (to, &path.stopped) {
         (Some(to), _) => needs(to).map(|()| (from, to)),

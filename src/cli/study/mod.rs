@@ -12,6 +12,7 @@ use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
 use crate::machine::Machine;
+use crate::stderr::tell;
 use crate::stdout::print;
 use ensemble::Results;
 use macro_solver::output::{OutputError, write_atomically};
@@ -76,13 +77,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         if !arguments.quiet {
             let place = sample.place;
             let recipe = &study.recipes[place.recipe].name;
-            eprintln!("{done} of {total}: {recipe}, {} grains, seed {}", place.grains, place.seed);
+            tell(format_args!("{done} of {total}: {recipe}, {} grains, seed {}", place.grains, place.seed));
         }
     });
     let failures = results.failures();
     deliver(&results, &failures, arguments, &out)?;
     if !arguments.quiet {
-        eprintln!("written to {}", out.display());
+        tell(format_args!("written to {}", out.display()));
     }
     match failures.is_empty() {
         true => Ok(Exit::Done),
@@ -147,7 +148,7 @@ fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, ou
         match chart.to_svg() {
             Ok(svg) => write_atomically(&file(&format!("-{part}.svg")), svg.as_bytes())?,
             // Without one good sample there is nothing to draw; the tables say so.
-            Err(error) => eprintln!("warning: no picture {}-{part}.svg: {error}", study.name),
+            Err(error) => tell(format_args!("warning: no picture {}-{part}.svg: {error}", study.name)),
         }
     }
     let fallbacks: Vec<Fallback> =

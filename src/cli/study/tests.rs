@@ -57,7 +57,7 @@ fn failed_samples_are_counted_and_named() {
     let failures = results.failures();
     assert_eq!(failures.len(), 4);
     assert!(
-        failures[0].starts_with("dense, 12 grains, seed 1, squeeze: the path ends at a strain of 0.0020"),
+        failures[0].starts_with("dense, 12 grains, seed 1, squeeze: the largest strain of the path is 0.0020"),
         "{failures:?}"
     );
     assert!(failures[0].ends_with("no value of pressure"), "{failures:?}");

@@ -4,6 +4,7 @@ mod pages;
 mod rows;
 
 use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use macro_solver::output::write_atomically;
 use std::path::{Path, PathBuf};
 
@@ -24,7 +25,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     for (file, text) in made(&arguments.repository)? {
         write_atomically(&file, text.as_bytes())?;
-        eprintln!("written: {}", file.display());
+        tell(format_args!("written: {}", file.display()));
     }
     Ok(Exit::Done)
 }

@@ -234,3 +234,40 @@ fn a_recipe_with_rolling_resistance_is_met() {
     let [contacts, moments] = ["contacts", "rolling_moments"].map(|key| packing[key].as_array().unwrap().len());
     assert!(contacts > 20 && contacts == moments, "{contacts} contacts, {moments} moments");
 }
+
+/// A cell and the same lattice by a second vector that leans by the first: a strain of the periodic sides is that of the body in both.
+#[test]
+fn periodic_sides_that_lean_strain_the_same_body() {
+    let site = Site::new();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
+    let mut packing: serde_json::Value = serde_json::from_slice(&std::fs::read(shipped).unwrap()).unwrap();
+    let mut tables = Vec::new();
+    for name in ["upright", "leaning"] {
+        let file = site.path(&format!("{name}.json"));
+        std::fs::write(&file, packing.to_string()).unwrap();
+        let test = format!(
+            "packing = \"{}\"\ntiles = [1, 1]\nperiodic = [\"x\", \"y\"]\n[contact]\nlaw = \"linear\"\nmodulus = 1e8\n\
+             stiffness_ratio = 0.5\nfriction = 0.5\n[[stage]]\nname = \"squeeze\"\nsteps = 4000\nstrain = {{ xx = -0.005 }}\n\
+             rows = 1\n[[stage]]\nname = \"shear\"\nsteps = 4000\nshear = {{ xy = 0.002 }}\nrows = 1\n",
+            file.display()
+        );
+        let (path, out) = (site.path(&format!("{name}.toml")), site.path(&format!("{name}.csv")));
+        std::fs::write(&path, test).unwrap();
+        let (code, text, _) = run(&site, &["specimen", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        assert_eq!(code, 0, "{text}");
+        tables.push(std::fs::read_to_string(out).unwrap());
+        let first: Vec<f64> = serde_json::from_value(packing["periodicity"][0].clone()).unwrap();
+        for (axis, part) in first.iter().enumerate() {
+            packing["periodicity"][1][axis] = (packing["periodicity"][1][axis].as_f64().unwrap() + part).into();
+        }
+        for contact in packing["contacts"].as_array_mut().unwrap() {
+            contact[2] = (contact[2].as_i64().unwrap() - contact[3].as_i64().unwrap()).into();
+        }
+    }
+    for name in ["sigma_xx", "sigma_yy", "sigma_xy"] {
+        let [upright, leaning] = [0, 1].map(|which: usize| column(&tables[which], name));
+        for (row, (one, other)) in upright.iter().zip(&leaning).enumerate() {
+            assert!((one - other).abs() < 2e3, "{name}, row {row}: {one} and {other} Pa");
+        }
+    }
+}

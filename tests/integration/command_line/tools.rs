@@ -353,3 +353,29 @@ fn every_command_explains_itself_with_an_example() {
     let script = String::from_utf8(succeeded(&["completions", "bash"]).stdout).unwrap();
     assert!(script.contains("complete -F _grainspan"), "a bash script");
 }
+
+/// `2>&1 | head`: what is told to people ends no run.
+#[test]
+fn a_reader_of_messages_that_leaves_ends_no_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/biaxial-small.toml", "--workers", "1", "--out"])
+        .arg(&out)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(run.stderr.take());
+    assert!(run.wait().unwrap().success());
+    assert!(out.join("summary.json").exists());
+}
+
+/// The packing of a region under the law of that region.
+#[test]
+fn check_knows_the_packings_of_regions() {
+    let region = "region=[{ name = 'soft', from = [-1.0, -1.0], to = [1.0, 1.0], \
+                  contact = { law = 'linear', modulus = 1e8, stiffness_ratio = 0.5, friction = 1e-7, density = 2650.0 } }]";
+    let text = String::from_utf8(succeeded(&["check", "scenes/biaxial-small.toml", "--set", region]).stdout).unwrap();
+    assert!(text.contains("packing of a region: of the packing's tangential forces"), "{text}");
+}

@@ -22,6 +22,8 @@ pub(crate) fn report(step: usize, stage: usize, load: f64) -> StepReport {
         committed_iterates: 0,
         force_ratio: 0.0,
         displacement_ratio: 0.0,
+        ends_stage: load >= 1.0,
+        stagnated: false,
         flags: crate::observer::FlagCounts::default(),
         accuracy: crate::observer::StepAccuracy::default(),
     }

@@ -87,6 +87,7 @@ impl Solver<'_> {
             iterations: usize::try_from(integrator.done() - reported).unwrap_or(usize::MAX),
             force_ratio: 0.0,
             displacement_ratio: 0.0,
+            stagnated: false,
             gradients: integrator.gradients(),
             reactions: integrator.reactions(),
             loads: integrator.loads(),

@@ -4,6 +4,7 @@
 //! and the step goes on from its last iterate.
 
 mod globalisation;
+mod idle;
 pub(in crate::solve) mod path;
 mod prediction;
 pub(in crate::solve) mod quasi_newton;
@@ -151,6 +152,9 @@ impl Solver<'_> {
     /// Tries the step from the committed state to the share `target` of the stage's path; `again` after a failed attempt at
     /// this step.
     fn attempt_newton(&mut self, target: f64, again: bool, session: &mut Session<'_>) -> Result<Attempted, Failure> {
+        if let Some(converged) = self.remain(target, session)? {
+            return Ok(Attempted::Converged(converged));
+        }
         let mut attempt = self.begin_attempt(target, again)?;
         let full_step = self.full_step(target);
         match self.iterate(&mut attempt, full_step, session) {

@@ -70,7 +70,8 @@ impl Solver<'_> {
         let supports = || (0..last.len()).filter(|&dof| self.constraints.is_prescribed(dof));
         let moved: f64 = supports().map(|dof| last[dof] * last[dof]).sum();
         if moved == 0.0 {
-            return Some(share_of_load);
+            // Supports that begin to move are no repetition of a step in which they stood still.
+            return (!self.supports_moved(given)).then_some(share_of_load);
         }
         let share = supports().map(|dof| given[dof] * last[dof]).sum::<f64>() / moved;
         // On a straight path they differ by rounding.

@@ -15,7 +15,7 @@ mod committed_iterates;
 mod path;
 
 use super::accepted::{Converged, Counters, Followed};
-use super::driver::{Session, Solver};
+use super::driver::{Session, Solver, is_smallest};
 use super::linear_solver::{LinearSolverError, norm};
 use super::newton::largest_component;
 use super::newton::tangent_update::TangentUpdater;
@@ -70,7 +70,7 @@ impl Solver<'_> {
     /// been stabilised in vain, smaller ones are tried without it first.
     pub(super) fn stabilises(&self, method: &dyn LoadStepMethod, failed: usize, from: f64) -> Option<Stabilisation> {
         let control = &self.stage().control;
-        let is_smallest = from * control.cut < control.min;
+        let is_smallest = is_smallest(from, control.min);
         let is_soon = |settings: &Stabilisation| {
             settings.after.is_some_and(|after| after > 0 && failed >= after) && !self.stabilised_in_vain
         };

@@ -37,6 +37,30 @@ fn level_ground_has_its_earth_pressure_at_rest() {
     }
 }
 
+/// Loads in MPa are those in Pa by a power of two or ten: the same stress, in its unit.
+#[test]
+fn the_stress_does_not_depend_on_the_unit_of_the_loads() {
+    let settings = EquilibriumSettings { rest_coefficient: 0.4, friction_angle: 25.0 };
+    let found = |unit: f64| {
+        let supports = [("bottom", Axis::X), ("bottom", Axis::Y), ("left", Axis::X)];
+        equilibrium_stress(&layer([0.0, -WEIGHT * unit, 0.0], &supports, 1e4 * unit), &settings)
+    };
+    let supported = |unit: f64| {
+        let supports = [("bottom", Axis::Y), ("left", Axis::X), ("right", Axis::X)];
+        equilibrium_stress(&layer([0.0, -WEIGHT * unit, 0.0], &supports, 1e4 * unit), &settings).unwrap()
+    };
+    let wanted = supported(1.0);
+    for unit in [(-20.0f64).exp2(), (-60.0f64).exp2(), 30f64.exp2()] {
+        for (one, other) in supported(unit).iter().flatten().flatten().zip(wanted.iter().flatten().flatten()) {
+            assert_eq!(*one, unit * other, "{unit:e}");
+        }
+        assert_eq!(found(unit).is_ok(), found(1.0).is_ok(), "{unit:e}: a wall is missing");
+    }
+    for (one, other) in supported(1e-6).iter().flatten().flatten().zip(wanted.iter().flatten().flatten()) {
+        assert!((one - 1e-6 * other).abs() < 1e-6 * 5e4 * 1e-6, "{one} {other}");
+    }
+}
+
 /// Weight at an angle `b` to the normal of a layer whose sides move alike: shear is `tan b` times the normal stress. Plastic flow without change
 /// of volume has the principal stresses at 45 degrees to the surface, where the shear is at most `sin(phi)` times the normal stress; so there
 /// is an equilibrium up to `tan b = sin(phi)` (Davis 1968), and none above.

@@ -12,6 +12,7 @@ mod equilibrium_stress;
 mod formulations;
 mod friction;
 mod guided;
+mod idle;
 mod initial;
 mod multi_point_constraints;
 mod neighbours;

@@ -174,7 +174,7 @@ fn stabilisation_under_a_growing_load_stays_near_equilibrium() {
     assert!(material.committed.iter().all(|state| state.lost > 0.0));
 }
 
-/// On a softening column with one far branch all drags end on it; a stronger one only takes longer.
+/// On a softening column with one far branch all drags end on it, with the same work.
 #[test]
 fn the_drag_changes_the_way_and_not_the_far_branch() {
     let ends = [0.03, 0.1, 0.3].map(|viscosity| {
@@ -183,11 +183,10 @@ fn the_drag_changes_the_way_and_not_the_far_branch() {
         let (mut material, mut watch) = (weak_at_the_bottom(), Watch::default());
         let run = solve(&problem, &mut material, &mut watch);
         assert!(matches!(run.outcome, Outcome::Completed), "{viscosity}: {:?}", run.outcome);
-        let increments: usize = watch.stabilised.iter().map(|event| event.increments).sum();
-        (material.largest_strain(0), run.statistics.stabilisation_work, increments)
+        assert_eq!(watch.stabilised.len(), 1, "{viscosity}");
+        (material.largest_strain(0), run.statistics.stabilisation_work)
     });
     for end in &ends {
         assert!((end.0 / ends[1].0 - 1.0).abs() < 1e-6 && (end.1 / ends[1].1 - 1.0).abs() < 0.1, "{ends:?}");
     }
-    assert!(ends[0].2 <= ends[2].2, "{ends:?}");
 }

@@ -83,8 +83,20 @@ impl FrameOptions {
     /// The frame that `[rve] frame` asks for, or a periodic one: accuracy and damping are those of the cell.
     ///
     /// # Errors
-    /// A damping or criterion that frames do not have.
+    /// A key, a damping or a criterion that frames do not have.
     pub(crate) fn of_cell(options: &RveOptions) -> Result<Self, DefinitionError> {
+        let usual = RveOptions::default();
+        let without = [
+            ("solver", options.solver != usual.solver),
+            ("at_step_cap", options.at_step_cap != usual.at_step_cap),
+            ("max_evaluations", options.max_evaluations.is_some()),
+            ("largest_target", options.largest_target.is_some()),
+        ];
+        if let Some((key, _)) = without.into_iter().find(|(_, is_given)| *is_given) {
+            return Err(DefinitionError(format!(
+                "rve: a boundary frame knows no {key}: its trials end at max_steps, flagged, and take targets up to 0.2; leave it out"
+            )));
+        }
         let wanted = options.frame.clone().unwrap_or_default();
         let bare = Self {
             strain_per_step: Some(options.strain_per_step()),

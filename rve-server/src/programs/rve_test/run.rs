@@ -87,6 +87,11 @@ fn run_requested(
     requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
+    if test.frame.is_some() && requests.tangent != TangentKind::None {
+        return Err(ElementError::Test(
+            "frame: the table of a frame has no tangent; leave out --tangent, or the table".into(),
+        ));
+    }
     match packing {
         Packing::Discs(packing) => match &test.frame {
             Some(options) => run_frame_element(test, options, packing, &mut |row| {

@@ -26,6 +26,8 @@ pub(super) struct Place {
     pub(super) row: u64,
     /// Lengths of the box when the stage began, m.
     pub(super) lengths: [f64; 3],
+    /// Periods of the periodic axes when the stage began, m.
+    pub(super) periods: [[f64; 3]; 3],
 }
 
 impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
@@ -55,6 +57,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         stream.count(&mut self.place.done);
         stream.count(&mut self.place.row);
         stream.numbers(&mut self.place.lengths);
+        self.place.periods.iter_mut().for_each(|period| stream.numbers(period));
         // Constants of contacts follow from the law of the stage.
         if let Some(stage) = self.test.stage.get(self.place.stage as usize) {
             self.use_friction_of(stage);

@@ -246,6 +246,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     fn begin(&mut self, stage: &Stage) {
         self.use_friction_of(stage);
         self.place.lengths = std::array::from_fn(|axis| self.length(axis));
+        self.place.periods = std::array::from_fn(|axis| {
+            let period = self.dynamics.body.period(axis).unwrap_or(S::Vector::ZERO);
+            std::array::from_fn(|along| if along < S::DIMENSION { period[along] } else { 0.0 })
+        });
         let gripping: Vec<usize> =
             stage.glued_axes().into_iter().filter_map(|axis| self.walls[axis]).flatten().collect();
         if !gripping.is_empty() {
@@ -374,7 +378,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             let speed = lengths[axis] / stage.steps as f64 / step;
             self.dynamics.walls[pair[1]].glide = <S::Coordinates<f64>>::build(|along| shear[along] * speed);
         }
-        self.dynamics.strain_sides(std::array::from_fn(|axis| self.side_rate(stage, axis, lengths[axis], step)));
+        self.dynamics.strain_sides(std::array::from_fn(|axis| self.side_rate(stage, axis, step)));
     }
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
@@ -382,13 +386,20 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit
     }
 
-    /// Rate of a periodic axis, m/s: the strain along it and the shear across it.
-    fn side_rate(&self, stage: &Stage, axis: usize, length: f64, step: f64) -> S::Vector {
-        if axis >= S::DIMENSION || self.walls[axis].is_some() {
-            return S::Vector::ZERO;
+    /// Rate of the period of an axis, m/s, in the homogeneous strain of the stage: strains along the periodic axes and shears across them
+    /// act on every component of a period that leans.
+    fn side_rate(&self, stage: &Stage, axis: usize, step: f64) -> S::Vector {
+        let is_periodic = |axis: usize| axis < S::DIMENSION && self.walls[axis].is_none();
+        let mut rate = S::Vector::ZERO;
+        if !is_periodic(axis) {
+            return rate;
         }
-        let (strain, shear) = (stage.strain.values()[axis].unwrap_or(0.0), stage.shear.of_side(axis));
-        let speed = length / stage.steps as f64 / step;
-        S::Vector::from_fn(|along| speed * if along == axis { strain } else { shear[along] })
+        for other in (0..S::DIMENSION).filter(|&other| is_periodic(other)) {
+            let (strain, shear) = (stage.strain.values()[other].unwrap_or(0.0), stage.shear.of_side(other));
+            let speed = self.place.periods[axis][other] / stage.steps as f64 / step;
+            let part = S::Vector::from_fn(|along| speed * if along == other { strain } else { shear[along] });
+            rate = Components::plus(rate, part);
+        }
+        rate
     }
 }
