@@ -33,7 +33,7 @@ impl Heartbeat {
             bar.enable_steady_tick(Duration::from_millis(200));
             return Self(Shown::Bar(bar));
         }
-        Self(Self::lines(BETWEEN_LINES, |line| tell(&line)))
+        Self(Self::lines(BETWEEN_LINES, |line| tell(line)))
     }
 
     fn lines(every: Duration, mut write: impl FnMut(&str) + Send + 'static) -> Shown {

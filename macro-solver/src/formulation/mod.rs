@@ -80,6 +80,14 @@ impl Formulation {
         }
     }
 
+    /// Displacement gradient of an increment after others: each refers to the configuration before it, unless all refer to the initial one.
+    pub(crate) fn joined(self, before: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
+        match self.reference() {
+            Configuration::Initial => before + gradient,
+            Configuration::Committed | Configuration::Current => before + gradient + gradient * before,
+        }
+    }
+
     /// The configuration on which stresses are integrated.
     pub fn integration(self) -> Configuration {
         match self {

@@ -90,6 +90,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 
 fn print_unless_quiet(arguments: &Arguments, line: &str) {
     if !arguments.quiet {
-        tell(&line);
+        tell(line);
     }
 }

@@ -44,7 +44,7 @@ impl ProgressDisplay {
     fn print(&self, line: &str) {
         match &self.view {
             View::Bar(bar) => bar.println(line),
-            View::Lines => tell(&line),
+            View::Lines => tell(line),
             View::Nothing => {}
         }
     }

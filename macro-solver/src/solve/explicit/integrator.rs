@@ -55,6 +55,8 @@ pub(crate) struct Integrator {
     pub(super) monitor: Monitor,
     /// Displacement gradients of the latest step.
     pub(super) gradients: Vec<Matrix3<f64>>,
+    /// Displacement gradients since the last report.
+    pub(super) gradients_since_report: Vec<Matrix3<f64>>,
 }
 
 impl Integrator {
@@ -103,6 +105,7 @@ impl Integrator {
             forces: Forces::default(),
             hourglass_energy: 0.0,
             monitor: Monitor::new(settings.energy_tolerance, settings.longest_excess),
+            gradients_since_report: still.clone(),
             gradients: still,
         };
         integrator.choose_masses_and_step(specimen)?;
@@ -165,6 +168,9 @@ impl Integrator {
         material.commit().map_err(|error| failure(error).into_outcome())?;
         specimen.body.commit(&path);
         specimen.points.commit(&self.gradients);
+        for (total, gradient) in self.gradients_since_report.iter_mut().zip(&self.gradients) {
+            *total = specimen.problem.formulation.joined(total, gradient);
+        }
         self.done += 1;
         specimen.statistics.steps += 1;
         let is_inverted = |geometry: &PointGeometry| geometry.volume.is_nan() || geometry.volume <= 0.0;
@@ -279,9 +285,14 @@ impl Integrator {
         self.hourglass_energy
     }
 
-    /// Displacement gradients of the latest step.
-    pub(crate) fn gradients(&self) -> &[Matrix3<f64>] {
-        &self.gradients
+    /// Displacement gradients since the last report.
+    pub(crate) fn gradients_since_report(&self) -> &[Matrix3<f64>] {
+        &self.gradients_since_report
+    }
+
+    /// Notes that the instant has been reported.
+    pub(crate) fn reported(&mut self) {
+        self.gradients_since_report.fill(Matrix3::zeros());
     }
 
     /// Instants passed.

@@ -92,6 +92,7 @@ impl Integrator {
             hourglass_energy: record.hourglass_energy,
             monitor: record.monitor,
             gradients: vec![Matrix3::zeros(); points],
+            gradients_since_report: vec![Matrix3::zeros(); points],
         })
     }
 }

@@ -69,7 +69,7 @@ impl Solver<'_> {
     /// Reports the state of the instant; `reported` is the number of the instant reported before.
     fn report(
         &mut self,
-        integrator: Integrator,
+        mut integrator: Integrator,
         reported: u64,
         before: &Counters,
         session: &mut Session<'_>,
@@ -88,7 +88,7 @@ impl Solver<'_> {
             force_ratio: 0.0,
             displacement_ratio: 0.0,
             stagnated: false,
-            gradients: integrator.gradients(),
+            gradients: integrator.gradients_since_report(),
             reactions: integrator.reactions(),
             loads: integrator.loads(),
             hourglass_energy: integrator.hourglass_energy(),
@@ -102,6 +102,7 @@ impl Solver<'_> {
             }),
         };
         self.report_accepted(&state, before, session)?;
+        integrator.reported();
         Ok(integrator)
     }
 

@@ -2,7 +2,7 @@
 //! about them.
 
 use crate::element::integrals::add_stiffness;
-use crate::formulation::{Configuration, Formulation};
+use crate::formulation::Formulation;
 use crate::material::elastic::isotropic_moduli;
 use crate::model::assembly::block::{Block, BlockDofs};
 use crate::model::body::{Body, degrees_of_freedom};
@@ -136,12 +136,7 @@ impl StabilisedPath {
             *value += change;
         }
         for (total, gradient) in self.gradients.iter_mut().zip(gradients) {
-            // Each refers to the configuration before it, unless all refer to the initial one.
-            let carried = match formulation.reference() {
-                Configuration::Initial => *gradient,
-                Configuration::Committed | Configuration::Current => gradient + gradient * *total,
-            };
-            *total += carried;
+            *total = formulation.joined(total, gradient);
         }
     }
 }

@@ -52,7 +52,7 @@ fn a_stage_that_holds_what_there_is_costs_nothing() {
     };
     let mut hold = Stage::new("hold", problem.stages[0].conditions.iter().map(at_rest).collect());
     hold.control = problem.stages[0].control.clone();
-    hold.tolerances = problem.stages[0].tolerances.clone();
+    hold.tolerances = problem.stages[0].tolerances;
     problem.stages.push(hold);
     let (held, held_record) = solved(&problem);
     assert_eq!(held.statistics.steps, pressed.statistics.steps + 4);

@@ -3,6 +3,7 @@
 mod constraints;
 mod damping;
 mod relaxation;
+mod reports;
 mod resuming;
 mod softening;
 mod stability;
