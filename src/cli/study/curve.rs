@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(take(ChosenRows::Mean(0.1, None)), 2.0);
         assert_eq!(take(ChosenRows::At(0.3)), 1.0);
         assert!((take(ChosenRows::At(0.05)) - 2.0).abs() < 1e-12);
-        assert!(value(&whole, 0, ChosenRows::At(0.4)).unwrap_err().contains("ends at a strain of 0.3000"));
+        assert!(value(&whole, 0, ChosenRows::At(0.4)).unwrap_err().contains("largest strain of the path is 0.3000"));
         assert!(value(&whole, 0, ChosenRows::Mean(0.11, Some(0.12))).is_err(), "no row lies there");
     }
 

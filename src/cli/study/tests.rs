@@ -65,7 +65,7 @@ fn failed_samples_are_counted_and_named() {
     assert!(csv.lines().nth(1).unwrap().ends_with("pressure,mean_pressure,Pa,0,2,,,,,,"), "{csv}");
     let samples = String::from_utf8(tables::samples_csv(&results).unwrap()).unwrap();
     assert!(samples.lines().nth(1).unwrap().starts_with("dense,12,1,squeeze,,"), "{samples}");
-    assert!(samples.contains("before 0.01"), "{samples}");
+    assert!(samples.contains("below 0.01"), "{samples}");
 
     // A packing that cannot be made has the reason of its preparation.
     let study = self::study(
