@@ -165,7 +165,8 @@ fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
     );
     problem.strain_per_step = RAMP;
     let stage = &mut problem.stages[0];
-    let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.5]]);
+    // A step without any change would be taken as it is.
+    let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.500_001]]);
     stage.conditions.push(Applied::new(pressed, halt));
     stage.control.increments = 2;
     stage.control.max_iterations = 40;
