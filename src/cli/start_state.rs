@@ -316,11 +316,12 @@ fn initial_loads(problem: &Problem, stresses: &[Tensor2]) -> String {
         carried.is_none_or(|carried| (pressure - carried).abs() > MISMATCH * pressure.abs().max(carried.abs()))
     };
     let some_differ = compared.iter().any(differs);
-    let pressures =
-        compared.iter().filter(|load| !some_differ || differs(load)).map(|&(set, pressure, carried)| match carried {
-            Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing has {carried:.3e})"),
-            None => format!("a pressure of {pressure:.3e} Pa on {set}"),
-        });
+    let shown = compared.iter().filter(|load| !some_differ || differs(load));
+    let pressures = shown.map(|&(set, pressure, carried)| match carried {
+        Some(carried) => format!("a pressure of {pressure:.3e} Pa on {set} (the packing has {carried:.3e})"),
+        None => format!("a pressure of {pressure:.3e} Pa on {set}"),
+    });
+    let agree = !some_differ && !compared.is_empty() && others.is_empty();
     let mut parts: Vec<String> = pressures.chain(others).collect();
     let more = parts.len().saturating_sub(MOST_SETS);
     parts.truncate(MOST_SETS);
@@ -328,12 +329,17 @@ fn initial_loads(problem: &Problem, stresses: &[Tensor2]) -> String {
     if more > 0 {
         text += &format!(" and {more} more");
     }
-    match (text.is_empty(), some_differ) {
-        (true, _) => "there are no initial loads".to_owned(),
-        (_, true) => format!("initial loads that differ from it: {text}"),
-        (_, false) => format!(
-            "the initial loads are {text}, which agrees: the difference is inside the body or at supports that let it through"
-        ),
+    if text.is_empty() {
+        "there are no initial loads".to_owned()
+    } else if some_differ {
+        format!("the initial loads that do not agree with it are {text}")
+    } else if agree {
+        format!(
+            "the initial loads agree with it: {text}. What is out of balance lies between regions with different packings, or at \
+             supports that do not bear the stress"
+        )
+    } else {
+        format!("the initial loads are {text}")
     }
 }
 
@@ -444,7 +450,12 @@ mod tests {
         let text = text_of(&scene("geotechnics/footing.toml", &["pressure.0.value=3e5"])).unwrap();
         assert!(text.contains("3.000e5 Pa on surface") && !text.contains("on top"), "{text}");
         let text = text_of(&scene("biaxial-small.toml", &["pressure.0.value=2e5"])).unwrap();
-        assert!(text.contains("2.000e5 Pa on left") && !text.contains("on right"), "{text}");
+        assert!(text.contains("do not agree with it are") && text.contains("2.000e5 Pa on left"), "{text}");
+        assert!(!text.contains("on right"), "{text}");
+        // Pressures that agree do not make the body force agree.
+        let weight = "body_force=[{ set = 'all', value = [0.0, -1e7] }]";
+        let text = text_of(&scene("biaxial-small.toml", &[weight])).unwrap();
+        assert!(text.contains("the initial loads are") && text.contains("a body force of"), "{text}");
     }
 
     #[test]

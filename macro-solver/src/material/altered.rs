@@ -53,6 +53,24 @@ impl<M: PointMaterial, A: Alteration> PointMaterial for Altered<M, A> {
     }
 }
 
+/// Changes the answers of the material one by one.
+pub(crate) trait EachAnswer {
+    /// Changes the answer to a trial.
+    fn change(&mut self, trial: &PointTrial, answer: &mut TrialResult);
+}
+
+impl<A: EachAnswer> Alteration for A {
+    fn answer(
+        &mut self,
+        material: &mut dyn PointMaterial,
+        trials: &[PointTrial],
+    ) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut answers = material.evaluate(trials)?;
+        trials.iter().zip(&mut answers).for_each(|(trial, answer)| self.change(trial, answer));
+        Ok(answers)
+    }
+}
+
 /// Refuses targets with a component beyond a limit, and counts how often.
 pub(crate) struct Timid {
     pub(crate) limit: f64,

@@ -32,11 +32,12 @@ pub struct FrictionalMaterial {
 }
 
 impl FrictionalMaterial {
-    /// `points` points without stress, for loads of `load` per area of the body, Pa. `rest_coefficient` is K0, horizontal over vertical stress of level ground, at least 0 and below 1;
-    /// `friction_angle` in radians; `dimension` 2 (plane strain) or 3.
+    /// `points` points without stress. `rest_coefficient` is K0, horizontal over vertical stress of level ground, at least 0 and below 1;
+    /// `friction_angle` in radians; `load` is the size of the loads per area of the body, Pa; `dimension` 2 (plane strain) or 3.
     pub fn new(dimension: usize, rest_coefficient: f64, friction_angle: f64, load: f64, points: usize) -> Self {
-        // A power of two: loads in other units give the same digits.
+        // Without loads there is no stress, whatever the modulus.
         let load = if load > 0.0 { load } else { 1.0 };
+        // A power of two: loads that differ by one have stresses of the same digits.
         let shear = 0.5 * (MODULUS_OVER_LOAD * load).log2().round().exp2();
         // K0 = lambda / (lambda + 2 G) in strain along one axis.
         let lambda = 2.0 * shear * rest_coefficient / (1.0 - rest_coefficient);

@@ -336,6 +336,8 @@ pub struct Statistics {
     pub skipped_force_evaluations: u64,
     /// Failed attempts.
     pub cut_backs: u64,
+    /// Steps in which nothing changed and the body stayed in balance as it was: not held to the displacement criterion.
+    pub idle_steps: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].
     pub stagnated_steps: u64,
     /// Largest out-of-balance force ratio of these steps.

@@ -185,7 +185,38 @@ impl RveOptions {
         if self.viscous_damping.is_some() && self.damping != Damping::Viscous {
             return Err(DefinitionError("rve.viscous_damping needs damping = \"viscous\"".into()));
         }
+        if self.frame.is_some() {
+            self.check_frame()?;
+        }
         self.operator.validate()
+    }
+
+    /// Checks that a frame of boundary grains can be solved with these options.
+    ///
+    /// # Errors
+    /// A key, a damping or a criterion that frames do not have.
+    pub(crate) fn check_frame(&self) -> Result<(), DefinitionError> {
+        let unknown = [
+            ("solver", self.solver != SolverName::default()),
+            ("at_step_cap", self.at_step_cap != AtStepCap::default()),
+            ("max_evaluations", self.max_evaluations.is_some()),
+            ("largest_target", self.largest_target.is_some()),
+        ];
+        if let Some((key, _)) = unknown.into_iter().find(|(_, is_given)| *is_given) {
+            return Err(DefinitionError(format!(
+                "rve.{key} does not hold for a frame of boundary grains, whose trials end at max_steps, flagged, and take targets up \
+                 to 0.2; leave it out"
+            )));
+        }
+        match (self.damping, self.criterion) {
+            (Damping::Fire, Criterion::MaxForce) | (Damping::Local, Criterion::Energy) => Ok(()),
+            (damping, criterion) => Err(DefinitionError(format!(
+                "rve: a frame of boundary grains has no damping = \"{}\" with criterion = \"{}\"; use \"fire\" with \"max_force\" or \
+                 \"local\" with \"energy\"",
+                damping.keyword(),
+                criterion.keyword()
+            ))),
+        }
     }
 
     /// Strain per ramp step in force; with `error` the one that a run starts with.
@@ -316,5 +347,24 @@ mod tests {
             let used = in_force.iter().find(|(name, _)| *name == key);
             assert_eq!(used.map(|(_, used)| *used), Some(value), "{key}");
         }
+    }
+
+    /// Frames took these keys without effect, and `check` knew nothing of dampings that they do not have.
+    #[test]
+    fn keys_that_frames_do_not_have_are_refused_with_one() {
+        for key in
+            ["solver = 'event_driven'", "at_step_cap = 'refuse'", "max_evaluations = 20", "largest_target = 1e-7"]
+        {
+            let name = key.split(' ').next().unwrap();
+            assert!(options(key).is_ok(), "{key}");
+            let error = options(&format!("frame = {{}}\n{key}")).unwrap_err();
+            assert!(error.contains(&format!("rve.{name} does not hold")), "{error}");
+        }
+        assert!(
+            options("frame = {}\ndamping = 'viscous'")
+                .unwrap_err()
+                .contains("frame of boundary grains has no damping")
+        );
+        assert!(options("frame = {}\ndamping = 'local'\ncriterion = 'energy'\nmax_steps = 100").is_ok());
     }
 }

@@ -114,7 +114,7 @@ fn warnings(summary: &Summary) -> String {
     let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
     let open = (residual > LARGEST_RESIDUAL).then(|| {
         let percent = 100.0 * residual;
-        format!("energy balance open by {percent:.0} % of the largest entry; if smaller steps do not close it, look at the snaps")
+        format!("energy balance open by {percent:.0} %: smaller load steps close it unless cells snap")
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }

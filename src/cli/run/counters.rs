@@ -86,12 +86,13 @@ pub(crate) const COUNTERS: [Counter; 45] = [
 ];
 
 /// Every counter of `skipped` in `summary.json`, with its label.
-pub(crate) const SKIPPED: [(&str, &str); 5] = [
+pub(crate) const SKIPPED: [(&str, &str); 6] = [
     ("unchanged_targets", "unchanged target*"),
     ("duplicate_trials", "duplicate trial*"),
     ("zero_increments", "zero increment*"),
     ("elastic_increments", "increment* by a stored response"),
     ("event_increments", "increment* by new responses"),
+    ("idle_steps", "idle step*"),
 ];
 
 /// Former names of counters, which `summary.json` still holds next to the new ones: table, former name, name.

@@ -72,6 +72,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         flags.null_targets,
         flags.elastic_increments,
         flags.event_increments,
+        statistics.idle_steps,
     ];
     let mut skipped: BTreeMap<String, u64> =
         SKIPPED.into_iter().zip(skips).map(|((name, _), count)| (name.to_owned(), count)).collect();

@@ -6,7 +6,7 @@ use crate::model::failure::Failure;
 use crate::model::friction::Frictions;
 use crate::observer::IterationReport;
 use crate::solve::accepted::Converged;
-use crate::solve::driver::{Session, Solver, timed};
+use crate::solve::driver::{Session, Solver};
 use crate::solve::linear_solver::norm;
 use protocol::TangentKind;
 
@@ -20,18 +20,14 @@ impl Solver<'_> {
             return Ok(None);
         }
         let still = self.body.zero();
-        let evaluations = self.evaluate_points(&still, target, TangentKind::None, session)?;
-        let moment = self.moment(target);
-        self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
-            self.body.balance(&still, &self.points, &self.loads, moment)
-        });
-        let norms = self.residual_norms(evaluations);
+        let norms = self.balance_at(&still, target, TangentKind::None, session)?;
         let tolerances = &self.stage().tolerances;
         let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
         if force_ratio > tolerances.force {
             return Ok(None);
         }
         self.statistics.iterations += 1;
+        self.statistics.idle_steps += 1;
         let report = IterationReport {
             evaluations: norms.evaluations,
             force_ratio,

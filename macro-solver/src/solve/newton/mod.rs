@@ -389,8 +389,20 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
         let kind = self.tangents.kind(self.tangent_kind);
-        let evaluations = self.evaluate_points(increment, load, kind, session)?;
+        let norms = self.balance_at(increment, load, kind, session)?;
         self.tangents.evaluated();
+        Ok(norms)
+    }
+
+    /// Evaluates all points at an iterate, with these tangents, and assembles the balance.
+    fn balance_at(
+        &mut self,
+        increment: &[f64],
+        load: f64,
+        tangent: TangentKind,
+        session: &mut Session<'_>,
+    ) -> Result<ResidualNorms, Failure> {
+        let evaluations = self.evaluate_points(increment, load, tangent, session)?;
         let moment = self.moment(load);
         self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
             self.body.balance(increment, &self.points, &self.loads, moment)

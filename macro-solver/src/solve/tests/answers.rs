@@ -1,7 +1,7 @@
 //! Answers that are wrong, and refusals that no smaller step would cure.
 
 use super::*;
-use crate::material::altered::{Alteration, Altered};
+use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use protocol::RveError;
 
@@ -16,19 +16,11 @@ fn squeezed() -> Problem {
 /// Adds a couple to every stress, as a share of its largest component.
 struct Couple(f64);
 
-impl Alteration for Couple {
-    fn answer(
-        &mut self,
-        material: &mut dyn PointMaterial,
-        trials: &[PointTrial],
-    ) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = material.evaluate(trials)?;
-        for answer in &mut answers {
-            let size = answer.stress.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
-            answer.stress.0[1] += self.0 * size;
-            answer.stress.0[3] -= self.0 * size;
-        }
-        Ok(answers)
+impl EachAnswer for Couple {
+    fn change(&mut self, _: &PointTrial, answer: &mut TrialResult) {
+        let size = answer.stress.0.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+        answer.stress.0[1] += self.0 * size;
+        answer.stress.0[3] -= self.0 * size;
     }
 }
 

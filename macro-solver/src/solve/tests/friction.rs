@@ -3,7 +3,7 @@
 use super::stages::Shelf;
 use super::*;
 use crate::formulation::Formulation;
-use crate::material::altered::{Alteration, Altered};
+use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
@@ -16,23 +16,15 @@ struct Softened {
     reductions: Vec<f64>,
 }
 
-impl Alteration for Softened {
-    fn answer(
-        &mut self,
-        material: &mut dyn PointMaterial,
-        trials: &[PointTrial],
-    ) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = material.evaluate(trials)?;
-        for (trial, answer) in trials.iter().zip(&mut answers) {
-            let reduction = trial.options.friction_reduction;
-            self.reductions[trial.point] = reduction;
-            let factor = 1.0 - 0.5 * reduction;
-            answer.stress.0.iter_mut().for_each(|value| *value *= factor);
-            if let Some(tangent) = &mut answer.tangent {
-                tangent.0.iter_mut().for_each(|value| *value *= factor);
-            }
+impl EachAnswer for Softened {
+    fn change(&mut self, trial: &PointTrial, answer: &mut TrialResult) {
+        let reduction = trial.options.friction_reduction;
+        self.reductions[trial.point] = reduction;
+        let factor = 1.0 - 0.5 * reduction;
+        answer.stress.0.iter_mut().for_each(|value| *value *= factor);
+        if let Some(tangent) = &mut answer.tangent {
+            tangent.0.iter_mut().for_each(|value| *value *= factor);
         }
-        Ok(answers)
     }
 }
 

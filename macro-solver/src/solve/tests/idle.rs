@@ -2,7 +2,7 @@
 
 use super::strategies::pressed;
 use super::*;
-use crate::material::altered::{Alteration, Altered};
+use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::{Amplitude, Applied, Stage};
 
@@ -12,19 +12,11 @@ struct Unsteady {
     evaluations: u64,
 }
 
-impl Alteration for Unsteady {
-    fn answer(
-        &mut self,
-        material: &mut dyn PointMaterial,
-        trials: &[PointTrial],
-    ) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = material.evaluate(trials)?;
-        for answer in &mut answers {
-            self.evaluations += 1;
-            let share = self.share * (1.7 * self.evaluations as f64).sin();
-            answer.stress.0.iter_mut().for_each(|component| *component *= 1.0 + share);
-        }
-        Ok(answers)
+impl EachAnswer for Unsteady {
+    fn change(&mut self, _: &PointTrial, answer: &mut TrialResult) {
+        self.evaluations += 1;
+        let share = self.share * (1.7 * self.evaluations as f64).sin();
+        answer.stress.0.iter_mut().for_each(|component| *component *= 1.0 + share);
     }
 }
 
@@ -58,6 +50,7 @@ fn a_stage_that_holds_what_there_is_costs_nothing() {
     assert_eq!(held.statistics.steps, pressed.statistics.steps + 4);
     assert_eq!(held.statistics.iterations, pressed.statistics.iterations + 4);
     assert_eq!(held.statistics.evaluations, pressed.statistics.evaluations);
+    assert_eq!(held.statistics.idle_steps, 4);
     assert_eq!(held_record.displacements, record.displacements);
 }
 

@@ -2,7 +2,7 @@
 
 use super::stabilisation::{pulled, weak_at_the_bottom};
 use super::*;
-use crate::material::altered::{Alteration, Altered};
+use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::NamedStrategy;
 
@@ -22,20 +22,12 @@ impl Noise {
     }
 }
 
-impl Alteration for Noise {
-    fn answer(
-        &mut self,
-        material: &mut dyn PointMaterial,
-        trials: &[PointTrial],
-    ) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = material.evaluate(trials)?;
-        for answer in &mut answers {
-            let Some(tangent) = answer.tangent.as_mut() else { continue };
-            for component in &mut tangent.0 {
-                *component *= 1.0 + self.share * self.number();
-            }
+impl EachAnswer for Noise {
+    fn change(&mut self, _: &PointTrial, answer: &mut TrialResult) {
+        let Some(tangent) = answer.tangent.as_mut() else { return };
+        for component in &mut tangent.0 {
+            *component *= 1.0 + self.share * self.number();
         }
-        Ok(answers)
     }
 }
 

@@ -4,7 +4,7 @@
 //! height is `G (s^3 - s)`: it grows in compression up to `s = 3^-1/2` and falls beyond.
 
 use super::*;
-use crate::material::altered::{Alteration, Altered};
+use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::{PathControl, Predictor, Strategy};
 
@@ -31,21 +31,13 @@ struct Stiffer {
     factor: f64,
 }
 
-impl Alteration for Stiffer {
-    fn answer(
-        &mut self,
-        material: &mut dyn PointMaterial,
-        trials: &[PointTrial],
-    ) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut answers = material.evaluate(trials)?;
-        for (trial, answer) in trials.iter().zip(&mut answers) {
-            if trial.point >= self.from {
-                answer.stress.0.iter_mut().for_each(|component| *component *= self.factor);
-                let moduli = answer.tangent.iter_mut().flat_map(|tangent| tangent.0.iter_mut());
-                moduli.for_each(|modulus| *modulus *= self.factor);
-            }
+impl EachAnswer for Stiffer {
+    fn change(&mut self, trial: &PointTrial, answer: &mut TrialResult) {
+        if trial.point >= self.from {
+            answer.stress.0.iter_mut().for_each(|component| *component *= self.factor);
+            let moduli = answer.tangent.iter_mut().flat_map(|tangent| tangent.0.iter_mut());
+            moduli.for_each(|modulus| *modulus *= self.factor);
         }
-        Ok(answers)
     }
 }
 

@@ -1,6 +1,6 @@
 //! How a frame is solved.
 
-use crate::definition::{Criterion, Damping, FrameConstraint, FrameControl, RveOptions};
+use crate::definition::{Damping, FrameConstraint, FrameControl, RveOptions};
 use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -83,20 +83,9 @@ impl FrameOptions {
     /// The frame that `[rve] frame` asks for, or a periodic one: accuracy and damping are those of the cell.
     ///
     /// # Errors
-    /// A key, a damping or a criterion that frames do not have.
+    /// See [`RveOptions::check_frame`].
     pub(crate) fn of_cell(options: &RveOptions) -> Result<Self, DefinitionError> {
-        let usual = RveOptions::default();
-        let without = [
-            ("solver", options.solver != usual.solver),
-            ("at_step_cap", options.at_step_cap != usual.at_step_cap),
-            ("max_evaluations", options.max_evaluations.is_some()),
-            ("largest_target", options.largest_target.is_some()),
-        ];
-        if let Some((key, _)) = without.into_iter().find(|(_, is_given)| *is_given) {
-            return Err(DefinitionError(format!(
-                "rve: a boundary frame knows no {key}: its trials end at max_steps, flagged, and take targets up to 0.2; leave it out"
-            )));
-        }
+        options.check_frame()?;
         let wanted = options.frame.clone().unwrap_or_default();
         let bare = Self {
             strain_per_step: Some(options.strain_per_step()),
@@ -107,19 +96,12 @@ impl FrameOptions {
             most_corrections: wanted.most_corrections,
             ..Self::new(wanted.constraint)
         };
-        match (options.damping, options.criterion) {
-            (Damping::Fire, Criterion::MaxForce) => Ok(Self { tolerance: Some(options.tolerance()), ..bare }),
-            (Damping::Local, Criterion::Energy) => {
-                let damping = FrameDamping::Local { coefficient: options.local_coefficient() };
-                Ok(Self { damping, energy_tolerance: Some(options.tolerance()), ..bare })
-            }
-            (damping, criterion) => Err(DefinitionError(format!(
-                "rve: a boundary frame has no damping = \"{}\" with criterion = \"{}\"; use \"fire\" with \"max_force\" or \
-                 \"local\" with \"energy\"",
-                damping.keyword(),
-                criterion.keyword()
-            ))),
-        }
+        Ok(if options.damping == Damping::Local {
+            let damping = FrameDamping::Local { coefficient: options.local_coefficient() };
+            Self { damping, energy_tolerance: Some(options.tolerance()), ..bare }
+        } else {
+            Self { tolerance: Some(options.tolerance()), ..bare }
+        })
     }
 
     /// Strain per ramp step in force.
