@@ -101,8 +101,8 @@ fn refuse_to_follow(document: &Document, before: &Stage, number: &str) -> Result
     Err(document.error_at_key(&["stage", number, "name"], problem).hint(hint))
 }
 
-/// Refuses keys of `[loading]` and `[solver]`, and tables of other procedures, at `place` that are not used, because none of the stages for which they hold has a
-/// procedure that does.
+/// Refuses keys of `[loading]` and `[solver]`, and the tables `[dynamics]` and `[relaxation]`, at `place` that are not used, because none of
+/// the stages for which they hold has a procedure that does.
 fn refuse_unused(document: &Document, place: &[&str], procedures: &[&Procedure]) -> Result<(), InputError> {
     let keywords: Vec<&str> = procedures.iter().map(|procedure| procedure.keyword()).collect();
     for (table, procedure) in [("dynamics", "dynamic"), ("relaxation", "relaxation")] {
@@ -291,7 +291,7 @@ mod tests {
         assert!(error.contains("--set loading.cut"), "{error}");
     }
 
-    /// D: unused tables were taken in silence, and loads after a stage with an unknown load factor were those of the factor 1.
+    /// Unused tables were taken in silence, and loads after a stage with an unknown load factor were those of the factor 1.
     #[test]
     fn tables_of_other_procedures_and_stages_after_an_unknown_load_are_refused() {
         for (key, procedure) in [("dynamics.time_step=1e-5", "dynamic"), ("relaxation.hits=5", "relaxation")] {

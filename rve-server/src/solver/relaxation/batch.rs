@@ -10,7 +10,7 @@ use super::setting::Setting;
 use super::stiffness::TouchingPair;
 use crate::cell::{Cell, PairFinder, PairKey};
 use crate::contact::ContactLaw;
-use crate::simd::{Real, Tuple};
+use crate::simd::{Real, Tuple, take_lane};
 use crate::solver::kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, PairGroup, Steering, StepData, StepSums,
     Wanted, pack, unpack,
@@ -357,14 +357,9 @@ fn set_lane<R: Real, T: Tuple<R>>(tuple: &mut T, lane: usize, components: &[f64]
     }
 }
 
-/// One lane of a tuple.
-fn lane_of<R: Real, T: Tuple<R>, U: Tuple<f64>>(tuple: &T, lane: usize) -> U {
-    U::build(|i| tuple.as_ref()[i].lane(lane))
-}
-
 /// One lane of a vector.
 fn vector_of<K: KernelSpace, R: Real>(vector: &K::Coordinates<R>, lane: usize) -> K::Coordinates<f64> {
-    lane_of(vector, lane)
+    take_lane(vector, lane)
 }
 
 /// Branch vector of a pair and its length, m, with the operations of the kernel.
@@ -397,12 +392,12 @@ impl<K: KernelSpace, R: Real> Grain<K, R> {
 
     fn lane(&self, lane: usize) -> Grain<K, f64> {
         Grain {
-            position: lane_of(&self.position, lane),
-            velocity: lane_of(&self.velocity, lane),
-            spin: lane_of(&self.spin, lane),
-            turned: lane_of(&self.turned, lane),
-            force: lane_of(&self.force, lane),
-            moment: lane_of(&self.moment, lane),
+            position: take_lane(&self.position, lane),
+            velocity: take_lane(&self.velocity, lane),
+            spin: take_lane(&self.spin, lane),
+            turned: take_lane(&self.turned, lane),
+            force: take_lane(&self.force, lane),
+            moment: take_lane(&self.moment, lane),
         }
     }
 
@@ -419,9 +414,9 @@ impl<K: KernelSpace, R: Real> Grain<K, R> {
 impl<K: KernelSpace, C: ContactLaw<K>, R: Real> Contact<K, C, R> {
     fn lane(&self, lane: usize) -> Contact<K, C, f64> {
         Contact {
-            direction: lane_of(&self.direction, lane),
-            tangential_force: lane_of(&self.tangential_force, lane),
-            memory: lane_of(&self.memory, lane),
+            direction: take_lane(&self.direction, lane),
+            tangential_force: take_lane(&self.tangential_force, lane),
+            memory: take_lane(&self.memory, lane),
         }
     }
 
