@@ -453,7 +453,7 @@ mod tests {
         assert!(text.contains("do not agree with it are") && text.contains("2.000e5 Pa on left"), "{text}");
         assert!(!text.contains("on right"), "{text}");
         // Pressures that agree do not make the body force agree.
-        let weight = "body_force=[{ set = 'all', value = [0.0, -1e7] }]";
+        let weight = "body_force=[{ set = 'all', value = { y = -1e7 }, history = 'constant' }]";
         let text = text_of(&scene("biaxial-small.toml", &[weight])).unwrap();
         assert!(text.contains("the initial loads are") && text.contains("a body force of"), "{text}");
     }
