@@ -9,6 +9,7 @@ pub(super) use without::open;
 mod with {
     use crate::cli::run::arguments::Arguments;
     use crate::exit::{Exit, Failure};
+    use crate::stderr::tell;
     use hosts::{DoorOptions, Figures, JoinFile, JoinedPort, Limits, NetworkMacroPort, Secret, this_program};
     use protocol::transport::shared_memory::SharedMemoryMacroPort;
     use std::collections::BTreeMap;
