@@ -205,8 +205,11 @@ pub(super) fn add_loads<K: KernelSpace, R: Real>(
     end.moment = end.moment.plus(moments[1]);
 }
 
+/// Constants of a pair in every lane.
 #[inline(always)]
-fn spread<K: KernelSpace, C: ContactLaw<K>, R: Real>(constants: &PairConstants<K, C>) -> C::Constants<R> {
+pub(in crate::solver) fn spread<K: KernelSpace, C: ContactLaw<K>, R: Real>(
+    constants: &PairConstants<K, C>,
+) -> C::Constants<R> {
     <C::Constants<R>>::build(
         #[inline(always)]
         |i| R::splat(constants.law.as_ref()[i]),

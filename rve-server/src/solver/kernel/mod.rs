@@ -9,6 +9,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
+pub(in crate::solver) use cells_in_lanes::spread;
 pub(in crate::solver) use pair::{PairSite, pair_forces};
 pub use pairs_in_lanes::{PairGroup, pack, unpack};
 pub use step::{

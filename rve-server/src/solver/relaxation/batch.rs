@@ -7,7 +7,7 @@
 use super::listing::{Listing, is_subset, merged};
 use super::listing_memory::ListingMemory;
 use super::setting::Setting;
-use super::stiffness::TouchingPair;
+use super::stiffness::{PairsOfGrains, StiffContacts, StiffGrains, largest_own_stiffness};
 use crate::cell::{Cell, PairFinder, PairKey};
 use crate::contact::ContactLaw;
 use crate::simd::{Real, Tuple, take_lane};
@@ -15,7 +15,7 @@ use crate::solver::kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, PairGroup, Steering, StepData, StepSums,
     Wanted, pack, unpack,
 };
-use crate::space::{Components, KernelSpace, Space};
+use crate::space::{Components, KernelSpace, Space, Tensor};
 
 /// The list is rebuilt without the pairs of lanes that have left once it is longer than this times the longest list
 /// of an occupied lane.
@@ -31,6 +31,16 @@ pub(crate) struct LaneContents<S: Space, C: ContactLaw<S::Kernel>> {
     pub(crate) listing: Option<Listing<S>>,
     pub(crate) cell: Cell<S>,
 }
+
+impl<S: Space, C: ContactLaw<S::Kernel>> Default for LaneContents<S, C> {
+    /// Nothing.
+    fn default() -> Self {
+        Self { grains: Vec::new(), contacts: Vec::new(), listing: None, cell: Cell { rows: S::Tensor::ZERO } }
+    }
+}
+
+/// A lane and what goes into it or comes out.
+pub(crate) type Passage<'a, S, C> = (usize, &'a mut LaneContents<S, C>);
 
 /// Several cells of one packing.
 #[derive(Clone, Debug)]
@@ -51,8 +61,8 @@ pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     /// Lanes that have been emptied and still hold what was in them; the next cell overwrites it.
     stale: Vec<bool>,
     finder: PairFinder<S>,
-    /// Work space of the stiffness bound.
-    pub(super) stiffness_blocks: Vec<f64>,
+    /// For the stiffness bound.
+    pairs_of_grains: PairsOfGrains,
     memory: ListingMemory<S>,
 }
 
@@ -82,14 +92,9 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             lanes: (0..R::LANES).map(|_| None).collect(),
             stale: vec![false; R::LANES],
             finder: PairFinder::default(),
-            stiffness_blocks: Vec::new(),
+            pairs_of_grains: PairsOfGrains::default(),
             memory: ListingMemory::default(),
         }
-    }
-
-    /// Constants of the grains.
-    pub(crate) fn grain_constants(&self) -> &[GrainConstants] {
-        &self.grain_constants
     }
 
     /// Number of listed pairs.
@@ -98,13 +103,44 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         self.keys.len()
     }
 
-    /// Fills an empty lane. The list of the contents goes along; the rest stays, as room for what is taken out.
-    pub(crate) fn put(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &mut LaneContents<S, C>) {
-        debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
+    /// Fills empty lanes. The lists of the contents go along; the rest stays, as room for what is taken out.
+    ///
+    /// A lane alone touches the memory of all of them, so that several at once cost little more than one.
+    pub(crate) fn put(&mut self, setting: &Setting<'_, C>, arrivals: &mut [Passage<'_, S, C>]) {
         self.unpack();
-        for (grain, given) in self.grains.iter_mut().zip(&contents.grains) {
-            grain.set_lane(lane, given);
+        for (number, grain) in self.grains.iter_mut().enumerate() {
+            for (lane, contents) in &*arrivals {
+                grain.set_lane(*lane, &contents.grains[number]);
+            }
         }
+        for (lane, contents) in &mut *arrivals {
+            self.list(setting, *lane, contents);
+        }
+        let mut given: Vec<_> = arrivals
+            .iter()
+            .map(|(lane, contents)| {
+                (*lane, std::mem::take(&mut self.stale[*lane]), contents.contacts.iter().peekable())
+            })
+            .collect();
+        for (place, key) in self.keys.iter().enumerate() {
+            for (lane, is_stale, contacts) in &mut given {
+                if let Some((_, contact, count)) = contacts.next_if(|(wanted, ..)| wanted == key) {
+                    self.contacts[place].set_lane(*lane, contact);
+                    self.limit_counts[place].set_lane(*lane, *count);
+                    self.live[place] = true;
+                } else if *is_stale {
+                    self.contacts[place].set_lane(*lane, &Contact::none());
+                    self.limit_counts[place].set_lane(*lane, 0.0);
+                }
+            }
+        }
+        // A contact without a place would lose its history, and nobody would see it in the answer.
+        assert!(given.iter_mut().all(|(.., contacts)| contacts.next().is_none()), "the list holds every contact");
+    }
+
+    /// Occupies a lane and lists the pairs of its grains, which are there already.
+    fn list(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &mut LaneContents<S, C>) {
+        debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
         let range = 2.0 * setting.largest_radius + setting.skin;
         let listing = contents.listing.take();
         let place = |grain: usize| vector_of::<S::Kernel, f64>(&contents.grains[grain].position, 0);
@@ -118,39 +154,32 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         } else {
             self.include(setting, lane);
         }
-        let is_stale = std::mem::take(&mut self.stale[lane]);
-        let mut given = contents.contacts.iter().peekable();
-        for (place, key) in self.keys.iter().enumerate() {
-            if let Some((_, contact, count)) = given.next_if(|(wanted, ..)| wanted == key) {
-                self.contacts[place].set_lane(lane, contact);
-                self.limit_counts[place].set_lane(lane, *count);
-                self.live[place] = true;
-            } else if is_stale {
-                self.contacts[place].set_lane(lane, &Contact::none());
-                self.limit_counts[place].set_lane(lane, 0.0);
-            }
-        }
-        // A contact without a place would lose its history, and nobody would see it in the answer.
-        assert!(given.next().is_none(), "the list holds every contact");
     }
 
-    /// Empties a lane into `contents`, whatever they were.
-    pub(crate) fn take(&mut self, lane: usize, contents: &mut LaneContents<S, C>) {
+    /// Empties lanes into their contents, whatever these were.
+    pub(crate) fn take(&mut self, departures: &mut [Passage<'_, S, C>]) {
         self.unpack();
-        let Occupied { cell, listing } = self.lanes[lane].take().expect("the lane is occupied");
-        (contents.cell, contents.listing) = (cell, Some(listing));
-        contents.grains.clear();
-        contents.grains.extend(self.grains.iter().map(|grain| grain.lane(lane)));
-        contents.contacts.clear();
+        for (lane, contents) in &mut *departures {
+            let Occupied { cell, listing } = self.lanes[*lane].take().expect("the lane is occupied");
+            (contents.cell, contents.listing) = (cell, Some(listing));
+            contents.grains.clear();
+            contents.contacts.clear();
+            self.stale[*lane] = true;
+        }
+        for grain in &self.grains {
+            for (lane, contents) in &mut *departures {
+                contents.grains.push(grain.lane(*lane));
+            }
+        }
         let histories = self.contacts.iter().zip(&self.limit_counts);
-        contents.contacts.extend(
-            self.keys
-                .iter()
-                .zip(histories)
-                .map(|(key, (contact, count))| (*key, contact.lane(lane), count.lane(lane)))
-                .filter(|(_, contact, _)| contact.touches()),
-        );
-        self.stale[lane] = true;
+        for (key, (contact, count)) in self.keys.iter().zip(histories) {
+            for (lane, contents) in &mut *departures {
+                let contact = contact.lane(*lane);
+                if contact.touches() {
+                    contents.contacts.push((*key, contact, count.lane(*lane)));
+                }
+            }
+        }
     }
 
     /// Clears a lane that has been emptied.
@@ -234,22 +263,23 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         }
     }
 
-    /// Directions and pairs of the contacts of a lane; histories have to be unpacked.
-    pub(crate) fn touching(&self, lane: usize) -> impl Iterator<Item = TouchingPair<'_, S, C>> {
-        debug_assert!(self.groups.is_empty(), "histories have been unpacked");
-        self.keys.iter().zip(&self.pair_constants).zip(self.pairs.iter().zip(&self.contacts)).filter_map(
-            move |((key, constants), (pair, contact))| {
-                let contact = contact.lane(lane);
-                contact.touches().then(|| {
-                    let (origin, end) = (&self.grains[pair.origin as usize], &self.grains[pair.end as usize]);
-                    let image = vector_of::<S::Kernel, R>(&self.images[pair.image as usize], lane);
-                    let (_, length) =
-                        branch_of::<S::Kernel>(origin.lane(lane).position, end.lane(lane).position, image);
-                    let overlap = constants.radii[0] + constants.radii[1] - length;
-                    (key, constants, contact.direction, overlap)
-                })
-            },
-        )
+    /// Largest own stiffness of a grain, N/m, in each of these lanes; other lanes may hold any number.
+    pub(crate) fn largest_own_stiffness(&mut self, setting: &Setting<'_, C>, lanes: &[usize]) -> R {
+        self.unpack();
+        self.pairs_of_grains.follow(self.grains.len(), &self.pairs);
+        let grains = StiffGrains {
+            law: setting.law,
+            inertia: setting.inertia_factor(),
+            radii: setting.radii,
+            constants: &self.grain_constants,
+            pairs: &self.pairs_of_grains,
+        };
+        if let [lane] = *lanes {
+            let mut found = R::default();
+            found.set_lane(lane, largest_own_stiffness::<S, C, _>(grains, &OneLane { batch: self, lane }));
+            return found;
+        }
+        largest_own_stiffness::<S, C, _>(grains, &AllLanes { batch: self })
     }
 
     fn data<'a>(
@@ -305,6 +335,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
     /// Replaces the common list; histories move along.
     fn relist(&mut self, setting: &Setting<'_, C>, keys: Vec<PairKey<S>>) {
         self.unpack();
+        self.pairs_of_grains.clear();
         self.shifts.clear();
         self.shifts.extend(keys.iter().map(|key| key.shift));
         self.shifts.sort_unstable();
@@ -347,6 +378,65 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         for (image, shift) in self.images.iter_mut().zip(&self.shifts) {
             set_lane(image, lane, cell.translation(*shift).components());
         }
+    }
+}
+
+/// The contacts of all lanes at the last evaluation. What the bound asks of them is compiled for the instructions of its loop.
+struct AllLanes<'a, S: Space, C: ContactLaw<S::Kernel>, R: Real> {
+    batch: &'a Batch<S, C, R>,
+}
+
+impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S, C> for AllLanes<'_, S, C, R> {
+    type Number = R;
+
+    #[inline(always)]
+    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, C> {
+        &self.batch.pair_constants[pair]
+    }
+
+    #[inline(always)]
+    fn direction(&self, pair: usize) -> <S::Kernel as KernelSpace>::Coordinates<R> {
+        self.batch.contacts[pair].direction
+    }
+
+    #[inline(always)]
+    fn overlap(&self, pair: usize) -> R {
+        let Batch { grains, images, pairs, .. } = self.batch;
+        let ListedPair { origin, end, image } = pairs[pair];
+        let (origin, end) = (&grains[origin as usize], &grains[end as usize]);
+        let branch = end.position.minus(origin.position).plus(images[image as usize]);
+        let radii = self.batch.pair_constants[pair].radii;
+        R::splat(radii[0] + radii[1]) - branch.dot(branch).sqrt()
+    }
+}
+
+/// Those of one of them.
+struct OneLane<'a, S: Space, C: ContactLaw<S::Kernel>, R: Real> {
+    batch: &'a Batch<S, C, R>,
+    lane: usize,
+}
+
+impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S, C> for OneLane<'_, S, C, R> {
+    type Number = f64;
+
+    #[inline(always)]
+    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, C> {
+        &self.batch.pair_constants[pair]
+    }
+
+    #[inline(always)]
+    fn direction(&self, pair: usize) -> S::Vector {
+        vector_of::<S::Kernel, R>(&self.batch.contacts[pair].direction, self.lane)
+    }
+
+    #[inline(always)]
+    fn overlap(&self, pair: usize) -> f64 {
+        let Batch { grains, images, pairs, .. } = self.batch;
+        let ListedPair { origin, end, image } = pairs[pair];
+        let place = |grain: u32| vector_of::<S::Kernel, R>(&grains[grain as usize].position, self.lane);
+        let image = vector_of::<S::Kernel, R>(&images[image as usize], self.lane);
+        let radii = self.batch.pair_constants[pair].radii;
+        radii[0] + radii[1] - branch_of::<S::Kernel>(place(origin), place(end), image).1
     }
 }
 

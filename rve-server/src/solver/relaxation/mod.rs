@@ -34,7 +34,7 @@ pub(crate) use convergence::{Advice, ConvergenceMonitor};
 pub(crate) use criterion::Imbalance;
 pub(crate) use damping::descent_share;
 
-use batch::{Batch, LaneContents, branch_of};
+use batch::{Batch, LaneContents, Passage, branch_of};
 use protocol::RveError;
 use run::Run;
 use setting::Setting;
@@ -131,7 +131,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
     }
 }
 
-/// A job, on its way through a lane or before it.
+/// A job on its way through the lanes.
 struct LaneJob<S: Space, C: ContactLaw<S::Kernel>> {
     /// Its number among the jobs.
     job: usize,
@@ -140,6 +140,48 @@ struct LaneJob<S: Space, C: ContactLaw<S::Kernel>> {
     cell: Cell<S>,
     /// What goes into the lane and comes out of it.
     contents: LaneContents<S, C>,
+}
+
+/// All jobs: those that wait, and the ends of the others.
+struct Jobs<'a, S: Space, C: ContactLaw<S::Kernel>> {
+    given: &'a [Job<'a, S>],
+    /// Numbers of those that have not begun.
+    waiting: VecDeque<usize>,
+    /// Those that have left the lanes before their end.
+    interrupted: VecDeque<LaneJob<S, C>>,
+    ends: Vec<Option<Result<End<S>, RveError>>>,
+    /// Memory of jobs that have ended.
+    spare: Vec<LaneContents<S, C>>,
+}
+
+impl<'a, S: Space, C: ContactLaw<S::Kernel>> Jobs<'a, S, C> {
+    fn new(given: &'a [Job<'a, S>]) -> Self {
+        // The longest first: what is short fills the gaps at the end.
+        let mut order: Vec<usize> = (0..given.len()).collect();
+        order.sort_by_key(|job| std::cmp::Reverse(given[*job].ramp_steps));
+        let ends = given.iter().map(|_| None).collect();
+        Self { given, waiting: order.into(), interrupted: VecDeque::new(), ends, spare: Vec::new() }
+    }
+
+    /// Number of those that are in no lane and have not ended.
+    fn outside(&self) -> usize {
+        self.waiting.len() + self.interrupted.len()
+    }
+
+    /// The next one for a lane.
+    fn next(&mut self, setting: &Setting<'_, C>) -> Option<LaneJob<S, C>> {
+        let Some(job) = self.waiting.pop_front() else { return self.interrupted.pop_front() };
+        let state = self.given[job].state;
+        let mut contents = self.spare.pop().unwrap_or_default();
+        fill(&mut contents, setting, state);
+        Some(LaneJob { job, run: Run::new(&self.given[job]), cell: state.cell, contents })
+    }
+
+    fn finish(&mut self, law: &C, lane_job: LaneJob<S, C>, outcome: Result<Solved, RveError>) {
+        let LaneJob { job, run, contents, .. } = lane_job;
+        self.ends[job] = Some(outcome.map(|solved| end_of(law, self.given[job].state, &run, solved, &contents)));
+        self.spare.push(contents);
+    }
 }
 
 impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
@@ -153,65 +195,61 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
         if let Some(skin) = self.skin_in_radii {
             setting.skin = skin * setting.mean_radius;
         }
-        let mut ends: Vec<Option<Result<End<S>, RveError>>> = jobs.iter().map(|_| None).collect();
-        // The longest first: what is short fills the gaps at the end.
-        let mut order: Vec<usize> = (0..jobs.len()).collect();
-        order.sort_by_key(|job| std::cmp::Reverse(jobs[*job].ramp_steps));
-        let mut queue: VecDeque<LaneJob<S, C>> = VecDeque::new();
-        for job in order {
-            let run = Run::new(&jobs[job]);
-            let state = jobs[job].state;
-            queue.push_back(LaneJob { job, run, cell: state.cell, contents: contents(&setting, state) });
-        }
-        let mut finish = |LaneJob { job, run, contents, .. }: LaneJob<S, C>, outcome: Result<Solved, RveError>| {
-            ends[job] = Some(outcome.map(|solved| end_of(setting.law, jobs[job].state, &run, solved, contents)));
-        };
-        if self.uses_lanes && setting.backend.has_lanes() && jobs.len() >= FEWEST_LANES {
+        let mut jobs = Jobs::new(jobs);
+        if self.uses_lanes && setting.backend.has_lanes() {
             let batch = self.lanes.get_or_insert_with(|| Batch::new(&setting));
-            drive(batch, &setting, &mut queue, FEWEST_LANES, &mut finish);
+            drive(batch, &setting, &mut jobs, FEWEST_LANES);
         }
         let batch = self.single.get_or_insert_with(|| Batch::new(&setting));
-        drive(batch, &setting, &mut queue, 1, &mut finish);
-        ends.into_iter().map(|end| end.expect("every job has been driven to its end")).collect()
+        drive(batch, &setting, &mut jobs, 1);
+        jobs.ends.into_iter().map(|end| end.expect("every job has been driven to its end")).collect()
     }
 }
 
-/// Drives the jobs of the queue through the lanes of a batch until fewer than `fewest` are left, which go back to the
-/// queue as they are.
+/// Drives the jobs through the lanes of a batch until fewer than `fewest` are left, which leave as they are.
 fn drive<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     batch: &mut Batch<S, C, R>,
     setting: &Setting<'_, C>,
-    queue: &mut VecDeque<LaneJob<S, C>>,
+    jobs: &mut Jobs<'_, S, C>,
     fewest: usize,
-    finish: &mut impl FnMut(LaneJob<S, C>, Result<Solved, RveError>),
 ) {
     let mut lane_jobs: Vec<Option<LaneJob<S, C>>> = (0..R::LANES).map(|_| None).collect();
-    loop {
+    while lane_jobs.iter().flatten().count() + jobs.outside() >= fewest {
+        let mut arrived = Vec::with_capacity(R::LANES);
         for (lane, place) in lane_jobs.iter_mut().enumerate().filter(|(_, place)| place.is_none()) {
-            let Some(mut lane_job) = queue.pop_front() else { break };
-            batch.put(setting, lane, &mut lane_job.contents);
+            let Some(lane_job) = jobs.next(setting) else { break };
             *place = Some(lane_job);
+            arrived.push(lane);
         }
-        if lane_jobs.iter().flatten().count() < fewest {
-            break;
+        if !arrived.is_empty() {
+            batch.put(setting, &mut passages(&mut lane_jobs, |lane| arrived.contains(&lane)));
         }
         let evaluated = step(batch, setting, &mut lane_jobs);
+        let mut outcomes: Vec<Option<Result<Solved, RveError>>> = Vec::with_capacity(R::LANES);
         for (lane, place) in lane_jobs.iter_mut().enumerate() {
-            let Some(lane_job) = place else { continue };
             let (sums, old_power) = (evaluated.sums.lane(lane), evaluated.old_power.lane(lane));
-            if let Some(outcome) = lane_job.run.note(setting, &sums, old_power) {
-                let mut lane_job = place.take().expect("the lane is occupied");
-                batch.take(lane, &mut lane_job.contents);
-                finish(lane_job, outcome);
+            outcomes.push(place.as_mut().and_then(|lane_job| lane_job.run.note(setting, &sums, old_power)));
+        }
+        if outcomes.iter().flatten().next().is_some() {
+            batch.take(&mut passages(&mut lane_jobs, |lane| outcomes[lane].is_some()));
+        }
+        for (place, outcome) in lane_jobs.iter_mut().zip(outcomes) {
+            if let Some((lane_job, outcome)) = outcome.and_then(|outcome| Some((place.take()?, outcome))) {
+                jobs.finish(setting.law, lane_job, outcome);
             }
         }
     }
-    for (lane, place) in lane_jobs.iter_mut().enumerate() {
-        if let Some(mut lane_job) = place.take() {
-            batch.take(lane, &mut lane_job.contents);
-            queue.push_back(lane_job);
-        }
-    }
+    batch.take(&mut passages(&mut lane_jobs, |_| true));
+    jobs.interrupted.extend(lane_jobs.into_iter().flatten());
+}
+
+/// The occupied lanes that are chosen, with what goes through them.
+fn passages<'a, S: Space, C: ContactLaw<S::Kernel>>(
+    lane_jobs: &'a mut [Option<LaneJob<S, C>>],
+    chosen: impl Fn(usize) -> bool,
+) -> Vec<Passage<'a, S, C>> {
+    let occupied = lane_jobs.iter_mut().enumerate().filter_map(|(lane, place)| Some((lane, place.as_mut()?)));
+    occupied.filter(|(lane, _)| chosen(*lane)).map(|(lane, job)| (lane, &mut job.contents)).collect()
 }
 
 /// Sums of one step of all lanes.
@@ -240,9 +278,10 @@ fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
         blocked: !setting.rotations_free,
         ..criterion::wanted_by(options.criterion)
     };
+    look_at_stiffness(batch, setting, lane_jobs);
     for (lane, lane_job) in lane_jobs.iter_mut().enumerate() {
         let Some(lane_job) = lane_job else { continue };
-        let next = lane_job.run.next_move(setting, batch, lane);
+        let next = lane_job.run.next_move(setting, batch.cell(lane));
         wanted.old_power |= lane_job.run.needs_old_power();
         steering.keep.set_lane(lane, next.kick.keep);
         steering.push.set_lane(lane, next.kick.push);
@@ -269,19 +308,42 @@ fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     Evaluated { sums: batch.evaluate(setting, wanted, sampling), old_power: moved.old_power }
 }
 
-/// A state as a lane holds it. Contacts get their force back, and their direction as the kernel would compute it, so
+/// Raises the masses of the cells whose contacts have to be looked at.
+fn look_at_stiffness<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
+    batch: &mut Batch<S, C, R>,
+    setting: &Setting<'_, C>,
+    lane_jobs: &mut [Option<LaneJob<S, C>>],
+) {
+    let is_due = |lane_job: &LaneJob<S, C>| lane_job.run.needs_stiffness(setting);
+    let places = lane_jobs.iter().enumerate();
+    let due: Vec<usize> =
+        places.filter(|(_, place)| place.as_ref().is_some_and(is_due)).map(|(lane, _)| lane).collect();
+    if due.is_empty() {
+        return;
+    }
+    let stiffness = batch.largest_own_stiffness(setting, &due);
+    for lane in due {
+        if let Some(lane_job) = &mut lane_jobs[lane] {
+            lane_job.run.raise_mass(setting, stiffness.lane(lane));
+        }
+    }
+}
+
+/// Fills contents with a state as a lane holds it. Contacts get their force back, and their direction as the kernel would compute it, so
 /// that the first evaluation sees a turn of exactly zero.
-fn contents<S: Space, C: ContactLaw<S::Kernel>>(
+fn fill<S: Space, C: ContactLaw<S::Kernel>>(
+    contents: &mut LaneContents<S, C>,
     setting: &Setting<'_, C>,
     state: &GrainState<S>,
-) -> LaneContents<S, C> {
+) {
+    let LaneContents { grains, contacts, listing, cell } = contents;
+    (*listing, *cell) = (None, Cell { rows: state.cell.rows });
+    grains.clear();
     // Adding zero makes a negative zero positive, which a step without motion would do as well.
-    let grains: Vec<Grain<S::Kernel, f64>> = state
-        .positions
-        .iter()
-        .map(|position| Grain::at_rest(S::Vector::from_fn(|axis| position[axis] + 0.0)))
-        .collect();
-    let mut contacts = Vec::with_capacity(state.contacts.len());
+    let at_rest = |position: &S::Vector| Grain::at_rest(S::Vector::from_fn(|axis| position[axis] + 0.0));
+    grains.extend(state.positions.iter().map(at_rest));
+    contacts.clear();
+    contacts.reserve(state.contacts.len());
     contacts.extend(state.contacts.iter().enumerate().filter_map(|(place, record)| {
         let (origin, end) = (&grains[record.origin as usize], &grains[record.end as usize]);
         let image = state.cell.translation(record.shift);
@@ -296,7 +358,6 @@ fn contents<S: Space, C: ContactLaw<S::Kernel>>(
         let memory = setting.law.resumed(overlap, rolling_moment(state, place));
         Some((record.key(), Contact { direction, tangential_force, memory }, 0.0))
     }));
-    LaneContents { contacts, grains, listing: None, cell: Cell { rows: state.cell.rows } }
 }
 
 /// Contents of a lane at the end of a run, as a state.
@@ -305,7 +366,7 @@ fn end_of<S: Space, C: ContactLaw<S::Kernel>>(
     start: &GrainState<S>,
     run: &Run<S>,
     solved: Solved,
-    lane: LaneContents<S, C>,
+    lane: &LaneContents<S, C>,
 ) -> End<S> {
     let positions = lane.grains.iter().map(|grain| grain.position).collect();
     let turned = start.rotations.iter().zip(&lane.grains);

@@ -3,16 +3,13 @@
 //! Everything here is decided from the cell's own numbers, so its path does not depend on the other cells of the
 //! batch.
 
-use super::batch::Batch;
 use super::convergence::{Advice, ConvergenceMonitor};
 use super::criterion::{ENERGY_HITS, Imbalance};
 use super::damping::{Damper, Kick, mass_factor};
 use super::setting::Setting;
-use super::stiffness::largest_own_stiffness;
 use crate::cell::Cell;
 use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
-use crate::simd::Real;
 use crate::solver::course::Course;
 use crate::solver::grain_solver::{Job, PathEnergies, Solved};
 use crate::solver::kernel::StepSums;
@@ -128,30 +125,26 @@ impl<S: Space> Run<S> {
         self.ramp_steps - self.ramp_steps / 2
     }
 
-    /// The next step.
-    pub(crate) fn next_move<C: ContactLaw<S::Kernel>, R: Real>(
-        &mut self,
-        setting: &Setting<'_, C>,
-        batch: &mut Batch<S, C, R>,
-        lane: usize,
-    ) -> Move<S> {
-        let still = Move {
-            affine: S::Tensor::ZERO,
-            cell: batch.cell(lane),
-            kick: Kick::default(),
-            samples: false,
-            clears_counts: false,
+    /// Whether the stiffness of the contacts has to be looked at before the next step.
+    pub(crate) fn needs_stiffness<C: ContactLaw<S::Kernel>>(&self, setting: &Setting<'_, C>) -> bool {
+        // In a gas of grains whose contacts stiffen as they are pressed, a step that is too long throws them away for good.
+        let is_due = || {
+            self.mass == 0.0
+                || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)
+                || self.is_gas(setting.radii.len()) && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0
         };
+        self.is_stiffer && !matches!(self.phase, Phase::Fresh | Phase::Rest) && is_due()
+    }
+
+    /// The next step.
+    ///
+    /// `cell` is the present one. Where [`Run::needs_stiffness`], that has to be looked at before.
+    pub(crate) fn next_move<C: ContactLaw<S::Kernel>>(&mut self, setting: &Setting<'_, C>, cell: Cell<S>) -> Move<S> {
+        let still =
+            Move { affine: S::Tensor::ZERO, cell, kick: Kick::default(), samples: false, clears_counts: false };
         self.affine = S::Tensor::ZERO;
         if matches!(self.phase, Phase::Fresh | Phase::Rest) {
             return still;
-        }
-        // In a gas of grains whose contacts stiffen as they are pressed, a step that is too long throws them away for good.
-        let is_due = self.mass == 0.0
-            || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)
-            || self.is_gas(setting.radii.len()) && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0;
-        if self.is_stiffer && is_due {
-            self.raise_mass(setting, batch, lane);
         }
         let kick = self.damper.kick(setting.options, self.mass, &self.sums, self.old_power);
         if self.phase == Phase::Hold {
@@ -308,24 +301,9 @@ impl<S: Space> Run<S> {
         Imbalance::by(setting.options.criterion, setting.radii.len(), self.mass, &self.sums, self.largest_load)
     }
 
-    /// Raises the mass if the contacts have become stiffer; never lowers it within a run.
-    fn raise_mass<C: ContactLaw<S::Kernel>, R: Real>(
-        &mut self,
-        setting: &Setting<'_, C>,
-        batch: &mut Batch<S, C, R>,
-        lane: usize,
-    ) {
-        batch.unpack();
-        let mut blocks = std::mem::take(&mut batch.stiffness_blocks);
-        let stiffness = largest_own_stiffness(
-            setting.law,
-            setting.inertia_factor(),
-            setting.radii,
-            batch.grain_constants(),
-            batch.touching(lane),
-            &mut blocks,
-        );
-        batch.stiffness_blocks = blocks;
+    /// Raises the mass if the contacts have become stiffer; never lowers it within a run. `stiffness` is the largest own stiffness of
+    /// a grain, N/m.
+    pub(crate) fn raise_mass<C: ContactLaw<S::Kernel>>(&mut self, setting: &Setting<'_, C>, stiffness: f64) {
         let approach = largest_component(&self.strain) / f64::from(self.ramp_steps.max(1));
         let stiffness = stiffness.max(setting.first_touch_stiffness::<S>(approach));
         let factor = mass_factor(setting.options) * setting.law.mass_factor();

@@ -1,7 +1,7 @@
 //! A few grains laid out by hand for the kernel, for tests of contacts and crystals.
 
-use super::stiffness::largest_own_stiffness;
-use crate::cell::{Cell, PairFinder, PairKey};
+use super::stiffness::{PairsOfGrains, StiffContacts, StiffGrains, largest_own_stiffness};
+use crate::cell::{Cell, PairFinder};
 use crate::contact::ContactLaw;
 use crate::simd::Tuple;
 use crate::solver::kernel::backend::Backend;
@@ -18,7 +18,6 @@ pub(super) struct Sample<S: Space, L: ContactLaw<S::Kernel>> {
     radii: Vec<f64>,
     constants: Vec<GrainConstants>,
     pub(super) grains: Vec<Grain<S::Kernel, f64>>,
-    keys: Vec<PairKey<S>>,
     pairs: Vec<ListedPair>,
     pair_constants: Vec<PairConstants<S::Kernel, L>>,
     pub(super) contacts: Vec<Contact<S::Kernel, L, f64>>,
@@ -67,7 +66,6 @@ impl<S: Space, L: ContactLaw<S::Kernel>> Sample<S, L> {
             live: vec![false; keys.len()],
             limit_counts: vec![0.0; keys.len()],
             groups: Vec::new(),
-            keys,
         };
         sample.evaluate();
         sample
@@ -138,19 +136,32 @@ impl<S: Space, L: ContactLaw<S::Kernel>> Sample<S, L> {
 
     /// The stable step that the block bound promises.
     pub(super) fn promised_step(&self) -> f64 {
-        let contacts = self.keys.iter().zip(&self.pair_constants).zip(&self.contacts);
-        let touching = contacts.filter(|(_, contact)| contact.touches()).map(|((key, constants), contact)| {
-            let overlap = 1e-5;
-            (key, constants, contact.direction, overlap)
-        });
-        let stiffness = largest_own_stiffness::<S, L>(
-            &self.law,
-            S::INERTIA_FACTOR,
-            &self.radii,
-            &self.constants,
-            touching,
-            &mut Vec::new(),
-        );
+        let mut pairs = PairsOfGrains::default();
+        pairs.follow(self.grains.len(), &self.pairs);
+        let grains = StiffGrains {
+            law: &self.law,
+            inertia: S::INERTIA_FACTOR,
+            radii: &self.radii,
+            constants: &self.constants,
+            pairs: &pairs,
+        };
+        let stiffness = largest_own_stiffness::<S, L, _>(grains, self);
         2.0 / (2.0 * stiffness).sqrt()
+    }
+}
+
+impl<S: Space, L: ContactLaw<S::Kernel>> StiffContacts<S, L> for Sample<S, L> {
+    type Number = f64;
+
+    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, L> {
+        &self.pair_constants[pair]
+    }
+
+    fn direction(&self, pair: usize) -> S::Vector {
+        self.contacts[pair].direction
+    }
+
+    fn overlap(&self, _: usize) -> f64 {
+        1e-5
     }
 }

@@ -5,10 +5,11 @@
 //! rotations), because `(a - b)^2 <= 2 a^2 + 2 b^2` in every contact. Erratum: the single-contact frequencies of
 //! [Liu2015] eq. 64 are not bounds; on crystals they allow steps up to four times too long.
 
-use crate::cell::PairKey;
 use crate::contact::ContactLaw;
-use crate::solver::kernel::{GrainConstants, PairConstants};
-use crate::space::{Components, Space};
+use crate::simd::{Mask, Real, Tuple, Vectorised, dispatch};
+use crate::solver::kernel::{GrainConstants, ListedPair, PairConstants, spread};
+use crate::space::{KernelSpace, Space};
+use std::marker::PhantomData;
 
 /// Inertia of a grain in the relaxation is this times mass times radius squared; measured best, a solid disc has 0.5.
 pub(crate) const INERTIA_FACTOR: f64 = 0.8;
@@ -24,62 +25,157 @@ const fn block_length<S: Space>() -> usize {
     if S::DIMENSION == 2 { 6 } else { 21 }
 }
 
-/// One contact as a grain's own block sees it.
-#[derive(Clone, Copy, Debug)]
-struct ContactTerms<S: Space> {
-    /// Unit vector away from the grain.
-    direction: S::Vector,
-    /// k_n, k_t, N/m.
-    stiffness: [f64; 2],
-    /// Rolling stiffness over radius squared, N/m.
-    rolling: f64,
+/// The contacts of one cell, or of several side by side, as the stiffness bound sees them.
+pub(crate) trait StiffContacts<S: Space, L: ContactLaw<S::Kernel>> {
+    /// One number, or one of each cell.
+    type Number: Real;
+
+    /// Constants of a listed pair.
+    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, L>;
+
+    /// Unit vector from origin to end; zero where they do not touch.
+    fn direction(&self, pair: usize) -> <S::Kernel as KernelSpace>::Coordinates<Self::Number>;
+
+    /// m; any number where they do not touch.
+    fn overlap(&self, pair: usize) -> Self::Number;
 }
 
-/// A touching pair as the stiffness bound sees it: its name, its constants, its direction and its overlap, m.
-pub(crate) type TouchingPair<'a, S, L> =
-    (&'a PairKey<S>, &'a PairConstants<<S as Space>::Kernel, L>, <S as Space>::Vector, f64);
+/// Which pairs each grain belongs to, in the order of the list.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PairsOfGrains {
+    /// First entry of each grain, and the end.
+    starts: Vec<usize>,
+    entries: Vec<PairOfGrain>,
+}
 
-/// Largest eigenvalue over all grains of the own stiffness block divided by its unit masses and inertias, N/m.
-/// `inertia` is that of rotation over mass times radius squared; 0 means that grains do not rotate.
-pub(crate) fn largest_own_stiffness<'a, S: Space, L: ContactLaw<S::Kernel>>(
-    law: &L,
-    inertia: f64,
-    radii: &[f64],
-    grains: &[GrainConstants],
-    contacts: impl Iterator<Item = TouchingPair<'a, S, L>>,
-    blocks: &mut Vec<f64>,
-) -> f64 {
-    let length = block_length::<S>();
-    blocks.clear();
-    blocks.resize(length * grains.len(), 0.0);
-    let arm = arm(inertia);
-    for (key, constants, direction, overlap) in contacts {
-        let [normal, tangential, rolling] = law.stiffness(&constants.law, overlap);
-        for (grain, direction) in [(key.origin as usize, direction), (key.end as usize, direction.times(-1.0))] {
-            // A quotient for each end of each contact costs as much as the rest; few laws have rolling stiffness.
-            let rolling = if rolling == 0.0 { 0.0 } else { rolling / (radii[grain] * radii[grain]) };
-            let terms = ContactTerms { direction, stiffness: [normal, tangential], rolling };
-            add_contact::<S>(&mut blocks[length * grain..length * (grain + 1)], &terms, arm);
+/// A pair of a grain.
+#[derive(Clone, Copy, Debug, Default)]
+struct PairOfGrain {
+    /// Place in the list.
+    pair: u32,
+    /// Whether the grain is its end and not its origin.
+    is_end: bool,
+}
+
+impl PairsOfGrains {
+    /// Forgets a list of pairs that has changed.
+    pub(crate) fn clear(&mut self) {
+        self.starts.clear();
+    }
+
+    /// Takes up a list of pairs, unless that is known.
+    pub(crate) fn follow(&mut self, grains: usize, pairs: &[ListedPair]) {
+        if !self.starts.is_empty() {
+            return;
+        }
+        self.starts.resize(grains + 1, 0);
+        for pair in pairs {
+            self.starts[pair.origin as usize + 1] += 1;
+            self.starts[pair.end as usize + 1] += 1;
+        }
+        for grain in 0..grains {
+            self.starts[grain + 1] += self.starts[grain];
+        }
+        self.entries.clear();
+        self.entries.resize(2 * pairs.len(), PairOfGrain::default());
+        let mut next = self.starts.clone();
+        for (place, pair) in pairs.iter().enumerate() {
+            for (grain, is_end) in [(pair.origin, false), (pair.end, true)] {
+                let next = &mut next[grain as usize];
+                self.entries[*next] = PairOfGrain { pair: place as u32, is_end };
+                *next += 1;
+            }
         }
     }
-    let mut largest = 0.0;
-    for (block, grain) in blocks.chunks_exact(length).zip(grains) {
-        // The close bound is dear in space: only for blocks that a cheap one does not rule out.
-        if cheap_bound::<S>(block) * grain.inverse_mass > largest {
-            largest = f64::max(largest, largest_eigenvalue::<S>(block) * grain.inverse_mass);
+}
+
+/// Law and grains that the bound is taken for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StiffGrains<'a, L> {
+    pub(crate) law: &'a L,
+    /// Inertia of rotation over mass times radius squared; 0 means that grains do not rotate.
+    pub(crate) inertia: f64,
+    pub(crate) radii: &'a [f64],
+    pub(crate) constants: &'a [GrainConstants],
+    pub(crate) pairs: &'a PairsOfGrains,
+}
+
+/// Largest eigenvalue over all grains of the own stiffness block divided by its unit masses and inertias, N/m, of every cell.
+pub(crate) fn largest_own_stiffness<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S, L>>(
+    grains: StiffGrains<'_, L>,
+    contacts: &C,
+) -> C::Number {
+    dispatch(Search { grains, contacts, space: PhantomData::<S> })
+}
+
+/// The search for the stiffest grain.
+struct Search<'a, S, L, C> {
+    grains: StiffGrains<'a, L>,
+    contacts: &'a C,
+    space: PhantomData<S>,
+}
+
+impl<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S, L>> Vectorised for Search<'_, S, L, C> {
+    type Output = C::Number;
+
+    #[inline(always)]
+    fn run(self) -> C::Number {
+        let Self { grains, contacts, .. } = self;
+        let zero = C::Number::default();
+        let arm = C::Number::splat(arm(grains.inertia));
+        let mut largest = zero;
+        let bounds = grains.pairs.starts.windows(2);
+        for ((bounds, constants), radius) in bounds.zip(grains.constants).zip(grains.radii) {
+            let mut numbers = [zero; 21];
+            let block = &mut numbers[..block_length::<S>()];
+            for &PairOfGrain { pair, is_end } in &grains.pairs.entries[bounds[0]..bounds[1]] {
+                let direction = contacts.direction(pair as usize);
+                let touches = C::Number::splat(0.5).less(direction.dot(direction));
+                if !touches.any() {
+                    continue;
+                }
+                let law = spread::<S::Kernel, L, C::Number>(contacts.constants(pair as usize));
+                let stiffness = grains.law.stiffness(&law, contacts.overlap(pair as usize));
+                let [normal, tangential, rolling] = stiffness.map(|value| C::Number::select(touches, value, zero));
+                // A quotient for each end of each contact costs as much as the rest; few laws have rolling stiffness.
+                let rolls = zero.less(rolling).any();
+                let rolling = if rolls { rolling / C::Number::splat(radius * radius) } else { rolling };
+                let away = direction.scaled(C::Number::splat(if is_end { -1.0 } else { 1.0 }));
+                add_contact::<S, C::Number>(block, away.as_ref(), [normal, tangential, rolling], arm);
+            }
+            // The close bound is dear in space: only for blocks that a cheap one does not rule out.
+            let bound = cheap_bound::<S, C::Number>(block) * C::Number::splat(constants.inverse_mass);
+            let may_be_larger = largest.less(bound);
+            if may_be_larger.any() {
+                raise::<S, C::Number>(&mut largest, may_be_larger, block, constants.inverse_mass);
+            }
         }
+        largest
     }
-    largest
+}
+
+/// Raises the largest eigenvalue of the cells of a mask to that of a block.
+#[inline(never)]
+fn raise<S: Space, R: Real>(largest: &mut R, cells: R::Mask, block: &[R], inverse_mass: f64) {
+    for lane in (0..R::LANES).filter(|lane| cells.lane(*lane)) {
+        let mut own = [0.0; 21];
+        for (own, value) in own.iter_mut().zip(block) {
+            *own = value.lane(lane);
+        }
+        let eigenvalue = largest_eigenvalue::<S>(&own[..block.len()]);
+        largest.set_lane(lane, f64::max(largest.lane(lane), eigenvalue * inverse_mass));
+    }
 }
 
 /// Upper bound of the largest eigenvalue: in the plane from mean and deviator, in space by Gershgorin's circles.
-fn cheap_bound<S: Space>(block: &[f64]) -> f64 {
+#[inline(always)]
+fn cheap_bound<S: Space, R: Real>(block: &[R]) -> R {
     if S::DIMENSION == 2 {
         let Deviator { mean, half, .. } = Deviator::of(block);
         // Rounding must not rule out the largest one.
-        return (mean + 2.0 * (half / 3.0).sqrt()) * (1.0 + 1e-14);
+        return (mean + R::splat(2.0) * (half / R::splat(3.0)).sqrt()) * R::splat(1.0 + 1e-14);
     }
-    let mut sums = [0.0; 6];
+    let mut sums = [R::default(); 6];
     let mut place = 0;
     for i in 0..6 {
         for j in i..6 {
@@ -90,7 +186,7 @@ fn cheap_bound<S: Space>(block: &[f64]) -> f64 {
             place += 1;
         }
     }
-    sums.into_iter().fold(0.0, f64::max)
+    sums.into_iter().fold(R::default(), R::larger)
 }
 
 /// Scale of the lever arms for an inertia. Zero inertia means that grains do not rotate.
@@ -98,37 +194,39 @@ fn arm(inertia: f64) -> f64 {
     if inertia > 0.0 { 1.0 / inertia.sqrt() } else { 0.0 }
 }
 
-/// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with the rotation scaled by its inertia. The lever arm is taken as the radius,
+/// Adds `k_n e e^T + k_t (t, l) (t, l)^T` with the rotation scaled by its inertia, `stiffness` being k_n, k_t and the rolling
+/// stiffness over radius squared, N/m, and `direction` the unit vector away from the grain. The lever arm is taken as the radius,
 /// which bounds it; `arm` is that of [`arm`].
-fn add_contact<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
+#[inline(always)]
+fn add_contact<S: Space, R: Real>(block: &mut [R], direction: &[R], stiffness: [R; 3], arm: R) {
     if S::DIMENSION == 2 {
-        add_in_plane(block, terms, arm);
+        add_in_plane(block, direction, stiffness, arm);
     } else {
-        add_in_space(block, terms, arm);
+        add_in_space(block, direction, stiffness, arm);
     }
 }
 
-fn add_in_plane<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
-    let [normal, tangential] = terms.stiffness;
-    let (x, y) = (terms.direction[0], terms.direction[1]);
+#[inline(always)]
+fn add_in_plane<R: Real>(block: &mut [R], direction: &[R], [normal, tangential, rolling]: [R; 3], arm: R) {
+    let (x, y) = (direction[0], direction[1]);
     block[0] += normal * x * x + tangential * y * y;
     block[1] += normal * y * y + tangential * x * x;
-    block[2] += (tangential + terms.rolling) * arm * arm;
+    block[2] += (tangential + rolling) * arm * arm;
     block[3] += (normal - tangential) * x * y;
     block[4] -= tangential * arm * y;
     block[5] += tangential * arm * x;
 }
 
 /// The slip at the contact is `P (u + a w x e)` with the projection `P = I - e e^T`.
-fn add_in_space<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) {
-    let [normal, tangential] = terms.stiffness;
-    let e = [terms.direction[0], terms.direction[1], terms.direction[2]];
-    let turning = (tangential + terms.rolling) * arm * arm;
+#[inline(always)]
+fn add_in_space<R: Real>(block: &mut [R], direction: &[R], [normal, tangential, rolling]: [R; 3], arm: R) {
+    let e = [direction[0], direction[1], direction[2]];
+    let turning = (tangential + rolling) * arm * arm;
     let couple = tangential * arm;
     let mut place = 0;
     for i in 0..6 {
         for j in i..6 {
-            let unit = if i == j { 1.0 } else { 0.0 };
+            let unit = R::splat(if i == j { 1.0 } else { 0.0 });
             let square = e[i % 3] * e[j % 3];
             block[place] += match (i < 3, j < 3) {
                 (true, true) => normal * square + tangential * (unit - square),
@@ -141,9 +239,10 @@ fn add_in_space<S: Space>(block: &mut [f64], terms: &ContactTerms<S>, arm: f64) 
 }
 
 /// Component `ij` of the matrix that takes `w` to `w x e`.
-fn across(e: [f64; 3], i: usize, j: usize) -> f64 {
+#[inline(always)]
+fn across<R: Real>(e: [R; 3], i: usize, j: usize) -> R {
     match (3 + j - i) % 3 {
-        0 => 0.0,
+        0 => R::default(),
         1 => e[(i + 2) % 3],
         _ => -e[(i + 1) % 3],
     }
@@ -155,19 +254,20 @@ fn largest_eigenvalue<S: Space>(block: &[f64]) -> f64 {
 }
 
 /// A symmetric 3x3 matrix as its mean and invariants of its deviator.
-struct Deviator {
-    mean: f64,
+struct Deviator<R> {
+    mean: R,
     /// Half the squared norm.
-    half: f64,
-    determinant: f64,
+    half: R,
+    determinant: R,
 }
 
-impl Deviator {
-    fn of(block: &[f64]) -> Self {
+impl<R: Real> Deviator<R> {
+    #[inline(always)]
+    fn of(block: &[R]) -> Self {
         let &[xx, yy, zz, xy, xz, yz] = block else { unreachable!("a block in the plane has six numbers") };
-        let mean = (xx + yy + zz) / 3.0;
+        let mean = (xx + yy + zz) / R::splat(3.0);
         let (x, y, z) = (xx - mean, yy - mean, zz - mean);
-        let half = 0.5 * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
+        let half = R::splat(0.5) * (x * x + y * y + z * z) + (xy * xy + xz * xz + yz * yz);
         let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
         Self { mean, half, determinant }
     }
@@ -269,8 +369,7 @@ mod tests {
             for (direction, normal, tangential) in contacts {
                 prop_assume!(direction.norm() > 0.1);
                 let direction = direction.times(1.0 / direction.norm());
-                let terms = ContactTerms::<Spheres> { direction, stiffness: [normal, tangential], rolling: 0.0 };
-                add_contact(&mut block, &terms, arm(0.8));
+                add_contact::<Spheres, f64>(&mut block, &direction, [normal, tangential, 0.0], arm(0.8));
                 // The same from the definition: stiffness of the slip of a motion (u, w) with w = turn / sqrt(0.8).
                 let e = nalgebra::Vector3::from(direction);
                 let project = Matrix3::identity() - e * e.transpose();
