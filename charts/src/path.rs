@@ -21,19 +21,29 @@ pub struct PathPoint {
     pub stabilised: bool,
 }
 
-/// Draws the points in order, joined by a line, and returns the SVG text; `None` without points or if a value is not finite.
+impl PathPoint {
+    fn is_finite(&self) -> bool {
+        [self.place.0, self.place.1, self.error].into_iter().all(f64::is_finite)
+    }
+}
+
+/// Draws the points in order, joined by a line, and returns the SVG text. A point with a value that is not finite leaves a gap; `None` without
+/// any other.
 ///
 /// # Errors
 /// The drawing library refuses.
 pub fn path_svg([x, y]: [&str; 2], points: &[PathPoint]) -> Result<Option<String>, ChartError> {
-    let across = range(&points.iter().map(|point| point.place.0).collect::<Vec<_>>());
-    let edge = |side: f64| points.iter().map(move |point| point.place.1 + side * point.error);
+    let pieces: Vec<&[PathPoint]> =
+        points.split(|point| !point.is_finite()).filter(|piece| !piece.is_empty()).collect();
+    let known = || pieces.iter().copied().flatten();
+    let across = range(&known().map(|point| point.place.0).collect::<Vec<_>>());
+    let edge = |side: f64| known().map(move |point| point.place.1 + side * point.error);
     let up = range(&edge(-1.0).chain(edge(1.0)).collect::<Vec<_>>());
     let (Some(across), Some(up)) = (across, up) else {
         return Ok(None);
     };
     let mut text = String::new();
-    draw(&mut text, [x, y], [across, up], points)?;
+    draw(&mut text, [x, y], [across, up], &pieces)?;
     Ok(Some(text))
 }
 
@@ -41,7 +51,7 @@ fn draw(
     text: &mut String,
     [x, y]: [&str; 2],
     [across, up]: [Range<f64>; 2],
-    points: &[PathPoint],
+    pieces: &[&[PathPoint]],
 ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
     let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
@@ -61,20 +71,23 @@ fn draw(
         .light_line_style(WHITE)
         .draw()?;
     let colour = RGBColor(20, 80, 160);
-    let has_band = points.iter().any(|point| point.error > 0.0);
+    let points = || pieces.iter().copied().flatten();
+    let has_band = points().any(|point| point.error > 0.0);
     if has_band {
-        let edge = |side: f64| points.iter().map(move |point| (point.place.0, point.place.1 + side * point.error));
-        let around: Vec<(f64, f64)> = edge(1.0).chain(edge(-1.0).rev()).collect();
+        let bands =
+            pieces.iter().flat_map(|piece| one_way(piece)).map(|piece| Polygon::new(band(piece), colour.mix(0.25)));
         chart
-            .draw_series([Polygon::new(around, colour.mix(0.25))])?
+            .draw_series(bands)?
             .label("estimated error")
             .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 16, y + 5)], colour.mix(0.25).filled()));
     }
-    chart.draw_series(LineSeries::new(points.iter().map(|point| point.place), colour.stroke_width(2)))?;
-    chart.draw_series(points.iter().map(|point| Circle::new(point.place, 3, colour.filled())))?;
+    for piece in pieces {
+        chart.draw_series(LineSeries::new(piece.iter().map(|point| point.place), colour.stroke_width(2)))?;
+    }
+    chart.draw_series(points().map(|point| Circle::new(point.place, 3, colour.filled())))?;
     // Steps that were not reached at once, or not through states of equilibrium.
     let (repeated, stabilised) = (RGBColor(225, 140, 0), RGBColor(200, 20, 40));
-    let marks = |wanted: fn(&PathPoint) -> bool| points.iter().filter(move |point| wanted(point));
+    let marks = |wanted: fn(&PathPoint) -> bool| points().filter(move |point| wanted(point));
     let mut has_legend = has_band;
     if marks(|point| point.cut_back && !point.stabilised).next().is_some() {
         let found = marks(|point| point.cut_back && !point.stabilised);
@@ -103,9 +116,33 @@ fn draw(
     area.present()
 }
 
-/// Smallest range that holds all values with a margin; `None` when a value is not finite or there are none.
+/// Parts of a curve along which the first value moves one way: the band of a curve that turns back would cross itself. Neighbours share
+/// the point of the turn.
+fn one_way(points: &[PathPoint]) -> Vec<&[PathPoint]> {
+    let (mut parts, mut first, mut way) = (Vec::new(), 0, 0.0);
+    for (last, pair) in points.windows(2).enumerate() {
+        let step = pair[1].place.0 - pair[0].place.0;
+        if step * way < 0.0 {
+            parts.push(&points[first..=last]);
+            first = last;
+        }
+        if step != 0.0 {
+            way = step;
+        }
+    }
+    parts.push(&points[first..]);
+    parts
+}
+
+/// Outline of the band around points: there above them, back below.
+fn band(points: &[PathPoint]) -> Vec<(f64, f64)> {
+    let edge = |side: f64| points.iter().map(move |point| (point.place.0, point.place.1 + side * point.error));
+    edge(1.0).chain(edge(-1.0).rev()).collect()
+}
+
+/// Smallest range that holds all values with a margin; `None` where there are none.
 fn range(values: &[f64]) -> Option<Range<f64>> {
-    if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
+    if values.is_empty() {
         return None;
     }
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -179,10 +216,34 @@ mod tests {
         assert!(text.contains("-20") && !drawn(&plain).contains("-20"), "the lower edge is in the picture");
     }
 
+    /// Along a cycle every way there and back has a band of its own.
     #[test]
-    fn a_value_that_is_not_finite_gives_no_picture() {
+    fn a_band_does_not_cross_itself_where_a_curve_turns_back() {
+        let along = |loads: &[f64]| -> Vec<PathPoint> {
+            let at = |load: &f64| PathPoint { place: (*load, 1.0), error: 0.1, cut_back: false, stabilised: false };
+            loads.iter().map(at).collect()
+        };
+        let lengths = |loads: &[f64]| one_way(&along(loads)).iter().map(|part| part.len()).collect::<Vec<_>>();
+        assert_eq!(lengths(&[0.0, 1.0, 2.0]), [3]);
+        assert_eq!(lengths(&[0.0, 1.0, 1.0, 2.0, 0.0, -1.0, 0.0]), [4, 3, 2], "standing still is no turn");
+        assert_eq!(lengths(&[0.0]), [1]);
+        let cycle = path_svg(["strain", "ratio"], &along(&[0.0, 1.0, 0.0, -1.0])).unwrap().unwrap();
+        assert_eq!(cycle.matches("<polygon").count(), 2);
+        assert_eq!(band(&along(&[0.0, 1.0])), [(0.0, 1.1), (1.0, 1.1), (1.0, 0.9), (0.0, 0.9)]);
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_leaves_a_gap() {
         let mut points = points();
-        points[0].place.1 = f64::NAN;
+        let lines = |points: &[PathPoint]| {
+            let text = path_svg(["load", "ratio"], points).unwrap().unwrap();
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+            text.matches("fill=\"none\"").count()
+        };
+        let whole = lines(&points);
+        points[2].place.1 = f64::NAN;
+        assert_eq!(lines(&points), whole + 1);
+        points.iter_mut().for_each(|point| point.place.0 = f64::INFINITY);
         assert_eq!(path_svg(["load", "ratio"], &points).unwrap(), None);
         assert_eq!(path_svg(["load", "ratio"], &[]).unwrap(), None);
     }

@@ -13,6 +13,7 @@ use super::preparation::CellPreparation;
 use super::probes::{ProbeContext, chosen_fields, probes, profiles};
 use super::problem_error::problem_error;
 use super::recording::{observables, plot, points};
+use super::remarks::remarks_on;
 use super::sets::Sets;
 use super::solving::equations;
 use super::stages::{Given, stages as read_stages};
@@ -22,14 +23,10 @@ use crate::FRAME_ENGINE;
 use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
-use macro_solver::mesh::ElementKind;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, Tolerances};
 use rve_server::definition::{AnyDefinition, RveOptions};
 use std::path::{Path, PathBuf};
-
-/// Tolerances above this are reported.
-const LOOSEST: f64 = 0.1;
 
 /// A scene, checked and ready to run.
 #[derive(Debug)]
@@ -97,11 +94,14 @@ impl Scene {
         let keeps_default_error = choose(&document, &mut file)?;
         file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
-        let mesh = mesh(&document, &file.mesh)?;
+        let mut mesh = mesh(&document, &file.mesh)?;
         let mesh_dimension = mesh.dimension.count();
-        let sets = Sets { mesh: &mesh };
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
-        let materials = materials(&document, &file, &sets, definition)?;
+        let materials = materials(&document, &file, &Sets { mesh: &mesh }, definition)?;
+        for (name, elements) in materials.elements_of_regions(&file, &mesh) {
+            mesh.element_sets.entry(name).or_insert(elements);
+        }
+        let sets = Sets { mesh: &mesh };
         let context = ProbeContext { document: &document, sets: &sets, file: &file, materials: &materials };
         let probes = probes(&context)?;
         let profiles = profiles(&context)?;
@@ -154,8 +154,7 @@ impl Scene {
         let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
         let pool = PoolKeys::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();
-        remarks.extend(loose_tolerances(&problem));
-        remarks.extend(volumetric_locking(&problem));
+        remarks.extend(remarks_on(&problem));
         let scene = Self {
             name,
             document,
@@ -194,33 +193,6 @@ impl Scene {
             stage.tolerances = *tolerances;
         }
     }
-}
-
-/// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.
-fn loose_tolerances(problem: &Problem) -> Vec<String> {
-    let mut remarks: Vec<String> = Vec::new();
-    for stage in &problem.stages {
-        let Tolerances { force, displacement, .. } = stage.tolerances;
-        for (key, value) in [("force_tolerance", force), ("displacement_tolerance", displacement)] {
-            let remark =
-                format!("solver.{key} = {value:e} accepts steps that are not in balance; 1e-2 is loose already");
-            if value > LOOSEST && !remarks.contains(&remark) {
-                remarks.push(remark);
-            }
-        }
-    }
-    remarks
-}
-
-/// Elements that cannot keep their volume at all points while they change their shape: with pore fluid they are far too stiff.
-fn volumetric_locking(problem: &Problem) -> Option<String> {
-    problem.pore_fluid?;
-    let locks = |kind: &ElementKind| !kind.is_quadratic() && !kind.needs_hourglass_control();
-    let kind = problem.mesh.kinds_present().into_iter().find(locks)?;
-    Some(format!(
-        "pore fluid makes elements `{}` lock: pressures are far too high; take elements with mid-side nodes or one point",
-        kind.keyword()
-    ))
 }
 
 fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, InputError> {

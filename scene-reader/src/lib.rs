@@ -21,6 +21,7 @@ mod probes;
 mod problem_error;
 mod recording;
 mod reference;
+mod remarks;
 mod sets;
 mod solving;
 mod stages;

@@ -9,6 +9,7 @@ use keys::Located;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
 use rve_server::definition::{AnyDefinition, Packing};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The definitions behind the points of a scene.
@@ -78,6 +79,17 @@ impl Materials {
         let by_element: Vec<f64> = (0..mesh.elements.len()).map(of_element).collect();
         let differ = by_element.iter().any(|density| *density != packing);
         Densities { packing, by_element: if differ { by_element } else { Vec::new() } }
+    }
+
+    /// The elements that have cells of each region, by its name; regions whose elements later ones take are left out.
+    pub(super) fn elements_of_regions(&self, file: &SceneFile, mesh: &Mesh) -> BTreeMap<String, Vec<usize>> {
+        let mut elements: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (element, &point) in mesh.first_points()[..mesh.elements.len()].iter().enumerate() {
+            if let Some(number) = self.region_of[point] {
+                elements.entry(file.region[number].get_ref().name.clone()).or_default().push(element);
+            }
+        }
+        elements
     }
 
     /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
@@ -314,6 +326,18 @@ mod tests {
         assert_eq!(weak, [2], "five of a hundred grains are missing there: {by_element:?}");
         assert!(by_element[2] > 0.9 * whole && by_element[0] == whole);
         assert_eq!(densities(&["dynamics.density=1800.0"]), (1800.0, Vec::new()));
+    }
+
+    /// Elements of a region are a set for loads and friction, without those that a later region takes; a set of the mesh keeps its name.
+    #[test]
+    fn regions_are_element_sets() {
+        let weights = "body_force=[{ set = 'varied', value = { y = -2e4 } }, { set = 'weak', value = { y = -1e4 } }]";
+        let sets = scene(&["region.0.name=varied", weights]).unwrap().problem.mesh.element_sets;
+        assert_eq!((&sets["varied"][..], &sets["weak"][..]), (&[0, 1, 3, 4, 5, 6, 7][..], &[2][..]));
+        let sets = scene(&["region.0.name=all"]).unwrap().problem.mesh.element_sets;
+        assert_eq!(sets["all"].len(), 8);
+        let refused = scene(&["region.0.name=varied", "body_force=[{ set = 'none', value = { y = -2e4 } }]"]);
+        assert!(refused.unwrap_err().contains("use one of: all, varied"));
     }
 
     #[test]

@@ -16,8 +16,14 @@ pub(super) fn problem_error(document: &Document, error: &ProblemError) -> InputE
              both the same displacement, or use a mesh in which they share no node"
         ));
     }
-    let key = match cause {
+    let key: Vec<String> = match cause {
         ProblemError::Setting(fault) => fault.path.clone(),
+        ProblemError::Nonlocal(_) => vec!["nonlocal".to_owned()],
+        ProblemError::NonlocalFormulation { .. } => vec!["solver".to_owned(), "formulation".to_owned()],
+        ProblemError::ViscousHourglass => vec!["solver".to_owned(), "hourglass".to_owned()],
+        ProblemError::HistoryAtRest | ProblemError::FrictionUnknownLoad => {
+            vec!["loading".to_owned(), "control".to_owned()]
+        }
         _ => {
             return document
                 .error(error)

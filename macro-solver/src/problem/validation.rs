@@ -131,6 +131,14 @@ impl Problem {
         Ok(())
     }
 
+    /// Whether the averages of a stage reach no neighbour, so that every point sees its own strain.
+    pub fn averages_nothing(&self, stage: &Stage) -> bool {
+        let Some(settings) = &stage.nonlocal else { return true };
+        let periods = self.periods(stage).unwrap_or_default();
+        NonlocalOperator::unchecked(&point_places(&self.mesh), &periods, settings)
+            .is_ok_and(|found| found.is_identity())
+    }
+
     /// Every prescribed displacement component of a stage by degree of freedom; `None` where free.
     ///
     /// # Errors

@@ -76,7 +76,7 @@ pub(crate) struct TractionTable {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BodyForceTable {
-    /// Element set.
+    /// Element set, or the name of a `[[region]]`.
     #[serde(default = "all")]
     pub(crate) set: Located<String>,
     /// Force per initial volume; a component that is left out is 0.
@@ -94,7 +94,7 @@ pub(crate) struct BodyForceTable {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FrictionTable {
-    /// Element set.
+    /// Element set, or the name of a `[[region]]`.
     #[serde(default = "all")]
     pub(crate) set: Located<String>,
     /// Friction at factor 1 of the history, over that of `[contact]` or of the region, which is the largest of the run; at factor 0 it is

@@ -11,7 +11,8 @@ use std::path::PathBuf;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RegionTable {
-    /// Name for messages.
+    /// Name for messages, probes, and the element set that `[[body_force]]` and `[[friction]]` may name: the elements of the region that
+    /// no later one takes. An element set of the mesh with this name takes precedence.
     pub(crate) name: String,
     /// Element set of the region. Give this or the box `from`, `to`.
     pub(crate) elements: Option<Located<String>>,
