@@ -6,6 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// So many points may have replicas for the sake of their kinds, whatever the share.
+const MOST_OF_FEW: usize = 8;
+
 /// The table `[error_estimate]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -13,7 +16,8 @@ pub struct ErrorEstimateSettings {
     /// Whether the error of the grain solver is estimated: some Gauss points are solved once more per step, with half the strain per
     /// ramp step. Changes no result, except of runs with `rve.error`, which need it.
     pub enabled: bool,
-    /// Share of the Gauss points of each kind of cell that are solved once more; at least one of each kind.
+    /// Share of the Gauss points of each kind of cell that are solved once more; at least one of each kind. Where that would be more than
+    /// eight and more than twice the share of all, as in bodies whose every point has a cell of its own, as many spread over all.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 1))]
     pub share: f64,
 }
@@ -33,19 +37,26 @@ pub fn replicas(kind_of: &[Option<usize>], settings: &ErrorEstimateSettings) -> 
             of_kind.entry(*kind).or_default().push(point);
         }
     }
-    let mut chosen: Vec<PointId> = of_kind.values().flat_map(|points| spread(points, settings.share)).collect();
+    let share_of = |points: &[PointId]| (settings.share * points.len() as f64).ceil() as usize;
+    let mut chosen: Vec<PointId> =
+        of_kind.values().flat_map(|points| spread(points, share_of(points).max(1))).collect();
+    let all: Vec<PointId> = of_kind.into_values().flatten().collect();
+    let most = (2 * share_of(&all)).max(MOST_OF_FEW).min(all.len());
+    if chosen.len() > most {
+        chosen = spread(&all, most);
+    }
     chosen.sort_unstable();
     let first = kind_of.len();
     chosen.into_iter().enumerate().map(|(place, point)| ReplicaPlan { point, replica: first + place }).collect()
 }
 
-/// A share of the points. Multiples of the golden ratio spread evenly and meet all Gauss points of an element in turn, as equal
+/// As many of the points. Multiples of the golden ratio spread evenly and meet all Gauss points of an element in turn, as equal
 /// distances would not.
-fn spread(points: &[PointId], share: f64) -> Vec<PointId> {
+fn spread(points: &[PointId], count: usize) -> Vec<PointId> {
     const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_8;
-    let count = ((share * points.len() as f64).ceil() as usize).clamp(1, points.len());
+    let count = count.min(points.len());
     let mut places: Vec<usize> = Vec::with_capacity(count);
-    for turn in 1_u32.. {
+    for turn in (1_u32..).take_while(|_| count > 0) {
         let place = (f64::from(turn) * GOLDEN_RATIO).fract() * points.len() as f64;
         let place = (place as usize).min(points.len() - 1);
         if !places.contains(&place) {
@@ -77,6 +88,24 @@ mod tests {
         local.sort_unstable();
         local.dedup();
         assert_eq!(local, [0, 1, 2, 3]);
+    }
+
+    /// A body of many kinds does not pay for every one of them; a few kinds are all there.
+    #[test]
+    fn kinds_of_their_own_are_sampled() {
+        let settings = ErrorEstimateSettings::default();
+        let of_kinds = |kinds: usize| {
+            let kind_of: Vec<Option<usize>> = (0..400).map(|point| Some(point % kinds)).collect();
+            replicas(&kind_of, &settings).iter().map(|plan| plan.point).collect::<Vec<_>>()
+        };
+        assert_eq!(of_kinds(400).len(), 32, "twice the share");
+        assert_eq!((of_kinds(1).len(), of_kinds(20).len()), (16, 20));
+        let spread = of_kinds(400);
+        let gaps = spread.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(gaps.max().unwrap() <= 25, "{spread:?}");
+        let few: Vec<Option<usize>> = (0..12).map(|point| Some(point.min(7))).collect();
+        assert_eq!(replicas(&few, &settings).len(), 8, "one of each of eight kinds");
+        assert_eq!(replicas(&[None, None], &settings), []);
     }
 
     #[test]

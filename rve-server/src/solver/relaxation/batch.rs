@@ -4,13 +4,14 @@
 //! other pairs it holds, and when it was made, cannot reach a result. Empty lanes have their periodic images at infinity:
 //! nothing touches there.
 
+use super::lane_access::{branch_of, set_lane, vector_of};
 use super::listing::{Listing, is_subset, merged};
 use super::listing_memory::ListingMemory;
 use super::setting::Setting;
 use super::stiffness::{PairsOfGrains, StiffContacts, StiffGrains, largest_own_stiffness};
 use crate::cell::{Cell, PairFinder, PairKey};
 use crate::contact::ContactLaw;
-use crate::simd::{Real, Tuple, take_lane};
+use crate::simd::{Real, Tuple};
 use crate::solver::kernel::{
     Contact, Grain, GrainConstants, ListedPair, MoveSums, PairConstants, PairGroup, Steering, StepData, StepSums,
     Wanted, pack, unpack,
@@ -437,89 +438,5 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S, C> for OneLan
         let image = vector_of::<S::Kernel, R>(&images[image as usize], self.lane);
         let radii = self.batch.pair_constants[pair].radii;
         radii[0] + radii[1] - branch_of::<S::Kernel>(place(origin), place(end), image).1
-    }
-}
-
-/// Sets one lane of a tuple.
-fn set_lane<R: Real, T: Tuple<R>>(tuple: &mut T, lane: usize, components: &[f64]) {
-    for (value, component) in tuple.as_mut().iter_mut().zip(components) {
-        value.set_lane(lane, *component);
-    }
-}
-
-/// One lane of a vector.
-fn vector_of<K: KernelSpace, R: Real>(vector: &K::Coordinates<R>, lane: usize) -> K::Coordinates<f64> {
-    take_lane(vector, lane)
-}
-
-/// Branch vector of a pair and its length, m, with the operations of the kernel.
-pub(crate) fn branch_of<K: KernelSpace>(
-    origin: K::Coordinates<f64>,
-    end: K::Coordinates<f64>,
-    image: K::Coordinates<f64>,
-) -> (K::Coordinates<f64>, f64) {
-    let branch = end.minus(origin).plus(image);
-    (branch, branch.dot(branch).sqrt())
-}
-
-impl<K: KernelSpace, R: Real> Grain<K, R> {
-    /// A grain at the origin without motion or load.
-    pub(crate) fn empty() -> Self {
-        Self::at_rest(Tuple::zero())
-    }
-
-    /// A grain without motion or load.
-    pub(crate) fn at_rest(position: K::Coordinates<R>) -> Self {
-        Self {
-            position,
-            velocity: Tuple::zero(),
-            spin: Tuple::zero(),
-            turned: Tuple::zero(),
-            force: Tuple::zero(),
-            moment: Tuple::zero(),
-        }
-    }
-
-    fn lane(&self, lane: usize) -> Grain<K, f64> {
-        Grain {
-            position: take_lane(&self.position, lane),
-            velocity: take_lane(&self.velocity, lane),
-            spin: take_lane(&self.spin, lane),
-            turned: take_lane(&self.turned, lane),
-            force: take_lane(&self.force, lane),
-            moment: take_lane(&self.moment, lane),
-        }
-    }
-
-    fn set_lane(&mut self, lane: usize, given: &Grain<K, f64>) {
-        set_lane(&mut self.position, lane, given.position.as_ref());
-        set_lane(&mut self.velocity, lane, given.velocity.as_ref());
-        set_lane(&mut self.spin, lane, given.spin.as_ref());
-        set_lane(&mut self.turned, lane, given.turned.as_ref());
-        set_lane(&mut self.force, lane, given.force.as_ref());
-        set_lane(&mut self.moment, lane, given.moment.as_ref());
-    }
-}
-
-impl<K: KernelSpace, C: ContactLaw<K>, R: Real> Contact<K, C, R> {
-    fn lane(&self, lane: usize) -> Contact<K, C, f64> {
-        Contact {
-            direction: take_lane(&self.direction, lane),
-            tangential_force: take_lane(&self.tangential_force, lane),
-            memory: take_lane(&self.memory, lane),
-        }
-    }
-
-    fn set_lane(&mut self, lane: usize, given: &Contact<K, C, f64>) {
-        set_lane(&mut self.direction, lane, given.direction.as_ref());
-        set_lane(&mut self.tangential_force, lane, given.tangential_force.as_ref());
-        set_lane(&mut self.memory, lane, given.memory.as_ref());
-    }
-}
-
-impl<K: KernelSpace, C: ContactLaw<K>> Contact<K, C, f64> {
-    /// Whether the pair touched at the last evaluation.
-    pub(crate) fn touches(&self) -> bool {
-        self.direction != Tuple::zero()
     }
 }

@@ -11,6 +11,7 @@ mod criterion;
 mod damping;
 #[cfg(test)]
 mod kernel_tests;
+mod lane_access;
 mod listing;
 mod listing_memory;
 mod run;
@@ -34,7 +35,8 @@ pub(crate) use convergence::{Advice, ConvergenceMonitor};
 pub(crate) use criterion::Imbalance;
 pub(crate) use damping::descent_share;
 
-use batch::{Batch, LaneContents, Passage, branch_of};
+use batch::{Batch, LaneContents, Passage};
+use lane_access::branch_of;
 use protocol::RveError;
 use run::Run;
 use setting::Setting;

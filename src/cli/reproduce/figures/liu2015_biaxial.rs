@@ -42,7 +42,7 @@ fn runs(size: Size) -> Vec<Run> {
         let run = Run::new(name(kind, mesh), "scenes/liu2015/biaxial.toml", Command::Stopping, size)
             .set(format!("mesh.elements=[{}, {}, 1]", mesh.0, mesh.1));
         // Below the distance of the points nothing is averaged.
-        if kind == "local" { run.set("nonlocal.radius=1e-3") } else { run }
+        if kind == "local" { run.set("nonlocal.enabled=false") } else { run }
     };
     let nonlocal = MESHES[1..].iter().map(|mesh| run("nonlocal", *mesh));
     MESHES.map(|mesh| run("local", mesh)).into_iter().chain(nonlocal).collect()

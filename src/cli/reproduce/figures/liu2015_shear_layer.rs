@@ -25,7 +25,7 @@ const AREA: f64 = 0.0506 * 0.0127;
 fn runs(size: Size) -> Vec<Run> {
     let scene = "scenes/liu2015/shear-layer.toml";
     // Below the distance of the rows nothing is averaged.
-    let local = Run::new("local", scene, Command::Stopping, size).set("nonlocal.radius=1e-3");
+    let local = Run::new("local", scene, Command::Stopping, size).set("nonlocal.enabled=false");
     let nonlocal = Run::new("nonlocal", scene, Command::Stopping, size).set("nonlocal.radius=13.5e-3");
     let grains = Run::new("grains", "scenes/liu2015/grains-shear-layer.toml", Command::Specimen, size);
     vec![local, nonlocal, grains]
