@@ -1,6 +1,6 @@
 //! Data for standard output, and a place for it: a named file or the screen.
 
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use macro_solver::output::{OutputError, write_atomically};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -16,6 +16,22 @@ pub fn print(data: &[u8]) -> Result<(), Failure> {
             Err(OutputError::write(Path::new("standard output"), source).into())
         }
         _ => Ok(()),
+    }
+}
+
+/// Refuses a file whose folder does not exist, before the work whose result goes there.
+///
+/// # Errors
+/// There is no such folder.
+pub fn expect_place(file: Option<&Path>) -> Result<(), Failure> {
+    let Some(path) = file else { return Ok(()) };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    match folder.filter(|folder| !folder.is_dir()) {
+        Some(folder) => {
+            let problem = format!("{}: there is no folder {}", path.display(), folder.display());
+            Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: make it, or name another place with --out")))
+        }
+        None => Ok(()),
     }
 }
 

@@ -23,6 +23,12 @@ impl InputError {
         self
     }
 
+    /// Adds another remedy.
+    pub fn hint_too(mut self, more: &str) -> Self {
+        self.hint = Some(self.hint.map_or_else(|| more.to_owned(), |hint| format!("{hint}; {more}")));
+        self
+    }
+
     /// Adds the line in question.
     pub fn excerpt(mut self, excerpt: Option<String>) -> Self {
         self.excerpt = excerpt;

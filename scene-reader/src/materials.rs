@@ -23,6 +23,8 @@ pub struct Materials {
     pub region_of: Vec<Option<usize>>,
     /// Packing files behind them.
     pub files: Vec<PackingCopy>,
+    /// Kinds of cells of each region.
+    kinds: Vec<usize>,
     /// One line per region, for people.
     pub remarks: Vec<String>,
 }
@@ -81,6 +83,19 @@ impl Materials {
         Densities { packing, by_element: if differ { by_element } else { Vec::new() } }
     }
 
+    /// One line per region, with the elements that later ones have left to it.
+    fn describe(&mut self, file: &SceneFile, mesh: &Mesh) {
+        let starts = &mesh.first_points()[..mesh.elements.len()];
+        for (number, region) in file.region.iter().enumerate() {
+            let elements = starts.iter().filter(|&&point| self.region_of[point] == Some(number)).count();
+            let kinds = match self.kinds[number] {
+                1 => "one kind of cell".to_owned(),
+                count => format!("{count} kinds of cells"),
+            };
+            self.remarks.push(format!("{}: {elements} elements, {kinds}", region.get_ref().name));
+        }
+    }
+
     /// The elements that have cells of each region, by its name; regions whose elements later ones take are left out.
     pub(super) fn elements_of_regions(&self, file: &SceneFile, mesh: &Mesh) -> BTreeMap<String, Vec<usize>> {
         let mut elements: BTreeMap<String, Vec<usize>> = BTreeMap::new();
@@ -123,12 +138,14 @@ pub(super) fn materials(
         region_of: vec![None; sets.mesh.point_count()],
         definitions: vec![base],
         files: vec![copy],
+        kinds: Vec::new(),
         remarks: Vec::new(),
     };
     for (number, region) in file.region.iter().enumerate() {
         let region = Region { document, file, sets, table: region, number };
         region.add_to(&mut materials)?;
     }
+    materials.describe(file, sets.mesh);
     Ok(materials)
 }
 
@@ -144,6 +161,10 @@ struct Region<'a> {
 impl Region<'_> {
     fn add_to(&self, materials: &mut Materials) -> Result<(), InputError> {
         let table = self.table.get_ref();
+        let before = || self.file.region[..self.number].iter().map(|other| other.get_ref());
+        if table.name.is_empty() || before().any(|other| other.name == table.name) {
+            return Err(self.error("every region needs a name of its own").hint("give it another `name`"));
+        }
         let elements = self.elements()?;
         let variants = self.variants(materials)?;
         let (first, count) = (materials.definitions.len(), variants.len());
@@ -165,8 +186,7 @@ impl Region<'_> {
                 materials.region_of[point] = Some(self.number);
             }
         }
-        let kinds = if count == 1 { "one kind of cell".to_owned() } else { format!("{count} kinds of cells") };
-        materials.remarks.push(format!("{}: {} elements, {kinds}", table.name, elements.len()));
+        materials.kinds.push(count);
         Ok(())
     }
 

@@ -24,11 +24,13 @@ pub(super) fn problem_error(document: &Document, error: &ProblemError) -> InputE
         ProblemError::HistoryAtRest | ProblemError::FrictionUnknownLoad => {
             vec!["loading".to_owned(), "control".to_owned()]
         }
-        _ => {
+        ProblemError::RigidMotion { .. } | ProblemError::NoDirection { .. } | ProblemError::NoImage { .. } => {
             return document
                 .error(error)
                 .hint("docs/reference/scene.md says how [[boundary]] and [mesh] work together");
         }
+        // The others say themselves what to do.
+        _ => return document.error(error),
     };
     let in_stage: Vec<String> =
         stage.iter().flat_map(|number| ["stage".to_owned(), number.clone()]).chain(key.clone()).collect();

@@ -2,20 +2,25 @@
 
 use macro_solver::mesh::ElementKind;
 use macro_solver::problem::{Amplitude, Applied, PathControl, Problem, Procedure, Stage, Tolerances};
+use std::collections::BTreeMap;
 
 /// Tolerances above this are reported.
 const LOOSEST: f64 = 0.1;
 
-/// Fewest steps in a period of a sine that can meet both of its turns, and its zeros between them.
+/// Fewest steps in a period of a sine.
 const FEWEST_STEPS: f64 = 4.0;
 
-/// A step ends at a turn of a history if it is no farther away than this share of a step.
-const SAME_TIME: f64 = 1e-6;
+/// Share of the range of a history that steps may leave out.
+const LEFT_OUT: f64 = 0.05;
+
+/// Moments between two steps at which a history is looked at besides the points of its table.
+const BETWEEN_STEPS: usize = 32;
 
 /// All remarks, one line each, none twice.
 pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
     let mut remarks = loose_tolerances(problem);
     remarks.extend(volumetric_locking(problem));
+    remarks.extend(columns_of_bricks(problem));
     for stage in &problem.stages {
         remarks.extend(averages_of_nothing(problem, stage));
         remarks.extend(turns_between_steps(problem, stage));
@@ -54,65 +59,85 @@ fn volumetric_locking(problem: &Problem) -> Option<String> {
     ))
 }
 
+/// Bricks with reduced integration in a column one element wide: motions of several of them need no energy, which neighbours across would
+/// prevent.
+fn columns_of_bricks(problem: &Problem) -> Option<String> {
+    const NODES_OF_SIDE: usize = 8;
+    let mesh = &problem.mesh;
+    if mesh.elements.len() < 2 || mesh.kinds.iter().any(|kind| *kind != ElementKind::H20) {
+        return None;
+    }
+    let mut elements_of_node: Vec<Vec<usize>> = vec![Vec::new(); mesh.nodes.len()];
+    for (element, nodes) in mesh.elements.iter().enumerate() {
+        nodes.iter().for_each(|&node| elements_of_node[node].push(element));
+    }
+    let is_in_column = |(element, nodes): (usize, &Vec<usize>)| {
+        let mut shared: BTreeMap<usize, usize> = BTreeMap::new();
+        let others = nodes.iter().flat_map(|&node| &elements_of_node[node]).filter(|other| **other != element);
+        others.for_each(|other| *shared.entry(*other).or_default() += 1);
+        shared.values().filter(|count| **count >= NODES_OF_SIDE).count() <= 2
+    };
+    mesh.elements.iter().enumerate().all(is_in_column).then(|| {
+        "elements `h20` in a column one element wide have motions that need no energy; take `h20_full`, or two elements across".to_owned()
+    })
+}
+
 /// A radius that reaches no other Gauss point: the results are those without averages.
 fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
     let settings = stage.nonlocal.as_ref()?;
+    let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
     problem.averages_nothing(stage).then(|| {
         format!(
-            "nonlocal.radius = {:e} m is below the distance of neighbouring Gauss points: nothing is averaged; take a larger radius or a \
+            "{of_stage}nonlocal.radius = {:e} m is below the distance of neighbouring Gauss points: nothing is averaged; take a larger radius or a \
              finer mesh",
             settings.radius
         )
     })
 }
 
-/// Histories that turn where no step ends, so that their extremes are not met.
+/// Histories whose extremes lie where no step ends.
 fn turns_between_steps(problem: &Problem, stage: &Stage) -> Vec<String> {
     if matches!(stage.procedure, Procedure::Dynamic(_)) || stage.control.path != PathControl::Load {
         return Vec::new();
     }
     let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
-    let found = stage.conditions.iter().filter_map(|Applied { history, .. }| turn_between_steps(history, stage));
+    let acting = stage.conditions.iter().filter(|applied| applied.changes());
+    let found = acting.filter_map(|Applied { history, .. }| turn_between_steps(history, stage));
     found.map(|remark| format!("{of_stage}{remark}")).collect()
 }
 
 fn turn_between_steps(history: &Amplitude, stage: &Stage) -> Option<String> {
-    let (increments, duration) = (stage.control.increments as f64, stage.duration);
-    match history {
-        Amplitude::Sine { frequency, .. } => {
-            let periods = frequency * duration;
-            (increments < FEWEST_STEPS * periods).then(|| {
-                let steps = increments / periods;
-                format!(
-                    "a sine of {frequency} Hz has {steps:.2} steps in a period: its turns are cut off; take loading.increments = {} or more",
-                    (10.0 * periods).ceil()
-                )
-            })
-        }
-        Amplitude::Table(points) => {
-            let turns = points.windows(3).filter(|around| {
-                let [before, at, after] = [around[0][1], around[1][1], around[2][1]];
-                (at - before) * (after - at) < 0.0
-            });
-            let times = turns.map(|around| around[1][0]).filter(|time| (0.0..duration).contains(time));
-            let is_missed = |time: &f64| {
-                let steps = time / duration * increments;
-                (steps - steps.round()).abs() > SAME_TIME
-            };
-            let time = times.into_iter().find(is_missed)?;
-            Some(format!(
-                "a history by table turns at {time} s, where no step of {} s ends: its turn is cut off; take loading.increments for which \
-                 one does",
-                duration / increments
-            ))
-        }
-        // A rate is integrated exactly.
-        Amplitude::Constant
-        | Amplitude::Ramp { .. }
-        | Amplitude::Smooth { .. }
-        | Amplitude::SmoothRamp { .. }
-        | Amplitude::Rate(_) => None,
+    let increments = stage.control.increments;
+    let step = stage.duration / increments as f64;
+    if let Amplitude::Sine { frequency, .. } = history
+        && FEWEST_STEPS * frequency * step > 1.0
+    {
+        let steps = 1.0 / (frequency * step);
+        return Some(format!(
+            "a sine of {frequency} Hz has {steps:.2} steps in a period; take loading.increments = {} or more",
+            (10.0 * frequency * stage.duration).ceil()
+        ));
     }
+    let at = |load: f64| history.factor(stage.moment(load));
+    let met = range((0..=increments).map(|number| at(number as f64 / increments as f64)));
+    let knots: &[[f64; 2]] = if let Amplitude::Table(points) = history { points } else { &[] };
+    let within = knots.iter().map(|[time, _]| time / stage.duration).filter(|load| (0.0..=1.0).contains(load));
+    let fine = BETWEEN_STEPS * increments;
+    let whole = range((0..=fine).map(|number| number as f64 / fine as f64).chain(within).map(at));
+    let left_out = 1.0 - (met[1] - met[0]) / (whole[1] - whole[0]);
+    // Of a constant history 0 / 0.
+    (left_out > LEFT_OUT).then(|| {
+        format!(
+            "steps of {step:.4} s leave out {:.0} % of the range of a history, which turns between them; take loading.increments for which \
+             steps end at its turns",
+            100.0 * left_out
+        )
+    })
+}
+
+/// Smallest and largest value.
+fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| [least.min(value), most.max(value)])
 }
 
 #[cfg(test)]
@@ -132,22 +157,47 @@ mod tests {
         assert_eq!(sine(8), Vec::<String>::new());
         let cut = sine(7);
         assert!(cut.len() == 1 && cut[0].contains("3.50 steps in a period") && cut[0].contains("= 20"), "{cut:?}");
-        let table = |increments: u32, time: f64| {
+        let history = |history: &str, increments: u32| {
             let loading = format!("loading={{ duration = 4.0, increments = {increments} }}");
-            remarks(&[
-                &format!("pressure.0.history={{ table = [[0, 1], [{time}, 2], [3, 0.5], [5, 0.5]] }}"),
-                &loading,
-            ])
+            remarks(&[&format!("pressure.0.history={history}"), &loading])
+        };
+        let table = |increments, time: f64| {
+            history(&format!("{{ table = [[0, 1], [{time}, 2], [3, 0.5], [5, 0.5]] }}"), increments)
         };
         assert_eq!(table(8, 1.0), Vec::<String>::new());
         assert_eq!(table(20, 1.2), Vec::<String>::new(), "1.2 is the end of the sixth step but for rounding");
         let cut = table(8, 1.2);
-        assert!(cut.len() == 1 && cut[0].contains("turns at 1.2 s, where no step of 0.5 s ends"), "{cut:?}");
+        assert!(cut.len() == 1 && cut[0].contains("steps of 0.5000 s leave out 11 %"), "{cut:?}");
+        // A plateau between two steps, and a sine whose steps lie beside its turns.
+        let pulse = history("{ table = [[0, 1], [1.1, 1], [1.2, 3], [1.3, 3], [1.4, 1]] }", 4);
+        assert!(pulse.len() == 1 && pulse[0].contains("leave out 100 %"), "{pulse:?}");
+        assert!(
+            history("{ sine = { frequency = 0.5, phase = 0.7853981633974483 } }", 8)[0].contains("leave out 29 %")
+        );
+        let still = remarks(&[
+            "boundary.0.history={ sine = { frequency = 0.5 } }",
+            "loading={ duration = 4.0, increments = 5 }",
+        ]);
+        assert_eq!(still, Vec::<String>::new(), "a support that is held");
         let pressure = "{ set = 'left', value = 1e5, history = { sine = { frequency = 500.0 } } }";
         let dynamic = format!(
             "stage=[{{ name = 'still' }}, {{ name = 'swing', procedure = 'dynamic', pressure = [{pressure}] }}]"
         );
         assert_eq!(remarks(&[&dynamic]), Vec::<String>::new(), "time steps are far smaller");
+    }
+
+    #[test]
+    fn columns_of_bricks_with_reduced_integration_are_told() {
+        let told = |mesh: &str| {
+            let path =
+                std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/geotechnics/triaxial-rough.toml");
+            let overrides = [mesh.to_owned()];
+            let scene = crate::Scene::load_in_size(&path, Some("small"), &overrides).unwrap();
+            scene.remarks.iter().any(|remark| remark.contains("motions that need no energy"))
+        };
+        assert!(
+            told("mesh.elements=[1, 4, 1]") && !told("mesh.elements=[2, 2, 2]") && !told("mesh.element=h20_full")
+        );
     }
 
     #[test]

@@ -32,7 +32,8 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn element_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        check(document, name, ("element set", self.body_entity()), self.mesh.element_sets.keys())
+        let found = check(document, name, ("element set", self.body_entity()), self.mesh.element_sets.keys());
+        found.map_err(|error| error.hint_too("a [[region]] with this name and a box makes one as well"))
     }
 
     /// What Gmsh calls a part of the border.

@@ -79,7 +79,8 @@ pub(super) fn stages(
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
     refuse_unused(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
-    if stages.iter().all(|stage| stage.conditions.is_empty()) {
+    let is_thrown = |stage: &Stage| matches!(&stage.procedure, Procedure::Dynamic(motion) if !motion.initial_velocities.is_empty());
+    if stages.iter().all(|stage| stage.conditions.is_empty() && !is_thrown(stage)) {
         return Err(document
             .error("the scene has neither supports nor loads")
             .hint("add at least one [[boundary]] with set and displacement"));

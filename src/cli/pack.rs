@@ -3,13 +3,13 @@
 use super::heartbeat::Heartbeat;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::stdout::deliver;
+use crate::stdout::{deliver, expect_place};
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use scene_reader::{Document, Kind};
 use std::path::PathBuf;
 
-/// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two.
+/// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two and a half.
 const LARGEST_OVERLAP: f64 = 0.25;
 
 /// Arguments of `grainspan pack`.
@@ -43,12 +43,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;
     refuse_soft_grains(&document, &recipe)?;
+    expect_place(arguments.out.as_deref())?;
     let heartbeat = Heartbeat::start(arguments.quiet);
     let made = generate_any(&recipe, &mut |progress| heartbeat.set(stage(progress)));
     drop(heartbeat);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
-        Failure::new(Exit::NotConverged, format!("{text}\nhint: try another seed, more grains or a looser tolerance"))
+        // What says how it can be mended needs no other advice.
+        let hint = if text.contains("; give a larger") {
+            ""
+        } else {
+            "\nhint: try another seed, more grains or a looser tolerance"
+        };
+        Failure::new(Exit::NotConverged, text + hint)
     })?;
     let text = match &packing {
         Packing::Discs(packing) => packing.to_json(),
@@ -77,8 +84,9 @@ fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(),
     } else {
         "with modulus E the overlap is about 2 p / E: give a larger modulus or normal_stiffness".to_owned()
     };
-    let problem =
-        format!("grains would overlap by about {overlap:.2} of a diameter under this pressure (0.1 is the most)");
+    let problem = format!(
+        "grains would overlap by about {overlap:.2} of a diameter under this pressure (a packing may have 0.1)"
+    );
     Err(document.error_at_key(&["contact"], problem).hint(remedy).into())
 }
 

@@ -6,7 +6,7 @@ use super::heartbeat::Heartbeat;
 use super::sweep::{self, Common, Sweep};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::stdout::{deliver, print};
+use crate::stdout::{deliver, expect_place, print};
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{
@@ -102,6 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
     let (test, packing) = read_element_test(&document)?;
+    expect_place(arguments.out.as_deref())?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
     let heartbeat = Heartbeat::start(arguments.quiet);

@@ -4,10 +4,12 @@
 
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::stdout::deliver;
+use crate::stdout::{deliver, expect_place};
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, run_element_on};
+use rve_server::definition::Packing;
+use rve_server::programs::rve_test::{ElementCsv, ElementTest, run_element_on};
 use scene_reader::{Document, Kind, read_element_test};
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -77,9 +79,10 @@ pub(super) struct Common<'a> {
     pub(super) quiet: bool,
 }
 
-/// How one test ended: its rows as CSV, and why it did not reach its end.
+/// How one test ended: its rows as CSV, in how many of them it fell short and how, and why it did not reach its end.
 struct Ended {
     csv: Vec<u8>,
+    fallbacks: Vec<(&'static str, u64)>,
     stopped: Option<String>,
 }
 
@@ -94,6 +97,11 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             Exit::BadInput,
             format!("{} tests are too many: at most {MOST_TESTS}", combinations.len()),
         ));
+    }
+    expect_place(common.out)?;
+    // Before any of them runs: a value that is not sound would cost what the others have found.
+    for values in &combinations {
+        read(common, sweeps, values)?;
     }
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
@@ -123,12 +131,14 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     let mut table = csv::Writer::from_writer(Vec::new());
     let mut stopped = Vec::new();
+    let mut fallbacks: BTreeMap<&str, u64> = BTreeMap::new();
     let unwritable =
         |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"));
     let mut has_header = false;
     for (values, ended) in combinations.iter().zip(results) {
         let Some(ended) = ended else { continue };
         let ended = ended?;
+        ended.fallbacks.iter().for_each(|(what, rows)| *fallbacks.entry(*what).or_default() += rows);
         if let Some(reason) = ended.stopped {
             stopped.push(format!("{}: {reason}", described(sweeps, values)));
         }
@@ -143,6 +153,10 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             has_header = true;
             table.write_record(keys.into_iter().chain(row.iter())).map_err(|error| unwritable(&error))?;
         }
+    }
+    if !common.quiet && !fallbacks.is_empty() {
+        let all: Vec<String> = fallbacks.iter().map(|(what, rows)| format!("{what}: {rows} rows")).collect();
+        tell(format_args!("fallbacks: {}", all.join(", ")));
     }
     deliver(common.out, &table.into_inner().map_err(|error| unwritable(&error))?)?;
     match stopped.is_empty() {
@@ -176,16 +190,25 @@ fn described(sweeps: &[Sweep], values: &[&str]) -> String {
     sweeps.iter().zip(values).map(|(sweep, value)| format!("{}={value}", sweep.key)).collect::<Vec<_>>().join(" ")
 }
 
-/// One test.
+/// One test and its packing.
 ///
 /// # Errors
 /// It is not sound.
-fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, Failure> {
+fn read(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<(Document, ElementTest, Packing), Failure> {
     let own = sweeps.iter().zip(values).map(|(sweep, value)| format!("{}={value}", sweep.key));
     let overrides: Vec<String> = common.overrides.iter().cloned().chain(own).collect();
     let document = Document::read_in_size(common.path, common.size, &overrides)?;
     document.expect(Kind::ElementTest)?;
     let (test, packing) = read_element_test(&document)?;
+    Ok((document, test, packing))
+}
+
+/// Runs one test.
+///
+/// # Errors
+/// It is not sound.
+fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, Failure> {
+    let (document, test, packing) = read(common, sweeps, values)?;
     let mut csv = Vec::new();
     let bad = |error: csv::Error| Failure::new(Exit::BadInput, error);
     let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?.with_units(common.units);
@@ -197,9 +220,9 @@ fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, 
     drop(encoder);
     written.map_err(bad)?;
     match ended {
-        Ok(_) => Ok(Ended { csv, stopped: None }),
+        Ok(summary) => Ok(Ended { csv, fallbacks: summary.fallbacks(), stopped: None }),
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
-        Err(error) => Ok(Ended { csv, stopped: Some(error.to_string()) }),
+        Err(error) => Ok(Ended { csv, fallbacks: Vec::new(), stopped: Some(error.to_string()) }),
     }
 }
 

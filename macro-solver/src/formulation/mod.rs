@@ -15,8 +15,9 @@ pub mod tensor;
 
 pub use averages::AveragedModuli;
 use conversion::{first_piola, piola_moduli, spatial_moduli};
-use corotation::Corotation;
-use nalgebra::Matrix3;
+use corotation::{Corotation, Polar};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use protocol::Observed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use small_strain::small_strain_moduli;
@@ -151,6 +152,27 @@ impl Formulation {
         match self {
             Self::SmallStrain => deformation.trace() - 3.0,
             Self::TotalLagrangian | Self::UpdatedLagrangian | Self::Corotational => deformation.determinant().ln(),
+        }
+    }
+
+    /// Directions of the grains in the fixed axes, from those in the frame in which the material is driven. With small strain and corotated
+    /// frames the material is not turned with the body: the rotation of the body, in a corotated frame up to half a turn, is added to that
+    /// of the grains there, and the fabric of a corotated frame is turned by it. `deformation` is the deformation gradient of the state.
+    pub fn observed_in_space(self, observed: &Observed, deformation: &Matrix3<f64>) -> Observed {
+        let own = Vector3::from(observed.mean_rotation);
+        match self {
+            Self::TotalLagrangian | Self::UpdatedLagrangian => *observed,
+            Self::SmallStrain => {
+                let skew = 0.5 * (deformation - deformation.transpose());
+                let turn = Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]);
+                Observed { mean_rotation: (own + turn).into(), ..*observed }
+            }
+            Self::Corotational => {
+                let Some(Polar { rotation, .. }) = Polar::of(deformation) else { return *observed };
+                let turn = Rotation3::from_matrix_unchecked(rotation).scaled_axis();
+                let fabric = tensor::tensor(&(rotation * tensor::matrix(&observed.fabric) * rotation.transpose()));
+                Observed { mean_rotation: (rotation * own + turn).into(), fabric, ..*observed }
+            }
         }
     }
 

@@ -129,3 +129,24 @@ fn polar_decomposition_is_exact_for_large_stretches_and_refuses_reflections() {
     assert_eq!(Polar::of(&-Matrix3::identity()), None);
     assert_eq!(Polar::of(&(Matrix3::identity() * f64::NAN)), None);
 }
+
+/// A body that is turned has turned grains in every formulation that knows of rotations, whatever frame its material is driven in.
+#[test]
+fn what_grains_show_is_in_the_fixed_axes() {
+    let axis = Vector3::new(0.2, -0.4, 0.7);
+    let rotation = *Rotation3::new(axis).matrix();
+    let stretch = Matrix3::new(1.1, 0.05, 0.0, 0.05, 0.9, 0.02, 0.0, 0.02, 1.05);
+    let fabric = Matrix3::new(0.4, 0.02, 0.0, 0.02, 0.35, 0.01, 0.0, 0.01, 0.25);
+    let own = Observed { fabric: super::tensor::tensor(&fabric), mean_rotation: [0.0; 3], ..Observed::default() };
+    let seen = Formulation::Corotational.observed_in_space(&own, &(rotation * stretch));
+    assert!((Vector3::from(seen.mean_rotation) - axis).norm() < 1e-12);
+    assert!((super::tensor::matrix(&seen.fabric) - rotation * fabric * rotation.transpose()).norm() < 1e-12);
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian] {
+        assert_eq!(formulation.observed_in_space(&own, &(rotation * stretch)), own);
+    }
+    // Simple shear: the body turns by half the shear, clockwise.
+    let mut sheared = Matrix3::identity();
+    sheared[(0, 1)] = 0.02;
+    let seen = Formulation::SmallStrain.observed_in_space(&own, &sheared);
+    assert_eq!(seen.mean_rotation, [0.0, 0.0, -0.01]);
+}

@@ -5,13 +5,16 @@ use crate::observer::{FieldsView, Observer, PointFields, StepReport, StopRequest
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Integrates the external work of reactions and loads by the trapezium rule over accepted steps, and records the stored and
+/// Integrates the external work of reactions and loads by the trapezium rule over accepted steps, in dynamic stages over their time steps, and records the stored and
 /// dissipated energy of the body.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct EnergyLedger {
     external_work: f64,
     last: Option<Last>,
+    /// The dynamic stage of the last accepted state, with the external work that its own ledger had added up.
+    motion: Option<(usize, f64)>,
     initial_elastic: f64,
+    initial_hourglass: f64,
     /// Dissipated by friction and by viscous stabilisation before the first accepted state: the work of step 0, which brings cells that
     /// do not match the loads to balance, is not known.
     dissipated_before: [f64; 2],
@@ -56,7 +59,8 @@ impl EnergyLedger {
         if self.dynamics.is_empty() {
             let change = self.elastic - self.initial_elastic;
             let [friction, viscous] = self.dissipated_before;
-            let consumed = [change, self.dissipation - friction, self.hourglass, self.stabilisation - viscous];
+            let hourglass = self.hourglass - self.initial_hourglass;
+            let consumed = [change, self.dissipation - friction, hourglass, self.stabilisation - viscous];
             let residual = self.external_work - consumed.iter().sum::<f64>();
             let largest = consumed.iter().fold(self.external_work.abs(), |most, value| most.max(value.abs()));
             entries.insert("residual".to_owned(), residual);
@@ -70,7 +74,7 @@ impl EnergyLedger {
 const SECTION: &str = "energy";
 
 /// Counts changes of [`EnergyLedger`].
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 impl Observer for EnergyLedger {
     fn save(&self, archive: &mut Archive) {
@@ -82,7 +86,7 @@ impl Observer for EnergyLedger {
         Ok(())
     }
 
-    fn accepted(&mut self, _report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
+    fn accepted(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), StopRequest> {
         let total = |density: fn(&PointFields) -> f64| -> f64 {
             view.points.iter().map(|point| point.volume * density(point)).sum()
         };
@@ -108,7 +112,13 @@ impl Observer for EnergyLedger {
         match &self.last {
             None => {
                 self.initial_elastic = self.elastic;
+                self.initial_hourglass = self.hourglass;
                 self.dissipated_before = [self.dissipation, self.stabilisation];
+            }
+            // A motion swings many times between two reports; its own ledger has every time step.
+            Some(_) if let Some(motion) = &view.dynamics => {
+                let before = self.motion.filter(|(stage, _)| *stage == report.stage).map_or(0.0, |(_, work)| work);
+                self.external_work += motion.energy.external - before;
             }
             Some(last) => {
                 for (node, force) in forces.iter().enumerate() {
@@ -118,6 +128,7 @@ impl Observer for EnergyLedger {
                 }
             }
         }
+        self.motion = view.dynamics.as_ref().map(|motion| (report.stage, motion.energy.external));
         self.last = Some(Last { displacements: view.displacements.to_vec(), forces });
         Ok(())
     }
@@ -133,7 +144,7 @@ mod tests {
     use super::*;
     use crate::mesh::ElementKind;
     use crate::mesh::block::Block;
-    use crate::observer::Statistics;
+    use crate::observer::{DynamicsView, EnergyBalance, Statistics};
     use crate::output::probe::tests::{point, report};
 
     /// Friction while step 0 brings cells to balance has no work to be compared with; it opened the balance.
@@ -165,5 +176,45 @@ mod tests {
         assert_eq!(entries["external_work"], 1.0);
         assert_eq!((entries["frictional_dissipation"], entries["frictional_dissipation_initial"]), (7.5, 7.0));
         assert_eq!((entries["residual"], entries["relative_residual"]), (0.0, 0.0));
+    }
+
+    /// Between two reports a motion may swing many times; the ledger of the motion counts, from the beginning of each stage.
+    #[test]
+    fn the_work_of_a_motion_is_that_of_its_time_steps() {
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let mut ledger = EnergyLedger::default();
+        let still = vec![[0.0; 3]; mesh.nodes.len()];
+        let mut accept = |step: usize, stage: usize, work: Option<f64>, hourglass: f64| {
+            let dynamics = work.map(|external| DynamicsView {
+                velocities: &still,
+                accelerations: &still,
+                energy: EnergyBalance { external, ..EnergyBalance::default() },
+                time_step: 1.0,
+                added_mass: 0.0,
+                mass: 1.0,
+            });
+            let view = FieldsView {
+                mesh: &mesh,
+                displacements: &still,
+                reactions: &still,
+                loads: &still,
+                hourglass_energy: hourglass,
+                dynamics,
+                points: &[point(1.0, [[0.0; 2]; 2], 1.0)],
+                statistics: &Statistics::default(),
+            };
+            let report = StepReport { stage, ..report(step, 0, step as f64) };
+            ledger.accepted(&report, &view).unwrap();
+            ledger.entries(true)
+        };
+        let start = accept(0, 0, None, 0.25);
+        assert_eq!(
+            (start["external_work"], start["residual"]),
+            (0.0, 0.0),
+            "step 0 has filled the hourglass control"
+        );
+        accept(1, 0, Some(3.0), 0.25);
+        accept(2, 0, Some(2.0), 0.25);
+        assert_eq!(accept(3, 1, Some(0.5), 0.25)["external_work"], 2.5);
     }
 }

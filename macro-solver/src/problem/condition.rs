@@ -68,6 +68,11 @@ pub(super) enum Action {
 }
 
 impl Applied {
+    /// Whether it changes anything over its stage.
+    pub fn changes(&self) -> bool {
+        self.action() != Action::Constant
+    }
+
     /// What it does over the stage.
     pub(super) fn action(&self) -> Action {
         let changes = match self.history {

@@ -87,7 +87,7 @@ impl Solver<'_> {
                 stress: tensor(&point.response.stress),
                 pore_pressure: point.pore_pressure(self.problem.formulation),
                 scalars: answer.scalars,
-                observed: answer.observed,
+                observed: self.problem.formulation.observed_in_space(&answer.observed, &point.deformation),
                 flags: answer.flags,
                 step_evaluations: point.step_evaluations,
                 evaluations: point.evaluations,

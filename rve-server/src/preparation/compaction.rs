@@ -343,14 +343,18 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         .checked()
     }
 
-    /// Largest deviation of a stress component from the target, over the target pressure.
+    /// Largest deviation of a stress component from the target, over the target pressure: in the axes in which grains are solved, and in
+    /// those of the file, in which the packing is judged.
     fn stress_error(&self, stress: &Tensor2) -> f64 {
-        let deviator = turned_out(&self.target.deviator, &self.axes());
+        let axes = self.axes();
+        let (stress, deviator) = (rows(stress), turned_out(&self.target.deviator, &axes));
+        let own = turned_in(&symmetric(&stress), &axes);
         let mut largest = 0.0f64;
-        for (i, row) in deviator.iter().enumerate().take(self.target.dimension) {
-            for (j, value) in row.iter().enumerate().take(self.target.dimension) {
+        for i in 0..self.target.dimension {
+            for j in 0..self.target.dimension {
                 let mean = if i == j { self.target.pressure } else { 0.0 };
-                largest = largest.max((stress.get(i, j) + mean - value).abs());
+                let errors = [stress[i][j] - deviator[i][j], own[i][j] - self.target.deviator[i][j]];
+                largest = errors.iter().fold(largest, |largest, error| largest.max((error + mean).abs()));
             }
         }
         largest / self.target.pressure
@@ -421,6 +425,10 @@ fn limited(strain: &Matrix, most: f64) -> Matrix {
     let largest = largest(strain);
     let share = if largest > most { most / largest } else { 1.0 };
     strain.map(|row| row.map(|value| share * value))
+}
+
+fn symmetric(matrix: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])))
 }
 
 /// Size of the largest component.

@@ -44,6 +44,7 @@ pub(crate) fn presheared<'a, S: SolverFor>(
     let mut shear = [[0.0; 3]; 3];
     let mut response = FIRST_RESPONSE;
     let mut last: Option<(Matrix, Matrix)> = None;
+    let mut farthest = 0.0;
     for _ in 0..MOST_TRIES {
         let mut compaction = prepared()?;
         if last.is_some() {
@@ -54,6 +55,7 @@ pub(crate) fn presheared<'a, S: SolverFor>(
         let anisotropy = anisotropy_of(&fabric, dimension);
         attempts.push(ShearAttempt { shear: largest(&shear), anisotropy });
         let missing = combined(&wanted, -1.0, &fabric);
+        farthest = largest(&missing);
         // The direction counts as well as the value: both principal values must be where they are wanted.
         if (anisotropy - target.value).abs() <= target.tolerance && largest(&missing) <= target.tolerance {
             return Ok((compaction, attempts));
@@ -74,10 +76,11 @@ pub(crate) fn presheared<'a, S: SolverFor>(
     }
     let reached: Vec<String> = attempts.iter().map(|attempt| format!("{:.4}", attempt.anisotropy)).collect();
     Err(PackingError::Content(format!(
-        "anisotropy {} +- {} was not reached in {MOST_TRIES} tries ({}); widen anisotropy.tolerance, raise \
-         anisotropy.friction or use more grains",
+        "anisotropy {} +- {} along axis {} was not reached in {MOST_TRIES} tries ({}; in the last one a component of the fabric was off by \
+         {farthest:.4}); widen anisotropy.tolerance, raise anisotropy.friction or use more grains",
         target.value,
         target.tolerance,
+        target.axis,
         reached.join(", ")
     )))
 }

@@ -87,12 +87,17 @@ pub struct PackingReport {
     pub force_evaluations: u64,
 }
 
+/// Name of the requirement that grains do not press into each other.
+const OVERLAP: &str = "max_overlap_ratio";
+
 impl PackingReport {
     /// Refuses a packing that misses what was requested.
     ///
     /// # Errors
     /// [`PackingError::Content`] naming what is missed and by how much.
     pub fn refuse_misses(&self) -> Result<(), PackingError> {
+        let is_soft =
+            self.requirements.iter().any(|requirement| requirement.quantity == OVERLAP && !requirement.is_met());
         let missed: Vec<String> = self
             .requirements
             .iter()
@@ -104,7 +109,8 @@ impl PackingReport {
                 )
             })
             .collect();
-        if missed.is_empty() { Ok(()) } else { Err(PackingError::Content(missed.join("; "))) }
+        let remedy = if is_soft { "; give a larger modulus, a smaller thickness or check the units" } else { "" };
+        if missed.is_empty() { Ok(()) } else { Err(PackingError::Content(missed.join("; ") + remedy)) }
     }
 }
 
@@ -162,14 +168,18 @@ fn requirements(
         ask(format!("stress_{}{}, Pa", i + 1, j + 1), target.component(i, j), got, tolerance);
     }
     ask("unbalanced_force_ratio".into(), 0.0, report.unbalanced_force_ratio, recipe.tolerance + ROUNDING);
-    ask("max_overlap_ratio (wrong units?)".into(), 0.0, report.max_overlap_ratio, LARGEST_OVERLAP);
-    // A density or an anisotropy is that of the packing before grains are taken out.
+    ask(OVERLAP.into(), 0.0, report.max_overlap_ratio, LARGEST_OVERLAP);
+    // A density or an anisotropy is that of the packing before grains are taken out, a density that before the shear of the anisotropy.
     if recipe.removal.is_none() {
-        if let Some(state) = &recipe.target
-            && recipe.anisotropy.is_none()
-        {
+        if let Some(state) = &recipe.target {
             let (quantity, requested) = state.quantity()?;
-            ask(quantity.keyword().into(), requested, value_of(report, quantity), state.tolerance);
+            let before = report.searches.friction.last().filter(|_| recipe.anisotropy.is_some());
+            match before {
+                Some(found) => {
+                    ask(format!("{} before the shear", quantity.keyword()), requested, found.value, state.tolerance);
+                }
+                None => ask(quantity.keyword().into(), requested, value_of(report, quantity), state.tolerance),
+            }
         }
         if let Some(anisotropy) = &recipe.anisotropy {
             ask("fabric_anisotropy".into(), anisotropy.value, report.fabric_anisotropy, anisotropy.tolerance);

@@ -7,7 +7,7 @@ use self::profile::Profiles;
 use self::restart::Restart;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::stdout::deliver;
+use crate::stdout::{deliver, expect_place};
 use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
@@ -81,6 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let packing = Packing::read(&document.resolve(Path::new(&test.packing)))
         .map_err(|error| document.error_at_key(&["packing"], error))?;
     test.validate(packing.dimension() as usize).map_err(|error| document.table_error(error))?;
+    expect_place(arguments.out.as_deref())?;
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -92,6 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             let packing = document.resolve(Path::new(&test.packing));
             let asked = restart::Asked {
                 units: arguments.units,
+                pictures: arguments.pictures.is_some(),
                 profiles: arguments.profiles.is_some(),
                 fluctuations_from: arguments.fluctuations_from.clone(),
             };
@@ -174,7 +176,15 @@ impl Output {
     fn go_on(&mut self, arguments: &Arguments, test: &SpecimenTest, earlier: &restart::Kept) -> Result<(), Failure> {
         self.csv = SpecimenCsv::resumed(earlier.table.clone(), arguments.units, test)
             .map_err(|error| Failure::new(Exit::BadInput, error))?;
-        if let Some(pictures) = &mut self.pictures {
+        if let (Some(pictures), Some(folder)) = (&mut self.pictures, &arguments.pictures) {
+            if let Some((_, missing)) = earlier.frames.iter().find(|(_, file)| !folder.join(file).exists()) {
+                let problem =
+                    format!("--pictures: {} does not hold {missing}, which was drawn before", folder.display());
+                return Err(Failure::new(
+                    Exit::BadInput,
+                    format!("{problem}\nhint: name the folder of the run that is continued"),
+                ));
+            }
             pictures.drawn = earlier.frames.len();
             pictures.start = earlier.start.clone();
             pictures.series.restore(earlier.frames.clone())?;
@@ -352,6 +362,12 @@ fn closing(summary: &SpecimenSummary) -> String {
             "energy not accounted for in {} rows, {:.1} % at most",
             summary.energy_misses,
             100.0 * summary.largest_energy_error
+        ));
+    }
+    if summary.overlap_misses > 0 {
+        fallbacks.push(format!(
+            "grains overlap by more than a tenth of a diameter in {} rows, by {:.2} at most: the contact law holds for far less",
+            summary.overlap_misses, summary.largest_overlap
         ));
     }
     let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };

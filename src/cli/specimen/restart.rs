@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -44,6 +44,8 @@ pub(super) struct Kept {
 pub(super) struct Asked {
     /// Whether the header of the table has units.
     pub(super) units: bool,
+    /// Whether pictures are drawn.
+    pub(super) pictures: bool,
     /// Whether layers are followed.
     pub(super) profiles: bool,
     /// Stage from whose start fluctuations are counted.
@@ -121,6 +123,7 @@ impl Restart {
         let (before, now) = (&kept.asked, &self.blank.asked);
         for (flag, is_same) in [
             ("--units", before.units == now.units),
+            ("--pictures", before.pictures == now.pictures),
             ("--profiles", before.profiles == now.profiles),
             ("--fluctuations-from", before.fluctuations_from == now.fluctuations_from),
         ] {

@@ -51,6 +51,9 @@ impl Dashpots {
                 *dashpots.nodes[node].get_or_insert_with(Matrix3::zeros) += tensor * (area * share / total);
             }
         }
+        for damper in dashpots.nodes.iter_mut().flatten() {
+            without_rounding(damper);
+        }
         dashpots
     }
 
@@ -70,6 +73,21 @@ impl Dashpots {
     /// Damper of a node with mass `mass` (kg) and mass-proportional damping of rate `rate` (1/s).
     pub(super) fn of_node(&self, node: usize, mass: f64, rate: f64) -> Matrix3<f64> {
         self.nodes[node].unwrap_or_else(Matrix3::zeros) + Matrix3::identity() * (rate * mass)
+    }
+}
+
+/// Couplings that are as small as rounding of the normal of a side along an axis, over the largest entry.
+const ROUNDING: f64 = 1e-12;
+
+/// Takes out couplings that only rounding has left: they would make sides along the axes oblique.
+fn without_rounding(damper: &mut Matrix3<f64>) {
+    let least = ROUNDING * damper.amax();
+    for i in 0..3 {
+        for j in (0..3).filter(|j| *j != i) {
+            if damper[(i, j)].abs() <= least {
+                damper[(i, j)] = 0.0;
+            }
+        }
     }
 }
 

@@ -17,7 +17,7 @@ pub struct ElementTest {
     /// Packing file, relative to the test file.
     pub packing: PathBuf,
     /// Largest difference between a controlled stress component and its target, relative to the mean pressure of the
-    /// row; dimensionless.
+    /// row or the largest target, whichever is larger.
     #[serde(default = "default_stress_tolerance")]
     #[schemars(extend("x-unit" = "-"))]
     pub stress_tolerance: f64,

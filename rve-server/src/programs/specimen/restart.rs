@@ -64,12 +64,22 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         }
         self.dynamics.keep(stream);
         stream.grain_sums(&mut self.last);
-        for count in
-            [&mut self.summary.unbalanced_stages, &mut self.summary.servo_misses, &mut self.summary.energy_misses]
-        {
+        let summary = &mut self.summary;
+        for count in [
+            &mut summary.unbalanced_stages,
+            &mut summary.servo_misses,
+            &mut summary.energy_misses,
+            &mut summary.overlap_misses,
+        ] {
             stream.count(count);
         }
-        stream.number(&mut self.summary.largest_servo_error);
-        stream.number(&mut self.summary.largest_energy_error);
+        for number in [
+            &mut summary.largest_servo_error,
+            &mut summary.largest_energy_error,
+            &mut summary.largest_turnover,
+            &mut summary.largest_overlap,
+        ] {
+            stream.number(number);
+        }
     }
 }

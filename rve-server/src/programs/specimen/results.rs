@@ -90,6 +90,12 @@ pub struct SpecimenSummary {
     pub energy_misses: u64,
     /// Largest share of the energy turned over that was missing, or too much, at any check.
     pub largest_energy_error: f64,
+    /// Largest energy turned over at any check, J: the scale of what is missing.
+    pub largest_turnover: f64,
+    /// Rows in which two grains overlap by more than a tenth of a diameter.
+    pub overlap_misses: u64,
+    /// Largest overlap over the diameter in any row.
+    pub largest_overlap: f64,
 }
 
 /// Grains as pictures need them.

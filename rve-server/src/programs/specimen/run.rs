@@ -29,6 +29,9 @@ const BALANCE_INTERVAL: u64 = 100;
 const ENERGY_COUNTED: f64 = 0.01;
 const ENERGY_STOP: f64 = 0.1;
 
+/// Overlap over the diameter from which on a row is counted, as in cells.
+const OVERLAP_COUNTED: f64 = 0.1;
+
 /// Distance of a controlled wall stress from its target, over the mean target, from which on a row is counted.
 const SERVO_COUNTED: f64 = 0.01;
 
@@ -308,9 +311,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         Ok(())
     }
 
-    /// Energy that is missing over the energy turned over.
-    fn energy_error(&self) -> f64 {
-        let turnover = self.dynamics.energy_turnover();
+    /// Energy that is missing over the largest energy turned over so far: at the top of a flight all parts of it may be near zero.
+    fn energy_error(&mut self) -> f64 {
+        let turnover = self.summary.largest_turnover.max(self.dynamics.energy_turnover());
+        self.summary.largest_turnover = turnover;
         if turnover > 0.0 { self.dynamics.missing_energy().abs() / turnover } else { 0.0 }
     }
 
@@ -331,6 +335,8 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     /// Counts what a row falls short in.
     fn count(&mut self, stage: &Stage, row: &SpecimenRow) {
         self.summary.energy_misses += u64::from(self.energy_error() > ENERGY_COUNTED);
+        self.summary.overlap_misses += u64::from(row.max_overlap_ratio > OVERLAP_COUNTED);
+        self.summary.largest_overlap = self.summary.largest_overlap.max(row.max_overlap_ratio);
         if stage.until_balance.is_some() {
             return;
         }

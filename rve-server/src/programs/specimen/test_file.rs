@@ -179,6 +179,15 @@ impl SpecimenTest {
                 )));
             }
         }
+        if let Some(sheared) =
+            stage.shear.components().into_iter().find(|one| is_glued(one.side) && !periodic[one.along])
+        {
+            let along = AXES[sheared.along];
+            return Err(DefinitionError(format!(
+                "shear.{}: the layer glued to the wall would be dragged through the walls along {along}; set periodic = [\"{along}\"]",
+                sheared.name
+            )));
+        }
         let strains_sides = (0..3).any(|axis| periodic[axis] && stage.moves(axis));
         if strains_sides && (0..3).any(is_glued) {
             return Err(DefinitionError(

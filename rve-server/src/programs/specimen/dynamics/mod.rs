@@ -288,15 +288,18 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         own.iter().for_each(|own| mean.add(own));
         let count = own.len().max(1) as f64;
         let ratio = self.body.damping_ratio();
+        // While few grains touch, the first contacts to come are stiffer than the mean of those there are.
+        let is_loose = (self.contacts.contacts as f64) < count;
         for (index, own) in own.iter().enumerate() {
+            let grain = &self.body.grains[index];
+            let to_come = if is_loose { self.expected_stiffness(grain.radius) } else { OwnStiffness::default() };
             let own = OwnStiffness {
-                stiffness: own.stiffness.max(mean.stiffness / count),
-                root: own.root.max(mean.root / count),
+                stiffness: own.stiffness.max(mean.stiffness / count).max(to_come.stiffness),
+                root: own.root.max(mean.root / count).max(to_come.root),
                 dashpot: 0.0,
             };
             let before = if self.steps == 0 { 0.0 } else { self.masses[index] };
             let after = before.max(own.mass_for(self.motion.safety, ratio)).max(f64::MIN_POSITIVE);
-            let grain = &self.body.grains[index];
             let turning = self.inertia_factor * grain.radius * grain.radius * grain.spin.dot(grain.spin);
             if !self.driven[index] {
                 self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
@@ -309,18 +312,23 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         }
     }
 
-    /// Step while nothing touches: as if every grain had one contact with its like at a tenth of a per cent overlap.
-    fn free_step(&self) -> f64 {
+    /// Stiffness of two contacts of a grain with its like at a tenth of a per cent overlap.
+    fn expected_stiffness(&self, radius: f64) -> OwnStiffness {
         let law = self.body.law();
+        let stiffness = law.stiffness(&law.constants([radius, radius]), 2e-3 * radius);
+        OwnStiffness {
+            stiffness: 2.0 * bound(stiffness, radius, self.inertia_factor),
+            root: 2.0 * stiffness[0].sqrt(),
+            dashpot: 0.0,
+        }
+    }
+
+    /// Step while nothing touches, of such grains.
+    fn free_step(&self) -> f64 {
         let ratio = self.body.damping_ratio();
         let limit = self.body.grains.iter().zip(&self.masses).fold(f64::INFINITY, |shortest: f64, (grain, mass)| {
-            let constants = law.constants([grain.radius, grain.radius]);
-            let stiffness = law.stiffness(&constants, 2e-3 * grain.radius);
-            let own = OwnStiffness {
-                stiffness: 2.0 * bound(stiffness, grain.radius, self.inertia_factor),
-                root: 0.0,
-                dashpot: 2.0 * 2.0 * ratio * (0.5 * mass * stiffness[0]).sqrt(),
-            };
+            let expected = self.expected_stiffness(grain.radius);
+            let own = OwnStiffness { dashpot: 2.0 * ratio * (0.5 * mass).sqrt() * expected.root, ..expected };
             shortest.min(own.longest_step(*mass))
         });
         if limit.is_finite() { self.motion.safety * limit } else { 1.0 }
