@@ -1,7 +1,7 @@
 //! One stage of a problem: conditions, and how the solver goes through it.
 
 use super::amplitude::Moment;
-use super::condition::{Action, Applied};
+use super::condition::{Action, Applied, Condition};
 use super::criteria::Tolerances;
 use super::path_control::PathControl;
 use super::strategy::Strategy;
@@ -69,6 +69,12 @@ impl Stage {
             strategy: Strategy::default(),
             nonlocal: None,
         }
+    }
+
+    /// Whether friction is all that changes.
+    pub fn changes_friction_alone(&self) -> bool {
+        let mut changing = self.conditions.iter().filter(|applied| applied.changes()).peekable();
+        changing.peek().is_some() && changing.all(|applied| matches!(applied.condition, Condition::Friction { .. }))
     }
 
     /// Whether supports move while all loads stay as they are. Then a body that gives way reaches another equilibrium further on; under

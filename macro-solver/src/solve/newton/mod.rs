@@ -26,6 +26,10 @@ use thiserror::Error;
 /// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
 const ROUND_OFF: f64 = 1e-12;
 
+/// In stages in which nothing changes but friction: corrections below this share of the extent of the body are round-off. A body that bears
+/// the change has no displacement that its corrections could be compared with.
+const UNMOVED: f64 = 1e-9;
+
 /// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
@@ -319,7 +323,12 @@ impl Solver<'_> {
             Some(DisplacementMeasure::Step) => norm(iterate),
             Some(DisplacementMeasure::FullStep) | None => full_step * norm(iterate),
         };
-        let round_off = ROUND_OFF * norm(&self.body.displacements);
+        let least = if self.stage().changes_friction_alone() {
+            UNMOVED * self.body.extent() * (correction.len() as f64).sqrt()
+        } else {
+            0.0
+        };
+        let round_off = least.max(ROUND_OFF * norm(&self.body.displacements));
         let work = |forces: &[f64], along: &[f64]| {
             forces.iter().zip(along).map(|(force, along)| force * along).sum::<f64>().abs()
         };

@@ -4,7 +4,7 @@ use super::stages::Shelf;
 use super::*;
 use crate::formulation::Formulation;
 use crate::material::altered::{Altered, EachAnswer};
-use crate::observer::Outcome;
+use crate::observer::{Outcome, Statistics};
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{Amplitude, Applied, PathControl, ProblemError, Procedure};
@@ -98,6 +98,34 @@ fn each_point_is_asked_with_the_friction_of_its_moment() {
             "the last stage has the whole friction"
         );
     }
+}
+
+/// Stresses that change in their last digits from trial to trial, as those of grains do whose friction is another.
+struct Restless {
+    trials: u32,
+}
+
+impl EachAnswer for Restless {
+    fn change(&mut self, trial: &PointTrial, answer: &mut TrialResult) {
+        self.trials += 1;
+        let change = 1e-9 * trial.options.friction_reduction * f64::from(self.trials).sin();
+        answer.stress.0.iter_mut().for_each(|value| *value *= 1.0 + change);
+    }
+}
+
+/// A body that bears the change stays where it is: its corrections have nothing to be compared with.
+#[test]
+fn a_body_that_bears_less_friction_takes_every_step_at_once() {
+    let mut problem = pulled_bar();
+    problem.stages.truncate(2);
+    problem.stages[1].tolerances = Tolerances::default();
+    let mut material =
+        Altered { material: elastic(ElasticLaw::SmallStrain, &problem), alteration: Restless { trials: 0 } };
+    let mut top = Top::default();
+    let run = solve(&problem, &mut material, &mut top);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    let Statistics { cut_backs, stagnated_steps, .. } = run.statistics;
+    assert_eq!((top.0.len(), cut_backs, stagnated_steps), (9, 0, 0));
 }
 
 /// Explicit steps ask with the friction of their end; the last one with that of the stage's end.
