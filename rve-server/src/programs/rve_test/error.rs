@@ -24,6 +24,15 @@ pub enum ElementError {
         /// The cell's reason.
         reason: RveError,
     },
+    /// The prescribed stress asks for more deformation than a trial can have.
+    #[error(
+        "increment {increment}: the cell hardly resists on the way to its target stress, which its grains cannot carry or which lies too far \
+         away; use more increments, or prescribe the strain where the packing softens"
+    )]
+    StressOutOfReach {
+        /// Row that was being computed.
+        increment: u64,
+    },
     /// The prescribed stress was not reached.
     #[error(
         "increment {increment}: sigma_{component} = {reached:.6e} Pa did not reach {target:.6e} Pa within {tolerance:.1e} Pa \

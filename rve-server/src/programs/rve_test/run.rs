@@ -141,8 +141,12 @@ fn run_in_space<S: SolverFor>(
     }
     // Where stresses are controlled, the search for them takes the grains to rest.
     let strains_only = |segment: &Segment| segment.stress.values().iter().all(Option::is_none);
-    if run.is_far_from_rest && test.path.first().is_some_and(strains_only) {
-        run.settle()?;
+    if run.is_far_from_rest {
+        if test.path.first().is_some_and(strains_only) {
+            run.settle()?;
+        } else {
+            run.summary.begins_with_motion = 1;
+        }
     }
     for segment in &test.path {
         run.last_change = None;
@@ -274,7 +278,9 @@ impl<S: SolverFor> Run<S> {
                     self.controlled(&step, is_smallest)
                 };
                 let accepted = match attempt {
-                    Err(ElementError::StressNotReached { .. }) if !is_smallest => {
+                    Err(ElementError::StressNotReached { .. } | ElementError::StressOutOfReach { .. })
+                        if !is_smallest =>
+                    {
                         self.cell.rollback();
                         self.last_change = None;
                         stride *= 0.5;
@@ -438,7 +444,12 @@ impl<S: SolverFor> Run<S> {
             trials += 1;
             let answer = match self.attempt(step, &gradient, ramp_steps) {
                 // The search has left the range of one trial: the target lies beyond what the cell can carry.
-                Err(ElementError::Cell { reason, .. }) if closest.is_some() && is_out_of_range(&reason) => break,
+                Err(ElementError::Cell { increment, reason }) if is_out_of_range(&reason) => {
+                    if closest.is_none() {
+                        return Err(ElementError::StressOutOfReach { increment });
+                    }
+                    break;
+                }
                 answer => answer?,
             };
             // The first trial chooses the ramp for all: the stress would jump with its length otherwise.

@@ -33,6 +33,8 @@ pub struct ElementSummary {
     pub tangent_regularised: u64,
     /// Packings that were far from equilibrium under the law, and were brought to rest before the first increment: 0 or 1.
     pub settled: u64,
+    /// The same where the first increment controls a stress: it begins with the motion of the grains.
+    pub begins_with_motion: u64,
     /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
 }
@@ -42,6 +44,10 @@ impl ElementSummary {
     pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
         let all = [
             ("packing not at rest under this contact law, brought to rest before the first increment", self.settled),
+            (
+                "packing not at rest under this contact law, the first increment begins with its motion",
+                self.begins_with_motion,
+            ),
             ("not equilibrated", self.not_equilibrated),
             ("controlled stress not met at an instability of the cell", self.stress_jumps),
             ("controlled stress relaxed after the cell had snapped", self.relaxed_increments),

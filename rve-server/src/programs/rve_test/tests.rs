@@ -396,3 +396,29 @@ fn a_packing_that_is_not_at_rest_settles_before_it_is_strained() {
     let pressure = |row: &ElementRow| -0.5 * (row.stress[0][0] + row.stress[1][1]);
     assert!((pressure(&coarse[1]) / pressure(&fine[1]) - 1.0).abs() < 2e-3);
 }
+
+/// A packing that is not at rest and goes to a stress falls in its first increment: that is told. A stress that the grains cannot carry is
+/// not told as a deformation that is too large.
+#[test]
+fn stress_control_tells_of_unrest_and_of_stresses_out_of_reach() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let ended = |packing: &str, law: &str, path: &str| {
+        let text = format!(
+            "packing = \"packings/{packing}.json\"\n[contact]\nlaw = \"linear\"\nstiffness_ratio = 0.5\n{law}\n[rve]\naccuracy = \"draft\"\n{path}"
+        );
+        let test = ElementTest::from_toml(&text).unwrap();
+        run_element(&test, &root, TangentKind::None, &mut |_| ())
+    };
+    let falling = ended(
+        "discs-400-loose",
+        "modulus = 6.0e7\nfriction = 0.45",
+        "[[path]]\nincrements = 2\nstrain = { yy = -1e-3 }\nstress = { xx = -1e5 }",
+    );
+    let told = falling.unwrap().fallbacks();
+    assert!(told.iter().any(|(what, _)| what.contains("begins with its motion")), "{told:?}");
+    for path in ["stress = { yy = -1e6, xx = -1e5 }", "stress = { yy = 1e5, xx = -1e5 }"] {
+        let path = format!("[[path]]\nincrements = 2\n{path}");
+        let error = ended("discs-100", "modulus = 1.0e8\nfriction = 0.5", &path).unwrap_err().to_string();
+        assert!(error.contains("prescribe the strain") && !error.contains("exceeds the limit"), "{error}");
+    }
+}
