@@ -243,13 +243,15 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         push(Table::Traction, &traction.name, &traction.set, Applied::new(condition, history));
     }
     for force in tables.body_force.iter().map(Located::get_ref) {
-        let condition =
-            Condition::BodyForce { elements: sets.element_set(document, &force.set)?, value: or_zero(force.value) };
+        let condition = Condition::BodyForce {
+            elements: sets.element_set_or_region(document, &force.set)?,
+            value: or_zero(force.value),
+        };
         let history = history(document, &force.history, Amplitude::RAMP)?;
         push(Table::BodyForce, &force.name, &force.set, Applied::new(condition, history));
     }
     for friction in tables.friction.iter().map(Located::get_ref) {
-        let elements = sets.element_set(document, &friction.set)?;
+        let elements = sets.element_set_or_region(document, &friction.set)?;
         let to = friction.factor;
         let history = history(document, &friction.history, Amplitude::RAMP)?;
         let applied = Applied::new(Condition::Friction { elements, from: 1.0, to }, history);

@@ -32,8 +32,20 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn element_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        let found = check(document, name, ("element set", self.body_entity()), self.mesh.element_sets.keys());
-        found.map_err(|error| error.hint_too("a [[region]] with this name and a box makes one as well"))
+        check(document, name, ("element set", self.body_entity()), self.mesh.element_sets.keys())
+    }
+
+    /// The name, if the mesh has such an element set or the scene a region that is one.
+    ///
+    /// # Errors
+    /// As [`Sets::element_set`].
+    pub(super) fn element_set_or_region(
+        &self,
+        document: &Document,
+        name: &Located<String>,
+    ) -> Result<String, InputError> {
+        self.element_set(document, name)
+            .map_err(|error| error.hint_too("a [[region]] with this name and a box makes one as well"))
     }
 
     /// What Gmsh calls a part of the border.

@@ -49,13 +49,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     drop(heartbeat);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
-        // What says how it can be mended needs no other advice.
-        let hint = if text.contains("; give a larger") {
-            ""
-        } else {
-            "\nhint: try another seed, more grains or a looser tolerance"
-        };
-        Failure::new(Exit::NotConverged, text + hint)
+        let hint = "try another seed, more grains or a looser tolerance; for large overlaps a larger modulus or a smaller thickness";
+        Failure::new(Exit::NotConverged, format!("{text}\nhint: {hint}"))
     })?;
     let text = match &packing {
         Packing::Discs(packing) => packing.to_json(),

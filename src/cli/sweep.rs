@@ -99,9 +99,13 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
         ));
     }
     expect_place(common.out)?;
-    // Before any of them runs: a value that is not sound would cost what the others have found.
-    for values in &combinations {
-        read(common, sweeps, values)?;
+    // Every value once, before any test runs: one that is not sound would cost what the others have found.
+    for (key, sweep) in sweeps.iter().enumerate() {
+        for value in &sweep.values {
+            let mut values = combinations[0].clone();
+            values[key] = value;
+            read(common, sweeps, &values)?;
+        }
     }
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());

@@ -16,7 +16,7 @@ pub mod tensor;
 pub use averages::AveragedModuli;
 use conversion::{first_piola, piola_moduli, spatial_moduli};
 use corotation::{Corotation, Polar};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use protocol::Observed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -169,7 +169,9 @@ impl Formulation {
             }
             Self::Corotational => {
                 let Some(Polar { rotation, .. }) = Polar::of(deformation) else { return *observed };
-                let turn = Rotation3::from_matrix_unchecked(rotation).scaled_axis();
+                // By a quaternion, which has an axis for half a turn too.
+                let turn =
+                    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)).scaled_axis();
                 let fabric = tensor::tensor(&(rotation * tensor::matrix(&observed.fabric) * rotation.transpose()));
                 Observed { mean_rotation: (rotation * own + turn).into(), fabric, ..*observed }
             }

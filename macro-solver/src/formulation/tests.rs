@@ -141,6 +141,9 @@ fn what_grains_show_is_in_the_fixed_axes() {
     let seen = Formulation::Corotational.observed_in_space(&own, &(rotation * stretch));
     assert!((Vector3::from(seen.mean_rotation) - axis).norm() < 1e-12);
     assert!((super::tensor::matrix(&seen.fabric) - rotation * fabric * rotation.transpose()).norm() < 1e-12);
+    let half_turn = Matrix3::from_diagonal(&Vector3::new(-1.0, -1.0, 1.0));
+    let seen = Formulation::Corotational.observed_in_space(&own, &half_turn);
+    assert!((seen.mean_rotation[2].abs() - std::f64::consts::PI).abs() < 1e-12, "{seen:?}");
     for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian] {
         assert_eq!(formulation.observed_in_space(&own, &(rotation * stretch)), own);
     }

@@ -5,8 +5,8 @@ use crate::observer::{FieldsView, Observer, PointFields, StepReport, StopRequest
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Integrates the external work of reactions and loads by the trapezium rule over accepted steps, in dynamic stages over their time steps, and records the stored and
-/// dissipated energy of the body.
+/// Integrates the external work of reactions and loads by the trapezium rule, over accepted steps or, in dynamic stages, over their time
+/// steps, and records the stored and dissipated energy of the body.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct EnergyLedger {
     external_work: f64,

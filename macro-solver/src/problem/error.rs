@@ -60,8 +60,8 @@ pub enum ProblemError {
     },
     /// Two conditions change the friction of one element.
     #[error(
-        "the friction of element {element} is given twice, by sets '{first}' and '{second}'; give the sets no element in common, or let the later condition \
-         replace the earlier one by the same `name`"
+        "the friction of element {element} is given twice, by sets '{first}' and '{second}'; give the sets no element \
+         in common, or let the later condition replace the earlier one by the same `name`"
     )]
     TwoFrictions {
         /// Element, from 0.

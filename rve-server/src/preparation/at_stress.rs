@@ -3,7 +3,7 @@
 use super::compaction::{Compaction, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::rotation::rotated;
-use super::stress_target::{Matrix, StressTarget, turned_in};
+use super::stress_target::{Matrix, StressTarget, symmetric, turned_in};
 use crate::contact::ContactTable;
 use crate::definition::{AnyDefinition, GrainDefinition, PackingError, PackingFile, RveOptions};
 use crate::engine::GrainRve;
@@ -142,10 +142,6 @@ fn with_what_was_carried(error: PackingError, carried: &StressTarget) -> Packing
         carried.pressure,
         smallest / largest
     ))
-}
-
-fn symmetric(stress: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (stress[i][j] + stress[j][i])))
 }
 
 fn target<S: Space>(stress: &Matrix) -> Result<StressTarget, PackingError> {

@@ -2,7 +2,7 @@
 
 use super::progress::{PackingProgress, ProgressLog};
 use super::servo::{LARGEST_STRAIN, Response, ServoLimits, StagnationMonitor, aim, pressure};
-use super::stress_target::{Matrix, StressTarget, turned_in, turned_out};
+use super::stress_target::{Matrix, StressTarget, symmetric, turned_in, turned_out};
 use crate::cell::ContactRecord;
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFile, RveOptions};
@@ -425,10 +425,6 @@ fn limited(strain: &Matrix, most: f64) -> Matrix {
     let largest = largest(strain);
     let share = if largest > most { most / largest } else { 1.0 };
     strain.map(|row| row.map(|value| share * value))
-}
-
-fn symmetric(matrix: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])))
 }
 
 /// Size of the largest component.

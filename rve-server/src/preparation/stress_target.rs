@@ -95,6 +95,11 @@ pub(crate) fn turned_out(a: &Matrix, rotation: &Matrix) -> Matrix {
     result
 }
 
+/// The symmetric part.
+pub(crate) fn symmetric(a: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (a[i][j] + a[j][i])))
+}
+
 /// `R a R^T`, the components of `a` in turned axes.
 pub(crate) fn turned_in(a: &Matrix, rotation: &Matrix) -> Matrix {
     let mut transposed = [[0.0; 3]; 3];

@@ -56,14 +56,14 @@ fn spread(points: &[PointId], count: usize) -> Vec<PointId> {
     const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_8;
     let count = count.min(points.len());
     let mut places: Vec<usize> = Vec::with_capacity(count);
-    for turn in (1_u32..).take_while(|_| count > 0) {
+    for turn in 1_u32.. {
+        if places.len() == count {
+            break;
+        }
         let place = (f64::from(turn) * GOLDEN_RATIO).fract() * points.len() as f64;
         let place = (place as usize).min(points.len() - 1);
         if !places.contains(&place) {
             places.push(place);
-        }
-        if places.len() == count {
-            break;
         }
     }
     places.into_iter().map(|place| points[place]).collect()

@@ -274,13 +274,14 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             radii: setting.radii,
             constants: &self.grain_constants,
             pairs: &self.pairs_of_grains,
+            pair_constants: &self.pair_constants,
         };
         if let [lane] = *lanes {
             let mut found = R::default();
-            found.set_lane(lane, largest_own_stiffness::<S, C, _>(grains, &OneLane { batch: self, lane }));
+            found.set_lane(lane, largest_own_stiffness(grains, &OneLane { batch: self, lane }));
             return found;
         }
-        largest_own_stiffness::<S, C, _>(grains, &AllLanes { batch: self })
+        largest_own_stiffness(grains, &AllLanes { batch: self })
     }
 
     fn data<'a>(
@@ -387,13 +388,8 @@ struct AllLanes<'a, S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     batch: &'a Batch<S, C, R>,
 }
 
-impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S, C> for AllLanes<'_, S, C, R> {
+impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S> for AllLanes<'_, S, C, R> {
     type Number = R;
-
-    #[inline(always)]
-    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, C> {
-        &self.batch.pair_constants[pair]
-    }
 
     #[inline(always)]
     fn direction(&self, pair: usize) -> <S::Kernel as KernelSpace>::Coordinates<R> {
@@ -417,13 +413,8 @@ struct OneLane<'a, S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     lane: usize,
 }
 
-impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S, C> for OneLane<'_, S, C, R> {
+impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> StiffContacts<S> for OneLane<'_, S, C, R> {
     type Number = f64;
-
-    #[inline(always)]
-    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, C> {
-        &self.batch.pair_constants[pair]
-    }
 
     #[inline(always)]
     fn direction(&self, pair: usize) -> S::Vector {

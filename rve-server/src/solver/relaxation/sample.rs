@@ -144,18 +144,15 @@ impl<S: Space, L: ContactLaw<S::Kernel>> Sample<S, L> {
             radii: &self.radii,
             constants: &self.constants,
             pairs: &pairs,
+            pair_constants: &self.pair_constants,
         };
-        let stiffness = largest_own_stiffness::<S, L, _>(grains, self);
+        let stiffness = largest_own_stiffness(grains, self);
         2.0 / (2.0 * stiffness).sqrt()
     }
 }
 
-impl<S: Space, L: ContactLaw<S::Kernel>> StiffContacts<S, L> for Sample<S, L> {
+impl<S: Space, L: ContactLaw<S::Kernel>> StiffContacts<S> for Sample<S, L> {
     type Number = f64;
-
-    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, L> {
-        &self.pair_constants[pair]
-    }
 
     fn direction(&self, pair: usize) -> S::Vector {
         self.contacts[pair].direction

@@ -9,7 +9,6 @@ use crate::contact::ContactLaw;
 use crate::simd::{Mask, Real, Tuple, Vectorised, dispatch};
 use crate::solver::kernel::{GrainConstants, ListedPair, PairConstants, spread};
 use crate::space::{KernelSpace, Space};
-use std::marker::PhantomData;
 
 /// Inertia of a grain in the relaxation is this times mass times radius squared; measured best, a solid disc has 0.5.
 pub(crate) const INERTIA_FACTOR: f64 = 0.8;
@@ -26,12 +25,9 @@ const fn block_length<S: Space>() -> usize {
 }
 
 /// The contacts of one cell, or of several side by side, as the stiffness bound sees them.
-pub(crate) trait StiffContacts<S: Space, L: ContactLaw<S::Kernel>> {
+pub(crate) trait StiffContacts<S: Space> {
     /// One number, or one of each cell.
     type Number: Real;
-
-    /// Constants of a listed pair.
-    fn constants(&self, pair: usize) -> &PairConstants<S::Kernel, L>;
 
     /// Unit vector from origin to end; zero where they do not touch.
     fn direction(&self, pair: usize) -> <S::Kernel as KernelSpace>::Coordinates<Self::Number>;
@@ -91,36 +87,37 @@ impl PairsOfGrains {
 
 /// Law and grains that the bound is taken for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StiffGrains<'a, L> {
+pub(crate) struct StiffGrains<'a, S: Space, L: ContactLaw<S::Kernel>> {
     pub(crate) law: &'a L,
     /// Inertia of rotation over mass times radius squared; 0 means that grains do not rotate.
     pub(crate) inertia: f64,
     pub(crate) radii: &'a [f64],
     pub(crate) constants: &'a [GrainConstants],
     pub(crate) pairs: &'a PairsOfGrains,
+    /// Constants of the listed pairs.
+    pub(crate) pair_constants: &'a [PairConstants<S::Kernel, L>],
 }
 
 /// Largest eigenvalue over all grains of the own stiffness block divided by its unit masses and inertias, N/m, of every cell.
-pub(crate) fn largest_own_stiffness<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S, L>>(
-    grains: StiffGrains<'_, L>,
+pub(crate) fn largest_own_stiffness<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S>>(
+    grains: StiffGrains<'_, S, L>,
     contacts: &C,
 ) -> C::Number {
-    dispatch(Search { grains, contacts, space: PhantomData::<S> })
+    dispatch(Search { grains, contacts })
 }
 
 /// The search for the stiffest grain.
-struct Search<'a, S, L, C> {
-    grains: StiffGrains<'a, L>,
+struct Search<'a, S: Space, L: ContactLaw<S::Kernel>, C> {
+    grains: StiffGrains<'a, S, L>,
     contacts: &'a C,
-    space: PhantomData<S>,
 }
 
-impl<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S, L>> Vectorised for Search<'_, S, L, C> {
+impl<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S>> Vectorised for Search<'_, S, L, C> {
     type Output = C::Number;
 
     #[inline(always)]
     fn run(self) -> C::Number {
-        let Self { grains, contacts, .. } = self;
+        let Self { grains, contacts } = self;
         let zero = C::Number::default();
         let arm = C::Number::splat(arm(grains.inertia));
         let mut largest = zero;
@@ -134,7 +131,7 @@ impl<S: Space, L: ContactLaw<S::Kernel>, C: StiffContacts<S, L>> Vectorised for 
                 if !touches.any() {
                     continue;
                 }
-                let law = spread::<S::Kernel, L, C::Number>(contacts.constants(pair as usize));
+                let law = spread::<S::Kernel, L, C::Number>(&grains.pair_constants[pair as usize]);
                 let stiffness = grains.law.stiffness(&law, contacts.overlap(pair as usize));
                 let [normal, tangential, rolling] = stiffness.map(|value| C::Number::select(touches, value, zero));
                 // A quotient for each end of each contact costs as much as the rest; few laws have rolling stiffness.
