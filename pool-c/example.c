@@ -67,6 +67,20 @@ static double material(double begin, double duration, const double before[2], co
     return pnewdt;
 }
 
+/* Discs have no stiffness out of their plane: neither a solid nor a strain along the third axis is theirs. */
+static void beyond_the_plane(void) {
+    double stress[6], state[5], jacobian[36], unused[36] = {0}, time[2] = {0.0, 0.0}, duration = 1.0;
+    double f0[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, thicker[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1.01};
+    for (int solid = 0; solid < 2; solid++) {
+        int ndi = 3, nshr = solid ? 3 : 1, ntens = ndi + nshr, nstatv = 5, one = 1, none = 0, other = 7;
+        double pnewdt = 1.0;
+        umat_(stress, state, jacobian, unused, unused, unused, unused, unused, unused, unused, unused, unused, time, &duration, unused,
+              unused, unused, unused, "GRAINS", &ndi, &nshr, &ntens, &nstatv, unused, &none, unused, unused, &pnewdt, unused, f0,
+              solid ? f0 : thicker, &other, &one, &one, &one, &one, &one);
+        expect(pnewdt < 1.0, "cells of discs are refused out of their plane");
+    }
+}
+
 /* Integrates a vertical strain, or for finite strains a vertical stretch; `variables` are those at the begin and at the end. */
 static int behaviour(int is_finite, double from, double to, double variables[2][6], double stress[4], double operator[20]) {
     double one = is_finite ? 1.0 : 0.0, factor = 1.0, forces[4] = {0};
@@ -185,6 +199,7 @@ int main(int count, char **words) {
     expect(stress[1] - wanted[4] < -1e-4 * wanted[4] && wanted[4] - stress[1] < -1e-4 * wanted[4], "its stress");
     expect(material(0.2, 0.5, first, second, stress) == 0.5, "another time is refused");
 
+    beyond_the_plane();
     behaviours(pool);
     grainspan_pool_close(pool);
     printf("sound\n");

@@ -4,9 +4,15 @@
  * elastic --run RUN */
 #include "grainspan_worker.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* A trial beyond this strain is left to smaller steps, as an engine with a limit of its own would do. */
+#ifndef LARGEST_STRAIN
+#define LARGEST_STRAIN 0.1
+#endif
 
 typedef struct {
     double stiffness;
@@ -34,6 +40,14 @@ static int trial(void *self, const double gradient[9], const grainspan_trial_opt
     }
     int moved = 0;
     double trace = gradient[0] + gradient[4];
+    for (int i = 0; i < 2; i++) {
+        for (int j = 0; j < 2; j++) {
+            if (fabs(gradient[3 * i + j] + gradient[3 * j + i]) > 2.0 * LARGEST_STRAIN) {
+                snprintf(reason, length, "strain beyond %g", LARGEST_STRAIN);
+                return GRAINSPAN_TOO_LARGE;
+            }
+        }
+    }
     for (int i = 0; i < 2; i++) {
         for (int j = 0; j < 2; j++) {
             double strain = 0.5 * (gradient[3 * i + j] + gradient[3 * j + i]);

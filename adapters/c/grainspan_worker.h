@@ -60,7 +60,8 @@ typedef struct grainspan_answer {
     uint32_t reserved;
 } grainspan_answer;
 
-enum { GRAINSPAN_OK = 0, GRAINSPAN_REFUSED = 1 };
+/* GRAINSPAN_REFUSED ends the run. GRAINSPAN_TOO_LARGE, of trial only, is one that smaller steps cure: the run cuts its load step. */
+enum { GRAINSPAN_OK = 0, GRAINSPAN_REFUSED = 1, GRAINSPAN_TOO_LARGE = 2 };
 
 /* An engine. Functions that can refuse write a text of at most `length` bytes, its end included, to `reason`. */
 typedef struct grainspan_engine {
@@ -74,7 +75,7 @@ typedef struct grainspan_engine {
 
     /* A new RVE in its initial committed state, or NULL with a reason. */
     void *(*create)(const grainspan_cell *cell, char *reason, size_t length);
-    /* Deforms from the committed state by H = F - I, total. Replaces an earlier trial. */
+    /* Deforms from the committed state by H = F - I, total. Replaces an earlier trial. Returns a code above. */
     int (*trial)(void *rve, const double gradient[9], const grainspan_trial_options *options, grainspan_answer *answer, char *reason,
                  size_t length);
     /* Makes the trial state the committed state. */

@@ -13,6 +13,9 @@ const FOLDER: &str = "control";
 /// A file that a run keeps in the folder while it is paused.
 pub const PAUSED: &str = "paused";
 
+/// A file that a run without checkpoints keeps in the folder.
+pub const NO_CHECKPOINTS: &str = "no-checkpoints";
+
 /// What a run can be asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {

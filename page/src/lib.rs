@@ -15,7 +15,7 @@ mod program;
 mod report;
 mod server;
 
-pub use controls::{Action, Controls, PAUSED};
+pub use controls::{Action, Controls, NO_CHECKPOINTS, PAUSED};
 pub use error::PageError;
 pub use folder::RunFolder;
 pub use program::Program;

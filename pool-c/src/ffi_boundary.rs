@@ -30,7 +30,9 @@ impl From<PoolError> for Failure {
     fn from(error: PoolError) -> Self {
         let code = match &error {
             PoolError::Refused { .. } => REFUSED,
-            PoolError::WorkersLost(_) | PoolError::Channel(_) => WORKERS_LOST,
+            PoolError::WorkersLost(_) | PoolError::Channel(_) | PoolError::NoProgram(_) | PoolError::Start { .. } => {
+                WORKERS_LOST
+            }
             _ => BAD_INPUT,
         };
         Self { code, text: error.to_string() }

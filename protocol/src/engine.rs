@@ -286,6 +286,9 @@ pub enum RveError {
         /// Limit of the engine.
         limit: f64,
     },
+    /// The engine takes no step as large as this one, for a reason of its own.
+    #[error("{0}; use smaller steps")]
+    StepTooLarge(String),
     /// The solver produced NaN or infinity.
     #[error("the grain solver produced a non-finite value after {force_evaluations} force evaluations")]
     NotFinite {
@@ -353,6 +356,7 @@ impl RveError {
             Self::TargetNotFinite
             | Self::TargetInverted { .. }
             | Self::TargetTooLarge { .. }
+            | Self::StepTooLarge(_)
             | Self::Unsupported(_)
             | Self::Definition(_)
             | Self::Snapshot(_)

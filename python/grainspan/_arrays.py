@@ -18,15 +18,26 @@ def gradients(given: ArrayLike | None, deformation: ArrayLike | None, count: int
     """Displacement gradients of ``count`` points; one gradient holds for all."""
     if (given is None) == (deformation is None):
         raise InputError("give either the displacement gradients H or the deformation gradients F")
-    if given is None:
-        target = np.asarray(deformation, dtype=np.float64) - np.eye(dimension)
-    else:
-        target = np.asarray(given, dtype=np.float64)
+    raw = np.asarray(deformation if given is None else given)
+    if np.iscomplexobj(raw):
+        raise InputError("gradients are real numbers")
+    target = raw.astype(np.float64)
+    if given is None and target.ndim >= 2:
+        target = target - np.eye(dimension) if target.shape[-2:] == (dimension, dimension) else target
     shape = (count, dimension, dimension)
-    try:
-        return np.ascontiguousarray(np.broadcast_to(target, shape))
-    except ValueError:
-        raise InputError(f"gradients of shape {target.shape} do not fit {shape}: (points, row, column)") from None
+    # Nothing else is spread out: a vector would fill the rows of a matrix, and (n, d) be taken for one matrix where n = d.
+    if target.shape not in (shape, shape[1:], (1, *shape[1:])):
+        raise InputError(f"gradients of shape {target.shape} do not fit {shape}: (points, row, column), or one matrix for all")
+    return np.ascontiguousarray(np.broadcast_to(target, shape))
+
+
+def ramps(given: ArrayLike, count: int) -> np.ndarray:
+    """Ramp steps of ``count`` points; one number holds for all."""
+    numbers = np.asarray(given)
+    whole = numbers.astype(np.int64)
+    if np.any(whole != numbers) or np.any(whole < 0) or numbers.shape not in ((), (1,), (count,)):
+        raise InputError("ramp_steps are whole numbers from 0 on, one for all points or one for each")
+    return np.ascontiguousarray(np.broadcast_to(whole, count))
 
 
 def results(raw: dict[str, bytearray], dimension: int) -> dict[str, np.ndarray]:

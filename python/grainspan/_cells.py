@@ -50,15 +50,15 @@ class CellText(AbstractContextManager):
         """A file with the packing."""
         if not isinstance(packing, Packing):
             return Path(packing).absolute()
-        if packing.path is not None:
+        # A file is used as long as it holds what the object does.
+        if packing.path is not None and packing.is_as_in_its_file():
             return packing.path.absolute()
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory(prefix="grainspan-")
         self._count += 1
         place = Path(self._folder.name) / f"packing-{self._count}.json"
-        packing.save(place)
         # The object is not tied to a file that is about to be removed.
-        packing.path = None
+        packing.write(place)
         return place
 
     def cell(self, packing: PackingLike, contact: ContactLike, rve: Mapping[str, Any], **more: Any) -> str:

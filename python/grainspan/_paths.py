@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from .errors import InputError
+
 _AXES = "xyz"
 
 #: A segment as `Rve.path` takes it.
@@ -71,6 +73,8 @@ def cyclic_segments(
     lateral: dict[str, float],
 ) -> list[Segment]:
     """Quarter, half, half, ..., quarter: from zero to plus, to minus, ... and back to zero."""
+    if cycles < 1:
+        raise InputError(f"cycles = {cycles}: at least one")
     turns = [0.0, *[amplitude, -amplitude] * cycles, 0.0]
     segments = []
     for begin, end in zip(turns, turns[1:]):

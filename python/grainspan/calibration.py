@@ -81,7 +81,7 @@ def calibrate(
     parameters : mapping
         For each key to be fitted first guess, smallest and largest value.
     test : callable
-        The element test, for example ``lambda rve: rve.triaxial(0.05, pressure=1e5)``.
+        The element test, for example ``lambda rve: rve.triaxial(0.05, pressure=1e5)``. Its rows count from the end of consolidation.
     x, columns : str, sequence of str, optional
         Abscissa and ordinates, columns of the test.
     scales : mapping, optional
@@ -115,6 +115,9 @@ def calibrate(
         raise InputError(f"the target has no column {', '.join(missing)}")
     places = target[x].to_numpy(float)
     wanted = np.array([target[name].to_numpy(float) for name in columns])
+    if not (np.all(np.isfinite(places)) and np.all(np.isfinite(wanted))):
+        raise InputError("the target holds values that are no finite numbers; leave their rows out")
+    _increasing(places, f"the column {x} of the target")
     ranges = np.ptp(wanted, axis=1)
     sizes = np.array([(scales or {}).get(name, size or 1.0) for name, size in zip(columns, ranges)])
     trace: list[dict[str, float]] = []
@@ -137,6 +140,7 @@ def calibrate(
             absent = [name for name in (x, *columns) if name not in rows]
             if absent:
                 raise InputError(f"the test gives no column {', '.join(absent)}")
+            rows = _branch(rows, x)
             # The last row may lie a rounding before the end of the target.
             reached = places <= rows[x].iloc[-1] + 1e-9 * np.ptp(places)
             return np.array([np.where(reached, np.interp(places, rows[x], rows[name]), np.nan) for name in columns])
@@ -177,6 +181,22 @@ def calibrate(
         evaluations=len(trace),
         trace=trace,
     )
+
+
+def _branch(rows: pd.DataFrame, x: str) -> pd.DataFrame:
+    """The rows of a test from where its strains are zero on: consolidation runs ``x`` the other way where the packing has to swell."""
+    begin = rows.attrs.get("begin", 0)
+    if np.any(np.diff(rows[x].to_numpy(float)) < 0.0):
+        rows = rows[rows.index >= begin]
+    values = rows[x].to_numpy(float)
+    _increasing(values, f"the column {x} of the test")
+    return rows.assign(**{x: np.maximum.accumulate(values)})
+
+
+def _increasing(values: np.ndarray, what: str) -> None:
+    """Refuses an abscissa that runs back: there is no curve over it. Controlled stresses may waver by their tolerance."""
+    if len(values) and np.max(np.maximum.accumulate(values) - values) > 1e-2 * np.ptp(values):
+        raise InputError(f"{what} does not increase; take the rows of one branch")
 
 
 def _deviations(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -29,6 +29,8 @@ _UNITS = {
     "deviator": "Pa",
     "elastic_energy": "J/m3",
     "frictional_dissipation": "J/m3",
+    "work": "J/m3",
+    "damping_work": "J/m3",
 }
 
 #: Columns that pictures show in per cent.
@@ -82,7 +84,8 @@ class _Plot(pd.DataFrame.plot):  # type: ignore[misc, name-defined, valid-type]
 class History(pd.DataFrame):
     """A data frame of a test or a run; ``plot()`` without arguments draws the curves of a test.
 
-    ``attrs`` hold ``units`` (column to unit, ``-`` for numbers without one; SI) and, of a test, ``counts``.
+    ``attrs`` hold ``units`` (column to unit, ``-`` for numbers without one; SI) and, of a test, ``counts`` and ``begin``: the row at which
+    its strains are zero, behind consolidation.
     """
 
     @property
@@ -146,16 +149,23 @@ def read_history(path: str | os.PathLike[str]) -> History:
         place = place / "history.csv"
     try:
         rows = parse(place.read_bytes())
-        if is_run and (place.parent / "units.json").exists():
+        # Beside the history of a run, whichever way it was named, lie its units.
+        if (is_run or place.name == "history.csv") and (place.parent / "units.json").exists():
             rows.attrs["units"] |= json.loads((place.parent / "units.json").read_text(encoding="utf-8"))["history"]
         return rows
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"cannot read the history {place}: {error}") from error
 
 
 def parse(text: bytes) -> History:
-    """Rows from CSV; numbers have the bits that were written."""
+    """Rows from CSV; numbers have the bits that were written. A last row that was cut is left out; another one is a ``ValueError``."""
     names, *rows = [*csv.reader(io.StringIO(text.decode("utf-8")))] or [[]]
+    if rows and not text.endswith(b"\n"):
+        # The process that wrote it has ended, or is about to write the rest.
+        rows.pop()
+    ragged = next((number for number, row in enumerate(rows, 2) if len(row) != len(names)), None)
+    if ragged is not None:
+        raise ValueError(f"line {ragged} has not the {len(names)} columns of the header")
     columns = zip(*rows) if rows else ([] for _ in names)
     # A header may hold units: `top_force [N/m]`.
     plain = [name.split(" [")[0] for name in names]
@@ -205,6 +215,7 @@ def with_invariants(rows: History, dimension: int, begin: int, lengths: list[int
     rows["deviator"] = lateral - stress[:, -1, -1]
     rows["stress_ratio"] = rows["q"] / rows["p"].where(rows["p"] != 0)
     rows.attrs["units"] = {name: unit_of(name) for name in (*rows.columns, "axial_stress", "shear_stress")}
+    rows.attrs["begin"] = begin
     return rows
 
 

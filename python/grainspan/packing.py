@@ -17,13 +17,20 @@ from ._program import executable
 from .errors import InputError
 
 
+def _plain(value: Any) -> Any:
+    """Arrays and numbers of NumPy as JSON takes them."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written to a packing file")
+
+
 class Packing:
     """An assembly of discs or spheres in a periodic cell.
 
     Parameters
     ----------
     data : mapping
-        Content of a packing file, see docs/reference/formats.md.
+        Content of a packing file, see docs/reference/formats.md. It may be changed: cells are made of what it holds then.
     path : path, optional
         The file.
     report : str, optional
@@ -45,9 +52,12 @@ class Packing:
             It cannot be read or is no JSON. Everything else is checked where the packing is used.
         """
         try:
-            return cls(json.loads(Path(path).read_text(encoding="utf-8")), Path(path))
-        except (OSError, json.JSONDecodeError) as error:
+            content = json.loads(Path(path).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
             raise InputError(f"cannot read the packing {path}: {error}") from error
+        if not isinstance(content, dict):
+            raise InputError(f"cannot read the packing {path}: it is not an object of JSON")
+        return cls(content, Path(path).absolute())
 
     @property
     def dimension(self) -> int:
@@ -77,9 +87,22 @@ class Packing:
         return f"<Packing of {len(self)} {kind}{f' in {self.path}' if self.path else ''}>"
 
     def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the packing to a file, which is its file from then on."""
+        self.write(path)
+        self.path = Path(path).absolute()
+
+    def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the packing to a file."""
-        Path(path).write_text(json.dumps(self.data), encoding="utf-8")
-        self.path = Path(path)
+        Path(path).write_text(json.dumps(self.data, default=_plain), encoding="utf-8")
+
+    def is_as_in_its_file(self) -> bool:
+        """Whether the file that the packing was read from, or saved to, still holds the same."""
+        if self.path is None:
+            return False
+        try:
+            return json.loads(self.path.read_text(encoding="utf-8")) == self.data
+        except (OSError, ValueError):
+            return False
 
     def plot(self, ax=None):
         """Draws the discs of a plane packing with matplotlib.

@@ -144,13 +144,14 @@ class Pool:
         Raises
         ------
         TrialRefused
-            A cell refused its deformation; committed states are unchanged and no trial of the call counts.
+            A cell refused its deformation; committed states are unchanged and no trial of the call counts. Its ``point`` is the first
+            place of the state in the call.
         WorkersLost
             No workers are left and none can be started.
         """
         self._own(states)
         target = _arrays.gradients(H, F, len(states), self.dimension)
-        ramps = np.ascontiguousarray(np.broadcast_to(np.asarray(ramp_steps, dtype=np.int64), len(states)))
+        ramps = _arrays.ramps(ramp_steps, len(states))
         raw = self._native.trial(
             states.numbers.tobytes(), target.tobytes(), tangent, list(observables), ramps.tobytes()
         )

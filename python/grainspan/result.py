@@ -75,7 +75,11 @@ class TrialResult:
         """
         if self.tangent is None:
             raise ValueError("the trials were made without a tangent; pass tangent='truss_like_slip' or another")
-        inverse = np.linalg.inv(np.eye(self.stress.shape[-1]) + H)
+        d = self.stress.shape[-1]
+        given = np.asarray(H, dtype=np.float64)
+        if given.shape not in (self.stress.shape, (1, d, d), (d, d)):
+            raise ValueError(f"gradients of shape {given.shape} do not fit {self.stress.shape}: (points, row, column)")
+        inverse = np.linalg.inv(np.eye(d) + given)
         return np.einsum("nijkm,nlm->nijkl", self.tangent, np.broadcast_to(inverse, self.stress.shape))
 
 

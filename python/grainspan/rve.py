@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,21 @@ from ._paths import (
 from ._servo import follow_mean_stress
 from .errors import ElementTestStopped, InputError
 from .history import History, parse, warn_of, with_invariants
+from .packing import Packing
 from .result import TrialResult, assembled
 
 #: Increments of a change of the isotropic stress before a test.
 _CONSOLIDATION = 10
+
+
+def _checked_shortening(axial_strain: float, pressure: float | None, increments: int) -> None:
+    """Refuses what no test can follow."""
+    if not (np.isfinite(axial_strain) and axial_strain < 1.0):
+        raise InputError(f"axial_strain = {axial_strain}: a relative shortening below 1")
+    if pressure is not None and not (np.isfinite(pressure) and pressure > 0.0):
+        raise InputError(f"pressure = {pressure}: compression positive, above 0")
+    if increments < 1:
+        raise InputError(f"increments = {increments}: at least one")
 
 
 class Rve:
@@ -69,7 +81,8 @@ class Rve:
         accuracy: str | None = None,
         rve: Mapping[str, Any] | None = None,
     ) -> None:
-        self._packing = packing
+        # Wherever the program goes: tests read the packing again.
+        self._packing = packing if isinstance(packing, Packing) else Path(packing).absolute()
         self._contact = dict(contact_table(contact))
         self._table = rve_table(accuracy, rve)
         self._initial: np.ndarray | None = None
@@ -115,6 +128,7 @@ class Rve:
             With one entry.
         """
         target = _arrays.gradients(H, F, 1, self.dimension)
+        ramp_steps = int(_arrays.ramps(ramp_steps, 1)[0])
         raw = self._native.trial(target.tobytes(), tangent, list(observables), ramp_steps)
         return assembled(_arrays.results(raw, self.dimension))
 
@@ -326,7 +340,8 @@ class Rve:
     ) -> History:
         """Triaxial compression at constant mean stress; both lateral strains of spheres are equal.
 
-        The columns are those of the other tests but for the anisotropies of the forces (``a_c``, ``a_n``, ``a_t``). Increments that fail
+        The columns are those of the other tests but for the anisotropies of the forces (``a_c``, ``a_n``, ``a_t``), ``work`` and
+        ``damping_work``. Increments that fail
         are taken in parts, and where a cell snaps across the mean stress the nearest state is accepted, up to 5 % away; both are in
         ``attrs["counts"]``.
 
@@ -346,6 +361,7 @@ class Rve:
         ElementTestStopped
             The mean stress could not be kept.
         """
+        _checked_shortening(axial_strain, pressure, increments)
         cell = Rve(self._packing, self._contact, rve=self._table)
         target = self.initial_pressure if pressure is None else pressure
         curves = [("axial_compression", "stress_ratio"), ("axial_compression", "volume_change")]
@@ -367,7 +383,8 @@ class Rve:
         Parameters
         ----------
         amplitude : float
-            Axial shortening, or shear strain with ``shear``.
+            Axial shortening, or shear displacement over the height at the turn before with ``shear``: where the specimen settles, turns are
+            nearer to the state after consolidation by as much.
         cycles : int, optional
             Number of cycles.
         pressure : float, optional

@@ -82,3 +82,28 @@ def test_a_test_that_stops_counts_up_to_there():
         most_evaluations=1,
     )
     assert found.error > 0.3 and len(found.curve) == len(target)
+
+
+def test_consolidation_is_no_part_of_the_curve():
+    """Stiffer grains than those of the preparation: the cell swells when it is brought to the pressure, and its shortening runs back."""
+    truth = {"friction": 0.35, "modulus": 1.6e8}
+
+    def whole(rve):
+        return rve.triaxial(0.01, pressure=1e5, increments=8)
+
+    rows = whole(grainspan.Rve(DISCS, {"stiffness_ratio": 0.5, **truth}, accuracy="draft"))
+    assert rows["axial_compression"].iloc[0] > 1e-4 and rows.attrs["begin"] == 10
+    found = grainspan.calibrate(
+        DISCS,
+        {"stiffness_ratio": 0.5},
+        rows[rows["segment"] == 1],
+        {name: (value, 0.5 * value, 2.0 * value) for name, value in truth.items()},
+        whole,
+        most_evaluations=1,
+    )
+    assert found.trace[0]["error"] < 1e-12, found.trace
+    with pytest.raises(grainspan.InputError, match="of the target does not increase"):
+        grainspan.calibrate(DISCS, CONTACT, rows, {"friction": (0.5, 0.1, 0.9)}, whole)
+    gap = rows[rows["segment"] == 1].assign(stress_ratio=np.nan)
+    with pytest.raises(grainspan.InputError, match="no finite numbers"):
+        grainspan.calibrate(DISCS, CONTACT, gap, {"friction": (0.5, 0.1, 0.9)}, whole)

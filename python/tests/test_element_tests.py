@@ -146,6 +146,21 @@ def test_input_errors_name_key_and_remedy(rve):
         rve.path([{"increments": 1, "strain": {"yy": -1e-5}}], tangent="stiff")
 
 
+def test_what_no_test_can_follow_is_refused(rve):
+    for wrong in ({"axial_strain": np.nan}, {"axial_strain": 1.5}, {"pressure": -1e5}, {"increments": 0}):
+        with pytest.raises(grainspan.InputError, match=next(iter(wrong))):
+            rve.constant_mean_stress(**wrong)
+    with pytest.raises(grainspan.InputError, match="cycles"):
+        rve.cyclic(1e-3, 0)
+
+
+def test_a_half_turn_of_spheres_is_no_strain(spheres):
+    stress = spheres.trial(F=np.eye(3)).stress[0]
+    turned = spheres.trial(F=np.diag([1.0, -1.0, -1.0])).stress[0]
+    turn = np.diag([1.0, -1.0, -1.0])
+    np.testing.assert_allclose(turned, turn @ stress @ turn, rtol=1e-9, atol=1e-9 * np.abs(stress).max())
+
+
 def test_a_cell_answers_trials_and_keeps_its_state(rve):
     cell = grainspan.Rve(DISCS, DISCS.parents[1] / "scenes" / "biaxial-small.toml", accuracy="draft")
     H = [[0.0, 1e-4], [0.0, -2e-4]]

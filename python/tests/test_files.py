@@ -102,6 +102,35 @@ def test_an_exception_of_the_caller_stops_the_run(tmp_path):
     assert run.summary["status"] == "interrupted" and (run.folder / "checkpoint.bin").exists()
 
 
+def test_a_packing_that_was_changed_is_used_as_it_is(tmp_path):
+    packing = grainspan.Packing.read(DISCS)
+    as_made = grainspan.Rve(packing, CONTACT).initial_pressure
+    packing.data["grains"] = [[x, y, 1.001 * radius] for x, y, radius in packing.data["grains"]]
+    swollen = grainspan.Rve(packing, CONTACT).initial_pressure
+    assert swollen > 1.1 * as_made
+    packing.save(tmp_path / "swollen.json")
+    assert grainspan.Rve(tmp_path / "swollen.json", CONTACT).initial_pressure == swollen
+    packing.data["grains"] = np.array(grainspan.Packing.read(DISCS).data["grains"])
+    assert grainspan.Rve(packing, CONTACT).initial_pressure == as_made
+    for number, content in enumerate((b"\xff\xfe\x00", b"[1, 2]")):
+        wrong = tmp_path / f"wrong-{number}.json"
+        wrong.write_bytes(content)
+        with pytest.raises(grainspan.InputError, match="cannot read the packing"):
+            grainspan.Packing.read(wrong)
+
+
+def test_a_table_that_was_cut_loses_its_last_row_alone(finished, tmp_path):
+    text = (finished[0].path / "history.csv").read_bytes()
+    cut = tmp_path / "cut.csv"
+    cut.write_bytes(text[: text.rindex(b",")])
+    whole, found = finished[0].history, grainspan.read_history(cut)
+    assert list(found.columns) == list(whole.columns) and len(found) == len(whole) - 1
+    cut.write_bytes(text + b"1,2\n")
+    with pytest.raises(grainspan.InputError, match="columns of the header"):
+        grainspan.read_history(cut)
+    assert grainspan.read_history(finished[0].path / "history.csv").attrs["units"] == whole.attrs["units"]
+
+
 def test_toml_survives(tmp_path):
     table = {"a b": 'quote " and \\', "list": [1, 2.5, True], "none": None, "t": {"x": np.float64(0.1), "y": [{"z": 1}]}}
     (tmp_path / "t.toml").write_text(_toml.write(table))

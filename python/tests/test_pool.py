@@ -105,6 +105,17 @@ def test_arguments_are_checked(pool):
     states = pool.states(2)
     with pytest.raises(grainspan.InputError, match=r"shape \(3, 2, 2\) do not fit \(2, 2, 2\)"):
         pool.trial(states, np.zeros((3, 2, 2)))
+    # Two points of discs: a vector for each would pass for one matrix, and a number for all of them.
+    for wrong in (np.zeros((2,)), np.zeros((2, 1, 2)), 0.0):
+        with pytest.raises(grainspan.InputError, match="do not fit"):
+            pool.trial(states, wrong)
+    with pytest.raises(grainspan.InputError, match="real"):
+        pool.trial(states, np.zeros((2, 2, 2), dtype=complex))
+    for wrong in (-1, 2.7, [1, 2, 3]):
+        with pytest.raises(grainspan.InputError, match="ramp_steps"):
+            pool.trial(states, np.zeros((2, 2)), ramp_steps=wrong)
+    with pytest.raises(grainspan.InputError, match="too many"):
+        pool.states(10**12)
     with pytest.raises(grainspan.InputError, match="either"):
         pool.trial(states)
     with pytest.raises(ValueError, match="observable"):

@@ -49,6 +49,7 @@ pub(super) fn write_contacts(path: &Path, picture: &CellPicture) -> Result<(), O
         of("force", |contact| contact.normal_force.hypot(contact.tangential_force)),
         of("sliding", |contact| f64::from(u8::from(contact.is_sliding))),
         of("overlap", |contact| contact.overlap),
+        Field::vector("force_on_first", &picture.contacts.iter().map(|contact| contact.force).collect::<Vec<_>>()),
     ];
     write_lines(path, &lines, &fields)
 }
@@ -56,14 +57,18 @@ pub(super) fn write_contacts(path: &Path, picture: &CellPicture) -> Result<(), O
 /// The contacts as CSV text, a row for each.
 pub(super) fn contacts_csv(picture: &CellPicture) -> String {
     let mut text =
-        "grain_1,grain_2,x_1,y_1,z_1,x_2,y_2,z_2,normal_force,tangential_force,overlap,sliding\n".to_owned();
+        "grain_1,grain_2,x_1,y_1,z_1,x_2,y_2,z_2,normal_force,tangential_force,overlap,sliding,force_x,force_y,force_z\n"
+            .to_owned();
     for contact in &picture.contacts {
         let [first, second] = contact.grains;
-        let numbers = contact.from.iter().chain(&contact.to);
-        let numbers = numbers.chain([&contact.normal_force, &contact.tangential_force, &contact.overlap]);
-        let numbers: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
+        let listed = |numbers: &mut dyn Iterator<Item = f64>| {
+            numbers.map(|number| format!("{number:e}")).collect::<Vec<_>>().join(",")
+        };
+        let ends = listed(&mut contact.from.into_iter().chain(contact.to));
+        let sizes = listed(&mut [contact.normal_force, contact.tangential_force, contact.overlap].into_iter());
+        let (sliding, force) = (u8::from(contact.is_sliding), listed(&mut contact.force.into_iter()));
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{first},{second},{},{}", numbers.join(","), u8::from(contact.is_sliding));
+        let _ = writeln!(text, "{first},{second},{ends},{sizes},{sliding},{force}");
     }
     text
 }
@@ -263,6 +268,7 @@ mod tests {
                 to: [3.5 + 2.0 * cos, 1.0 + 2.0 * sin, 0.0],
                 normal_force: -12.0,
                 tangential_force: 5.0,
+                force: [-12.0 * cos - 5.0 * sin, -12.0 * sin + 5.0 * cos, 0.0],
                 overlap: 0.1,
                 is_sliding: true,
             }],
@@ -322,13 +328,13 @@ mod tests {
             |ending: &str| std::fs::read_to_string(folder.path().join(format!("increment-0007-{ending}"))).unwrap();
         let csv = file("contacts.csv");
         assert_eq!(csv.lines().count(), 2);
-        assert!(csv.lines().nth(1).unwrap().ends_with("-1.2e1,5e0,1e-1,1"), "{csv}");
+        assert!(csv.lines().nth(1).unwrap().contains(",-1.2e1,5e0,1e-1,1,"), "{csv}");
         let lines = vtkio::Vtk::import(folder.path().join("increment-0007-contacts.vtp")).unwrap();
         let vtkio::model::DataSet::PolyData { pieces, .. } = lines.data else { panic!("not poly data") };
         let piece = pieces[0].load_piece_data(None).unwrap();
         assert_eq!(piece.lines.unwrap().num_cells(), 1);
         let names: Vec<&str> = piece.data.cell.iter().map(|attribute| attribute.name()).collect();
-        assert_eq!(names, ["normal_force", "tangential_force", "force", "sliding", "overlap"]);
+        assert_eq!(names, ["normal_force", "tangential_force", "force", "sliding", "overlap", "force_on_first"]);
         for svg in ["force-chains.svg", "normals.svg", "normal-forces.svg", "fluctuations.svg"] {
             assert!(file(svg).contains("increment-0007"));
         }

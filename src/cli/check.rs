@@ -94,7 +94,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
         ("engines", assignment.overview()),
         ("tangent", problem.tangents().into_iter().map(TangentKind::keyword).collect::<Vec<_>>().join(", ")),
         ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
-        ("steps", format!("{steps} without cut-backs")),
+        ("steps", if steps > 0 { format!("{steps} without cut-backs") } else { "those of the motion".to_owned() }),
         ("evaluations", evaluations),
         ("cost", Estimate::of(scene, range).text(cores)),
         (

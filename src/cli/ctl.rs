@@ -3,7 +3,7 @@
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use crate::workers::run_that_writes_to;
-use page::{Action, Controls, PAUSED, RunFolder};
+use page::{Action, Controls, NO_CHECKPOINTS, PAUSED, RunFolder};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
@@ -69,6 +69,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         ))));
     }
     let (action, controls) = (arguments.action.action(), Controls::of(folder.path()));
+    if action == Action::Checkpoint && controls.has(NO_CHECKPOINTS) {
+        let reason = format!("the run in {place} keeps no checkpoints: its scene says checkpoint.enabled = false");
+        return Err(bad(page::PageError(reason)));
+    }
     controls.request(action).map_err(bad)?;
     if !arguments.wait {
         let when = if action == Action::Resume { "goes on" } else { "acts after its current step" };

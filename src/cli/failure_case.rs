@@ -4,7 +4,7 @@ use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use macro_solver::checkpoint::FailureCase;
 use protocol::{RveEngine, TrialResult};
-use rve_server::engine::GrainEngine;
+use rve_server::engine::{ENGINE_NAME, GrainEngine};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -14,6 +14,13 @@ use std::path::Path;
 /// The file cannot be used, or belongs to another engine (exit code 2); the engine fails (exit code 1).
 pub(super) fn run(file: &Path) -> Result<Exit, Failure> {
     let case = FailureCase::read(file).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    if !(case.engine.is_empty() || case.engine == ENGINE_NAME) {
+        print(trial_text(&case).as_bytes())?;
+        let problem =
+            format!("{}: the trial is one of the engine `{}`, not of the grain solver", file.display(), case.engine);
+        let remedy = "run the scene again with --workers 1 to meet it; run.jsonl has what the worker has said";
+        return Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: {remedy}")));
+    }
     // Before the attempt: this process may not survive it.
     print(trial_text(&case).as_bytes())?;
     let unusable = |error| Failure::new(Exit::BadInput, format!("{}: {error}", file.display()));
@@ -32,6 +39,9 @@ fn trial_text(case: &FailureCase) -> String {
     let mut text = format!("Gauss point {}, quarantined by {}\n", case.point, case.program);
     for end in &case.failures {
         line(&mut text, "ended a worker", end);
+    }
+    if !case.engine.is_empty() {
+        line(&mut text, "engine", &case.engine);
     }
     line(&mut text, "definition", &case.definition.id().to_string());
     line(

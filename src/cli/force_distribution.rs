@@ -63,6 +63,7 @@ mod tests {
             to: [1.0, 0.0, 0.0],
             normal_force: -force,
             tangential_force: 0.0,
+            force: [-force, 0.0, 0.0],
             overlap: 0.0,
             is_sliding: false,
         };

@@ -7,6 +7,7 @@ use super::sweep::{self, Common, Sweep};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place, print};
+use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{
@@ -79,7 +80,7 @@ pub(crate) struct Arguments {
 ///
 /// # Errors
 /// A test that is not sound (exit code 2); a path that the cell or the stress control could not follow (exit code 1,
-/// the rows before are written).
+/// the rows before are written); a stop that was requested (exit code 130, likewise).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     if let Some(file) = &arguments.replay {
         return failure_case::run(file);
@@ -112,6 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         pictures: pictures(arguments, &test, expected as u64)?,
         fluctuations_from: arguments.fluctuations_from,
     };
+    let interrupt = SignalWatch::flag("the present increment is the last")?;
     let mut done = 0;
     heartbeat.set(format!("row 0 of {expected}"));
     let ended = run_element_on(&test, packing, requests, &mut |row| {
@@ -119,7 +121,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;
         heartbeat.set(format!("row {done} of {expected}"));
-        ControlFlow::Continue(())
+        if interrupt.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     drop(heartbeat);
     rows.finish(arguments.out.as_deref())?;
@@ -127,6 +129,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Ok(summary) => {
             if !arguments.quiet {
                 tell(closing(&summary));
+            }
+            // Row 0 is the packing as given.
+            if done <= expected && interrupt.is_raised() {
+                let text = format!("{}: interrupted after row {} of {expected}", path.display(), done - 1);
+                return Err(Failure::new(Exit::Interrupted, format!("{text}; the rows up to there are written")));
             }
             Ok(Exit::Done)
         }

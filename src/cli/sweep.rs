@@ -5,6 +5,8 @@
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
+use crate::workers::SignalWatch;
+use macro_solver::pool::Interrupt;
 use protocol::TangentKind;
 use rve_server::definition::Packing;
 use rve_server::programs::rve_test::{ElementCsv, ElementTest, run_element_on};
@@ -89,7 +91,8 @@ struct Ended {
 /// Runs every combination of the values and writes one table: a column for each key, then those of the test.
 ///
 /// # Errors
-/// A test that is not sound (exit code 2, nothing is written); tests that stopped before their end (exit code 1, all rows are written).
+/// A test that is not sound (exit code 2, nothing is written); tests that stopped before their end (exit code 1, all rows are written);
+/// a stop that was requested (exit code 130, likewise).
 pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure> {
     let combinations = combinations(sweeps);
     if combinations.len() > MOST_TESTS {
@@ -107,6 +110,7 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             read(common, sweeps, &values)?;
         }
     }
+    let interrupt = SignalWatch::flag("the rows so far are written")?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -117,15 +121,15 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
                 loop {
                     let place = next.fetch_add(1, Ordering::Relaxed);
                     let Some(values) = combinations.get(place) else { return };
-                    let ended = one(common, sweeps, values);
-                    let failed = ended.is_err();
+                    let ended = one(common, sweeps, values, &interrupt);
+                    // Input that is not sound, or a stop: no use in starting the others.
+                    let is_last = ended.is_err() || interrupt.is_raised();
                     results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     if !common.quiet {
                         tell(format_args!("{done} of {}: {}", combinations.len(), described(sweeps, values)));
                     }
-                    if failed {
-                        // Input that is not sound: no use in starting the others.
+                    if is_last {
                         next.store(combinations.len(), Ordering::Relaxed);
                     }
                 }
@@ -138,10 +142,11 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let mut fallbacks: BTreeMap<&str, u64> = BTreeMap::new();
     let unwritable =
         |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"));
-    let mut has_header = false;
+    let (mut has_header, mut started) = (false, 0);
     for (values, ended) in combinations.iter().zip(results) {
         let Some(ended) = ended else { continue };
         let ended = ended?;
+        started += 1;
         ended.fallbacks.iter().for_each(|(what, rows)| *fallbacks.entry(*what).or_default() += rows);
         if let Some(reason) = ended.stopped {
             stopped.push(format!("{}: {reason}", described(sweeps, values)));
@@ -163,6 +168,11 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
         tell(format_args!("fallbacks: {}", all.join(", ")));
     }
     deliver(common.out, &table.into_inner().map_err(|error| unwritable(&error))?)?;
+    if interrupt.is_raised() {
+        let kept = stopped.iter().map(|reason| format!("\n{reason}")).collect::<String>();
+        let text = format!("interrupted; the rows of {started} of {} tests are written{kept}", combinations.len());
+        return Err(Failure::new(Exit::Interrupted, text));
+    }
     match stopped.is_empty() {
         true => Ok(Exit::Done),
         false => Err(Failure::new(
@@ -211,20 +221,25 @@ fn read(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<(Docum
 ///
 /// # Errors
 /// It is not sound.
-fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<Ended, Failure> {
+fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str], interrupt: &Interrupt) -> Result<Ended, Failure> {
     let (document, test, packing) = read(common, sweeps, values)?;
     let mut csv = Vec::new();
     let bad = |error: csv::Error| Failure::new(Exit::BadInput, error);
     let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?.with_units(common.units);
     let mut written = Ok(());
+    let mut is_stopped = false;
     let ended = run_element_on(&test, packing, common.tangent, &mut |row| {
         written = encoder.write(row);
-        if written.is_err() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        is_stopped = interrupt.is_raised();
+        if written.is_err() || is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     drop(encoder);
     written.map_err(bad)?;
     match ended {
-        Ok(summary) => Ok(Ended { csv, fallbacks: summary.fallbacks(), stopped: None }),
+        Ok(summary) => {
+            let stopped = is_stopped.then(|| format!("a stop was requested after its row {}", summary.rows - 1));
+            Ok(Ended { csv, fallbacks: summary.fallbacks(), stopped })
+        }
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
         Err(error) => Ok(Ended { csv, fallbacks: Vec::new(), stopped: Some(error.to_string()) }),
     }

@@ -90,8 +90,9 @@ impl EngineAssignment {
             let capabilities = capabilities_of(&engine).map_err(refuse)?;
             let (definitions, problem) = (&scene.materials.definitions, &scene.problem);
             let changes_friction = problem.changes_friction();
-            let compatibility = compatibility(&capabilities, definitions, &problem.tangents(), changes_friction)
-                .map_err(|error| Failure::new(Exit::BadInput, error))?;
+            let compatibility =
+                compatibility(&capabilities, definitions, &problem.requested_tangents(), changes_friction)
+                    .map_err(|error| Failure::new(Exit::BadInput, error))?;
             engines.push(AssignedEngine { engine, capabilities, compatibility });
         }
         Ok(Self { engines, engine_of })

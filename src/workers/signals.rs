@@ -1,5 +1,7 @@
 //! SIGINT, SIGTERM and SIGHUP: the first requests a stop in good order, the second ends the process.
 
+use crate::exit::{Exit, Failure};
+use crate::stderr::tell;
 use macro_solver::pool::Interrupt;
 use protocol::transport::Waker;
 use std::io;
@@ -21,6 +23,26 @@ impl SignalWatch {
     /// # Errors
     /// The system refuses a handler or a thread.
     pub(crate) fn start(interrupt: Interrupt) -> io::Result<Self> {
+        Self::announced(interrupt, || {
+            tracing::warn!("a stop was requested; a second request ends the process at once");
+        })
+    }
+
+    /// For commands without workers: a flag that the first signal raises, after which `first` happens before the command ends, as
+    /// people are told.
+    ///
+    /// # Errors
+    /// The system refuses a handler or a thread.
+    pub(crate) fn flag(first: &'static str) -> Result<Interrupt, Failure> {
+        let interrupt = Interrupt::new();
+        let announce = move || tell(format_args!("a stop was requested: {first}; a second request ends at once"));
+        match Self::announced(interrupt.clone(), announce) {
+            Ok(_) => Ok(interrupt),
+            Err(error) => Err(Failure::new(Exit::BadInput, format!("could not watch for signals: {error}"))),
+        }
+    }
+
+    fn announced(interrupt: Interrupt, announce: impl FnOnce() + Send + 'static) -> io::Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
         let mut signals = {
             let _guard = runtime.enter();
@@ -30,7 +52,7 @@ impl SignalWatch {
         let waker = Arc::clone(&watch.waker);
         std::thread::Builder::new().name("signals".into()).spawn(move || {
             runtime.block_on(next(&mut signals));
-            tracing::warn!("a stop was requested; a second request ends the process at once");
+            announce();
             interrupt.raise();
             if let Some(waker) = waker.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
                 waker.wake();

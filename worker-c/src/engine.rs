@@ -13,8 +13,9 @@ use std::time::Instant;
 /// Room for a reason, bytes.
 const REASON: usize = 512;
 
-/// What the functions of C that can refuse return.
+/// What the functions of C that can refuse return; every other number is a refusal that no smaller step cures.
 const OK: c_int = 0;
+const TOO_LARGE: c_int = 2;
 
 type Create = unsafe extern "C" fn(*const Cell, *mut c_char, usize) -> *mut c_void;
 type Trial =
@@ -194,8 +195,10 @@ impl RveSolver for ForeignRve {
                 REASON,
             )
         };
-        if outcome != OK {
-            return Err(RveError::Unsupported(words(&reason)));
+        match outcome {
+            OK => {}
+            TOO_LARGE => return Err(RveError::StepTooLarge(words(&reason))),
+            _ => return Err(RveError::Unsupported(words(&reason))),
         }
         self.has_trial = true;
         Ok(TrialResult {

@@ -16,6 +16,7 @@ from .errors import (
     SnapshotRefused,
     TargetInverted,
     TargetNotFinite,
+    StepTooLarge,
     TargetTooLarge,
     Unsupported,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "SnapshotRefused",
     "TargetInverted",
     "TargetNotFinite",
+    "StepTooLarge",
     "TargetTooLarge",
     "TrialOptions",
     "Unsupported",

@@ -70,6 +70,9 @@ class Answer:
                 # A plane rotation is one about the third axis.
                 value = [0.0, 0.0, value]
             reply[f"observed.{name}"] = _tensor2(value) if shape == (9,) else value
+        unknown = [name for name in self.flags if name not in FLAGS]
+        if unknown:
+            raise ValueError(f"there is no flag {', '.join(map(repr, unknown))}; known: {', '.join(FLAGS)}")
         reply["flags"] = sum(FLAGS[name] for name in self.flags)
 
 
@@ -79,15 +82,19 @@ def _tensor2(value):
         full = numpy.zeros((3, 3))
         full[:2, :2] = value
         value = full
+    if value.size != 9:
+        raise ValueError(f"a tensor has the shape (3, 3), or (2, 2) in the plane, and not {value.shape}")
     return value.reshape(9)
 
 
 def _tensor4(value):
     value = numpy.asarray(value, dtype=float)
-    if value.shape == (4, 4):
+    if value.shape in ((4, 4), (2, 2, 2, 2)):
         full = numpy.zeros((3, 3, 3, 3))
         full[:2, :2, :2, :2] = value.reshape(2, 2, 2, 2)
         value = full
+    if value.size != 81:
+        raise ValueError(f"a tangent has the shape (9, 9), or (4, 4) in the plane, and not {value.shape}")
     return value.reshape(81)
 
 

@@ -45,6 +45,13 @@ class TargetTooLarge(RveError):
         return {"TargetTooLarge": [self.norm, self.limit]}
 
 
+class StepTooLarge(RveError):
+    """The engine takes no step as large as this one; the text says why, and smaller steps help."""
+
+    def wire(self):
+        return {"StepTooLarge": str(self)}
+
+
 class NotFinite(RveError):
     """The solver produced NaN or infinity; smaller steps may help."""
 

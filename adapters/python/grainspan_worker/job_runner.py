@@ -126,13 +126,14 @@ class JobRunner:
         begun = time.perf_counter_ns()
         try:
             answer, state = source.solve(wanted, content, gradient, ask)
+            if not answer.solve_nanoseconds:
+                answer.solve_nanoseconds = max(0, time.perf_counter_ns() - begun - answer.tangent_nanoseconds)
+            # What the engine has put into its answer is as much its own as the solve.
+            return self._done(job, ask, answer, state), state, b""
         except RveError:
             raise
         except Exception as error:
             raise _fault(error) from error
-        if not answer.solve_nanoseconds:
-            answer.solve_nanoseconds = max(0, time.perf_counter_ns() - begun - answer.tangent_nanoseconds)
-        return self._done(job, ask, answer, state), state, b""
 
     def _done(self, job, ask, answer, state):
         reply = bare(job, "done")

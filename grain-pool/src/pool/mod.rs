@@ -22,6 +22,9 @@ use thread::PoolThread;
 /// The pool of the macro solver behind shared memory.
 type WorkerPool = Pool<SharedMemoryMacroPort>;
 
+/// Most states that are made in one call: more than any mesh has points, and less than memory can hold in vain.
+const MOST_STATES: usize = 10_000_000;
+
 /// One point of a pool: a committed state and at most one trial, kept by the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct State {
@@ -103,6 +106,11 @@ impl RvePool {
     pub fn new_states(&self, cell: usize, count: usize) -> Result<Vec<State>, PoolError> {
         if cell >= self.cells.len() {
             return Err(PoolError::NoSuchCell { cell, cells: self.cells.len() });
+        }
+        if count > MOST_STATES {
+            return Err(PoolError::Arguments(format!(
+                "{count} states are too many: a pool has at most {MOST_STATES}"
+            )));
         }
         let first = self.call(move |pool| Ok(pool.add_points(cell, count)))?;
         Ok((first..first + count).map(|point| State { pool: self.number, point }).collect())

@@ -177,7 +177,9 @@ fn open(
         // Failure harms no pool.
         _ => {}
     }
-    let engine = Engine::built_in(BUILT_IN_ENGINE, options.program.clone());
+    // A path without a folder would be looked for among the programs of the system.
+    let program = std::path::absolute(&options.program).unwrap_or_else(|_| options.program.clone());
+    let engine = Engine::built_in(BUILT_IN_ENGINE, program);
     let plan = LaunchPlan { restarts: RESTARTS, ..LaunchPlan::for_run(&name, &engine, options.workers) };
     let supply = WorkerProcesses::start(plan, &interrupt).map_err(start("start the workers"))?;
     let mut settings = PoolSettings::new(name);

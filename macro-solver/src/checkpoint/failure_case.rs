@@ -16,6 +16,9 @@ const FORMAT: u32 = 1;
 pub struct FailureCase {
     /// Program that wrote it, for people.
     pub program: String,
+    /// Engine that the trial was sent to; empty where the run has a single one that it does not name.
+    #[serde(default)]
+    pub engine: String,
     /// Gauss point.
     pub point: u64,
     /// Why the workers ended that solved it, oldest first.

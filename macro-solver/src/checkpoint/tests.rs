@@ -149,6 +149,7 @@ fn a_failure_case_reads_back_and_damage_is_noticed() {
     let path = folder.path().join("point.replay");
     let written = FailureCase {
         program: "grainspan".into(),
+        engine: "yade".into(),
         point: 7,
         failures: vec!["signal: 11".into()],
         definition: protocol::Definition { bytes: vec![1, 2, 3] },

@@ -57,13 +57,16 @@ pub enum MaterialError {
 impl MaterialError {
     /// Whether a smaller load step could avoid it: the target was at fault, not the definition or the engine.
     pub fn is_curable_by_smaller_step(&self) -> bool {
-        use protocol::RveError::{NotEquilibrated, NotFinite, TargetInverted, TargetNotFinite, TargetTooLarge};
+        use protocol::RveError::{
+            NotEquilibrated, NotFinite, StepTooLarge, TargetInverted, TargetNotFinite, TargetTooLarge,
+        };
         let Self::Point { reason, .. } = self else { return false };
         matches!(
             reason,
             TargetNotFinite
                 | TargetInverted { .. }
                 | TargetTooLarge { .. }
+                | StepTooLarge(_)
                 | NotFinite { .. }
                 | NotEquilibrated { .. }
         )

@@ -453,6 +453,15 @@ pub struct Run {
     pub stage: usize,
     /// Load factor within its stage of the last accepted step, 0 to 1.
     pub load: f64,
+    /// Number of the step that was taken last, accepted or not.
+    pub step: usize,
     /// Counts and times.
     pub statistics: Statistics,
+}
+
+impl Run {
+    /// Whether the run ended because it found no equilibrium to start from: step 0 was not accepted.
+    pub fn has_no_start(&self) -> bool {
+        self.step == 0 && matches!(self.outcome, Outcome::DidNotConverge { .. })
+    }
 }

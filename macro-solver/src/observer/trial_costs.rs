@@ -17,7 +17,7 @@ pub struct TrialCosts {
 /// The slowest trials of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SlowestTrials {
-    /// How many trials these are: at least the share asked for, rounded up to a whole class.
+    /// How many trials these are: the share asked for, rounded up.
     pub trials: u64,
     /// All of them needed at least this number of force evaluations.
     pub from_force_evaluations: u64,
@@ -40,18 +40,20 @@ impl TrialCosts {
     pub fn slowest(&self, share: f64) -> SlowestTrials {
         let (trials, evaluations) =
             self.classes.values().fold((0, 0), |(trials, sum), (count, part)| (trials + count, sum + part));
-        let wanted = share * trials as f64;
+        let wanted = (share * trials as f64 - 1e-9).ceil().max(0.0) as u64;
         let mut found = SlowestTrials { largest_force_evaluations: self.largest, ..SlowestTrials::default() };
-        let mut spent = 0;
+        let mut spent = 0.0;
         for (class, (count, sum)) in self.classes.iter().rev() {
-            if found.trials as f64 >= wanted {
+            if found.trials >= wanted {
                 break;
             }
-            found.trials += count;
+            // Of the class in which the share ends its trials count with their mean.
+            let taken = (wanted - found.trials).min(*count);
+            found.trials += taken;
             found.from_force_evaluations = lower_bound(*class);
-            spent += sum;
+            spent += *sum as f64 * (taken as f64 / *count as f64);
         }
-        found.share_of_force_evaluations = spent as f64 / (evaluations.max(1)) as f64;
+        found.share_of_force_evaluations = spent / (evaluations.max(1)) as f64;
         found
     }
 }
@@ -100,5 +102,11 @@ mod tests {
         assert!(slowest.from_force_evaluations <= 9_900 && slowest.from_force_evaluations > 8_000);
         assert!((slowest.share_of_force_evaluations - 0.5).abs() < 1e-12);
         assert_eq!(TrialCosts::default().slowest(0.01), SlowestTrials::default());
+        // Trials that all cost about the same: a hundredth of them, not their whole class.
+        let mut alike = TrialCosts::default();
+        (0..1000).for_each(|number| alike.add(208 + number % 5));
+        let slowest = alike.slowest(0.01);
+        assert_eq!(slowest.trials, 10);
+        assert!((slowest.share_of_force_evaluations - 0.01).abs() < 1e-12, "{slowest:?}");
     }
 }

@@ -42,7 +42,8 @@ impl EnergyLedger {
     /// All entries by name. Work and balance count from the end of step 0. The rest of the work, `residual`, is the dissipation by
     /// damping of the grain solver and the error of the trapezium rule over the steps; `relative_residual` is its size over the largest
     /// entry. A run with dynamic stages has neither: its balance is among their figures. Without the energies of the grains, which the
-    /// observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance.
+    /// observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance. So it is where an
+    /// engine reports none.
     pub fn entries(&self, grains_observed: bool) -> BTreeMap<String, f64> {
         let mut entries = BTreeMap::from([
             ("external_work".to_owned(), self.external_work),
@@ -56,7 +57,8 @@ impl EnergyLedger {
         entries.insert("elastic".to_owned(), self.elastic);
         entries.insert("frictional_dissipation".to_owned(), self.dissipation);
         entries.insert("frictional_dissipation_initial".to_owned(), self.dissipated_before[0]);
-        if self.dynamics.is_empty() {
+        let is_reported = [self.initial_elastic, self.elastic, self.dissipation].iter().any(|energy| *energy != 0.0);
+        if self.dynamics.is_empty() && is_reported {
             let change = self.elastic - self.initial_elastic;
             let [friction, viscous] = self.dissipated_before;
             let hourglass = self.hourglass - self.initial_hourglass;

@@ -124,6 +124,16 @@ impl Problem {
         tangents
     }
 
+    /// The tangent operators that engines are asked for during a run: those of the stages, and the one that every stage begins with before
+    /// it knows which contacts slip.
+    pub fn requested_tangents(&self) -> Vec<TangentKind> {
+        let mut tangents = self.tangents();
+        if !tangents.contains(&TangentKind::TrussLike) {
+            tangents.push(TangentKind::TrussLike);
+        }
+        tangents
+    }
+
     /// Whether the friction between grains is changed in any stage.
     pub fn changes_friction(&self) -> bool {
         let conditions = self.stages.iter().flat_map(|stage| &stage.conditions);

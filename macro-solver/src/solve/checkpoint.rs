@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 25;
+const VERSION: u32 = 26;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

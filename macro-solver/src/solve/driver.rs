@@ -8,7 +8,7 @@
 
 use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;
-use super::explicit::Integrator;
+use super::explicit::{Carried, Integrator};
 use super::linear_solver::{LinearSolver, norm};
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
@@ -49,7 +49,8 @@ pub fn solve_with_checkpoints(
 ) -> Run {
     let run = match Solver::new(problem) {
         Err(error) => {
-            Run { outcome: Outcome::Refused(error), stage: 0, load: 0.0, statistics: Statistics::default() }
+            let statistics = Statistics::default();
+            Run { outcome: Outcome::Refused(error), stage: 0, load: 0.0, step: 0, statistics }
         }
         Ok(mut solver) => {
             let session = &mut Session { material: &mut *material, observer: &mut *observer, store };
@@ -58,7 +59,8 @@ pub fn solve_with_checkpoints(
                 Err(outcome) => outcome,
             };
             session.material.rollback();
-            Run { outcome, stage: solver.stage, load: solver.load, statistics: solver.statistics }
+            let Solver { stage, load, step, statistics, .. } = solver;
+            Run { outcome, stage, load, step, statistics }
         }
     };
     observer.finished(&run);
@@ -108,8 +110,8 @@ pub(super) struct Solver<'a> {
     pub(super) step: usize,
     /// The dynamic stage that runs or has just ended.
     pub(super) integrator: Option<Integrator>,
-    /// Velocities at the end of a dynamic stage, for the next one, m/s.
-    pub(super) carried_velocity: Option<Vec<f64>>,
+    /// What the stage before leaves to a dynamic one that has not begun.
+    pub(super) carried: Carried,
     /// Share of the stage that the next step tries.
     pub(super) step_size: f64,
     /// A step has been stabilised in vain, and none of full size has been accepted since.
@@ -161,7 +163,7 @@ impl<'a> Solver<'a> {
             last_load_change: 0.0,
             step: 0,
             integrator: None,
-            carried_velocity: None,
+            carried: Carried::default(),
             step_size: 1.0 / first.control.increments as f64,
             stabilised_in_vain: false,
             statistics,

@@ -2,6 +2,7 @@
 
 use super::driver::{Session, Solver};
 use super::equations::Equations;
+use super::explicit::Carried;
 use super::newton::path::Constraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
@@ -32,7 +33,7 @@ impl<'a> Solver<'a> {
         (self.arc_length, self.last_load_change) = (None, 0.0);
         self.step_size = 1.0 / self.stage().control.increments as f64;
         (self.last_step, self.stabilised_in_vain) = (None, false);
-        self.carried_velocity = self.integrator.take().map(|integrator| integrator.velocity().to_vec());
+        self.carried = Carried::after(self.integrator.take(), &self.constraints);
         self.stage_start.clone_from(&self.body.displacements);
         self.tangent_kind = self.stage().strategy.tangent;
         let counted = self.linear.counts();

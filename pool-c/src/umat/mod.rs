@@ -12,7 +12,7 @@ mod voigt;
 use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
 use crate::material::{Material, Strains};
-use grain_pool::State;
+use grain_pool::{RvePool, State};
 use history::{Call, Points};
 use protocol::{Tensor2, Tensor4, TrialResult};
 use std::ffi::{c_char, c_int};
@@ -96,6 +96,7 @@ pub unsafe extern "C" fn umat_(
             (call, shape, strain, usize::try_from(number(nstatv, "NSTATV")?).unwrap_or(0))
         };
         let material = crate::material::material()?;
+        refuse_space(&call, &shape, &material.pool)?;
         let target = match material.strains {
             Strains::Finite => call.target(),
             Strains::Small => shape.strain(strain),
@@ -130,6 +131,22 @@ pub unsafe extern "C" fn umat_(
     if let Some(place) = unsafe { slice_mut(pnewdt, 1) } {
         place[0] = SMALLER;
     }
+}
+
+/// Cells of discs have no strain and no stiffness out of their plane.
+fn refuse_space(call: &Call, shape: &Voigt, pool: &RvePool) -> Result<(), Failure> {
+    if pool.dimension() != 2 {
+        return Ok(());
+    }
+    let target = call.target();
+    let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
+    if shape.components() > 4 || out_of_plane.fold(0.0, f64::max) > 1e-12 {
+        return Err(Failure::input(
+            "cells of discs serve plane strain alone (NDI = 3, NSHR = 1, no strain along the third axis); take a packing of spheres \
+             for solids and axial symmetry",
+        ));
+    }
+    Ok(())
 }
 
 /// The response of one point.

@@ -50,17 +50,18 @@ impl GrainModel {
     /// The state that the packing describes: nothing has moved, listed contacts carry their tangential force and
     /// rolling moment; a law without rolling resistance drops the moments. A listed force on a pair that does not touch is
     /// dropped and one above the Coulomb limit is cut to it at the first evaluation. Contacts without tangential springs carry no
-    /// tangential force: nothing could ever change it, and a force that follows its grains without a spring drives them
-    /// round for ever.
+    /// tangential force and no rolling moment, whose spring is a share of theirs: nothing could ever change it, and a force that follows
+    /// its grains without a spring drives them round for ever.
     pub fn initial_state<S: Space>(&self, definition: &GrainDefinition<S>) -> GrainState<S> {
         let packing = &definition.packing;
         let cell = Cell { rows: packing.periodicity };
         let mut contacts: Vec<(ContactRecord<S>, Option<S::Spin>)> = packing.histories().collect();
         contacts.sort_unstable_by_key(|(contact, _)| contact.key());
-        let rolling_moments = contacts.iter().filter_map(|(_, moment)| *moment).collect();
+        let mut rolling_moments: Vec<S::Spin> = contacts.iter().filter_map(|(_, moment)| *moment).collect();
         let mut contacts: Vec<ContactRecord<S>> = contacts.into_iter().map(|(contact, _)| contact).collect();
         if !self.has_tangential_springs {
             contacts.iter_mut().for_each(|contact| contact.tangential_force = S::Tangential::ZERO);
+            rolling_moments.fill(S::Spin::ZERO);
         }
         GrainState {
             cell,

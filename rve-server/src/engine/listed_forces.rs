@@ -15,6 +15,8 @@ pub struct ListedForces {
     pub springless: usize,
     /// Rolling moments that the contact law cannot bear, or not in full: dropped or cut to its limit.
     pub moments_cut: usize,
+    /// Rolling moments of a packing whose contact law has no tangential springs, and so none against rolling: dropped.
+    pub moments_springless: usize,
 }
 
 impl ListedForces {
@@ -41,7 +43,7 @@ impl ListedForces {
 
     /// All forces and moments that were dropped or cut.
     pub fn changed(&self) -> usize {
-        self.dropped + self.cut + self.springless + self.moments_cut
+        self.dropped + self.cut + self.springless + self.moments_cut + self.moments_springless
     }
 
     /// A warning for the user, or nothing if all forces were taken over.
@@ -63,7 +65,13 @@ impl ListedForces {
             (!parts.is_empty()).then(|| format!("of the packing's tangential forces, {}", parts.join(" and ")));
         let moments = (self.moments_cut > 0)
             .then(|| format!("of its rolling moments, {} are more than this contact law bears", self.moments_cut));
-        let sentences: Vec<String> = forces.into_iter().chain(moments).collect();
+        let springless = (self.moments_springless > 0).then(|| {
+            let count = self.moments_springless;
+            format!(
+                "{count} rolling moments were dropped because stiffness_ratio = 0 leaves no springs against rolling"
+            )
+        });
+        let sentences: Vec<String> = forces.into_iter().chain(moments).chain(springless).collect();
         (!sentences.is_empty()).then(|| sentences.join("; "))
     }
 }

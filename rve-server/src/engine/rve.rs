@@ -38,6 +38,8 @@ pub struct GrainRve<S: SolverFor = Discs> {
     uses_lanes: bool,
     /// Whether work and damping are summed up along every trial.
     counts_energies: bool,
+    /// Tangential over normal stiffness that operators assume where the law has no tangential springs; 0: none.
+    springs_of_operators: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -95,6 +97,7 @@ impl<S: SolverFor> Clone for GrainRve<S> {
             friction_reduction: self.friction_reduction,
             uses_lanes: self.uses_lanes,
             counts_energies: self.counts_energies,
+            springs_of_operators: self.springs_of_operators,
         }
     }
 }
@@ -131,6 +134,8 @@ impl<S: SolverFor> GrainRve<S> {
         if !model.has_tangential_springs {
             let forces = definition.packing.contacts.iter().filter(|listed| listed.tangential_force.norm() > 0.0);
             listed_forces.springless = forces.count();
+            let moments = definition.packing.histories().filter_map(|(_, moment)| moment);
+            listed_forces.moments_springless = moments.filter(|moment| moment.norm() > 0.0).count();
         }
         let contact = definition.contact.clone();
         Ok(Self {
@@ -147,7 +152,19 @@ impl<S: SolverFor> GrainRve<S> {
             friction_reduction: 0.0,
             uses_lanes: true,
             counts_energies: false,
+            springs_of_operators: 0.0,
         })
+    }
+
+    /// Operators of networks assume tangential springs of this share of the normal ones, for a law that has none or stiffer ones that
+    /// bear nothing without friction: a frictionless network near isostaticity is all but a mechanism, and its own operator says little
+    /// about a step of any size. For those who only steer by it.
+    pub(crate) fn assume_springs_in_operators(&mut self, share: f64) {
+        let idle =
+            self.model.friction == 0.0 && self.contact.law.is_linear() && self.contact.tangential_ratio() > share;
+        if idle || !self.model.has_tangential_springs {
+            self.springs_of_operators = share;
+        }
     }
 
     /// Takes up the friction that is a share below that of the definition. A cell with less friction is solved for by relaxation, whatever
@@ -386,7 +403,15 @@ impl<S: SolverFor> GrainRve<S> {
             return Some(OperatorEvaluation::without_evaluations(outcome));
         }
         let Method::Perturbation(perturbation) = Method::of(kind) else {
-            let outcome = tangent::evaluate_with(&mut self.orderings, &trial.network, kind, self.closeness);
+            let assumed = (self.springs_of_operators > 0.0).then(|| {
+                let mut network = trial.network.clone();
+                for contact in &mut network.contacts {
+                    contact.tangential_stiffness = self.springs_of_operators * contact.normal_stiffness;
+                }
+                network
+            });
+            let network = assumed.as_ref().unwrap_or(&trial.network);
+            let outcome = tangent::evaluate_with(&mut self.orderings, network, kind, self.closeness);
             return Some(OperatorEvaluation::without_evaluations(outcome));
         };
         let perturbed = perturbation::Trial {

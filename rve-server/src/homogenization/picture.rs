@@ -35,6 +35,8 @@ pub struct ContactLine {
     pub normal_force: f64,
     /// Size of the tangential force, N.
     pub tangential_force: f64,
+    /// Force on the first grain, normal and tangential, N; on the second one it is the opposite.
+    pub force: [f64; 3],
     /// Overlap of the grains, m; negative across the gap of a contact that adheres.
     pub overlap: f64,
     /// Whether the contact is at the Coulomb limit.
@@ -68,6 +70,7 @@ impl<S: Space> ContactNetwork<S> {
                 to: in_space::<S>(from.plus(branch)),
                 normal_force: contact.normal_force,
                 tangential_force: contact.tangential_force.norm(),
+                force: in_space::<S>(self.force(contact)),
                 overlap: self.radii[origin] + self.radii[end] - branch.norm(),
                 is_sliding: contact.at_limit,
             }
@@ -115,5 +118,7 @@ mod tests {
         assert_eq!((line.grains, line.from, line.is_sliding), ([0, 1], [3.5, 1.0, 0.0], true));
         assert!((line.to[0] - 4.4).abs() < 1e-15 && (line.overlap - 0.1).abs() < 1e-15);
         assert_eq!((line.normal_force, line.tangential_force), (-3.0, 0.5));
+        // Along the normal turned by +90 degrees, f_t is -0.5.
+        assert_eq!(line.force, [-3.0, -0.5, 0.0]);
     }
 }

@@ -180,7 +180,9 @@ fn requirements(
         }
     }
     if let Some((deviation, tolerance)) = recipe.grading.sieve_deviation(&recipe.radii(), recipe.dimension) {
-        ask("sieve curve, largest deviation".into(), 0.0, deviation, tolerance);
+        // As a density, it is that of the grains before some are taken out.
+        let when = if recipe.removal.is_some() { " before grains were taken out" } else { "" };
+        ask(format!("sieve curve{when}, largest deviation"), 0.0, deviation, tolerance);
     }
     Ok(list)
 }

@@ -144,7 +144,7 @@ impl Space for Spheres {
     }
 
     fn polar(h: &Matrix) -> PolarParts<Self> {
-        if *h == transpose(h) {
+        if *h == transpose(h) && is_stretch(h) {
             return PolarParts { turn: Quaternion::default(), strain: *h };
         }
         let f = add_scaled(&Matrix::IDENTITY, 1.0, h);
@@ -203,6 +203,12 @@ fn strain_behind(turn: Quaternion, h: &Matrix) -> Matrix {
     add_scaled(&add_scaled(&back, 1.0, h), 1.0, &product(&back, h))
 }
 
+/// Whether I plus a symmetric matrix stretches alone: half turns about an axis are symmetric too.
+fn is_stretch(h: &Matrix) -> bool {
+    let f = add_scaled(&Matrix::IDENTITY, 1.0, h);
+    f[0][0] > 0.0 && f[0][0] * f[1][1] - f[0][1] * f[1][0] > 0.0 && f.determinant() > 0.0
+}
+
 /// The rotation of the polar decomposition by averaging a matrix with its inverse transpose, scaled so that both have
 /// determinant 1 at first.
 fn nearest_rotation(f: &Matrix) -> Matrix {
@@ -248,6 +254,24 @@ mod tests {
             prop_assert!(largest_component(&orthogonal) < 1e-14);
             let again = rotation_of(Spheres::rotation_vector(parts.turn));
             prop_assert!(largest_component(&add_scaled(&again, -1.0, &rotation)) < 1e-14);
+        }
+    }
+
+    /// Half turns about any axis, with a small stretch or none: symmetric where the axis is one of the stretch.
+    #[test]
+    fn half_turns_are_rotations() {
+        let half = 0.5_f64.sqrt();
+        for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [half, half, 0.0], [0.6, 0.0, 0.8]] {
+            for stretch in [[0.0; 3], [1e-3, -2e-3, 5e-4]] {
+                let turn = Matrix::from_fn(|i, j| 2.0 * axis[i] * axis[j] - if i == j { 1.0 } else { 0.0 });
+                let stretch = Matrix::from_fn(|i, j| if i == j { stretch[i] } else { 0.0 });
+                let f = product(&turn, &add_scaled(&Matrix::IDENTITY, 1.0, &stretch));
+                let parts = Spheres::polar(&add_scaled(&f, -1.0, &Matrix::IDENTITY));
+                let error = largest_component(&add_scaled(&parts.strain, -1.0, &stretch));
+                assert!(error < 1e-14, "{axis:?}: {:?}", parts.strain);
+                let error = largest_component(&add_scaled(&Spheres::rotation_matrix(parts.turn), -1.0, &turn));
+                assert!(error < 1e-14, "{axis:?}");
+            }
         }
     }
 

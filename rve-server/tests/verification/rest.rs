@@ -1,7 +1,7 @@
 //! Every cell comes to rest: away from the cells that the solver was tuned on, and where nothing is left to carry load.
 
 use crate::samples::packing_of;
-use protocol::{RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AtStepCap, Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -161,4 +161,44 @@ fn contacts_without_tangential_springs_carry_no_tangential_force() {
     assert!(discs.committed().contacts.iter().all(|contact| contact.tangential_force == 0.0));
     assert!(discs.listed_forces().springless > 50);
     assert!(discs.listed_forces().warning().unwrap().contains("stiffness_ratio"));
+}
+
+/// So are listed rolling moments: the spring against rolling is a share of the tangential one. Kept, they would turn their grains round
+/// for ever.
+#[test]
+fn contacts_without_tangential_springs_carry_no_rolling_moment() {
+    let mut packing = packing_of::<Discs>("discs-100.json");
+    packing.version = 2;
+    packing.rolling_moments = packing.contacts.iter().map(|_| 1e-6).collect();
+    let law = |stiffness_ratio| ContactTable {
+        rolling_stiffness: 1.0,
+        rolling_friction: 0.3,
+        ..linear(1e8, stiffness_ratio, 0.5)
+    };
+    let of = |stiffness_ratio| {
+        let definition = GrainDefinition {
+            packing: packing.clone(),
+            contact: law(stiffness_ratio),
+            options: RveOptions::default(),
+        };
+        GrainRve::new(&definition).unwrap()
+    };
+    let (springless, springs) = (of(0.0), of(0.5));
+    assert!(springs.committed().rolling_moments.iter().any(|moment| *moment != 0.0));
+    assert!(springless.committed().rolling_moments.iter().all(|moment| *moment == 0.0));
+    assert_eq!(springless.listed_forces().moments_springless, packing.contacts.len());
+    assert!(springless.listed_forces().warning().unwrap().contains("rolling moments were dropped"));
+}
+
+/// Rattlers of a wide grading pull the mean number of contacts below what holds a cell together; they do not count.
+#[test]
+fn a_cell_of_many_rattlers_may_be_far_from_rest() {
+    let mut cell = cell::<Discs>("discs-100.json", &linear(1e8, 0.5, 0.5), RveOptions::default());
+    let mut answer = cell.observe(Observables::ALL).unwrap();
+    assert!(!cell.is_far_from_rest(&answer), "as it was prepared");
+    answer.scalars.unbalanced_force_ratio = 0.5;
+    answer.scalars.coordination_number = 1.2;
+    assert!(cell.is_far_from_rest(&answer));
+    answer.observed.coordination_number_no_rattlers = 0.0;
+    assert!(!cell.is_far_from_rest(&answer), "nothing bears anything");
 }

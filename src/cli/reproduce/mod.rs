@@ -18,10 +18,12 @@ use crate::exit::{Exit, Failure};
 use crate::machine::Machine;
 use crate::stderr::tell;
 use crate::stdout::print;
+use crate::workers::SignalWatch;
 use error::ReproduceError;
 use figure::{Figure, Outcome, Size};
 use inputs::Inputs;
 use macro_solver::output::write_atomically;
+use macro_solver::pool::Interrupt;
 use serde::Serialize;
 use std::fmt::Write;
 use std::num::NonZeroUsize;
@@ -82,8 +84,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::BadInput, problem));
     }
     let inputs = Inputs::find(arguments.inputs.as_deref())?;
+    let interrupt =
+        SignalWatch::flag("the run under way ends in good order, and the same command goes on from there")?;
     for figure in chosen {
-        make(figure, arguments, &inputs)?;
+        make(figure, arguments, &inputs, &interrupt)?;
     }
     Ok(Exit::Done)
 }
@@ -134,11 +138,11 @@ fn list() -> String {
 }
 
 /// Runs what is missing, draws the figure and writes its tables.
-fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs) -> Result<(), Failure> {
+fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs, interrupt: &Interrupt) -> Result<(), Failure> {
     let default = || Path::new("out/reproduce").join(format!("{}-{}", figure.name, arguments.size.keyword()));
     let out = arguments.out.clone().unwrap_or_else(default);
     tell(format_args!("{}: {} ({})", figure.name, figure.shows, figure.source));
-    let results = runner::run_all(figure, arguments.size, inputs, &out, arguments)?;
+    let results = runner::run_all(figure, inputs, &out, arguments, interrupt)?;
     let outcome = (figure.evaluate)(&results, arguments.size)?;
     deliver(figure, arguments.size, inputs, &out, &outcome)?;
     print(comparison_text(&outcome.comparisons).as_bytes())?;

@@ -3,17 +3,21 @@
 
 use super::Arguments;
 use super::error::ReproduceError;
-use super::figure::{Command, Figure, Run, Size};
+use super::figure::{Command, Figure, Run};
 use super::inputs::Inputs;
 use super::results::{Finished, Results};
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use macro_solver::output::write_atomically;
+use macro_solver::pool::Interrupt;
+use rustix::process::{Pid, Signal, kill_process};
 use rve_server::programs::specimen::SpecimenTest;
 use scene_reader::Document;
+use std::io::{self, Read};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Says what has run in the folder of a run, next to it; written when it is finished.
 const MARK: &str = "finished.json";
@@ -27,24 +31,30 @@ const BEGUN: &str = "begun.txt";
 /// The first run that does not end as it should.
 pub(super) fn run_all(
     figure: &Figure,
-    size: Size,
     inputs: &Inputs,
     out: &Path,
     arguments: &Arguments,
+    interrupt: &Interrupt,
 ) -> Result<Results, Failure> {
-    let runs = (figure.runs)(size);
+    let runs = (figure.runs)(arguments.size);
     let count = runs.len();
     let mut finished = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         let folder = out.join("runs").join(&run.name);
         tell(format_args!("run {} of {count}: {}", index + 1, run.name));
-        finished.push(made(run, &folder, inputs, arguments)?);
+        finished.push(made(run, &folder, inputs, arguments, interrupt)?);
     }
     Ok(Results::new(finished))
 }
 
 /// The run, made now or earlier.
-fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Result<Finished, Failure> {
+fn made(
+    run: &Run,
+    folder: &Path,
+    inputs: &Inputs,
+    arguments: &Arguments,
+    interrupt: &Interrupt,
+) -> Result<Finished, Failure> {
     let identity = identity(run, inputs)?;
     if let Some(earlier) = Finished::read(&run.name, folder, &next_to(folder, MARK))
         && earlier.identity() == identity
@@ -59,8 +69,11 @@ fn made(run: &Run, folder: &Path, inputs: &Inputs, arguments: &Arguments) -> Res
     let begun = next_to(folder, BEGUN);
     let resume = !arguments.fresh && std::fs::read_to_string(&begun).is_ok_and(|earlier| earlier == identity);
     write_atomically(&begun, identity.as_bytes())?;
+    if interrupt.is_raised() {
+        return Err(Failure::new(Exit::Interrupted, format!("interrupted before the run '{}'", run.name)));
+    }
     let clock = Instant::now();
-    let (code, said) = execute(run, folder, resume, inputs, arguments)?;
+    let (code, said) = execute(run, folder, resume, inputs, arguments, interrupt)?;
     let accepted: &[i32] = match run.command {
         Command::Stopping => &[0, 1],
         Command::Refused => &[0, 1, 2],
@@ -105,6 +118,7 @@ fn execute(
     resume: bool,
     inputs: &Inputs,
     arguments: &Arguments,
+    interrupt: &Interrupt,
 ) -> Result<(Option<i32>, String), ReproduceError> {
     let own = || std::env::current_exe().unwrap_or_else(|_| PathBuf::from("grainspan"));
     let program = arguments.program.clone().unwrap_or_else(own);
@@ -137,8 +151,40 @@ fn execute(
     command.args(run.settings.iter().flat_map(|setting| ["--set", setting.as_str()]));
     let started =
         command.stdin(process::Stdio::null()).stdout(process::Stdio::null()).stderr(process::Stdio::piped());
-    let output = started.output().map_err(|source| ReproduceError::Start { program, source })?;
-    Ok((output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned()))
+    // In a group of its own: Ctrl-C in a terminal goes to every process of a group, and the run would get it twice.
+    let child = started.process_group(0).spawn();
+    let failed = |source| ReproduceError::Start { program, source };
+    child.and_then(|child| watched(child, interrupt)).map_err(failed)
+}
+
+/// Exit code of a run that was interrupted.
+const INTERRUPTED: i32 = 130;
+
+/// Time between two looks at a run.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
+
+/// Waits for a run, to which a stop that is requested is handed on. Returns its exit code and what it said on standard error.
+fn watched(mut child: process::Child, interrupt: &Interrupt) -> io::Result<(Option<i32>, String)> {
+    let run = Pid::from_child(&child);
+    let mut said = child.stderr.take().expect("it is piped");
+    let listener = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        said.read_to_end(&mut bytes).map(|_| bytes)
+    });
+    let mut is_told = false;
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if interrupt.is_raised() && !std::mem::replace(&mut is_told, true) {
+            kill_process(run, Signal::INT)?;
+        }
+        std::thread::sleep(BETWEEN_LOOKS);
+    };
+    let bytes = listener.join().map_err(|_| io::Error::other("its messages were lost"))??;
+    // A run that was told before it could listen has ended by the signal itself.
+    let code = status.code().or_else(|| is_told.then_some(INTERRUPTED));
+    Ok((code, String::from_utf8_lossy(&bytes).into_owned()))
 }
 
 #[cfg(test)]

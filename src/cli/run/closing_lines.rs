@@ -2,7 +2,7 @@
 
 use super::counters::{Concern, in_words};
 use crate::cli::start_state::MISMATCH;
-use macro_solver::observer::Outcome;
+use macro_solver::observer::{Outcome, Run};
 use macro_solver::output::{AccuracySummary, BalanceSummary, CheckpointSummary, Summary};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -46,7 +46,7 @@ fn balance(balance: &BalanceSummary) -> String {
 }
 
 /// A headline and one line per subject; `folder` is the output folder.
-pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluations: u64, folder: &str) -> String {
+pub(super) fn closing_lines(summary: &Summary, run: &Run, force_evaluations: u64, folder: &str) -> String {
     let per_step = summary.evaluations_per_gauss_point / (summary.steps.max(1) as f64);
     let slowest = &summary.slowest_trials;
     let mut lines = vec![
@@ -82,7 +82,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
             format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
         ),
         ("checkpoints", checkpoints(&summary.checkpoint)),
-        ("initial residual", initial_residual(summary.initial_imbalance)),
+        ("initial residual", initial_residual(summary.initial_imbalance, run.has_no_start())),
     ];
     if let Some(cells) = summary.prepared.get("cells") {
         let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
@@ -100,7 +100,7 @@ pub(super) fn closing_lines(summary: &Summary, outcome: &Outcome, force_evaluati
     });
     lines.extend(super::shortcuts::lines(summary));
     lines.push(("written to", folder.to_owned()));
-    let mut text = headline(summary, outcome) + "\n";
+    let mut text = headline(summary, &run.outcome) + "\n";
     for (label, value) in lines {
         writeln!(text, "  {label:<16} {value}").expect("writing to a String cannot fail");
     }
@@ -114,7 +114,10 @@ fn warnings(summary: &Summary) -> String {
     let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
     let open = (residual > LARGEST_RESIDUAL).then(|| {
         let percent = 100.0 * residual;
-        format!("energy balance open by {percent:.0} %: smaller load steps close it unless cells snap")
+        format!(
+            "energy balance open by {percent:.0} %: numerical damping of grains that snap or collapse, and the load steps, which can be \
+             made smaller"
+        )
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
@@ -165,12 +168,11 @@ fn worker_time(summary: &Summary) -> String {
 }
 
 /// Out-of-balance force of the state that the run began with.
-fn initial_residual(imbalance: f64) -> String {
+fn initial_residual(imbalance: f64, has_no_start: bool) -> String {
     let text = format!("{imbalance:.1e} (relative to applied loads)");
     if imbalance > MISMATCH {
-        format!(
-            "{text}: the packing was not prepared under these loads; step 0 equilibrated it (see `grainspan check`)"
-        )
+        let done = if has_no_start { "found no equilibrium" } else { "equilibrated it" };
+        format!("{text}: the packing was not prepared under these loads; step 0 {done} (see `grainspan check`)")
     } else {
         text
     }
@@ -192,7 +194,8 @@ mod tests {
 
     #[test]
     fn a_start_that_the_packing_was_not_prepared_for_is_named() {
-        assert_eq!(initial_residual(9.4e-7), "9.4e-7 (relative to applied loads)");
-        assert!(initial_residual(0.49).contains("the packing was not prepared under these loads"));
+        assert_eq!(initial_residual(9.4e-7, false), "9.4e-7 (relative to applied loads)");
+        assert!(initial_residual(0.49, false).contains("not prepared under these loads; step 0 equilibrated it"));
+        assert!(initial_residual(0.49, true).contains("not prepared under these loads; step 0 found no equilibrium"));
     }
 }

@@ -4,7 +4,7 @@
 use super::cells::CellWriter;
 use macro_solver::checkpoint::{Archive, CheckpointStore, PeriodicCheckpoints, Progress};
 use macro_solver::pool::Interrupt;
-use page::{Action, Controls, PAUSED, PageError};
+use page::{Action, Controls, NO_CHECKPOINTS, PAUSED, PageError};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -20,14 +20,18 @@ pub(super) struct ControlledRun<'a> {
 }
 
 impl<'a> ControlledRun<'a> {
-    /// A run without requests; those of an earlier one are removed.
+    /// A run without requests; those of an earlier one are removed. `keeps_checkpoints` as the scene says.
     pub(super) fn new(
         checkpoints: PeriodicCheckpoints<'a>,
         cells: CellWriter<'a>,
         controls: Controls,
         interrupt: Interrupt,
+        keeps_checkpoints: bool,
     ) -> Self {
         controls.clear();
+        if !keeps_checkpoints && let Err(error) = controls.put(NO_CHECKPOINTS) {
+            tracing::warn!(%error, "requests to this run find no folder");
+        }
         Self { checkpoints, cells, controls, interrupt }
     }
 

@@ -113,7 +113,7 @@ pub(super) fn execute<P: MacroPort>(
     if !quiet {
         let force_evaluations = solved.run.statistics.cost.force_evaluations;
         let place = folder.path().display().to_string();
-        tell(closing_lines(&summary, &solved.run.outcome, force_evaluations, &place).trim_end());
+        tell(closing_lines(&summary, &solved.run, force_evaluations, &place).trim_end());
     }
     // The failure of the run itself matters more than that of a file.
     if let Some(failure) = failure {
@@ -177,7 +177,8 @@ fn solve<P: MacroPort>(
     };
     let file = CheckpointFile::in_folder(folder.path());
     let checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);
-    let mut controlled = ControlledRun::new(checkpoints, cells, Controls::of(folder.path()), context.interrupt);
+    let (controls, keeps) = (Controls::of(folder.path()), scene.checkpoint.enabled);
+    let mut controlled = ControlledRun::new(checkpoints, cells, controls, context.interrupt, keeps);
     let differences = context.assignment.differences();
     let mut material = DifferenceTangents::new(&mut material, scene.engines.difference, differences);
     let mut estimator = ErrorEstimator::new(&mut material, scene.materials.cell_dimension(), &context.replicas);

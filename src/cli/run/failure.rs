@@ -5,6 +5,7 @@ use crate::cli::start_state::{self, PackingState};
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
+use rve_server::engine::ENGINE_NAME;
 use scene_reader::Scene;
 
 /// Why a run did not reach its end, with the remedy; `None` for one that did. `failure_case` is the hint from
@@ -21,6 +22,11 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
                 Some(explained) => {
                     format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
                 }
+                None if run.has_no_start() => format!(
+                    "the run found no equilibrium to start from{stage}: {reason}\nhint: the loads that act from the start are more than the \
+                     body bears as it is given, or its supports do not hold it; {}",
+                    start_state::remedy(scene)
+                ),
                 None => format!(
                     "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, {}, or look at \
                      the last fields; if a force exceeds the capacity, prescribe a displacement instead",
@@ -69,7 +75,7 @@ fn smaller_steps(scene: &Scene, run: &Run) -> &'static str {
 /// Explanation of a failure in step 0, before any load was changed: more increments cannot help there. `None` for a later failure,
 /// and if packing, loads and contact law match.
 fn no_start(scene: &Scene, run: &Run) -> Option<String> {
-    if run.statistics.steps > 0 || run.stage > 0 || run.load > 0.0 {
+    if !run.has_no_start() {
         return None;
     }
     let packing = PackingState::of(scene.definition()).ok()?;
@@ -84,8 +90,13 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
 pub(super) fn write_failure_case(case: &FailureCase, folder: &OutputFolder) -> String {
     let path = folder.path().join("quarantine.replay");
     match macro_solver::output::write_atomically(&path, &case.encode()) {
-        Ok(()) => format!(
+        Ok(()) if case.engine.is_empty() || case.engine == ENGINE_NAME => format!(
             "\nhint: `grainspan element --replay {}` repeats this trial in a single process, for a debugger",
+            path.display()
+        ),
+        Ok(()) => format!(
+            "\nhint: run.jsonl has what the workers of the engine `{}` have said; `grainspan element --replay {}` prints the trial",
+            case.engine,
             path.display()
         ),
         // The run has failed already: one line, not another failure.

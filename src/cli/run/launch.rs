@@ -60,7 +60,7 @@ pub(super) fn run(
     let mut settings = PoolSettings::new(name.clone());
     let differences = assignment.differences();
     // The assigned engines have been checked; workers that join by hand must have the same tangents.
-    settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.tangents() };
+    settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.requested_tangents() };
     settings.engines = served.engines;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.worker_timeout = ATTACHED_TIMEOUT;

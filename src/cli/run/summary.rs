@@ -267,9 +267,9 @@ mod tests {
             prepared: None,
             packings: PackingCounts::default(),
         };
-        let run = Run { outcome, stage: 0, load: 1.0, statistics };
+        let run = Run { outcome, stage: 0, load: 1.0, step: 2, statistics };
         let summary = summary(&run, pool, inputs);
-        let text = closing_lines(&summary, &run.outcome, 1, "out/a");
+        let text = closing_lines(&summary, &run, 1, "out/a");
         (summary, text)
     }
 

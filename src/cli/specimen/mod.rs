@@ -8,6 +8,7 @@ use self::restart::Restart;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
+use crate::workers::SignalWatch;
 use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
@@ -17,6 +18,7 @@ use rve_server::programs::specimen::{
     SpecimenTest, less_linear_field, run_specimen_from,
 };
 use scene_reader::{Document, InputError, Kind};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan specimen`.
@@ -72,7 +74,8 @@ pub(crate) struct Arguments {
 /// Runs the test.
 ///
 /// # Errors
-/// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written).
+/// A test that is not sound (exit code 2); a motion out of control (exit code 1, the rows before are written); a stop that was
+/// requested (exit code 130, likewise).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read_in_size(&arguments.test, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
@@ -112,9 +115,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let every = restart.is_some().then_some(arguments.checkpoint_every);
     output.restart = restart;
     let checkpoints = Checkpoints { every, from: earlier.as_ref().map(|earlier| &earlier.state[..]) };
+    let interrupt = SignalWatch::flag("the specimen ends within a hundred steps")?;
+    let mut listener = |event: &SpecimenEvent<'_>| {
+        output.take(event);
+        if interrupt.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
     let ended = match &packing {
-        Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
-        Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut |event| output.take(event)),
+        Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
+        Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
     };
     let restart = output.restart.take();
     if let Some(profiles) = &output.profiles {
@@ -123,6 +131,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let bytes = output.finish()?;
     deliver(arguments.out.as_deref(), &bytes)?;
     match ended {
+        Ok(summary) if summary.is_stopped => {
+            let text = format!("{}: interrupted after step {}", arguments.test.display(), summary.steps);
+            let remedy = match &arguments.checkpoint {
+                Some(_) => "\nhint: the same command with --resume goes on from here",
+                None => "\nhint: with --checkpoint DIR a run can be continued",
+            };
+            let text = format!("{text}; the rows up to there are written{remedy}");
+            Err(Failure::new(Exit::Interrupted, text))
+        }
         Ok(summary) => {
             if let Some(restart) = &restart {
                 restart.remove()?;

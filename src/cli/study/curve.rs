@@ -4,6 +4,7 @@ use macro_solver::output::{Axes, Rank, StressMeasure};
 use protocol::Tensor2;
 use rve_server::programs::rve_test::ElementRow;
 use scene_reader::{ChosenRows, PathStrain, RowMeasure};
+use std::ops::Range;
 
 /// The rows of a path.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,10 +111,10 @@ fn determinant(f: &[[f64; 3]; 3]) -> f64 {
 }
 
 /// `1 + d(volume strain) / d(axial compression)` by least squares over the rows near one of them, and their mean stress ratio. NaN with
-/// less than three rows.
+/// less than three rows. Rows of another branch of the path, behind a reversal of the axial strain, do not count.
 fn slope_at(kept: &[Kept], row: usize, half_width: f64) -> (f64, f64) {
-    let near: Vec<&Kept> = kept.iter().filter(|other| (other.axial - kept[row].axial).abs() <= half_width).collect();
-    let mean = |value: fn(&Kept) -> f64| near.iter().map(|kept| value(kept)).sum::<f64>() / near.len() as f64;
+    let near = &kept[branch_around(kept, row, half_width)];
+    let mean = |value: fn(&Kept) -> f64| near.iter().map(value).sum::<f64>() / near.len() as f64;
     let (axial, volume) = (mean(|kept| kept.axial), mean(|kept| kept.volume));
     let spread: f64 = near.iter().map(|kept| (kept.axial - axial).powi(2)).sum();
     if near.len() < 3 || spread <= 0.0 {
@@ -121,6 +122,22 @@ fn slope_at(kept: &[Kept], row: usize, half_width: f64) -> (f64, f64) {
     }
     let product: f64 = near.iter().map(|kept| (kept.axial - axial) * (kept.volume - volume)).sum();
     (1.0 + product / spread, mean(|kept| kept.stress_ratio))
+}
+
+/// The rows around one of them, up to a reversal of the axial strain or the first that is farther than `half_width` away. A row at
+/// which the strain turns back belongs to the branch that leads to it.
+fn branch_around(kept: &[Kept], row: usize, half_width: f64) -> Range<usize> {
+    let direction = |step: usize| kept.get(step + 1).map_or(0.0, |next| next.axial - kept[step].axial);
+    let own = if row > 0 { direction(row - 1) } else { direction(0) };
+    let is_near = |other: usize| (kept[other].axial - kept[row].axial).abs() <= half_width;
+    let (mut first, mut last) = (row, row);
+    while first > 0 && direction(first - 1) * own >= 0.0 && is_near(first - 1) {
+        first -= 1;
+    }
+    while last + 1 < kept.len() && direction(last) * own >= 0.0 && is_near(last + 1) {
+        last += 1;
+    }
+    first..last + 1
 }
 
 /// Strains that differ by less are the same: increments are shares of a segment.
@@ -133,16 +150,20 @@ const SAME_STRAIN: f64 = 1e-9;
 pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64, String> {
     let values = &path.measures[measure];
     let reached = path.strain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let last = path.strain.last().copied().unwrap_or(f64::NAN);
+    let stopped = |reason: &String| format!("stopped at a strain of {last:.4}: {reason}");
     let needs = |strain: f64| match &path.stopped {
         _ if reached >= strain - SAME_STRAIN => Ok(()),
-        Some(reason) => Err(format!("stopped at a strain of {reached:.4}: {reason}")),
+        Some(reason) => Err(stopped(reason)),
         None => {
             Err(format!("the largest strain of the path is {reached:.4} (extension counts negative), below {strain}"))
         }
     };
     let window = |from: f64, to: Option<f64>| match (to, &path.stopped) {
+        // A path of extension begins at the upper end of its range: it has to come out at the lower one.
+        (Some(to), Some(reason)) if from + SAME_STRAIN < last && last < to - SAME_STRAIN => Err(stopped(reason)),
         (Some(to), _) => needs(to).map(|()| (from, to)),
-        (None, Some(reason)) => Err(format!("stopped at a strain of {reached:.4}: {reason}")),
+        (None, Some(reason)) => Err(stopped(reason)),
         (None, None) => Ok((from, f64::INFINITY)),
     };
     let rows_between = |(from, to): (f64, f64)| -> Vec<usize> {
@@ -161,7 +182,8 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
         ChosenRows::Mean(from, to) => {
             let weight = |row: usize| path.weights[measure].get(row).copied().unwrap_or(1.0);
             let (mut sum, mut weights) = (0.0, 0.0);
-            for row in rows_between(window(from, to)?) {
+            // A slope has no number at an end of the path.
+            for row in rows_between(window(from, to)?).into_iter().filter(|row| values[*row].is_finite()) {
                 sum += weight(row) * values[row];
                 weights += weight(row);
             }
@@ -172,22 +194,25 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
             at_strain(&path.strain, values, at)
         }
     };
-    if found.is_finite() { Ok(found) } else { Err("there is no row with a number in the range of strain".to_owned()) }
+    let none = "there is no row with a number in the range of strain (dilatancy needs three rows within `smoothing`)";
+    if found.is_finite() { Ok(found) } else { Err(none.to_owned()) }
 }
 
 /// The value where the path first passes a strain; NaN if it never does.
 fn at_strain(strain: &[f64], values: &[f64], at: f64) -> f64 {
-    if let Some(row) = strain.iter().position(|strain| (strain - at).abs() <= SAME_STRAIN) {
-        return values[row];
-    }
-    let passes = |row: &usize| (strain[*row] - at) * (strain[row + 1] - at) <= 0.0;
-    match (0..strain.len().saturating_sub(1)).find(passes) {
-        Some(row) => {
-            let share = (at - strain[row]) / (strain[row + 1] - strain[row]);
-            values[row] + share * (values[row + 1] - values[row])
+    for (row, here) in strain.iter().enumerate() {
+        if (here - at).abs() <= SAME_STRAIN {
+            return values[row];
         }
-        None => f64::NAN,
+        if let Some(next) = strain.get(row + 1)
+            && (next - at).abs() > SAME_STRAIN
+            && (here - at) * (next - at) < 0.0
+        {
+            let share = (at - here) / (next - here);
+            return values[row] + share * (values[row + 1] - values[row]);
+        }
     }
+    f64::NAN
 }
 
 #[cfg(test)]
@@ -228,6 +253,32 @@ mod tests {
         }
     }
 
+    /// A path that turns back and meets the strain to the digit on its way: the first passage counts, between two rows.
+    #[test]
+    fn the_first_passage_of_a_path_that_returns_counts() {
+        let returning = path(&[0.0, 0.004, 0.008, 0.005, 0.002], &[1.0, 2.0, 3.0, 7.0, 8.0], None);
+        let at = |strain| value(&returning, 0, ChosenRows::At(strain)).unwrap();
+        assert!((at(0.005) - 2.25).abs() < 1e-12, "{}", at(0.005));
+        assert_eq!([at(0.004), at(0.008)], [2.0, 3.0]);
+    }
+
+    /// In extension the strain is negative and the largest one zero from the start: what counts is that the range was left again.
+    #[test]
+    fn a_path_of_extension_that_stopped_within_the_range_has_no_value_there() {
+        let stopped = path(&[0.0, -0.02, -0.05], &[1.0, 2.0, 4.0], Some("snap"));
+        for rows in [ChosenRows::Mean(-0.1, Some(-0.01)), ChosenRows::Largest(f64::NEG_INFINITY, Some(0.0))] {
+            assert!(value(&stopped, 0, rows).unwrap_err().contains("stopped at a strain of -0.0500: snap"));
+        }
+        assert_eq!(value(&stopped, 0, ChosenRows::Mean(-0.05, Some(-0.01))), Ok(3.0));
+    }
+
+    #[test]
+    fn rows_without_a_number_are_left_out_of_a_mean() {
+        let ends = path(&[0.0, 0.1, 0.2, 0.3], &[f64::NAN, 2.0, 4.0, f64::NAN], None);
+        assert_eq!(value(&ends, 0, ChosenRows::Mean(0.0, None)), Ok(3.0));
+        assert!(value(&ends, 0, ChosenRows::Mean(0.25, None)).unwrap_err().contains("smoothing"));
+    }
+
     #[test]
     fn the_mean_of_a_ratio_is_the_ratio_of_the_means() {
         let ratio =
@@ -247,5 +298,12 @@ mod tests {
         let (dilatancy, stress_ratio) = slope_at(&kept, 5, 0.0201);
         assert!((dilatancy - 1.3).abs() < 1e-12 && (stress_ratio - 2.5).abs() < 1e-12);
         assert!(slope_at(&kept, 5, 0.005).0.is_nan(), "one row has no slope");
+        // Unloading on another slope does not touch the first branch, its last row included.
+        let back = |row: i32| Kept { axial: 0.1 - 0.01 * f64::from(row), volume: 0.9, stress_ratio: 0.0 };
+        let both: Vec<Kept> = kept.iter().copied().chain((1..8).map(back)).collect();
+        for row in 0..11 {
+            assert_eq!(slope_at(&both, row, 0.0201), slope_at(&kept, row, 0.0201), "row {row}");
+        }
+        assert!((slope_at(&both, 14, 0.0201).0 - 1.0).abs() < 1e-12, "the volume stays in unloading");
     }
 }

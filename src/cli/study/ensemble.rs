@@ -59,13 +59,18 @@ pub(super) fn places(study: &Study) -> Vec<Place> {
     found
 }
 
-/// Makes all samples with this many at a time; `on_sample` hears of each as soon as it has ended, with the number that have.
+/// Why a sample has no paths when a stop was requested before it had ended.
+const INTERRUPTED: &str = "a stop was requested before it had ended";
+
+/// Makes all samples with this many at a time; `on_sample` hears of each as soon as it has ended, with the number that have. Once
+/// `keep_going` says no, what has not ended counts as failed.
 ///
 /// # Errors
 /// None of a sample: those are part of the results.
 pub(super) fn run<'a>(
     study: &'a Study,
     jobs: NonZeroUsize,
+    keep_going: &(dyn Fn() -> bool + Sync),
     on_sample: &(dyn Fn(usize, &Sample) + Sync),
 ) -> Results<'a> {
     let measures = measures(study);
@@ -79,8 +84,10 @@ pub(super) fn run<'a>(
         for _ in 0..jobs.get().min(places.len()) {
             scope.spawn(|| {
                 while let Some(&number) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let sample = sample(study, places[number], &measures);
-                    on_sample(done.fetch_add(1, Ordering::Relaxed) + 1, &sample);
+                    let sample = sample(study, places[number], &measures, keep_going);
+                    if keep_going() {
+                        on_sample(done.fetch_add(1, Ordering::Relaxed) + 1, &sample);
+                    }
                     samples.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some(sample);
                 }
             });
@@ -101,7 +108,11 @@ fn measures(study: &Study) -> Vec<RowMeasure> {
 }
 
 /// One packing with all its paths.
-fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
+fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dyn Fn() -> bool + Sync)) -> Sample {
+    let interrupted = || Sample { place, paths: Err(INTERRUPTED.to_owned()) };
+    if !keep_going() {
+        return interrupted();
+    }
     let recipe =
         PackingRecipe { seed: place.seed, number: place.grains, ..study.recipes[place.recipe].recipe.clone() };
     let paths = match generate_any(&recipe, &mut |_| ()) {
@@ -113,7 +124,7 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
                 let mut rows = Collector::new(measures, entry.strain);
                 let ended = run_element_on(&entry.test, packing.clone(), TangentKind::None, &mut |row| {
                     rows.add(row);
-                    ControlFlow::Continue(())
+                    if keep_going() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
                 });
                 let (fallbacks, stopped) = match ended {
                     Ok(summary) => (summary.fallbacks(), None),
@@ -124,7 +135,7 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure]) -> Sample {
             })
             .collect()),
     };
-    Sample { place, paths }
+    if keep_going() { Sample { place, paths } } else { interrupted() }
 }
 
 impl Results<'_> {
@@ -252,6 +263,9 @@ pub(super) fn check(study: &Study) -> Result<(), Failure> {
             return refuse(format!("test '{}': frames are not studied; remove the table [frame]", test.name));
         }
         for recipe in &study.recipes {
+            if let Err(error) = test.test.check_dimension(recipe.recipe.dimension as usize) {
+                return refuse(format!("test '{}' of '{}': {error}", test.name, recipe.name));
+            }
             if recipe.recipe.dimension == 2 && test.strain == scene_reader::PathStrain::CompressionZ {
                 return refuse(format!(
                     "test '{}': discs ('{}') are not compressed along z; choose another `strain`",

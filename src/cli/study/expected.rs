@@ -23,21 +23,23 @@ pub(super) fn compared(results: &Results<'_>) -> (Vec<Comparison>, BTreeMap<Stri
 fn row(results: &Results<'_>, expectation: &Expectation) -> Comparison {
     let Expectation { ours, statistic, expected, tolerance, is_relative, source, .. } = expectation;
     let fit = (*statistic == EnsembleStatistic::Power).then(|| results.power(*ours));
-    let found = results.statistics(*ours).0;
-    let of = |value: fn(&Statistics) -> f64| found.as_ref().map_or(f64::NAN, value);
-    let number = match statistic {
-        EnsembleStatistic::Mean => of(|one| one.mean),
-        EnsembleStatistic::Deviation => of(|one| one.deviation),
-        EnsembleStatistic::Largest => of(|one| one.largest),
-        EnsembleStatistic::Smallest => of(|one| one.smallest),
-        EnsembleStatistic::Power => fit.flatten().map_or(f64::NAN, |fit| fit.power),
+    let of = |ensemble: Ensemble| {
+        let found = results.statistics(ensemble).0;
+        let value = |value: fn(&Statistics) -> f64| found.as_ref().map_or(f64::NAN, value);
+        match statistic {
+            EnsembleStatistic::Mean => value(|one| one.mean),
+            EnsembleStatistic::Deviation => value(|one| one.deviation),
+            EnsembleStatistic::Largest => value(|one| one.largest),
+            EnsembleStatistic::Smallest => value(|one| one.smallest),
+            EnsembleStatistic::Power => results.power(ensemble).map_or(f64::NAN, |fit| fit.power),
+        }
     };
+    let number = of(*ours);
     let (theirs, mut origin) = match expected {
         Expected::Value(value) => (Theirs::Value(*value), String::new()),
         Expected::Between(low, high) => (Theirs::Between(*low, *high), String::new()),
         Expected::Like(other) => {
-            let mean = results.statistics(*other).0.map_or(f64::NAN, |one| one.mean);
-            (Theirs::Value(mean), format!("mean of {}", differing(results, *ours, *other)))
+            (Theirs::Value(of(*other)), format!("{} of {}", in_words(*statistic), differing(results, *ours, *other)))
         }
         Expected::Nothing => (Theirs::Nothing, String::new()),
     };
@@ -74,14 +76,17 @@ fn described(results: &Results<'_>, ensemble: Ensemble, statistic: EnsembleStati
     if statistic != EnsembleStatistic::Power {
         text += &format!(", {} grains", results.grains(ensemble.recipe, ensemble.size));
     }
-    let statistic = match statistic {
+    format!("{text}: {}", in_words(statistic))
+}
+
+fn in_words(statistic: EnsembleStatistic) -> &'static str {
+    match statistic {
         EnsembleStatistic::Mean => "mean",
         EnsembleStatistic::Deviation => "standard deviation",
         EnsembleStatistic::Largest => "largest sample",
         EnsembleStatistic::Smallest => "smallest sample",
         EnsembleStatistic::Power => "power of the number of grains in the standard deviation",
-    };
-    format!("{text}: {statistic}")
+    }
 }
 
 /// In what one ensemble differs from another, by name.

@@ -14,6 +14,7 @@ use crate::exit::{Exit, Failure};
 use crate::machine::Machine;
 use crate::stderr::tell;
 use crate::stdout::print;
+use crate::workers::SignalWatch;
 use ensemble::Results;
 use macro_solver::output::{OutputError, write_atomically};
 use scene_reader::{Document, Kind, Study, read_study};
@@ -37,7 +38,8 @@ Files in the output folder, NAME being that of the study:
   NAME-samples.csv     the value of every sample, and why one is missing
   NAME-*.svg, NAME.json pictures; failed samples by name, machine, date and commit
 
-Tables and pictures have the same bytes for any number of jobs. Exit code 1: samples failed; all files are written.")]
+Tables and pictures have the same bytes for any number of jobs. Exit code 1: samples failed; all files are written. The
+first Ctrl-C ends a study with the packings that have ended (exit code 130), the second at once.")]
 pub(crate) struct Arguments {
     /// Study: recipes, sizes, seeds, element tests and quantities; see docs/guide/ensembles.md
     #[arg(value_name = "STUDY.toml")]
@@ -62,7 +64,8 @@ pub(crate) struct Arguments {
 /// Makes the samples, and writes tables and pictures.
 ///
 /// # Errors
-/// A study that is not sound (exit code 2, nothing is written); samples that failed (exit code 1, everything is written).
+/// A study that is not sound (exit code 2, nothing is written); samples that failed (exit code 1, everything is written); a stop that
+/// was requested (exit code 130, with what had ended).
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let document = Document::read_in_size(&arguments.study, arguments.size.as_deref(), &arguments.overrides)?;
     crate::exit::warn(&document);
@@ -73,7 +76,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let total = ensemble::places(&study).len();
-    let results = ensemble::run(&study, arguments.jobs.unwrap_or_else(cores), &|done, sample| {
+    let interrupt = SignalWatch::flag("packings that have ended are written")?;
+    let keep_going = || !interrupt.is_raised();
+    let results = ensemble::run(&study, arguments.jobs.unwrap_or_else(cores), &keep_going, &|done, sample| {
         if !arguments.quiet {
             let place = sample.place;
             let recipe = &study.recipes[place.recipe].name;
@@ -85,10 +90,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     if !arguments.quiet {
         tell(format_args!("written to {}", out.display()));
     }
+    let exit = if interrupt.is_raised() { Exit::Interrupted } else { Exit::NotConverged };
     match failures.is_empty() {
         true => Ok(Exit::Done),
         false => Err(Failure::new(
-            Exit::NotConverged,
+            exit,
             format!(
                 "{} of {total} samples have no value of a quantity, or a path that stopped early; they are counted as failed:\n{}",
                 failed_samples(&results),
@@ -137,6 +143,7 @@ struct Fallback {
 fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, out: &Path) -> Result<(), Failure> {
     let study: &Study = results.study;
     let file = |part: &str| out.join(format!("{}{part}", study.name));
+    remove_earlier(study, out)?;
     write_atomically(&file("-samples.csv"), &tables::samples_csv(results)?)?;
     write_atomically(&file("-statistics.csv"), &tables::statistics_csv(results)?)?;
     if study.sizes().len() > 1 {
@@ -174,6 +181,20 @@ fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, ou
     };
     let text = serde_json::to_string_pretty(&provenance).map_err(|error| Failure::new(Exit::BadInput, error))?;
     Ok(write_atomically(&file(".json"), (text + "\n").as_bytes())?)
+}
+
+/// Takes away what an earlier study of this name has left and this one may not write again: its powers and pictures.
+fn remove_earlier(study: &Study, out: &Path) -> Result<(), Failure> {
+    let failed = |source| OutputError::write(out, source);
+    for entry in std::fs::read_dir(out).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let Some(part) = name.strip_prefix(&study.name).and_then(|part| part.strip_prefix('-')) else { continue };
+        if part == "powers.csv" || part.ends_with(".svg") {
+            std::fs::remove_file(&path).map_err(failed)?;
+        }
+    }
+    Ok(())
 }
 
 /// The command that repeats the study, without the folder of its output and the number of jobs, which change nothing.

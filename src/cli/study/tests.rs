@@ -5,6 +5,7 @@ use super::{expected, tables};
 use scene_reader::{Document, Study, read_study};
 use std::num::NonZeroUsize;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const TEXT: &str = "seeds = 2\ngrains = [12, 16]\n[[recipe]]\nname = \"dense\"\nfile = \"packings/discs-100.toml\"\n\
     set = [\"tolerance=1e-3\", \"stress_tolerance=1e-2\"]\n[[test]]\nname = \"squeeze\"\nfile = \"scenes/rve-biaxial.toml\"\n\
@@ -21,7 +22,7 @@ fn study(text: &str) -> Study {
 }
 
 fn made(study: &Study, jobs: usize) -> Results<'_> {
-    ensemble::run(study, NonZeroUsize::new(jobs).unwrap(), &|_, _| ())
+    ensemble::run(study, NonZeroUsize::new(jobs).unwrap(), &|| true, &|_, _| ())
 }
 
 #[test]
@@ -47,6 +48,21 @@ fn results_come_in_the_order_of_the_study_for_any_number_of_jobs() {
     );
     let powers = String::from_utf8(tables::powers_csv(&one).unwrap()).unwrap();
     assert!(powers.lines().any(|line| line.starts_with("dense,squeeze,voids,2,")), "{powers}");
+}
+
+/// What had ended when a stop was requested is kept; the rest counts as failed, by name.
+#[test]
+fn samples_of_a_stopped_study_that_have_ended_are_kept() {
+    let study = study(TEXT);
+    let ended = AtomicUsize::new(0);
+    let keep_going = || ended.load(Ordering::Relaxed) < 2;
+    let one = NonZeroUsize::MIN;
+    let results = ensemble::run(&study, one, &keep_going, &|number, _| ended.store(number, Ordering::Relaxed));
+    // Large packings come first.
+    let have_paths: Vec<bool> = results.samples.iter().map(|sample| sample.paths.is_ok()).collect();
+    assert_eq!(have_paths, [false, false, true, true]);
+    assert_eq!(results.samples[2..], made(&study, 1).samples[2..]);
+    assert_eq!(results.failures()[0], "dense, 12 grains, seed 1: a stop was requested before it had ended");
 }
 
 /// A value beyond the end of the path: every sample fails, is counted and named, and no number is made up.

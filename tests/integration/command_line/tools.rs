@@ -125,12 +125,14 @@ fn contacts_of_chosen_increments_come_with_their_pictures() {
         "normals.svg",
     ];
     assert_eq!(names, endings.map(|ending| format!("increment-0002-{ending}")));
-    // The Love-Weber sum over the table is the stress of the row.
+    // The Love-Weber sum over the table is the stress of the row, by normal forces its trace, by whole forces all of it.
     let table = fs::read_to_string(out.join("increment-0002-contacts.csv")).unwrap();
-    let mut pressure = 0.0;
+    let (mut pressure, mut sums) = (0.0, [0.0; 4]);
     for line in table.lines().skip(1) {
         let row: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
-        pressure -= row[8] * (row[5] - row[2]).hypot(row[6] - row[3]);
+        let (branch, force) = ([row[5] - row[2], row[6] - row[3]], [row[12], row[13]]);
+        pressure -= row[8] * branch[0].hypot(branch[1]);
+        sums.iter_mut().enumerate().for_each(|(place, sum)| *sum += force[place / 2] * branch[place % 2]);
     }
     let rows = String::from_utf8(succeeded(&["element", &test, "--quiet"]).stdout).unwrap();
     let row: Vec<f64> = rows.lines().nth(3).unwrap().split(',').map(|field| field.parse().unwrap()).collect();
@@ -140,6 +142,14 @@ fn contacts_of_chosen_increments_come_with_their_pictures() {
     let area = side(0, 0) * side(1, 1) - side(0, 1) * side(1, 0);
     let volume = area * packing["thickness"].as_f64().unwrap() * (row[1] * row[4] - row[2] * row[3]);
     assert!((pressure / volume / -(row[5] + row[8]) - 1.0).abs() < 1e-9, "{} {row:?}", pressure / volume);
+    for (place, sum) in sums.iter().enumerate() {
+        let reached = row[5 + place];
+        assert!(
+            (sum / volume - reached).abs() < 1e-9 * row[8].abs(),
+            "component {place}: {} {reached}",
+            sum / volume
+        );
+    }
     for (arguments, part) in [
         (["--contacts-at", "9"], "increments 0 to 3"),
         (["--set", "frame.constraint=periodic"], "frames"),

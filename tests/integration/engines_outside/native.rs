@@ -7,21 +7,27 @@ use std::sync::OnceLock;
 /// The compiled example, or why there is none.
 fn example() -> &'static Result<PathBuf, String> {
     static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    BUILT.get_or_init(build)
+    BUILT.get_or_init(|| build("grainspan-example-c", &[]))
 }
 
-fn build() -> Result<PathBuf, String> {
+/// Another build of the example whose trials are refused beyond this strain; `None` where there is none.
+pub(crate) fn with_largest_strain(strain: &str) -> Option<PathBuf> {
+    is_there().then(|| build("grainspan-example-c-limited", &[&format!("-DLARGEST_STRAIN={strain}")]).unwrap())
+}
+
+fn build(name: &str, options: &[&str]) -> Result<PathBuf, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = Path::new(env!("CARGO_BIN_EXE_grainspan")).parent().expect("the program lies in a folder");
     let library = folder.join("libgrainspan_worker_c.a");
     if !library.exists() {
         return Err(format!("{} was not built: cargo build -p grainspan-worker-c", library.display()));
     }
-    let program = folder.join("grainspan-example-c");
+    let program = folder.join(name);
     let source = root.join("adapters/c/elastic.c");
     let compiled = Command::new("cc")
         .args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-O2", "-I"])
         .arg(root.join("adapters/c"))
+        .args(options)
         .args([&source, &library])
         .args(["-lm", "-lpthread", "-ldl", "-o"])
         .arg(&program)

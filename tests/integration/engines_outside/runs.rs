@@ -1,6 +1,6 @@
 //! Whole runs on engines outside this program.
 
-use super::foreign;
+use super::{foreign, native};
 use crate::harness::Site;
 use std::process::Command;
 
@@ -105,6 +105,27 @@ fn engines_share_the_points_of_a_run_as_the_scene_says() {
     assert_ne!(site.history("mixed"), site.history("own"));
     let (own, mixed) = (last(&site, "own", "stress_ratio"), last(&site, "mixed", "stress_ratio"));
     assert!((mixed / own - 1.0).abs() < 5e-3, "{mixed} {own}");
+}
+
+/// An engine in C that refuses large steps and says so has its load step cut; the run needs no more of it.
+#[test]
+fn a_step_that_an_engine_in_c_finds_too_large_is_cut() {
+    let Some(engine) = native::with_largest_strain("3.5e-4") else { return };
+    let site = Site::new();
+    let out = site.path("limited");
+    let arguments = ["run", "scenes/biaxial-small.toml", "--engine", "limited", "--out", out.to_str().unwrap()];
+    let mut command = site.program(&[&arguments[..], &SMALL].concat());
+    let catalogue = site.path("limited.toml");
+    std::fs::write(&catalogue, format!("[limited]\ncommand = [{engine:?}]\n")).unwrap();
+    let ended = command.env("GRAINSPAN_ENGINES", catalogue).output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success(), "{said}");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    // Two steps of 5e-4: each is too large for one trial.
+    assert!(summary["cutbacks"].as_u64().unwrap() > 0, "{summary}");
+    // It reports no energies: nothing is open that smaller steps could close.
+    assert!(!said.contains("energy balance") && summary["energy"]["residual"].is_null(), "{said}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod control;
 mod faults;
 mod faults_in_cycles;
 mod grain_pool;
+mod interruptions;
 mod pool_in_c;
 mod pool_in_process;
 mod pool_processes;

@@ -167,9 +167,13 @@ impl Points {
             let reason = format!("Gauss point {} answered with a number that is not finite", trial.point);
             return Err(Failure::Attempt(reason));
         }
-        statistics.asymmetric_stresses += u64::from(is_asymmetric(&matrix(&answer.stress)));
         let formulation = self.formulation;
         let point = &mut self.points[trial.point];
+        // What is left of the forces of grains that no longer bear anything is in balance with nothing.
+        let bears = !answer.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
+        let least = point.reference.as_ref().map_or(0.0, |reference| NEGLIGIBLE_STRAIN * reference.norm);
+        let asymmetric = bears && is_asymmetric(&matrix(&answer.stress), least);
+        statistics.asymmetric_stresses += u64::from(asymmetric);
         if trial.options.tangent == TangentKind::None {
             let stress = formulation.cauchy(&point.deformation, gradient, &matrix(&answer.stress));
             point.response.stress = stress.ok_or_else(|| inside_out(trial.point))?;
@@ -245,9 +249,13 @@ fn inside_out(number: usize) -> Failure {
 /// Share of the largest component by which a Cauchy stress of grains in balance may lack symmetry.
 const LARGEST_ASYMMETRY: f64 = 1e-2;
 
-/// Whether a Cauchy stress is not symmetric, beyond what grains that are nearly at rest leave: couples that nothing carries.
-fn is_asymmetric(stress: &Matrix3<f64>) -> bool {
-    (stress - stress.transpose()).amax() > LARGEST_ASYMMETRY * stress.amax()
+/// Strain whose elastic stress is nothing: grains that hardly touch any more.
+const NEGLIGIBLE_STRAIN: f64 = 1e-9;
+
+/// Whether a Cauchy stress is not symmetric, beyond what grains that are nearly at rest leave: couples that nothing carries. Components below
+/// `least` (Pa) do not count.
+fn is_asymmetric(stress: &Matrix3<f64>, least: f64) -> bool {
+    (stress - stress.transpose()).amax() > LARGEST_ASYMMETRY * stress.amax().max(least)
 }
 
 fn add_cost(total: &mut Cost, cost: &Cost) {

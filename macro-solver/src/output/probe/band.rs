@@ -10,6 +10,9 @@
 //! cuts a band obliquely. Angles every 5 degrees with position and width from moments give the start; Levenberg-Marquardt steps
 //! in the five parameters follow. Widths below the spacing of the points cannot be resolved. A band of constant strain between sharp
 //! borders is reported with 0.84 of its width, because the nearest Gaussian is that much narrower.
+//!
+//! Two bands that cross make the misfit one of several minima: the moments see both at once. The steps therefore start from the best of
+//! several positions across each direction too, and the least misfit that they lead to counts. The axis of a band lies within the body.
 
 use super::field::Part;
 use super::measure::Measure;
@@ -129,6 +132,13 @@ struct Ridge {
 /// Directions that are tried for the start.
 const DIRECTIONS: usize = 36;
 
+/// Positions across each direction that are tried for the start, and the width of a band there over the extent of the body.
+const POSITIONS: usize = 12;
+const FIRST_WIDTH: f64 = 0.1;
+
+/// How many of those, the best ones, the fit starts from in addition to the moments.
+const STARTS: usize = 4;
+
 /// Most steps of the fit.
 const MOST_STEPS: usize = 200;
 
@@ -138,19 +148,33 @@ type Parameters = SVector<f64, 5>;
 impl Ridge {
     fn fitted(samples: &[Sample]) -> Option<Self> {
         let (scaled, length) = scaled(samples)?;
-        let start = (0..DIRECTIONS)
-            .filter_map(|number| guess(&scaled, std::f64::consts::PI * number as f64 / DIRECTIONS as f64))
-            .map(|guess| (misfit(&scaled, &guess), guess))
-            .min_by(|one, other| one.0.total_cmp(&other.0))?
-            .1;
-        Self::of_fit(&scaled, length, &improved(&scaled, start))
+        let angle = |number: usize| std::f64::consts::PI * number as f64 / DIRECTIONS as f64;
+        let least = |guesses: &mut dyn Iterator<Item = Parameters>| {
+            let weighed = guesses.map(|guess| (misfit(&scaled, &guess), guess));
+            weighed.min_by(|one, other| one.0.total_cmp(&other.0))
+        };
+        let from_moments = least(&mut (0..DIRECTIONS).filter_map(|number| guess(&scaled, angle(number))))?;
+        let mut across: Vec<(f64, Parameters)> = (0..DIRECTIONS)
+            .filter_map(|number| {
+                let ridges = (1..POSITIONS).filter_map(|place| {
+                    ridge_at(&scaled, angle(number), 2.0 * place as f64 / POSITIONS as f64 - 1.0, FIRST_WIDTH)
+                });
+                least(&mut ridges.filter(|ridge| ridge[3] > 0.0))
+            })
+            .collect();
+        across.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let starts = std::iter::once(from_moments).chain(across.into_iter().take(STARTS));
+        let best = least(&mut starts.map(|(_, start)| improved(&scaled, start)))?;
+        Self::of_fit(&scaled, length, &best.1)
     }
 
     fn of_fit(scaled: &[Sample], length: f64, fit: &Parameters) -> Option<Self> {
-        let [angle, _, width, height, _] = fit.data.0[0];
+        let [angle, centre, width, height, _] = fit.data.0[0];
         // The values have unit variance, and the weights the sum 1.
         let quality = 1.0 - misfit(scaled, fit);
-        let is_band = width.abs() < 1.0 && height > 0.0 && quality > 0.0;
+        let places = || scaled.iter().map(|sample| -angle.sin() * sample.place[0] + angle.cos() * sample.place[1]);
+        let is_inside = places().any(|place| place <= centre) && places().any(|place| place >= centre);
+        let is_band = width.abs() < 1.0 && height > 0.0 && quality > 0.0 && is_inside;
         let turns = angle.to_degrees().rem_euclid(180.0);
         is_band.then(|| Self {
             width: 2.0 * (2.0 * 2_f64.ln()).sqrt() * width.abs() * length,
@@ -191,8 +215,14 @@ fn guess(samples: &[Sample], angle: f64) -> Option<Parameters> {
     let total: f64 = samples.iter().map(excess).sum();
     let centre = samples.iter().map(|sample| excess(sample) * across(sample)).sum::<f64>() / total;
     let square = samples.iter().map(|sample| excess(sample) * (across(sample) - centre).powi(2)).sum::<f64>() / total;
-    let width = square.sqrt();
-    // Least squares of value = level + height g, with the mean value 0 and weights of the sum 1.
+    ridge_at(samples, angle, centre, square.sqrt())
+}
+
+/// A ridge of given direction, position and width: heights by least squares of value = level + height g, with the mean value 0 and
+/// weights of the sum 1.
+fn ridge_at(samples: &[Sample], angle: f64, centre: f64, width: f64) -> Option<Parameters> {
+    let normal = [-angle.sin(), angle.cos()];
+    let across = |sample: &Sample| normal[0] * sample.place[0] + normal[1] * sample.place[1];
     let shape = |sample: &Sample| (-0.5 * ((across(sample) - centre) / width).powi(2)).exp();
     let mean: f64 = samples.iter().map(|sample| sample.weight * shape(sample)).sum();
     let variance: f64 = samples.iter().map(|sample| sample.weight * (shape(sample) - mean).powi(2)).sum();
@@ -286,6 +316,27 @@ mod tests {
         assert!((ridge.inclination - 35.0).abs() < 0.3, "{ridge:?}");
         assert!((ridge.width / 0.010 - 0.8407).abs() < 0.02, "{ridge:?}");
         assert!(ridge.quality > 0.8, "{ridge:?}");
+    }
+
+    /// Two bands that cross, the fainter one wide: moments see both and lead to neither; the stronger one is found.
+    #[test]
+    fn the_stronger_of_two_bands_that_cross_is_found() {
+        let faint = band(-47.0, |across| 0.2 * (-0.5 * (across / 0.005).powi(2)).exp());
+        let strong = band(46.0, |across| 0.3 * (-0.5 * (across / 0.004).powi(2)).exp());
+        let both = strong.iter().zip(&faint).map(|(one, other)| Sample { value: one.value + other.value, ..*one });
+        let ridge = Ridge::fitted(&both.collect::<Vec<_>>()).unwrap();
+        assert!((ridge.inclination - 46.0).abs() < 3.0 && ridge.quality > 0.5, "{ridge:?}");
+    }
+
+    /// What grows towards a border of the body, and on beyond it, has no axis in the body.
+    #[test]
+    fn the_foot_of_a_ridge_outside_the_body_is_no_band() {
+        let layers: Vec<[f64; 3]> = (0..12)
+            .map(|layer| {
+                [0.01 * f64::from(layer), 0.01, (-0.5 * ((0.01 * f64::from(layer) - 0.16) / 0.05_f64).powi(2)).exp()]
+            })
+            .collect();
+        assert_eq!(LayerBand::across(&layers), None);
     }
 
     /// Twelve layers of unequal thickness with a Gaussian of growth: width and position to the digits of the fit, and no band in a uniform

@@ -55,6 +55,7 @@ impl Coordinator {
             );
             self.quarantined = Some(FailureCase {
                 program: format!("grainspan {}", env!("CARGO_PKG_VERSION")),
+                engine: self.settings.engines.get(job.definition).cloned().unwrap_or_default(),
                 point: job.trial.point as u64,
                 failures: job.failures.clone(),
                 definition: self.points.definitions[job.definition].1.clone(),

@@ -65,6 +65,11 @@ impl Dashpots {
         Self::new(specimen.body, &sides, |element| specimen.settings.density_of(element), first)
     }
 
+    /// Whether a node belongs to an absorbing side.
+    pub(super) fn is_absorbing(&self, node: usize) -> bool {
+        self.nodes[node].is_some()
+    }
+
     /// Whether a damper of a node couples the component `axis` with others.
     pub(super) fn is_oblique(&self, node: usize, axis: usize) -> bool {
         self.nodes[node].is_some_and(|damper| (0..3).any(|other| other != axis && damper[(axis, other)] != 0.0))

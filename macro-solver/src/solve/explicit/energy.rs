@@ -46,6 +46,8 @@ pub(super) struct Monitor {
     in_a_row: u64,
     /// What the accelerations of the start take from the balance for good, J.
     left_by_start: f64,
+    /// What jumps of loads and of the velocities of supports have set off before anything had moved by them, J.
+    set_off: f64,
     /// Largest energy that loads, supports and stresses have supplied so far, J.
     supplied: f64,
 }
@@ -72,6 +74,7 @@ impl Monitor {
             max_unresolved,
             in_a_row: 0,
             left_by_start: 0.0,
+            set_off: 0.0,
             supplied: 0.0,
         }
     }
@@ -84,8 +87,9 @@ impl Monitor {
         self.balance.close();
     }
 
-    /// Closes a step with the displacements `path` (m) between two instants and the kinetic energy (J) at the second.
-    pub(super) fn step(&mut self, path: &[f64], before: &Forces, after: &Forces, kinetic: f64) {
+    /// Closes a step with the displacements `path` (m) between two instants and the kinetic energy (J) at the second. `set_off` is the energy (J)
+    /// of the velocities that loads and supports have given by their change over the step: it is there before they have done work.
+    pub(super) fn step(&mut self, path: &[f64], before: &Forces, after: &Forces, kinetic: f64, set_off: f64) {
         let work = |from: &[f64], to: &[f64]| -> f64 {
             path.iter().zip(from).zip(to).map(|((path, from), to)| 0.5 * path * (from + to)).sum()
         };
@@ -97,10 +101,11 @@ impl Monitor {
         balance.external += work(&before.loads, &after.loads) + work(&before.reactions, &after.reactions);
         balance.kinetic = kinetic;
         balance.close();
-        let supplied = balance.initial_kinetic + balance.external.abs() + (-balance.internal).max(0.0);
+        self.set_off += set_off;
+        let supplied = balance.initial_kinetic + balance.external.abs() + (-balance.internal).max(0.0) + self.set_off;
         self.supplied = self.supplied.max(supplied);
         if was_at_rest {
-            // Forces that change over a step set a body off before it has moved: no work has been done yet.
+            // So do links whose jump begins.
             self.supplied = self.supplied.max(kinetic);
         }
         let unresolved = (balance.residual() + self.left_by_start).abs() > self.tolerance * balance.largest;

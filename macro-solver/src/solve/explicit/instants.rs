@@ -1,5 +1,6 @@
 //! From one instant to the next: forces, velocities, accelerations, reactions and energies of the nodes.
 
+use super::carried::Carried;
 use super::constrained_velocities::given_velocities;
 use super::dashpots::next_velocity;
 use super::energy::Forces;
@@ -15,7 +16,7 @@ use nalgebra::Vector3;
 
 impl Integrator {
     /// Forces, velocities and the ledger at the start.
-    pub(super) fn first_instant(&mut self, specimen: &Specimen<'_>) {
+    pub(super) fn first_instant(&mut self, specimen: &Specimen<'_>, carried: &Carried) {
         for given in &specimen.settings.initial_velocities {
             let axes = specimen.problem.mesh.dimension.count();
             for &node in specimen.problem.nodes(&given.nodes).expect("checked before the run") {
@@ -34,8 +35,13 @@ impl Integrator {
         self.velocity = velocity;
         self.ahead.clone_from(&self.velocity);
         self.collect_forces(specimen);
-        let rate = specimen.settings.damping.mass;
         let axes = specimen.problem.mesh.dimension.count();
+        let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && specimen.constraints.is_unloaded(dof);
+        self.held = (0..self.velocity.len())
+            .map(|dof| if absorbs(dof) { carried.support(dof, -self.driving_force(dof)) } else { 0.0 })
+            .collect();
+        add(&mut self.forces.loads, &self.held);
+        let rate = specimen.settings.damping.mass;
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let velocity = triple(&self.velocity, axes, node);
@@ -116,7 +122,8 @@ impl Integrator {
             }
         }
         self.find_reactions(specimen, axes);
-        self.monitor.step(path, &before, &self.forces, self.kinetic_energy(axes));
+        let set_off = self.set_off(specimen, &before, mean_step);
+        self.monitor.step(path, &before, &self.forces, self.kinetic_energy(axes), set_off);
         // Dashpots store nothing: what they have taken since the stage began.
         if let HourglassControl::Viscous { .. } = specimen.problem.hourglass {
             self.hourglass_energy = self.monitor.balance.hourglass;
@@ -132,7 +139,8 @@ impl Integrator {
             velocity: &self.ahead,
         });
         let positions = specimen.body.positions(&specimen.body.zero());
-        let loads = specimen.loads.force(&positions, self.moment(specimen, self.time()));
+        let mut loads = specimen.loads.force(&positions, self.moment(specimen, self.time()));
+        add(&mut loads, &self.held);
         if let HourglassControl::Stiffness { .. } = specimen.problem.hourglass {
             self.hourglass_energy = elements.hourglass_energy;
         }
@@ -189,6 +197,21 @@ impl Integrator {
         Some((target - specimen.body.displacements[dof]) / self.step)
     }
 
+    /// Energy of the velocities at the instant that changes of loads since the one `before`, and the accelerations of supports, have given
+    /// over half a step, J. The response of the body is no part of it.
+    fn set_off(&self, specimen: &Specimen<'_>, before: &Forces, step: f64) -> f64 {
+        let axes = specimen.problem.mesh.dimension.count();
+        let of = |dof: usize| {
+            let mass = self.masses[dof / axes];
+            let force = match specimen.constraints.is_prescribed(dof) {
+                true => mass * self.acceleration[dof],
+                false => self.forces.loads[dof] - before.loads[dof],
+            };
+            (force * step).powi(2) / (8.0 * mass)
+        };
+        (0..self.velocity.len()).map(of).sum()
+    }
+
     fn kinetic_energy(&self, axes: usize) -> f64 {
         self.velocity
             .iter()
@@ -196,6 +219,10 @@ impl Integrator {
             .map(|(dof, velocity)| 0.5 * self.masses[dof / axes] * velocity * velocity)
             .sum()
     }
+}
+
+fn add(sum: &mut [f64], more: &[f64]) {
+    sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
 }
 
 fn triple(values: &[f64], axes: usize, node: usize) -> Vector3<f64> {

@@ -4,6 +4,7 @@
 //! of the half step behind, and with it the displacements of the instant `n + 1`. Dampers inside elements see the half
 //! step before, dampers at nodes the mean of both. A report about an instant is complete: its velocity is that mean.
 
+use super::carried::Carried;
 use super::constrained_velocities::VelocityConstraints;
 use super::dashpots::Dashpots;
 use super::energy::{BalanceViolation, Forces, Monitor};
@@ -38,6 +39,8 @@ pub(crate) struct Integrator {
     /// Added by mass scaling, kg.
     pub(super) added_mass: f64,
     pub(super) dashpots: Dashpots,
+    /// Forces at absorbing sides in place of the supports that they replace, N, by degree of freedom.
+    pub(super) held: Vec<f64>,
     pub(super) velocity_constraints: VelocityConstraints,
     /// Time step, s, the instant from which it holds, s, and the number of that instant.
     pub(super) step: f64,
@@ -60,14 +63,14 @@ pub(crate) struct Integrator {
 }
 
 impl Integrator {
-    /// Begins a stage at the committed state; `velocity` is that of the stage before, m/s. Every point is evaluated once for its
-    /// elastic tangent.
+    /// Begins a stage at the committed state, after the stage that `carried` comes from. Every point is evaluated once for its elastic
+    /// tangent.
     ///
     /// # Errors
     /// The end of the run: a problem that does not fit, or points that cannot be evaluated.
     pub(crate) fn start(
         specimen: &mut Specimen<'_>,
-        velocity: Option<Vec<f64>>,
+        carried: Carried,
         material: &mut dyn PointMaterial,
     ) -> Result<Self, Outcome> {
         let still = vec![Matrix3::zeros(); specimen.points.all().len()];
@@ -93,6 +96,7 @@ impl Integrator {
             masses: Vec::new(),
             added_mass: 0.0,
             dashpots,
+            held: specimen.body.zero(),
             velocity_constraints,
             stiffness,
             step: 0.0,
@@ -100,7 +104,7 @@ impl Integrator {
             done: 0,
             total: 0,
             ahead: specimen.body.zero(),
-            velocity: velocity.unwrap_or_else(|| specimen.body.zero()),
+            velocity: carried.velocity.clone().unwrap_or_else(|| specimen.body.zero()),
             acceleration: specimen.body.zero(),
             forces: Forces::default(),
             hourglass_energy: 0.0,
@@ -109,7 +113,7 @@ impl Integrator {
             gradients: still,
         };
         integrator.choose_masses_and_step(specimen)?;
-        integrator.first_instant(specimen);
+        integrator.first_instant(specimen, &carried);
         Ok(integrator)
     }
 

@@ -8,6 +8,7 @@
 //! The step is bounded by the fastest element ([`crate::problem::dynamics::StepRule`]), and every step is checked by an energy balance,
 //! so an unstable run ends with a reason instead of a field of numbers.
 
+mod carried;
 mod constrained_velocities;
 mod dashpots;
 mod energy;
@@ -20,5 +21,6 @@ mod stage;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use carried::Carried;
 pub(crate) use integrator::Integrator;
 pub(crate) use record::IntegratorRecord;

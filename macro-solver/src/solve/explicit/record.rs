@@ -17,6 +17,7 @@ pub(crate) struct IntegratorRecord {
     scale_factors: Vec<f64>,
     masses: Vec<f64>,
     added_mass: f64,
+    held: Vec<f64>,
     step: f64,
     origin: (f64, u64),
     done: u64,
@@ -37,6 +38,7 @@ impl Integrator {
             scale_factors: self.scale_factors.clone(),
             masses: self.masses.clone(),
             added_mass: self.added_mass,
+            held: self.held.clone(),
             step: self.step,
             origin: self.origin,
             done: self.done,
@@ -61,7 +63,7 @@ impl Integrator {
     ) -> Result<Self, CheckpointError> {
         let (points, nodes) = (specimen.points.all().len(), specimen.problem.mesh.nodes.len());
         let freedoms = specimen.body.displacements.len();
-        let by_freedom = [&record.ahead, &record.velocity, &record.acceleration];
+        let by_freedom = [&record.ahead, &record.velocity, &record.acceleration, &record.held];
         let fits = by_freedom.into_iter().chain(record.forces.all()).all(|values| values.len() == freedoms)
             && record.stiffness.len() == points
             && record.masses.len() == nodes
@@ -81,6 +83,7 @@ impl Integrator {
             scale_factors: record.scale_factors,
             masses: record.masses,
             added_mass: record.added_mass,
+            held: record.held,
             step: record.step,
             origin: record.origin,
             done: record.done,

@@ -41,7 +41,7 @@ impl Solver<'_> {
     /// Starts the integrator; a run that begins with it reports its first instant as step 0.
     fn begin(&mut self, settings: &DynamicSettings, session: &mut Session<'_>) -> Result<Integrator, Outcome> {
         let counters = Counters::of(&self.statistics);
-        let carried = self.carried_velocity.take();
+        let carried = std::mem::take(&mut self.carried);
         let mut integrator = Integrator::start(&mut self.specimen(settings), carried, session.material)?;
         if self.stage == 0 {
             integrator = self.report(integrator, 0, &counters, session)?;

@@ -9,17 +9,17 @@ use std::time::Instant;
 /// Out-of-balance ratio from which a cell is far from rest.
 const FAR_FROM_REST: f64 = 0.05;
 
-/// Fewest contacts per grain, each counted at both ends, of a cell that can come to rest: less holds nothing together.
+/// Fewest contacts per grain, each counted at both ends and rattlers left out, of a cell that can come to rest: less holds nothing together.
 const HELD_TOGETHER: f64 = 2.0;
 
 impl<S: SolverFor> GrainRve<S> {
-    /// Whether the state that an answer describes holds together and is far from equilibrium: the packing of another law. States that a
+    /// Whether the state that an answer with all observables describes holds together and is far from equilibrium: the packing of another law. States that a
     /// trial has left are far below the bound.
     pub fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
         let unbalanced = answer.scalars.unbalanced_force_ratio;
         unbalanced.is_finite()
             && unbalanced > FAR_FROM_REST.max(2.0 * self.model.options.tolerance())
-            && answer.scalars.coordination_number >= HELD_TOGETHER
+            && answer.observed.coordination_number_no_rattlers >= HELD_TOGETHER
     }
 
     /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it

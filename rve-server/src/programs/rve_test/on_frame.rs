@@ -10,6 +10,7 @@ use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::plane::{self, Plane};
 use nalgebra::{DMatrix, DVector};
 use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use std::ops::ControlFlow;
 
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
@@ -22,7 +23,7 @@ const LARGEST_CORRECTION: f64 = 2e-3;
 
 const KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
 
-/// Runs an element test on the frame that is cut out of `packing`; every row is given to `on_row`.
+/// Runs an element test on the frame that is cut out of `packing`; every row is given to `on_row`, which may end the test after it.
 ///
 /// # Errors
 /// See [`ElementError`]; rows delivered before stay valid.
@@ -30,7 +31,7 @@ pub(super) fn run_frame_element(
     test: &ElementTest,
     options: &FrameOptions,
     packing: PackingFile,
-    on_row: &mut dyn FnMut(&ElementRow),
+    on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
     let definition = FrameDefinition { packing, contact: test.contact.clone(), frame: options.clone() };
     let mut cell = FrameRve::new(&definition).map_err(ElementError::Definition)?;
@@ -45,10 +46,14 @@ pub(super) fn run_frame_element(
         work: None,
         on_row,
     };
-    run.deliver(&first, 0, 0);
+    if run.deliver(&first, 0, 0).is_break() {
+        return Ok(run.summary);
+    }
     for segment in &test.path {
         for _ in 0..segment.repeat {
-            run.follow(segment)?;
+            if run.follow(segment)?.is_break() {
+                return Ok(run.summary);
+            }
         }
     }
     Ok(run.summary)
@@ -63,11 +68,11 @@ struct Run<'a> {
     summary: ElementSummary,
     /// Work along the rows; none before the first.
     work: Option<PathWork>,
-    on_row: &'a mut dyn FnMut(&ElementRow),
+    on_row: &'a mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 }
 
 impl Run<'_> {
-    fn follow(&mut self, segment: &Segment) -> Result<(), ElementError> {
+    fn follow(&mut self, segment: &Segment) -> Result<ControlFlow<()>, ElementError> {
         let (start, start_stress) = (self.deformation, self.stress);
         let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
         let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
@@ -91,12 +96,15 @@ impl Run<'_> {
                     start_stress[*place] + share * (end - start_stress[*place])
                 })
                 .collect();
-            self.reach(&start, &mut gradient, &places, &targets, &mut response)?;
+            let asked = self.reach(&start, &mut gradient, &places, &targets, &mut response)?;
             self.cell.commit().expect("the accepted trial is the latest");
             self.deformation = deformed(&start, &gradient);
             last_change = std::array::from_fn(|place| gradient[place] - committed[place]);
+            if asked.is_break() {
+                return Ok(asked);
+            }
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, and delivers the row.
@@ -107,9 +115,11 @@ impl Run<'_> {
         places: &[usize],
         targets: &[f64],
         response: &mut DMatrix<f64>,
-    ) -> Result<(), ElementError> {
+    ) -> Result<ControlFlow<()>, ElementError> {
         let (mut steps, mut last): (u64, Option<(DVector<f64>, DVector<f64>)>) = (0, None);
-        for trial in 1..=MOST_TRIALS {
+        let mut trial = 0;
+        loop {
+            trial += 1;
             let answer = self.attempt(start, gradient)?;
             steps += answer.cost.force_evaluations;
             let stress = flat(&answer.stress.plane());
@@ -123,8 +133,7 @@ impl Run<'_> {
             if miss.iter().all(|miss| miss.abs() <= tolerance) {
                 self.stress = stress;
                 self.deformation = deformed(start, gradient);
-                self.deliver(&answer, trial, steps);
-                return Ok(());
+                return Ok(self.deliver(&answer, trial, steps));
             }
             if trial == MOST_TRIALS {
                 let worst = miss.iamax();
@@ -148,7 +157,6 @@ impl Run<'_> {
             }
             last = Some((step, miss));
         }
-        Ok(())
     }
 
     /// Derivative of the controlled stresses by the free strains, from small probes.
@@ -183,7 +191,7 @@ impl Run<'_> {
         answer.map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })
     }
 
-    fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) {
+    fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) -> ControlFlow<()> {
         let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
         match &mut self.work {
             Some(work) => work.advance(row.deformation, row.stress, None),
@@ -197,7 +205,7 @@ impl Run<'_> {
         self.summary.dem_steps += dem_steps;
         self.summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         self.summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
-        (self.on_row)(&row);
+        (self.on_row)(&row)
     }
 }
 

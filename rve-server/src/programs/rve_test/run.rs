@@ -67,7 +67,7 @@ pub fn run_element(
 }
 
 /// Runs `test` on a packing in memory, which has been checked; `test.packing` is not read. `on_row` may end the test after
-/// any row of a cell; frames go on to their end.
+/// any row.
 ///
 /// # Errors
 /// As [`run_element`].
@@ -94,9 +94,7 @@ fn run_requested(
     }
     match packing {
         Packing::Discs(packing) => match &test.frame {
-            Some(options) => run_frame_element(test, options, packing, &mut |row| {
-                let _ = on_row(row);
-            }),
+            Some(options) => run_frame_element(test, options, packing, on_row),
             None => run_in_space(test, packing, requests, on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {

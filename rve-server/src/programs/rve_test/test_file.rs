@@ -157,7 +157,10 @@ impl ElementTest {
 
 impl ElementTest {
     /// Refuses components out of the plane for packings of discs.
-    pub(crate) fn check_dimension(&self, dimension: usize) -> Result<(), ElementError> {
+    ///
+    /// # Errors
+    /// [`ElementError::Test`] names the component.
+    pub fn check_dimension(&self, dimension: usize) -> Result<(), ElementError> {
         if dimension == 3 {
             return Ok(());
         }

@@ -69,6 +69,8 @@ impl<W: Write> SpecimenCsv<W> {
             shear.push(is_walled);
         }
         names.extend((!shear.is_empty()).then(|| "shear_work".to_owned()));
+        // With scaled masses a step is one unit of time, whatever its strain: no seconds.
+        let unit = |name: &String| unit(name).filter(|_| name != "time" || !test.motion.scaled_masses);
         writer.write_record(names.iter().map(|name| match unit(name) {
             Some(unit) if has_units => format!("{name} [{unit}]"),
             _ => name.clone(),

@@ -5,6 +5,7 @@ use super::{
 };
 use crate::definition::PackingFile;
 use crate::space::{Discs, Spheres};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Rows with the step of the run that they belong to, states, and the summary.
@@ -17,12 +18,38 @@ fn run<S: super::SpecimenFor>(
 ) -> Result<Kept, SpecimenError> {
     let (mut rows, mut states) = (Vec::new(), Vec::new());
     let checkpoints = Checkpoints { every: Some(700), from };
-    let summary = run_specimen_from(test, packing, &checkpoints, &mut |event| match event {
-        SpecimenEvent::Row(row, _) => rows.push((*row).clone()),
-        SpecimenEvent::State(state) => states.push(state.clone()),
-        SpecimenEvent::Progress { .. } | SpecimenEvent::Begun { .. } => {}
+    let summary = run_specimen_from(test, packing, &checkpoints, &mut |event| {
+        match event {
+            SpecimenEvent::Row(row, _) => rows.push((*row).clone()),
+            SpecimenEvent::State(state) => states.push(state.clone()),
+            SpecimenEvent::Progress { .. } | SpecimenEvent::Begun { .. } => {}
+        }
+        ControlFlow::Continue(())
     })?;
     Ok((rows, states, summary))
+}
+
+/// Ends a run at its first event past `step` steps of `stage`: its rows and its last state.
+fn stopped<S: super::SpecimenFor>(
+    test: &SpecimenTest,
+    packing: &PackingFile<S>,
+    last: (usize, u64),
+) -> (Vec<SpecimenRow>, Vec<u8>) {
+    let (mut rows, mut states) = (Vec::new(), Vec::new());
+    let checkpoints = Checkpoints { every: Some(u64::MAX), from: None };
+    let mut is_over = false;
+    let summary = run_specimen_from(test, packing, &checkpoints, &mut |event| {
+        match event {
+            SpecimenEvent::Row(row, _) => rows.push((*row).clone()),
+            SpecimenEvent::State(state) => states.push(state.clone()),
+            SpecimenEvent::Progress { stage, step } => is_over |= (*stage, *step) >= last,
+            SpecimenEvent::Begun { .. } => {}
+        }
+        if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(summary.unwrap().is_stopped);
+    assert_eq!(states.len(), 1, "one state, at the end");
+    (rows, states.remove(0))
 }
 
 fn check<S: super::SpecimenFor>(text: &str, file: &str) {
@@ -36,6 +63,12 @@ fn check<S: super::SpecimenFor>(text: &str, file: &str) {
         let from = rows.len() - late.len();
         assert!(from > 0 && late == rows[from..], "state {number}");
         assert!(others == states[number + 1..] && same == summary, "state {number}: {same:?}, {summary:?}");
+    }
+    // A run that a person stops, in the midst of a stage and with its last step.
+    for last in [(0, 300), (0, test.stage[0].steps), (1, 0)] {
+        let (early, state) = stopped(&test, &packing, last);
+        let (late, _, same) = run(&test, &packing, Some(&state)).unwrap();
+        assert!([early, late].concat() == rows && same == summary, "stopped at {last:?}: {same:?}, {summary:?}");
     }
     for broken in [&states[0][..states[0].len() - 8], &[][..], &[0xff; 800][..]] {
         assert!(matches!(run(&test, &packing, Some(broken)), Err(SpecimenError::Unfit)));

@@ -96,6 +96,8 @@ pub struct SpecimenSummary {
     pub overlap_misses: u64,
     /// Largest overlap over the diameter in any row.
     pub largest_overlap: f64,
+    /// The listener ended the run before its last stage was done.
+    pub is_stopped: bool,
 }
 
 /// Grains as pictures need them.

@@ -15,6 +15,7 @@ use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
 use crate::definition::PackingFile;
 use crate::simd::Tuple;
 use crate::space::{Components, Discs, Spheres};
+use std::ops::ControlFlow;
 
 /// Default speed of the servo per missing force, relative to the walls' stiffness.
 const SERVO_GAIN: f64 = 0.02;
@@ -35,6 +36,9 @@ const OVERLAP_COUNTED: f64 = 0.1;
 /// Distance of a controlled wall stress from its target, over the mean target, from which on a row is counted.
 const SERVO_COUNTED: f64 = 0.01;
 
+/// Hears what a run does, and may end it.
+type Listener<'a> = dyn FnMut(&SpecimenEvent<'_>) -> ControlFlow<()> + 'a;
+
 /// Runs a test on a packing. Equal input gives equal bits for any number of threads.
 ///
 /// # Errors
@@ -44,11 +48,14 @@ pub fn run_specimen<S: SpecimenFor>(
     packing: &PackingFile<S>,
     listener: &mut dyn FnMut(&SpecimenEvent<'_>),
 ) -> Result<SpecimenSummary, SpecimenError> {
-    S::run(test, packing, &Checkpoints::default(), listener)
+    S::run(test, packing, &Checkpoints::default(), &mut |event| {
+        listener(event);
+        ControlFlow::Continue(())
+    })
 }
 
 /// As [`run_specimen`], with states on the way, or from one on: the rows from there on, and the summary, are those of an undisturbed
-/// run, bit for bit.
+/// run, bit for bit. A listener that breaks ends the run after the present step, with a last state where states are handed out.
 ///
 /// # Errors
 /// As [`run_specimen`]; a state of another test or packing.
@@ -56,7 +63,7 @@ pub fn run_specimen_from<S: SpecimenFor>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
     checkpoints: &Checkpoints<'_>,
-    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    listener: &mut Listener<'_>,
 ) -> Result<SpecimenSummary, SpecimenError> {
     S::run(test, packing, checkpoints, listener)
 }
@@ -72,7 +79,7 @@ pub trait SpecimenFor: Joinable {
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
         checkpoints: &Checkpoints<'_>,
-        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+        listener: &mut Listener<'_>,
     ) -> Result<SpecimenSummary, SpecimenError>;
 }
 
@@ -81,7 +88,7 @@ impl SpecimenFor for Discs {
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
         checkpoints: &Checkpoints<'_>,
-        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+        listener: &mut Listener<'_>,
     ) -> Result<SpecimenSummary, SpecimenError> {
         run_stages(test, packing, checkpoints, listener)
     }
@@ -92,7 +99,7 @@ impl SpecimenFor for Spheres {
         test: &SpecimenTest,
         packing: &PackingFile<Self>,
         checkpoints: &Checkpoints<'_>,
-        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+        listener: &mut Listener<'_>,
     ) -> Result<SpecimenSummary, SpecimenError> {
         run_stages(test, packing, checkpoints, listener)
     }
@@ -102,7 +109,7 @@ fn run_stages<S: Joinable + ContactLaws>(
     test: &SpecimenTest,
     packing: &PackingFile<S>,
     checkpoints: &Checkpoints<'_>,
-    listener: &mut dyn FnMut(&SpecimenEvent<'_>),
+    listener: &mut Listener<'_>,
 ) -> Result<SpecimenSummary, SpecimenError> {
     test.validate(S::DIMENSION)?;
     let contact = test.contact_without_damping();
@@ -114,7 +121,7 @@ struct Stages<'a, S: Joinable> {
     test: &'a SpecimenTest,
     packing: &'a PackingFile<S>,
     checkpoints: &'a Checkpoints<'a>,
-    listener: &'a mut dyn FnMut(&SpecimenEvent<'_>),
+    listener: &'a mut Listener<'a>,
 }
 
 impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
@@ -126,7 +133,10 @@ impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
             run.restore(state)?;
         }
         while let Some(stage) = self.test.stage.get(run.place.stage as usize) {
-            run.follow(stage, self.checkpoints.every, self.listener)?;
+            if run.follow(stage, self.checkpoints.every, self.listener)?.is_break() {
+                run.summary.is_stopped = (run.place.stage as usize) < self.test.stage.len();
+                break;
+            }
         }
         Ok(SpecimenSummary {
             grains: run.dynamics.body.grains.len(),
@@ -163,7 +173,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         let upright = test.straighten.then(|| straightened(packing, periodic));
         let whole = assembled(upright.as_ref().unwrap_or(packing), &test.tiles, test.cut, periodic)?;
         let (weakened, removed) = weakened(whole, &test.region)?;
-        let assembled = numbered_by_position(weakened);
+        let mut assembled = numbered_by_position(weakened);
         let wall_law = law.with_friction(test.walls.friction);
         let thickness = packing.thickness;
         let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
@@ -199,6 +209,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             let parts = period.map(|period| period.components().to_vec()).unwrap_or_default();
             std::array::from_fn(|along| parts.get(along).copied().unwrap_or(0.0))
         });
+        if !test.contact.has_tangential_springs() {
+            // Nothing could ever change them, as in cells.
+            assembled.histories.clear();
+        }
         let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
         let histories = assembled.histories.iter();
         let dropped =
@@ -265,11 +279,13 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         &mut self,
         stage: &Stage,
         every: Option<u64>,
-        listener: &mut dyn FnMut(&SpecimenEvent<'_>),
-    ) -> Result<(), SpecimenError> {
+        listener: &mut Listener<'_>,
+    ) -> Result<ControlFlow<()>, SpecimenError> {
+        let mut asked = ControlFlow::Continue(());
         if self.place.done == 0 {
             self.begin(stage);
-            listener(&SpecimenEvent::Begun { stage: self.place.stage as usize, picture: &|| self.picture() });
+            let begun = SpecimenEvent::Begun { stage: self.place.stage as usize, picture: &|| self.picture() };
+            asked = listener(&begun);
         }
         let mut balanced = stage.until_balance.is_none();
         while self.place.done < stage.steps {
@@ -286,14 +302,15 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
                 && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
             if done.is_multiple_of(BALANCE_INTERVAL) {
-                listener(&SpecimenEvent::Progress { stage: self.place.stage as usize, step: done });
+                let progress = SpecimenEvent::Progress { stage: self.place.stage as usize, step: done };
+                asked = first_break(asked, listener(&progress));
             }
             // Row k of n is due when k / n of the stage is done.
             if done * stage.rows >= (self.place.row + 1) * stage.steps || at_balance || done == stage.steps {
                 self.place.row = done * stage.rows / stage.steps;
                 let result = self.row(stage);
                 self.count(stage, &result);
-                listener(&SpecimenEvent::Row(&result, &|| self.picture()));
+                asked = first_break(asked, listener(&SpecimenEvent::Row(&result, &|| self.picture())));
             }
             balanced |= at_balance;
             let is_last = at_balance || done == stage.steps;
@@ -301,14 +318,14 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
                 self.summary.unbalanced_stages += u64::from(!balanced);
                 self.place = Place { stage: self.place.stage + 1, ..Place::default() };
             }
-            if every.is_some_and(|every| self.dynamics.steps.is_multiple_of(every)) {
-                listener(&SpecimenEvent::State(self.state()));
+            if every.is_some_and(|every| asked.is_break() || self.dynamics.steps.is_multiple_of(every)) {
+                asked = first_break(asked, listener(&SpecimenEvent::State(self.state())));
             }
-            if is_last {
+            if is_last || asked.is_break() {
                 break;
             }
         }
-        Ok(())
+        Ok(asked)
     }
 
     /// Energy that is missing over the largest energy turned over so far: at the top of a flight all parts of it may be near zero.
@@ -408,4 +425,9 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         }
         rate
     }
+}
+
+/// Whether any of two answers ends the run.
+fn first_break(one: ControlFlow<()>, other: ControlFlow<()>) -> ControlFlow<()> {
+    if one.is_break() { one } else { other }
 }

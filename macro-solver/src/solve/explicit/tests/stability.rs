@@ -184,3 +184,20 @@ fn renewed_tangents_change_the_step_of_a_softened_body() {
     };
     assert!(run(5) > 1.2 * run(0));
 }
+
+/// A push that comes when a body has long moved by as little as rounding: it is set off before the push has done any work, which is no
+/// instability. So is a support that is moved off at once.
+#[test]
+fn a_late_push_on_a_body_all_but_at_rest_is_no_instability() {
+    let late = |value: f64| Amplitude::Table(vec![[0.0, 0.0], [2.0, 0.0], [2.5, value], [1e3, value]]);
+    let push = Applied::new(Condition::Traction { sides: "right".into(), value: [1e-3, 0.0, 0.0] }, late(1.0));
+    let shove = moved("left", Axis::X, 1e-3, late(1.0));
+    for driven in [push, shove] {
+        let tiny = InitialVelocity { nodes: "right".into(), value: [1e-17, 0.0, 0.0] };
+        let settings = DynamicSettings { initial_velocities: vec![tiny], ..settings(2.0) };
+        let problem = problem(strip(ElementKind::Q4, 6, 1.0), vec![driven, held("all", Axis::Y)], 6.0, settings);
+        let film = completed(&problem, &mut elastic(&problem, 1.0, 1.0));
+        let fastest = film.last().velocities.iter().map(|velocity| velocity[0].abs()).fold(0.0, f64::max);
+        assert!(fastest > 1e-5, "{fastest}");
+    }
+}
