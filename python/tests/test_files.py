@@ -120,7 +120,7 @@ def test_a_packing_that_was_changed_is_used_as_it_is(tmp_path):
 
 
 def test_a_table_that_was_cut_loses_its_last_row_alone(finished, tmp_path):
-    text = (finished[0].path / "history.csv").read_bytes()
+    text = (finished[0].folder / "history.csv").read_bytes()
     cut = tmp_path / "cut.csv"
     cut.write_bytes(text[: text.rindex(b",")])
     whole, found = finished[0].history, grainspan.read_history(cut)
@@ -128,7 +128,7 @@ def test_a_table_that_was_cut_loses_its_last_row_alone(finished, tmp_path):
     cut.write_bytes(text + b"1,2\n")
     with pytest.raises(grainspan.InputError, match="columns of the header"):
         grainspan.read_history(cut)
-    assert grainspan.read_history(finished[0].path / "history.csv").attrs["units"] == whole.attrs["units"]
+    assert grainspan.read_history(finished[0].folder / "history.csv").attrs["units"] == whole.attrs["units"]
 
 
 def test_toml_survives(tmp_path):
