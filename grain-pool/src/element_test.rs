@@ -12,8 +12,8 @@ use std::path::Path;
 pub struct ElementOutcome {
     /// The rows as CSV, equal to the output of `grainspan element` to the byte.
     pub csv: Vec<u8>,
-    /// Cost and counts; `None` if the test stopped before its end.
-    pub summary: Option<ElementSummary>,
+    /// Cost and counts; of a test that stopped before its end those of its rows.
+    pub summary: ElementSummary,
     /// Why the test stopped before its end; the rows before are sound.
     pub stopped: Option<ElementError>,
 }
@@ -34,9 +34,10 @@ pub fn element_test(
     let mut csv = Vec::new();
     let mut encoder = ElementCsv::new(&mut csv, tangent).map_err(unwritable)?;
     let mut written = Ok(());
-    let mut is_stopped = false;
+    let (mut is_stopped, mut so_far) = (false, ElementSummary::default());
     let ended = run_element_on(&test, packing, tangent, &mut |row| {
         written = encoder.write(row);
+        so_far.add(row);
         is_stopped = !keep_going();
         if written.is_err() || is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
@@ -44,9 +45,9 @@ pub fn element_test(
     written.map_err(unwritable)?;
     match ended {
         _ if is_stopped => Err(PoolError::Interrupted),
-        Ok(summary) => Ok(ElementOutcome { csv, summary: Some(summary), stopped: None }),
+        Ok(summary) => Ok(ElementOutcome { csv, summary, stopped: None }),
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
-        Err(error) => Ok(ElementOutcome { csv, summary: None, stopped: Some(error) }),
+        Err(error) => Ok(ElementOutcome { csv, summary: so_far, stopped: Some(error) }),
     }
 }
 

@@ -126,21 +126,20 @@ pub(crate) fn element_test<'py>(
 ) -> PyResult<(Bound<'py, PyBytes>, Vec<(&'static str, u64)>, Option<String>)> {
     let tangent = tangent_kind(tangent)?;
     let outcome = interruptible(py, |keep_going| grain_pool::element_test(text, &folder, tangent, keep_going))?;
-    let counts = outcome.summary.map_or_else(Vec::new, |summary| {
-        vec![
-            ("rows", summary.rows),
-            ("trials", summary.trials),
-            ("dem_steps", summary.dem_steps),
-            ("stress_jumps", summary.stress_jumps),
-            ("cut_increments", summary.cut_increments),
-            ("relaxed_increments", summary.relaxed_increments),
-            ("not_equilibrated", summary.not_equilibrated),
-            ("no_load", summary.no_load_bearing_contacts),
-            ("large_overlap", summary.large_overlap),
-            ("damping_changed", summary.damping_changed),
-            ("tangent_fallbacks", summary.tangent_fallbacks),
-            ("tangents_regularised", summary.tangent_regularised),
-        ]
-    });
+    let summary = outcome.summary;
+    let counts = vec![
+        ("rows", summary.rows),
+        ("trials", summary.trials),
+        ("dem_steps", summary.dem_steps),
+        ("stress_jumps", summary.stress_jumps),
+        ("cut_increments", summary.cut_increments),
+        ("relaxed_increments", summary.relaxed_increments),
+        ("not_equilibrated", summary.not_equilibrated),
+        ("no_load", summary.no_load_bearing_contacts),
+        ("large_overlap", summary.large_overlap),
+        ("damping_changed", summary.damping_changed),
+        ("tangent_fallbacks", summary.tangent_fallbacks),
+        ("tangents_regularised", summary.tangent_regularised),
+    ];
     Ok((PyBytes::new(py, &outcome.csv), counts, outcome.stopped.map(|error| error.to_string())))
 }

@@ -127,6 +127,8 @@ def test_a_path_that_cannot_be_followed_keeps_its_rows(rve):
     with pytest.raises(grainspan.ElementTestStopped, match="use more increments") as stopped:
         rve.path([{"increments": 2, "strain": {"yy": -1e-4}}, far])
     assert len(stopped.value.history) == 3
+    counts = stopped.value.history.attrs["counts"]
+    assert counts["rows"] == 3 and counts["trials"] > 0 and counts["dem_steps"] > 0
     # A test by name has its own columns up to there, so that what was reached can be drawn and fitted.
     with pytest.raises(grainspan.ElementTestStopped) as stopped:
         rve.oedometer([2e5, 4e9], increments=4)

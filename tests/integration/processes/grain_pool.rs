@@ -91,7 +91,7 @@ fn a_path_has_the_rows_of_an_element_test() {
     let test = format!("{CELL}[[path]]\nincrements = 1\nrepeat = 4\nstrain = {{ xx = 1e-4, yy = -2e-4 }}\n");
     let outcome = element_test(test, root(), TangentKind::None, &mut || true).unwrap();
     let rows = String::from_utf8(outcome.csv).unwrap();
-    assert_eq!(outcome.summary.unwrap().rows, 5);
+    assert_eq!(outcome.summary.rows, 5);
     let pool = pool(1);
     let states = pool.new_states(0, 1).unwrap();
     let change = [[1e-4, 0.0, 0.0], [0.0, -2e-4, 0.0], [0.0; 3]];

@@ -362,18 +362,7 @@ impl<S: SolverFor> Run<S> {
             let about = S::Tensor::from_fn(|i, j| since[i][j]);
             row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &about));
         }
-        let summary = &mut self.summary;
-        summary.rows += 1;
-        summary.trials += u64::from(row.trials);
-        summary.dem_steps += row.dem_steps;
-        summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
-        summary.no_load_bearing_contacts += u64::from(row.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
-        summary.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
-        summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
-        if let Some(outcome) = &row.tangent {
-            summary.tangent_fallbacks += u64::from(outcome.fallback);
-            summary.tangent_regularised += u64::from(outcome.regularised);
-        }
+        self.summary.note(&row);
         on_row(&row)
     }
 
@@ -492,7 +481,7 @@ impl<S: SolverFor> Run<S> {
     fn relaxed(&mut self, mut step: Step, mut gradient: Matrix, ramp_steps: u32) -> Result<Accepted, ElementError> {
         let mut relaxation = Relaxation::new(&step.targets);
         let mut ramp = ramp_steps;
-        let mut taken = 0;
+        let (mut taken, mut nearest): (_, Option<(Miss, f64)>) = (0, None);
         loop {
             let answer = self.attempt(&step, &gradient, std::mem::take(&mut ramp))?;
             self.keep_network();
@@ -507,7 +496,11 @@ impl<S: SolverFor> Run<S> {
                 let control = if is_reached { StressControl::Relaxed } else { StressControl::Jump };
                 return Ok(Accepted { gradient, answer, control });
             }
+            if nearest.is_none_or(|(best, _)| miss.distance() < best.distance()) {
+                nearest = Some((miss, tolerance));
+            }
             if self.spent.relaxed >= MOST_RELAXED {
+                let (miss, tolerance) = nearest.expect("just set");
                 return Err(self.not_reached(&miss, tolerance));
             }
             let energies = self.cell.trial_energies();

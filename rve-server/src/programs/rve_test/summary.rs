@@ -1,6 +1,9 @@
 //! Cost of an RVE test, and counts of rows with fallbacks.
 
+use super::row::ElementRow;
+use super::stress_control::StressControl;
 use crate::engine::ListedForces;
+use protocol::TrialFlags;
 
 /// Cost of a whole RVE test, and its rows with fallbacks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,6 +43,29 @@ pub struct ElementSummary {
 }
 
 impl ElementSummary {
+    /// Counts a row by its flags, its operator and its cost; how its stresses were controlled is for who controls them.
+    pub(super) fn note(&mut self, row: &ElementRow) {
+        self.rows += 1;
+        self.trials += u64::from(row.trials);
+        self.dem_steps += row.dem_steps;
+        self.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        self.no_load_bearing_contacts += u64::from(row.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
+        self.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
+        self.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        if let Some(outcome) = &row.tangent {
+            self.tangent_fallbacks += u64::from(outcome.fallback);
+            self.tangent_regularised += u64::from(outcome.regularised);
+        }
+    }
+
+    /// Counts a row that was delivered, for tests that stop before their end: all that the row says.
+    pub fn add(&mut self, row: &ElementRow) {
+        self.note(row);
+        self.stress_jumps += u64::from(row.stress_control == StressControl::Jump);
+        self.cut_increments += u64::from(row.stress_control == StressControl::Cut);
+        self.relaxed_increments += u64::from(row.stress_control == StressControl::Relaxed);
+    }
+
     /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
     pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
         let all = [

@@ -14,20 +14,25 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 /// A network whose softest mode is this much softer than a contact counts as singular.
 const SOFTEST_CREDIBLE_MODE: f64 = 1e-11;
 
+/// Residual, over the force of a contact moved as far as the largest unknown, of an answer that shows a free mode: far below the mode's own
+/// stiffness.
+const RESIDUAL_OF_A_MODE: f64 = 1e-13;
+
 /// Corrections that the factors of the symmetric part may need: prestress makes the matrix differ from it by its ratio to
 /// the stiffness, and each correction gains as much.
 const MOST_CORRECTIONS: u32 = 6;
 
 /// Solves for the first `B` columns of `loads`. `None` if the matrix is singular to working accuracy; `typical` is the
-/// stiffness of a contact, N/m. `symmetric` says that only prestress keeps the matrix from being symmetric.
+/// stiffness of a contact, N/m. `is_symmetric` says that only prestress keeps the matrix from being symmetric.
 ///
-/// The cheap factors without exchanges of rows come first; where they are not good enough, rows are pivoted.
+/// The cheap factors without exchanges of rows come first; where they are not good enough, rows are pivoted. Where they solve the equations
+/// and show a mode that is next to free, pivoting would show the same one.
 pub(super) fn solve<const B: usize, const P: usize>(
     orderings: &mut Orderings,
     matrix: &BlockMatrix<B>,
     loads: &[Columns<B, P>],
     typical: f64,
-    symmetric: bool,
+    is_symmetric: bool,
     closeness: Closeness,
 ) -> Option<Vec<Columns<B, P>>> {
     let largest_residual = closeness.residual_of_factors;
@@ -37,12 +42,37 @@ pub(super) fn solve<const B: usize, const P: usize>(
     let columns = &columns;
     let factorized =
         |symmetric| dispatch(Direct { matrix, elimination, columns, typical, symmetric, largest_residual });
-    let direct = if symmetric { factorized(true) } else { None };
-    direct.or_else(|| factorized(false)).or_else(|| {
-        let answers = solve_with_pivoting(matrix, columns)?;
-        let residual = matrix.residual(columns, &answers);
-        is_trustworthy(&largest(columns), &answers, &residual, typical, largest_residual).then_some(answers)
-    })
+    for symmetric in [true, false] {
+        if symmetric && !is_symmetric {
+            continue;
+        }
+        match factorized(symmetric) {
+            Attempt::Solved(answers) => return Some(answers),
+            Attempt::Singular => return None,
+            Attempt::Poor => {}
+        }
+    }
+    let answers = solve_with_pivoting(matrix, columns)?;
+    let residual = matrix.residual(columns, &answers);
+    let verdict = judged(&largest(columns), &answers, &residual, typical, largest_residual);
+    (verdict == Verdict::Sound).then_some(answers)
+}
+
+/// How a factorization has ended.
+enum Attempt<const B: usize, const P: usize> {
+    Solved(Vec<Columns<B, P>>),
+    /// The equations are solved, and a mode is next to free.
+    Singular,
+    /// The equations are not solved well enough.
+    Poor,
+}
+
+/// What answers are worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Sound,
+    Singular,
+    Poor,
 }
 
 /// Factors without exchange of rows and iterative refinement.
@@ -56,7 +86,7 @@ struct Direct<'a, const B: usize, const P: usize> {
 }
 
 impl<const B: usize, const P: usize> Vectorised for Direct<'_, B, P> {
-    type Output = Option<Vec<Columns<B, P>>>;
+    type Output = Attempt<B, P>;
 
     #[inline(always)]
     fn run(self) -> Self::Output {
@@ -76,13 +106,15 @@ impl<const B: usize, const P: usize> Direct<'_, B, P> {
         &self,
         factors: &Factors<'_, B, P, SYMMETRIC>,
         corrections: u32,
-    ) -> Option<Vec<Columns<B, P>>> {
+    ) -> Attempt<B, P> {
         let load = largest(self.columns);
         let mut answers = factors.solve(self.columns);
         for correction in 0..=corrections {
             let residual = self.matrix.residual(self.columns, &answers);
-            if is_trustworthy(&load, &answers, &residual, self.typical, self.largest_residual) {
-                return Some(answers);
+            match judged(&load, &answers, &residual, self.typical, self.largest_residual) {
+                Verdict::Sound => return Attempt::Solved(answers),
+                Verdict::Singular => return Attempt::Singular,
+                Verdict::Poor => {}
             }
             if correction < corrections {
                 for (answer, change) in answers.iter_mut().flatten().zip(factors.solve(&residual).iter().flatten()) {
@@ -92,7 +124,7 @@ impl<const B: usize, const P: usize> Direct<'_, B, P> {
                 }
             }
         }
-        None
+        Attempt::Poor
     }
 }
 
@@ -110,17 +142,25 @@ fn with_probe<const B: usize, const P: usize>(loads: &[Columns<B, P>], typical: 
 /// Whether the answers solve the equations and no mode is next to free; `load` is the [`largest`] load of each column. Written so
 /// that a NaN fails.
 #[inline(always)]
-fn is_trustworthy<const B: usize, const P: usize>(
+fn judged<const B: usize, const P: usize>(
     load: &[f64; P],
     answers: &[Columns<B, P>],
     residual: &[Columns<B, P>],
     typical: f64,
     largest_residual: f64,
-) -> bool {
+) -> Verdict {
     let softness = answers.iter().flatten().map(|row| row[B] * row[B]).sum::<f64>().sqrt();
     let (answer, residual) = (largest(answers), largest(residual));
-    softness * SOFTEST_CREDIBLE_MODE < 1.0
-        && (0..=B).all(|column| residual[column] <= largest_residual * (load[column] + typical * answer[column]))
+    let is_solved =
+        (0..=B).all(|column| residual[column] <= largest_residual * (load[column] + typical * answer[column]));
+    let is_credible = softness * SOFTEST_CREDIBLE_MODE < 1.0;
+    // An answer that solves all but the equations given proves that those are all but singular, whatever the factors are worth elsewhere.
+    let shows_mode = softness.is_finite() && residual[B] <= RESIDUAL_OF_A_MODE * typical * answer[B];
+    match (is_solved, is_credible) {
+        (true, true) => Verdict::Sound,
+        (_, false) if shows_mode => Verdict::Singular,
+        _ => Verdict::Poor,
+    }
 }
 
 fn solve_with_pivoting<const B: usize, const P: usize>(
