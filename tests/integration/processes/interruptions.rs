@@ -51,7 +51,7 @@ fn a_specimen_that_was_stopped_goes_on_from_there() {
         "layer.toml",
         "tiles = [1, 2]\nperiodic = [\"x\"]\nCONTACT\n[walls]\nglue_depth = 1e-4\nservo_gain = 0.2\n\
          [[stage]]\nname = \"press\"\nsteps = 3000\nrows = 1\nstress = { yy = -1e5 }\n\
-         [[stage]]\nname = \"shear\"\nsteps = 60000\nrows = 20\nglue = [\"y\"]\nshear = { xy = 0.02 }\nstress = { yy = -1e5 }\n",
+         [[stage]]\nname = \"shear\"\nsteps = 240000\nrows = 20\nglue = [\"y\"]\nshear = { xy = 0.02 }\nstress = { yy = -1e5 }\n",
     );
     let (whole, parts, kept) = (site.path("whole.csv"), site.path("parts.csv"), site.path("kept"));
     let begin = |name: &str, out: &Path, more: &[&str]| {
