@@ -98,7 +98,7 @@ impl LayerBand {
         let samples: Vec<Sample> = layers.iter().map(sample).collect();
         let (scaled, length) = scaled(&samples)?;
         // At angle 0 the misfit does not change with the angle, which therefore stays.
-        let fit = improved(&scaled, guess(&scaled, 0.0)?);
+        let fit = improved(&scaled, guess(&scaled, 0.0)?, MOST_STEPS);
         let middle = samples.iter().map(|one| one.weight * one.place[1]).sum::<f64>()
             / samples.iter().map(|one| one.weight).sum::<f64>();
         let position = middle + fit[1] * length;
@@ -139,6 +139,9 @@ const FIRST_WIDTH: f64 = 0.1;
 /// How many of those, the best ones, the fit starts from in addition to the moments.
 const STARTS: usize = 4;
 
+/// Steps from each start, which tell the minima apart.
+const FIRST_STEPS: usize = 10;
+
 /// Most steps of the fit.
 const MOST_STEPS: usize = 200;
 
@@ -164,8 +167,8 @@ impl Ridge {
             .collect();
         across.sort_by(|one, other| one.0.total_cmp(&other.0));
         let starts = std::iter::once(from_moments).chain(across.into_iter().take(STARTS));
-        let best = least(&mut starts.map(|(_, start)| improved(&scaled, start)))?;
-        Self::of_fit(&scaled, length, &best.1)
+        let (_, best) = least(&mut starts.map(|(_, start)| improved(&scaled, start, FIRST_STEPS)))?;
+        Self::of_fit(&scaled, length, &improved(&scaled, best, MOST_STEPS))
     }
 
     fn of_fit(scaled: &[Sample], length: f64, fit: &Parameters) -> Option<Self> {
@@ -248,11 +251,11 @@ fn misfit(samples: &[Sample], parameters: &Parameters) -> f64 {
     samples.iter().map(|sample| sample.weight * (sample.value - ridge(sample.place, parameters).0).powi(2)).sum()
 }
 
-/// Levenberg-Marquardt steps until they change nothing.
-fn improved(samples: &[Sample], start: Parameters) -> Parameters {
+/// Levenberg-Marquardt steps until they change nothing, or so many.
+fn improved(samples: &[Sample], start: Parameters, most_steps: usize) -> Parameters {
     let (mut best, mut least) = (start, misfit(samples, &start));
     let mut damping = 1e-3;
-    for _ in 0..MOST_STEPS {
+    for _ in 0..most_steps {
         let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), Parameters::zeros());
         for sample in samples {
             let (value, gradient) = ridge(sample.place, &best);
