@@ -109,7 +109,7 @@ impl RvePool {
         }
         if count > MOST_STATES {
             return Err(PoolError::Arguments(format!(
-                "{count} states are too many: a pool has at most {MOST_STATES}"
+                "{count} states are too many: at most {MOST_STATES} are made in one call"
             )));
         }
         let first = self.call(move |pool| Ok(pool.add_points(cell, count)))?;

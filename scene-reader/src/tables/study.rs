@@ -215,7 +215,7 @@ pub(crate) struct ExpectedEntry {
     /// Two numbers; anything between them is expected.
     #[schemars(extend("x-unit" = "of the quantity"))]
     pub(crate) between: Option<[f64; 2]>,
-    /// Another ensemble of the same size, whose mean is expected.
+    /// Another ensemble of the same size, whose value of `statistic` is expected.
     pub(crate) like: Option<Located<LikeTable>>,
     /// Largest difference that counts as agreement.
     #[schemars(range(min = 0), extend("x-unit" = "of the quantity", "x-default" = "of a power half its interval of 95 % confidence, else none"))]

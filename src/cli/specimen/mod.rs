@@ -408,6 +408,12 @@ fn start_text(start: &SpecimenStart) -> String {
     if start.dropped > 0 {
         parts.push(format!("{} of pairs that do not touch were dropped", start.dropped));
     }
+    if start.springless > 0 {
+        parts.push(format!(
+            "{} were dropped because stiffness_ratio = 0 leaves no tangential springs",
+            start.springless
+        ));
+    }
     if start.removed > 0 {
         parts.push(format!("{} grains were removed from regions", start.removed));
     }

@@ -86,6 +86,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         }
     });
     let failures = results.failures();
+    if interrupt.is_raised() && results.samples.iter().all(|sample| sample.paths.is_err()) {
+        let text = format!("interrupted before a packing had ended; {} is as it was", out.display());
+        return Err(Failure::new(Exit::Interrupted, text));
+    }
     deliver(&results, &failures, arguments, &out)?;
     if !arguments.quiet {
         tell(format_args!("written to {}", out.display()));
@@ -130,6 +134,8 @@ struct Provenance<'a> {
     /// Rows of all paths with a shortcut or a degradation.
     fallbacks: Vec<Fallback>,
     commit_of_inputs: Option<String>,
+    /// Tables and pictures beside this file: the next study of the name removes those that it does not write again.
+    files: Vec<String>,
     machine: Machine,
 }
 
@@ -142,18 +148,23 @@ struct Fallback {
 
 fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, out: &Path) -> Result<(), Failure> {
     let study: &Study = results.study;
-    let file = |part: &str| out.join(format!("{}{part}", study.name));
-    remove_earlier(study, out)?;
-    write_atomically(&file("-samples.csv"), &tables::samples_csv(results)?)?;
-    write_atomically(&file("-statistics.csv"), &tables::statistics_csv(results)?)?;
+    let provenance_file = out.join(format!("{}.json", study.name));
+    remove_earlier(&provenance_file)?;
+    let mut files = Vec::new();
+    let mut write = |part: &str, bytes: &[u8]| {
+        files.push(format!("{}{part}", study.name));
+        write_atomically(&out.join(&files[files.len() - 1]), bytes)
+    };
+    write("-samples.csv", &tables::samples_csv(results)?)?;
+    write("-statistics.csv", &tables::statistics_csv(results)?)?;
     if study.sizes().len() > 1 {
-        write_atomically(&file("-powers.csv"), &tables::powers_csv(results)?)?;
+        write("-powers.csv", &tables::powers_csv(results)?)?;
     }
     let (compared, entries) = expected::compared(results);
-    write_atomically(&file(".csv"), &comparison_csv(&compared)?)?;
+    write(".csv", &comparison_csv(&compared)?)?;
     for (part, chart) in pictures::charts(results) {
         match chart.to_svg() {
-            Ok(svg) => write_atomically(&file(&format!("-{part}.svg")), svg.as_bytes())?,
+            Ok(svg) => write(&format!("-{part}.svg"), svg.as_bytes())?,
             // Without one good sample there is nothing to draw; the tables say so.
             Err(error) => tell(format_args!("warning: no picture {}-{part}.svg: {error}", study.name)),
         }
@@ -177,21 +188,26 @@ fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, ou
         failures,
         fallbacks,
         commit_of_inputs: commit_of(folder.unwrap_or(Path::new("."))),
+        files,
         machine: Machine::here(),
     };
     let text = serde_json::to_string_pretty(&provenance).map_err(|error| Failure::new(Exit::BadInput, error))?;
-    Ok(write_atomically(&file(".json"), (text + "\n").as_bytes())?)
+    Ok(write_atomically(&provenance_file, (text + "\n").as_bytes())?)
 }
 
-/// Takes away what an earlier study of this name has left and this one may not write again: its powers and pictures.
-fn remove_earlier(study: &Study, out: &Path) -> Result<(), Failure> {
-    let failed = |source| OutputError::write(out, source);
-    for entry in std::fs::read_dir(out).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let Some(part) = name.strip_prefix(&study.name).and_then(|part| part.strip_prefix('-')) else { continue };
-        if part == "powers.csv" || part.ends_with(".svg") {
-            std::fs::remove_file(&path).map_err(failed)?;
+/// Takes away what an earlier study of this name has left, as its own file lists it: this one may not write all of it again.
+fn remove_earlier(provenance: &Path) -> Result<(), Failure> {
+    let earlier = std::fs::read(provenance).ok().and_then(|text| serde_json::from_slice(&text).ok());
+    let earlier: serde_json::Value = earlier.unwrap_or_default();
+    for name in earlier["files"].as_array().into_iter().flatten().filter_map(serde_json::Value::as_str) {
+        // A name alone: never a file of another folder.
+        let Some(name) = Path::new(name).file_name() else { continue };
+        let path = provenance.with_file_name(name);
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                return Err(OutputError::write(&path, source).into());
+            }
+            _ => {}
         }
     }
     Ok(())

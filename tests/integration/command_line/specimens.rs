@@ -107,6 +107,20 @@ fn a_sheared_layer_has_columns_of_its_own() {
     assert!(work[last] > 0.0 && work[0] == 0.0 && work[last] < 3.0 * wall[last].abs(), "{work:?}, {wall:?}");
 }
 
+/// Tangential forces of a packing whose contacts have no springs along them are dropped, and that is said.
+#[test]
+fn a_specimen_without_tangential_springs_says_what_it_drops() {
+    let site = Site::new();
+    let test = sheared_layer(&site, 200);
+    let set = ["--set", "contact.stiffness_ratio=0", "--set", "stage.0.steps=200", "--set", "stage.1.rows=1"];
+    let (code, text, _) = run(&site, &[&["specimen", &test][..], &set].concat());
+    assert_eq!(code, 0, "{text}");
+    assert!(
+        text.contains("; 0 contacts kept their history") && text.contains("leaves no tangential springs"),
+        "{text}"
+    );
+}
+
 /// a run that is killed goes on from its checkpoint to the bytes of an undisturbed one, in another number of threads, with its pictures;
 /// another test is refused, and a run that has ended leaves no checkpoint.
 #[test]

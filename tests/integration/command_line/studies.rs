@@ -62,6 +62,25 @@ fn a_study_writes_the_same_tables_and_pictures_for_any_number_of_jobs() {
     assert!(json.contains("\"X-1\"") && json.contains("\"failed_samples\": 0"), "{json}");
 }
 
+/// What the study before has written and this one does not goes; another study whose name begins alike stays, and so do other files.
+#[test]
+fn a_study_takes_away_what_the_one_before_has_left_and_nothing_else() {
+    let place = tempfile::tempdir().unwrap();
+    assert!(study(place.path(), &["--quiet", "--set", "seeds=2"]).status.success());
+    let others = ["cell-size-of-others-scatter.svg", "cell-size-notes.svg", "cell-size-2-powers.csv"];
+    others.iter().for_each(|name| fs::write(place.path().join(name), "mine").unwrap());
+    assert!(
+        place.path().join("cell-size-powers.csv").exists() && place.path().join("cell-size-scatter.svg").exists()
+    );
+    let one_size = ["--quiet", "--set", "seeds=2", "--set", "grains=[40]", "--set", "expected=[]"];
+    let output = study(place.path(), &one_size);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        !place.path().join("cell-size-powers.csv").exists() && !place.path().join("cell-size-scatter.svg").exists()
+    );
+    assert!(others.iter().all(|name| fs::read_to_string(place.path().join(name)).unwrap() == "mine"));
+}
+
 #[test]
 fn failed_samples_end_a_study_with_exit_code_1_and_all_tables() {
     let place = tempfile::tempdir().unwrap();

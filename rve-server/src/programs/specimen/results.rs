@@ -61,6 +61,8 @@ pub struct SpecimenStart {
     pub cut_through: usize,
     /// Those of pairs that do not touch.
     pub dropped: usize,
+    /// Those of a contact law without tangential springs, which could not change them.
+    pub springless: usize,
     /// Displacement over height by which the copies lean against the walls.
     pub slant: f64,
     /// Grains that regions have lost.

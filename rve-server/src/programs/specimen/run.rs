@@ -209,9 +209,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             let parts = period.map(|period| period.components().to_vec()).unwrap_or_default();
             std::array::from_fn(|along| parts.get(along).copied().unwrap_or(0.0))
         });
+        let mut springless = 0;
         if !test.contact.has_tangential_springs() {
             // Nothing could ever change them, as in cells.
-            assembled.histories.clear();
+            springless = std::mem::take(&mut assembled.histories).len();
         }
         let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
         let histories = assembled.histories.iter();
@@ -247,6 +248,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             histories: assembled.histories.len() - dropped,
             cut_through: assembled.cut_through,
             dropped,
+            springless,
             slant: assembled.slant,
             removed,
         };
