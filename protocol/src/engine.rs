@@ -107,7 +107,7 @@ impl Observables {
     pub const FABRIC: Self = Self(4);
     /// Share of contacts at the Coulomb limit.
     pub const SLIDING_FRACTION: Self = Self(8);
-    /// Elastic energy per volume and frictional dissipation per volume since the initial state.
+    /// Elastic energy per volume, frictional dissipation per volume and work of numerical damping per volume since the initial state.
     pub const ENERGY: Self = Self(16);
     /// Mean grain rotation since the initial state.
     pub const ROTATION: Self = Self(32);
@@ -173,8 +173,10 @@ pub struct Observed {
     pub sliding_fraction: f64,
     /// Stored contact energy per volume, J/m3.
     pub elastic_energy: f64,
-    /// Frictional dissipation per volume since the initial state, J/m3.
+    /// Energy lost to friction and contact viscosity per volume since the initial state, J/m3.
     pub frictional_dissipation: f64,
+    /// Work that numerical damping has taken per volume since the initial state, J/m3; 0 of an engine that does not know.
+    pub damping_work: f64,
     /// Mean over the grains of their spin added up since the initial state, a vector, rad. A plane cell has its
     /// counter-clockwise angle in the third component and zeros before it.
     pub mean_rotation: [f64; 3],

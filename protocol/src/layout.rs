@@ -19,15 +19,13 @@ use serde_json::{Value, json};
 macro_rules! structure {
     ($type:ty { $($($field:ident).+ : $element:ty),* $(,)? }) => {{
         let zero = <$type>::zeroed();
-        json!({
-            "size": size_of::<$type>(),
-            "fields": [$([
-                stringify!($($field).+).replace(' ', ""),
-                std::mem::offset_of!($type, $($field).+),
-                stringify!($element),
-                size_of_val(&zero.$($field).+) / size_of::<$element>(),
-            ]),*],
-        })
+        let fields = vec![$(json!([
+            stringify!($($field).+).replace(' ', ""),
+            std::mem::offset_of!($type, $($field).+),
+            stringify!($element),
+            size_of_val(&zero.$($field).+) / size_of::<$element>(),
+        ])),*];
+        json!({ "size": size_of::<$type>(), "fields": fields })
     }};
 }
 
@@ -118,6 +116,7 @@ pub fn wire_layout() -> Value {
             observed.sliding_fraction: f64,
             observed.elastic_energy: f64,
             observed.frictional_dissipation: f64,
+            observed.damping_work: f64,
             observed.mean_rotation: f64,
             stress: f64,
             tangent: f64,

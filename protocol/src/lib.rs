@@ -34,4 +34,4 @@ pub use identity::{ContentId, DefinitionId, StateId};
 pub use tensor::{Tensor2, Tensor4};
 
 /// Version of the conversation. A worker and a macro that differ refuse each other with a clear message.
-pub const PROTOCOL_VERSION: u32 = 4;
+pub const PROTOCOL_VERSION: u32 = 5;

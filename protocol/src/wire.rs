@@ -192,10 +192,10 @@ mod tests {
     #[test]
     fn layout_of_wire_types_is_fixed() {
         assert_eq!(size_of::<TrialJob>(), 152);
-        assert_eq!(size_of::<TrialReply>(), 1080);
+        assert_eq!(size_of::<TrialReply>(), 1088);
         assert_eq!(std::mem::offset_of!(TrialJob, target), 48);
-        assert_eq!(std::mem::offset_of!(TrialReply, stress), 360);
-        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 432);
+        assert_eq!(std::mem::offset_of!(TrialReply, stress), 368);
+        assert_eq!(std::mem::offset_of!(TrialReply, tangent), 440);
     }
 
     #[test]

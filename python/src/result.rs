@@ -103,6 +103,7 @@ pub(crate) fn dictionary<'py>(
     if wanted(Observables::ENERGY) {
         found.set_item("elastic_energy", scalars(|result| result.observed.elastic_energy))?;
         found.set_item("frictional_dissipation", scalars(|result| result.observed.frictional_dissipation))?;
+        found.set_item("damping_work", scalars(|result| result.observed.damping_work))?;
     }
     if wanted(Observables::ROTATION) {
         let all = results.iter().flat_map(|result| result.observed.mean_rotation);

@@ -6,6 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Keys, and tables of keys, that influence no result.
 const HARMLESS: [&str; 6] = ["checkpoint", "pool", "name", "output.plot", "output.plot_x", "output.plot_y"];
 
+/// Keys within those tables that do influence results.
+const OF_RESULTS: [&str; 4] = ["pool.difference_reuses", "pool.difference_strain", "pool.engine", "pool.points"];
+
 /// One sentence per key that differs and matters. Texts that are not TOML have no keys.
 pub fn changes(before: &str, now: &str) -> Vec<String> {
     let (before, now) = (leaves(before), leaves(now));
@@ -23,7 +26,8 @@ pub fn changes(before: &str, now: &str) -> Vec<String> {
 }
 
 fn is_harmless(path: &str) -> bool {
-    HARMLESS.iter().any(|key| path.strip_prefix(key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')))
+    let is_at = |key: &&str| path.strip_prefix(*key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+    HARMLESS.iter().any(|key| is_at(&key)) && !OF_RESULTS.iter().any(|key| is_at(&key))
 }
 
 /// Every value that is not a table, with the path to it; entries of lists are numbered from 0, as in `--set`.
@@ -66,6 +70,10 @@ mod tests {
         assert!(changes(before, before).is_empty());
         assert!(changes("a = 1", "checkpoint = 2\na = 1").is_empty());
         assert!(!changes("a = 1", "checkpoints = 2\na = 1").is_empty());
+        let (old, new) = ("[pool]\nslice = 1\ndifference_strain = 1e-4", "[pool]\ndifference_strain = 1e-3");
+        assert_eq!(changes(old, new), ["pool.difference_strain was 0.0001 and is 0.001"]);
+        assert_eq!(changes("[pool.points]\nyade = [1]", "[pool.points]\nyade = [2]").len(), 1);
+        assert_eq!(changes("", "[pool]\nengine = 'yade'").len(), 1);
         let (old, new) = ("[loading]\neasy_iterations = 4", "[loading]\ntarget_iterations = 4");
         assert!(changes(old, new).is_empty());
         let (old, new) = ("[solver]\nformulation = 'updated'", "[solver]\nformulation = 'updated_lagrangian'");

@@ -118,7 +118,7 @@ impl Conditions {
         for new in &mut added {
             let earlier = self.0.iter().find(|earlier| new.table == earlier.table && new.name == earlier.name);
             if let Some(earlier) = earlier {
-                go_on_from(&mut new.applied.condition, &earlier.applied.condition);
+                go_on_from(&mut new.applied.condition, &earlier.applied);
             }
         }
         let replacing =
@@ -155,7 +155,7 @@ impl Conditions {
 
 /// Whether a load that is replaced leaves bit by bit, while another ramps up in its place; it does so from now on.
 fn fades(earlier: &mut Applied, new: &Applied) -> bool {
-    let from = earlier.history.factor(Moment { load: 0.0, time: 0.0 });
+    let from = earlier.history.factor(START);
     if is_support(&earlier.condition) || matches!(earlier.condition, Condition::Friction { .. }) {
         return false;
     }
@@ -164,12 +164,17 @@ fn fades(earlier: &mut Applied, new: &Applied) -> bool {
     from != 0.0
 }
 
-/// Friction changes from what it was; at the end of a stage that is its last value.
-fn go_on_from(new: &mut Condition, earlier: &Condition) {
-    if let (Condition::Friction { from, .. }, Condition::Friction { to: reached, .. }) = (new, earlier) {
-        *from = *reached;
+/// Friction changes from what it was: at the end of a stage its last value, before any stage what its history begins with.
+fn go_on_from(new: &mut Condition, earlier: &Applied) {
+    if let (Condition::Friction { from, .. }, Condition::Friction { from: first, to: last, .. }) =
+        (new, &earlier.condition)
+    {
+        *from = first + (last - first) * earlier.history.factor(START);
     }
 }
+
+/// The moment at which a stage begins.
+const START: Moment = Moment { load: 0.0, time: 0.0 };
 
 /// Whether it prescribes displacements.
 fn is_support(condition: &Condition) -> bool {

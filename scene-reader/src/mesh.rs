@@ -72,6 +72,12 @@ fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::Pa
     let text = String::from_utf8_lossy(&bytes);
     let mesh = gmsh::read(&text, keys.element)
         .map_err(|error| refuse(place(&path, error.line, &error.problem), &error.remedy))?;
+    if let Some(kind) = keys.element.filter(|kind| !mesh.kinds.contains(kind)) {
+        let found: Vec<&str> = mesh.kinds_present().into_iter().map(ElementKind::keyword).collect();
+        let problem =
+            format!("the file has no element that could be a `{}`: it has {}", kind.keyword(), found.join(", "));
+        return Err(refuse(problem, "remove `element`, or save a mesh of that order and shape"));
+    }
     mesh.validate().map_err(|error| {
         refuse(
             format!("{}: {error}", path.display()),

@@ -1,6 +1,6 @@
 //! Remarks on keys that are allowed but probably not what was meant.
 
-use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::{ElementKind, Seam, SeamKind};
 use macro_solver::problem::{Amplitude, Applied, PathControl, Problem, Procedure, Stage, Tolerances};
 use std::collections::BTreeMap;
 
@@ -21,6 +21,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
     let mut remarks = loose_tolerances(problem);
     remarks.extend(volumetric_locking(problem));
     remarks.extend(columns_of_bricks(problem));
+    remarks.extend(problem.mesh.seams().iter().map(not_joined));
     for stage in &problem.stages {
         remarks.extend(averages_of_nothing(problem, stage));
         remarks.extend(turns_between_steps(problem, stage));
@@ -32,6 +33,32 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
         }
     }
     told
+}
+
+/// Parts of a mesh that lie next to each other and do not move together, unless links join them: stresses there are wrong.
+fn not_joined(seam: &Seam) -> String {
+    let Seam { kind, count, nodes: [node, other], place: [x, y, z] } = seam;
+    let (what, remedy) = match kind {
+        SeamKind::CoincidentNodes => (
+            format!("{count} pairs of nodes are at the same place, such as {node} and {other}"),
+            "join the parts of the geometry before meshing (in Gmsh `Coherence;`), or link the nodes",
+        ),
+        SeamKind::HangingNode => (
+            format!(
+                "{count} nodes lie on a side of an element that does not have them, such as {node} on the side with {other}"
+            ),
+            "let neighbours have the same nodes, or link them",
+        ),
+        SeamKind::QuadrangleOnTriangles => (
+            format!("{count} quadrangles are covered by triangles, such as that with the nodes {node} and {other}"),
+            "mesh with tetrahedra or hexahedra only",
+        ),
+        SeamKind::SideOfMany => (
+            format!("{count} sides belong to three elements or more, such as that with the nodes {node} and {other}"),
+            "mesh every part of the body once",
+        ),
+    };
+    format!("the mesh is not joined everywhere: {what}, at ({x:.4e}, {y:.4e}, {z:.4e}) m; {remedy}")
 }
 
 /// Tolerances at which a step is accepted that is not in balance: results differ by some 10 %, and nothing else would say so.

@@ -29,7 +29,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let text = if error.kind() == ErrorKind::NotFound {
         format!(
             "the benchmarks are the program `{PROGRAM}`, which is neither next to this program nor in PATH\nhint: build it with \
-             `cargo build --release --package {PROGRAM}`; packages install it together with grainspan"
+             `cargo build --release --package {PROGRAM}`; packages do not have it"
         )
     } else {
         format!("{} could not be started: {error}", program.display())

@@ -38,7 +38,7 @@ const EXAMPLES: &str = "\
 Examples:
   grainspan check scenes/biaxial.toml                validate a scene without running it
   grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
-  grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=40
+  grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=80
   grainspan watch out/biaxial                        look at it in a browser while it runs
   grainspan pack packings/discs-400.toml --out packing.json
   grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a strain/stress path

@@ -28,7 +28,7 @@ use std::rc::Rc;
   grainspan element scenes/rve-biaxial.toml > curve.csv
   grainspan element --replay out/biaxial/quarantine.replay
   grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv
-  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,40,200 --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,10,20 --out curve.csv
   grainspan element scenes/rve-biaxial.toml --contacts out/contacts --fluctuations-from 0 --out curve.csv
   grainspan element scenes/rve-biaxial.toml --sweep contact.friction=0.1:0.7:7 --out friction.csv")]
 pub(crate) struct Arguments {

@@ -23,8 +23,8 @@ impl WorkerSupply for WorkerGroups {
         self.0.iter_mut().for_each(|one| one.lost(pid, had_completed_job));
     }
 
-    fn left(&mut self, pid: u32) {
-        self.0.iter_mut().for_each(|one| one.left(pid));
+    fn left(&mut self, pid: u32, had_completed_job: bool) {
+        self.0.iter_mut().for_each(|one| one.left(pid, had_completed_job));
     }
 
     fn tend(&mut self) -> Outlook {

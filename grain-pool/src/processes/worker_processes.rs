@@ -251,11 +251,17 @@ impl WorkerSupply for WorkerProcesses {
         self.remove(place, status, had_completed_job);
     }
 
-    fn left(&mut self, pid: u32) {
+    fn left(&mut self, pid: u32, had_completed_job: bool) {
         let Some(place) = self.place_of(pid) else { return };
         let now = Instant::now();
         self.children[place].leaving = Some(now + LEAVE_TIMEOUT);
-        self.due.push(now);
+        if had_completed_job {
+            self.due.push(now);
+            return;
+        }
+        // Replacements that only come and go again, as those of an engine which ends at once, must not follow each other for ever.
+        self.last_end = Some(format!("worker process {pid} left before it had completed a job"));
+        self.due.extend(self.restart_backoff.ended(false).map(|pause| now + pause));
     }
 
     fn tend(&mut self) -> Outlook {
@@ -353,11 +359,35 @@ mod tests {
         for _ in 0..3 {
             let pid = processes.children.last().unwrap().child.id();
             processes.joined(pid);
-            processes.left(pid);
+            processes.left(pid, true);
             assert!(matches!(processes.tend(), Outlook::Expected { .. }));
             assert_ne!(processes.children.last().unwrap().child.id(), pid);
         }
         assert_eq!(processes.restarts(), 0);
+    }
+
+    #[test]
+    fn workers_that_leave_without_an_answer_are_not_replaced_for_ever() {
+        let mut processes = WorkerProcesses::start(shell("exec sleep 100", 1, 2), &Interrupt::new()).unwrap();
+        let mut rounds = 0;
+        let outlook = loop {
+            let outlook = processes.tend();
+            let Some(one) = processes.children.iter_mut().find(|one| one.leaving.is_none()) else {
+                if matches!(outlook, Outlook::Exhausted(_)) {
+                    break outlook;
+                }
+                std::thread::sleep(Duration::from_millis(10));
+                continue;
+            };
+            let pid = one.child.id();
+            one.child.kill().unwrap();
+            processes.joined(pid);
+            processes.left(pid, false);
+            rounds += 1;
+            assert!(rounds < 20, "replaced again and again");
+        };
+        assert!(matches!(&outlook, Outlook::Exhausted(reason) if reason.contains("completed job")), "{outlook:?}");
+        assert_eq!(processes.restarts(), 2);
     }
 
     /// Thousands of processes take minutes to start: a request to stop must not wait for the last of them.

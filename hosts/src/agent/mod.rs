@@ -309,7 +309,11 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         if self.dismissed {
             return;
         }
-        if gone.leaving { self.supply.left(gone.pid) } else { self.supply.lost(gone.pid, gone.has_answered) }
+        if gone.leaving {
+            self.supply.left(gone.pid, gone.has_answered);
+        } else {
+            self.supply.lost(gone.pid, gone.has_answered);
+        }
     }
 
     /// Takes what the macro has sent; returns why the agent ends, if it does.

@@ -106,17 +106,19 @@ impl<'a> PeriodicCheckpoints<'a> {
         by_steps || self.last.elapsed() >= self.policy.pause.max(self.last_cost * LEAST_PAUSE)
     }
 
-    /// A checkpoint that cannot be written is no reason to end a run: the one before it is still there.
-    fn write(&mut self, archive: &Archive) {
+    /// Whether the checkpoint has been written. One that cannot be is no reason to end a run: the one before it is still there.
+    fn write(&mut self, archive: &Archive) -> bool {
         match self.file.write(archive) {
             Ok(bytes) => {
                 self.figures.written += 1;
                 self.figures.bytes = bytes;
+                true
             }
             Err(error) => {
                 self.figures.failed += 1;
                 self.figures.last_failure = Some(error.to_string());
                 tracing::warn!(%error, "the checkpoint could not be written; the run goes on");
+                false
             }
         }
     }
@@ -147,9 +149,9 @@ impl CheckpointStore for PeriodicCheckpoints<'_> {
             self.pending = Some(archive);
             return;
         }
-        self.pending = None;
         self.steps = 0;
-        self.write(&archive);
+        // One that the system would not take is tried again when the run ends.
+        self.pending = if self.write(&archive) { None } else { Some(archive) };
         self.count_cost(begun);
         self.last = Instant::now();
     }

@@ -12,9 +12,12 @@ pub mod geotechnical;
 pub mod gmsh;
 mod lattice;
 pub mod ring;
+mod seams;
 mod validation;
 
 pub use crate::element::{Dimension, ElementKind, SideKind};
+
+pub use seams::{Seam, SeamKind};
 
 use crate::element::shapes_at_points;
 
@@ -136,6 +139,14 @@ pub enum MeshError {
         expected: usize,
         /// Kind of the element.
         kind: ElementKind,
+    },
+    /// Two elements with the same nodes.
+    #[error("elements {first} and {second} have the same nodes: the body would be there twice")]
+    SameNodes {
+        /// The one.
+        first: usize,
+        /// The other.
+        second: usize,
     },
     /// A node number beyond the last node.
     #[error("{entity} refers to node {node}, but the mesh has nodes 0 to {last}")]

@@ -2,6 +2,7 @@
 
 use super::{Dimension, Mesh, MeshError};
 use crate::element::{geometry_of_shape, node_places, point_geometry, shape};
+use std::collections::BTreeMap;
 
 /// Largest negative determinant at a corner, relative to the largest one of the element, that passes as slight; the
 /// irregular patch of hexahedra of MacNeal and Harder has 0.03.
@@ -20,6 +21,7 @@ impl Mesh {
             return Err(MeshError::KindCount { elements: self.elements.len(), kinds: self.kinds.len() });
         }
         self.check_references()?;
+        self.check_repetitions()?;
         self.check_sets()?;
         self.check_positions()?;
         self.check_mapping()?;
@@ -35,6 +37,18 @@ impl Mesh {
                 return Err(MeshError::NodeCount { element, found: nodes.len(), expected: kind.node_count(), kind });
             }
             self.check_nodes(nodes, || format!("element {element}"))?;
+        }
+        Ok(())
+    }
+
+    fn check_repetitions(&self) -> Result<(), MeshError> {
+        let mut known: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        for (second, nodes) in self.elements.iter().enumerate() {
+            let mut nodes = nodes.clone();
+            nodes.sort_unstable();
+            if let Some(first) = known.insert(nodes, second) {
+                return Err(MeshError::SameNodes { first, second });
+            }
         }
         Ok(())
     }
@@ -162,6 +176,9 @@ mod tests {
         let mut mesh = block(ElementKind::Q4);
         mesh.side_sets.get_mut("top").unwrap()[0].local = 4;
         assert!(matches!(mesh.validate(), Err(MeshError::NoSuchSide { local: 4, .. })));
+        let mut mesh = block(ElementKind::Q4);
+        mesh.elements[5] = mesh.elements[2].iter().rev().copied().collect();
+        assert_eq!(mesh.validate(), Err(MeshError::SameNodes { first: 2, second: 5 }));
         let mut mesh = block(ElementKind::T4);
         mesh.element_sets.get_mut("all").unwrap().push(999);
         assert!(matches!(mesh.validate(), Err(MeshError::NoSuchElement { element: 999, .. })));

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Energies since the start of the run, J, in the plane per metre of thickness.
+/// Energies since the start of the stage, J, in the plane per metre of thickness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnergyBalance {
     /// Kinetic energy now.
     pub kinetic: f64,
-    /// Kinetic energy at the start.
+    /// Kinetic energy at the start of the stage.
     pub initial_kinetic: f64,
     /// Work of the stresses on the body.
     pub internal: f64,

@@ -280,6 +280,8 @@ pub struct FieldsView<'a> {
     pub loads: &'a [[f64; 3]],
     /// Energy of the hourglass control of elements with one point, J, in the plane per metre of thickness.
     pub hourglass_energy: f64,
+    /// Energy of pore fluid that cannot drain, J, in the plane per metre of thickness.
+    pub fluid_energy: f64,
     /// Motion and energies; `None` in a quasi-static stage.
     pub dynamics: Option<DynamicsView<'a>>,
     /// Gauss points, by [`crate::material::PointId`].
@@ -308,7 +310,7 @@ pub struct DynamicsView<'a> {
 /// Counts and times of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// Accepted load steps, without the initial equilibrium.
+    /// Accepted load steps, without the initial equilibrium, and time steps of dynamic stages.
     pub steps: u64,
     /// Out-of-balance force of the initial stress over the reactions or loads, whichever is larger.
     pub initial_imbalance: f64,

@@ -15,12 +15,17 @@ pub struct EnergyLedger {
     motion: Option<(usize, f64)>,
     initial_elastic: f64,
     initial_hourglass: f64,
-    /// Dissipated by friction and by viscous stabilisation before the first accepted state: the work of step 0, which brings cells that
-    /// do not match the loads to balance, is not known.
-    dissipated_before: [f64; 2],
+    initial_fluid: f64,
+    /// Dissipated by friction, by numerical damping of the grains and by viscous stabilisation before the first accepted state: the work
+    /// of step 0, which brings cells that do not match the loads to balance, is not known.
+    dissipated_before: [f64; 3],
     elastic: f64,
     dissipation: f64,
+    /// Taken by numerical damping of the grains.
+    damping: f64,
     hourglass: f64,
+    /// Of pore fluid that cannot drain.
+    fluid: f64,
     /// Dissipated by viscous stabilisation.
     stabilisation: f64,
     /// Figures of dynamic stages, by name.
@@ -39,17 +44,20 @@ impl EnergyLedger {
         self.dynamics.clone()
     }
 
-    /// All entries by name. Work and balance count from the end of step 0. The rest of the work, `residual`, is the dissipation by
-    /// damping of the grain solver and the error of the trapezium rule over the steps; `relative_residual` is its size over the largest
-    /// entry. A run with dynamic stages has neither: its balance is among their figures. Without the energies of the grains, which the
-    /// observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance. So it is where an
-    /// engine reports none.
+    /// All entries by name. Work and balance count from the end of step 0. The rest of the work, `residual`, is the error of the
+    /// trapezium rule over the steps, and what engines other than that of this program damp; `relative_residual` is its size over the
+    /// largest entry. A run with dynamic stages has neither: its balance is among their figures. Without the energies of the grains, which
+    /// the observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance. So it is where
+    /// an engine reports none.
     pub fn entries(&self, grains_observed: bool) -> BTreeMap<String, f64> {
         let mut entries = BTreeMap::from([
             ("external_work".to_owned(), self.external_work),
             ("hourglass".to_owned(), self.hourglass),
             ("stabilisation".to_owned(), self.stabilisation),
         ]);
+        if self.fluid != 0.0 || self.initial_fluid != 0.0 {
+            entries.insert("pore_fluid".to_owned(), self.fluid);
+        }
         if !grains_observed {
             return entries;
         }
@@ -57,14 +65,24 @@ impl EnergyLedger {
         entries.insert("elastic".to_owned(), self.elastic);
         entries.insert("frictional_dissipation".to_owned(), self.dissipation);
         entries.insert("frictional_dissipation_initial".to_owned(), self.dissipated_before[0]);
+        entries.insert("damping_work".to_owned(), self.damping);
+        entries.insert("damping_work_initial".to_owned(), self.dissipated_before[1]);
         let is_reported = [self.initial_elastic, self.elastic, self.dissipation].iter().any(|energy| *energy != 0.0);
         if self.dynamics.is_empty() && is_reported {
             let change = self.elastic - self.initial_elastic;
-            let [friction, viscous] = self.dissipated_before;
-            let hourglass = self.hourglass - self.initial_hourglass;
-            let consumed = [change, self.dissipation - friction, hourglass, self.stabilisation - viscous];
+            let [friction, damping, viscous] = self.dissipated_before;
+            let consumed = [
+                change,
+                self.dissipation - friction,
+                self.damping - damping,
+                self.hourglass - self.initial_hourglass,
+                self.fluid - self.initial_fluid,
+                self.stabilisation - viscous,
+            ];
             let residual = self.external_work - consumed.iter().sum::<f64>();
-            let largest = consumed.iter().fold(self.external_work.abs(), |most, value| most.max(value.abs()));
+            // In a body that turns as a whole the work is next to nothing beside what is stored all the time.
+            let scale = self.external_work.abs().max(self.initial_elastic.abs());
+            let largest = consumed.iter().fold(scale, |most, value| most.max(value.abs()));
             entries.insert("residual".to_owned(), residual);
             let relative = if largest > 0.0 { residual.abs() / largest } else { 0.0 };
             entries.insert("relative_residual".to_owned(), relative);
@@ -76,7 +94,7 @@ impl EnergyLedger {
 const SECTION: &str = "energy";
 
 /// Counts changes of [`EnergyLedger`].
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 impl Observer for EnergyLedger {
     fn save(&self, archive: &mut Archive) {
@@ -94,7 +112,8 @@ impl Observer for EnergyLedger {
         };
         self.elastic = total(|point| point.observed.elastic_energy);
         self.dissipation = total(|point| point.observed.frictional_dissipation);
-        self.hourglass = view.hourglass_energy;
+        self.damping = total(|point| point.observed.damping_work);
+        (self.hourglass, self.fluid) = (view.hourglass_energy, view.fluid_energy);
         self.stabilisation = view.statistics.stabilisation_work;
         if let Some(motion) = &view.dynamics {
             let largest = |name: &str, now: f64| now.max(self.dynamics.get(name).copied().unwrap_or(0.0));
@@ -114,8 +133,8 @@ impl Observer for EnergyLedger {
         match &self.last {
             None => {
                 self.initial_elastic = self.elastic;
-                self.initial_hourglass = self.hourglass;
-                self.dissipated_before = [self.dissipation, self.stabilisation];
+                (self.initial_hourglass, self.initial_fluid) = (self.hourglass, self.fluid);
+                self.dissipated_before = [self.dissipation, self.damping, self.stabilisation];
             }
             // A motion swings many times between two reports; its own ledger has every time step.
             Some(_) if let Some(motion) = &view.dynamics => {
@@ -154,9 +173,10 @@ mod tests {
     fn the_balance_counts_from_the_end_of_step_0() {
         let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
         let mut ledger = EnergyLedger::default();
-        let mut accept = |step: usize, [dissipation, elastic, viscous]: [f64; 3], moved: f64| {
+        let mut accept = |step: usize, [dissipation, damping, elastic, fluid, viscous]: [f64; 5], moved: f64| {
             let mut fields = point(1.0, [[0.0; 2]; 2], 1.0);
             (fields.observed.frictional_dissipation, fields.observed.elastic_energy) = (dissipation, elastic);
+            fields.observed.damping_work = damping;
             let still = vec![[0.0; 3]; mesh.nodes.len()];
             let (mut displacements, mut loads) = (still.clone(), still.clone());
             (displacements[0][0], loads[0][0]) = (moved, 2.0);
@@ -166,17 +186,20 @@ mod tests {
                 reactions: &still,
                 loads: &loads,
                 hourglass_energy: 0.0,
+                fluid_energy: fluid,
                 dynamics: None,
                 points: &[fields],
                 statistics: &Statistics { stabilisation_work: viscous, ..Statistics::default() },
             };
             ledger.accepted(&report(step, 0, step as f64), &view).unwrap();
         };
-        accept(0, [7.0, 3.0, 2.0], 0.0);
-        accept(1, [7.5, 3.25, 2.25], 0.5);
+        accept(0, [7.0, 1.0, 3.0, 0.5, 2.0], 0.0);
+        accept(1, [7.5, 1.125, 3.25, 0.5625, 2.0625], 0.5);
         let entries = ledger.entries(true);
         assert_eq!(entries["external_work"], 1.0);
         assert_eq!((entries["frictional_dissipation"], entries["frictional_dissipation_initial"]), (7.5, 7.0));
+        assert_eq!((entries["damping_work"], entries["damping_work_initial"]), (1.125, 1.0));
+        assert_eq!(entries["pore_fluid"], 0.5625);
         assert_eq!((entries["residual"], entries["relative_residual"]), (0.0, 0.0));
     }
 
@@ -201,6 +224,7 @@ mod tests {
                 reactions: &still,
                 loads: &still,
                 hourglass_energy: hourglass,
+                fluid_energy: 0.0,
                 dynamics,
                 points: &[point(1.0, [[0.0; 2]; 2], 1.0)],
                 statistics: &Statistics::default(),

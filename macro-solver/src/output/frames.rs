@@ -174,6 +174,7 @@ fn quantities(dimension: Dimension, observables: Observables, has_fluid: bool) -
         (Observables::SLIDING_FRACTION, scalar("sliding_fraction", |point| vec![point.observed.sliding_fraction])),
         (Observables::ENERGY, scalar("elastic_energy", |point| vec![point.observed.elastic_energy])),
         (Observables::ENERGY, scalar("frictional_dissipation", |point| vec![point.observed.frictional_dissipation])),
+        (Observables::ENERGY, scalar("damping_work", |point| vec![point.observed.damping_work])),
     ];
     if has_fluid {
         quantities.push(scalar("pore_pressure", |point| vec![point.pore_pressure.unwrap_or(0.0)]));

@@ -46,6 +46,7 @@ pub(super) fn point_columns(observables: Observables) -> Vec<PointColumn> {
     let energies = vec![
         scalar("elastic_energy", |point| point.observed.elastic_energy),
         scalar("frictional_dissipation", |point| point.observed.frictional_dissipation),
+        scalar("damping_work", |point| point.observed.damping_work),
     ];
     optional(Observables::ENERGY, energies);
     let rotations = vec![

@@ -111,7 +111,7 @@ const HISTORY: [(&str, &str); 14] = [
 ];
 
 /// Fields whose unit is not that of a force.
-const FIELDS: [(&str, &str); 27] = [
+const FIELDS: [(&str, &str); 28] = [
     ("displacement", "m"),
     ("stress", "Pa"),
     ("principal_stress_major", "Pa"),
@@ -132,6 +132,7 @@ const FIELDS: [(&str, &str); 27] = [
     ("sliding_fraction", "-"),
     ("elastic_energy", "J/m3"),
     ("frictional_dissipation", "J/m3"),
+    ("damping_work", "J/m3"),
     ("step_evaluations", "-"),
     ("evaluations", "-"),
     ("step_force_evaluations", "-"),

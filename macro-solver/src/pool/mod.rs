@@ -324,7 +324,7 @@ impl<P: MacroPort> Pool<P> {
                 Action::Joined(pid) => self.supply.joined(pid),
                 Action::Refused(pid, reason) => self.supply.refused(pid, &reason),
                 Action::Gone(pid, had_answered) => self.supply.lost(pid, had_answered),
-                Action::Left(pid) => self.supply.left(pid),
+                Action::Left(pid, had_answered) => self.supply.left(pid, had_answered),
             }
         }
     }

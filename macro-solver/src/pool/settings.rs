@@ -108,7 +108,7 @@ pub struct PoolSettings {
     pub recycling: Recycling,
     /// How long the pool lives without any worker before it gives up.
     #[serde(with = "keys::forms::seconds")]
-    #[schemars(with = "f64", extend("x-unit" = "s", "x-default" = "60, with --attach 3600"), range(min = 0.0, max = 2_678_400.0))]
+    #[schemars(with = "f64", extend("x-unit" = "s", "x-default" = "60, with --attach or --listen 3600"), range(min = 0.0, max = 2_678_400.0))]
     pub worker_timeout: Duration,
     /// Number of workers that one job may end before it is held to be the cause and the run stops.
     #[schemars(range(min = 1))]

@@ -26,9 +26,10 @@ pub trait WorkerSupply {
     fn lost(&mut self, pid: u32, had_answered: bool);
 
     /// The worker with this process id has said goodbye and closed its channel: its process is about to end by itself
-    /// and should be replaced. Nothing went wrong, so the replacement does not count against any limit.
-    fn left(&mut self, pid: u32) {
-        self.lost(pid, true);
+    /// and should be replaced. `had_answered` as in [`lost`](Self::lost): of a worker that was of use the replacement does not count
+    /// against any limit.
+    fn left(&mut self, pid: u32, had_answered: bool) {
+        self.lost(pid, had_answered);
     }
 
     /// Called regularly while the pool waits: starts replacements that are due.

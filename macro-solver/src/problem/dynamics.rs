@@ -1,6 +1,7 @@
 //! What an explicit dynamic stage needs beside its conditions and its duration.
 
 use crate::element::mass::Lumping;
+use crate::mesh::Dimension;
 use crate::problem::Problem;
 use crate::problem::error::ProblemError;
 use schemars::JsonSchema;
@@ -324,6 +325,9 @@ impl DynamicSettings {
         }
         for velocity in &self.initial_velocities {
             problem.nodes(&velocity.nodes)?;
+            if problem.mesh.dimension == Dimension::Plane && velocity.value[2] != 0.0 {
+                return Err(ProblemError::NoThirdAxis);
+            }
         }
         for sides in &self.absorbing {
             problem.sides(sides)?;

@@ -58,7 +58,9 @@ impl<'a> Row<'a> {
         for &(number, coefficient) in &equation.auxiliary {
             *row.terms.entry(Column::Auxiliary(number)).or_insert(0.0) += coefficient;
         }
-        row.scale = row.terms.values().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let coefficients = equation.terms.iter().chain(&equation.auxiliary).map(|(_, coefficient)| coefficient.abs());
+        row.scale = coefficients.fold(0.0, f64::max);
+        row.forget_rounding();
         Ok(row)
     }
 
@@ -81,6 +83,11 @@ impl<'a> Row<'a> {
             self.add_given(factor * value, history);
         }
         self.scale = self.scale.max(factor.abs() * other.scale);
+        self.forget_rounding();
+    }
+
+    /// Leaves out terms that have cancelled, up to rounding.
+    fn forget_rounding(&mut self) {
         let least = ROUNDING * self.scale;
         self.terms.retain(|_, coefficient| coefficient.abs() > least);
     }
@@ -194,6 +201,10 @@ mod tests {
         assert_eq!(found[1], Dependent { dof: 2, masters: vec![], given: vec![(3.75, RAMP)] });
         let all = [Some(moved), Some(moved), None];
         assert!(matches!(dependents(&chain, &all), Err(ProblemError::MultiPointConstraint { .. })), "3 is not 3.25");
+        let nothing = equation(&[(0, 1.0), (0, -1.0)], &[], 0.0);
+        assert_eq!(dependents(&[nothing.clone()], &[None; 3]).unwrap(), [], "terms that cancel link nothing");
+        let contradiction = [Equation { value: 1.0, ..nothing }];
+        assert!(matches!(dependents(&contradiction, &[None; 3]), Err(ProblemError::MultiPointConstraint { .. })));
         let twice = [chain[0].clone(), chain[0].clone(), chain[1].clone()];
         assert_eq!(dependents(&twice, &[None, None, None]).unwrap().len(), 2, "said twice is said once");
     }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "implicit";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 26;
+const VERSION: u32 = 27;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -39,6 +39,8 @@ struct Record {
     tangents: TangentUpdaterRecord,
     /// Entries of the global matrix whose factors the next step may use; empty if it makes its own.
     kept_matrix: Vec<f64>,
+    /// Whether its equations are solved directly.
+    kept_is_direct: bool,
     pairs: Vec<Pair>,
     /// Of the next step.
     strain_per_step: f64,
@@ -91,6 +93,7 @@ impl Checkpointed for Solver<'_> {
             strains: self.points.previous_strains(),
             tangents: self.tangents.record(),
             kept_matrix: if self.tangents.keeps_factors() { self.linear.values().to_vec() } else { Vec::new() },
+            kept_is_direct: self.linear.solves_directly(),
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
             strain_per_step: self.points.strain_per_step(),
             kept_strain_per_step: self.kept_strain_per_step,
@@ -123,7 +126,7 @@ impl Checkpointed for Solver<'_> {
         self.set_up().map_err(|error| CheckpointError::unfit(SECTION, error))?;
         self.tangents.restore(record.tangents);
         if !record.kept_matrix.is_empty() {
-            let again = self.linear.factorize_again(&record.kept_matrix);
+            let again = self.linear.factorize_again(&record.kept_matrix, record.kept_is_direct);
             if !again.map_err(|error| CheckpointError::unfit(SECTION, error))? {
                 return Err(CheckpointError::unfit(SECTION, "the kept stiffness is that of another mesh"));
             }

@@ -54,11 +54,12 @@ impl Solver<'_> {
         let (mut deviation, mut largest) = (0.0f64, 0.0f64);
         for (number, point) in self.points.all().iter().enumerate() {
             let wanted = expected.at(number, self.body.place(number, &self.body.mesh().nodes));
-            for i in 0..axes {
-                for j in 0..axes {
-                    largest = largest.max(wanted[(i, j)].abs());
-                    deviation = deviation.max((point.response.stress[(i, j)] - wanted[(i, j)]).abs());
-                }
+            let stress = &point.response.stress;
+            // Cells of spheres have a stress across a plane mesh too; those of discs have none.
+            let across = (axes < 3 && stress[(2, 2)] != 0.0 && wanted[(2, 2)] != 0.0).then_some((2, 2));
+            for place in (0..axes).flat_map(|i| (0..axes).map(move |j| (i, j))).chain(across) {
+                largest = largest.max(wanted[place].abs());
+                deviation = deviation.max((stress[place] - wanted[place]).abs());
             }
         }
         if deviation == 0.0 { 0.0 } else { deviation / largest }

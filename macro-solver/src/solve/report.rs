@@ -56,14 +56,19 @@ impl Solver<'_> {
             accuracy: self.accuracy,
         };
         let dimension = self.body.mesh().dimension.count();
+        let points = self.point_fields(state.gradients);
+        let formulation = self.problem.formulation;
+        let fluids = points.iter().zip(self.points.all());
+        let fluid_energy = fluids.map(|(fields, point)| fields.volume * point.fluid_energy(formulation)).sum();
         let view = FieldsView {
             mesh: self.body.mesh(),
             displacements: &by_node(dimension, &self.body.displacements),
             reactions: &by_node(dimension, state.reactions),
             loads: &by_node(dimension, state.loads),
             hourglass_energy: state.hourglass_energy,
+            fluid_energy,
             dynamics: state.dynamics,
-            points: &self.point_fields(state.gradients),
+            points: &points,
             statistics: &self.statistics,
         };
         session.observer.accepted(&report, &view).map_err(Outcome::Stopped)

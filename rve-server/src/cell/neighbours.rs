@@ -56,7 +56,8 @@ impl<S: Space> PairFinder<S> {
         let largest = radii.iter().fold(0.0, |largest: f64, radius| largest.max(*radius));
         let range = 2.0 * largest + skin;
         let widths = cell.widths();
-        let bins = S::shift(|axis| bin_count(widths[axis], range));
+        let most = share_of_bins((0..S::DIMENSION).map(|axis| bin_count(widths[axis], range)), radii.len());
+        let bins = S::shift(|axis| ((f64::from(bin_count(widths[axis], range)) * most) as i32).max(1));
         // How many bins away a partner can be; more than one only in cells smaller than the range.
         let reach = S::shift(|axis| (range * f64::from(bins[axis]) / widths[axis]).ceil() as i32);
         let neighbours: i32 = (0..S::DIMENSION).map(|axis| 2 * reach[axis] + 1).product();
@@ -163,6 +164,18 @@ const MOST_BINS: f64 = 1024.0;
 /// Bins along one side, each at least one range wide. The tiny margin keeps rounding at a bin's edge harmless.
 fn bin_count(width: f64, range: f64) -> i32 {
     ((width / (range * (1.0 + 1e-9))).floor().min(MOST_BINS) as i32).max(1)
+}
+
+/// Bins of all sides together that a grain may have, and those of few grains.
+const BINS_PER_GRAIN: f64 = 8.0;
+const FEWEST_BINS: f64 = 4096.0;
+
+/// Share of the bins along each side that keeps their table in proportion to the grains: wider bins find the same pairs.
+fn share_of_bins(counts: impl ExactSizeIterator<Item = i32>, grains: usize) -> f64 {
+    let sides = counts.len() as f64;
+    let all: f64 = counts.map(f64::from).product();
+    let most = FEWEST_BINS.max(BINS_PER_GRAIN * grains as f64);
+    if all > most { (most / all).powf(1.0 / sides) } else { 1.0 }
 }
 
 /// In which image of the cell a bin lies. Nearly always in the cell itself: a division less.

@@ -74,6 +74,8 @@ pub struct GrainState<S: Space = Discs> {
     pub operators: OperatorMemory,
     /// Stored energy lost since the initial state, to friction above all, J.
     pub dissipation: f64,
+    /// Work that numerical damping has taken since the initial state, in trials that were asked for energies, J.
+    pub damping: f64,
     /// Area (m2) or volume (m3) of the cell in the initial state.
     pub initial_measure: f64,
     /// Value of the equilibrium criterion when the state was reached.
@@ -106,6 +108,7 @@ struct Payload<'a, T> {
     definition: ContentId,
     cell: T,
     dissipation: f64,
+    damping: f64,
     initial_measure: f64,
     unbalanced: f64,
     largest_load: f64,
@@ -188,6 +191,7 @@ impl<S: Space> GrainState<S> {
             definition,
             cell: self.cell.rows,
             dissipation: self.dissipation,
+            damping: self.damping,
             initial_measure: self.initial_measure,
             unbalanced: self.unbalanced,
             largest_load: self.largest_load,
@@ -234,6 +238,7 @@ impl<S: Space> GrainState<S> {
             rolling_moments: copied(payload.rolling_moments)?,
             operators: payload.operators,
             dissipation: payload.dissipation,
+            damping: payload.damping,
             initial_measure: payload.initial_measure,
             unbalanced: payload.unbalanced,
             largest_load: payload.largest_load,
@@ -344,6 +349,7 @@ mod tests {
             rolling_moments: vec![],
             operators: OperatorMemory::default(),
             dissipation: 1e-30,
+            damping: -3e-31,
             initial_measure: 2.03,
             unbalanced: 1e-4,
             largest_load: 3.5,
@@ -413,6 +419,7 @@ mod tests {
             rolling_moments: vec![],
             operators: OperatorMemory::default(),
             dissipation: 0.0,
+            damping: 0.0,
             initial_measure: 3.0,
             unbalanced: 0.0,
             largest_load: 0.0,

@@ -41,7 +41,7 @@ pub struct ContactResponse<K: KernelSpace, R: Real> {
     pub couple: Option<K::Axial<R>>,
     /// Where the contact is at its friction limit, see [`AT_LIMIT`].
     pub at_limit: R::Mask,
-    /// Stored energy lost since the last evaluation, J: to friction, and to a tangential stiffness that changed.
+    /// Energy lost since the last evaluation, J: to friction, to a tangential stiffness that changed, and to viscous forces.
     pub dissipation: R,
 }
 

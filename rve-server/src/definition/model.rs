@@ -71,6 +71,7 @@ impl GrainModel {
             rolling_moments,
             operators: OperatorMemory::default(),
             dissipation: 0.0,
+            damping: 0.0,
             initial_measure: cell.measure(),
             unbalanced: 0.0,
             largest_load: 0.0,

@@ -275,7 +275,12 @@ impl<S: SolverFor> GrainRve<S> {
     fn solve(&mut self, h: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let stretch = self.stretch(h, options)?;
-        let job = Job { state: &self.committed, strain: stretch.polar.strain, ramp_steps: stretch.ramp_steps };
+        let job = Job {
+            state: &self.committed,
+            strain: stretch.polar.strain,
+            ramp_steps: stretch.ramp_steps,
+            counts_work: options.observables.contains(Observables::ENERGY),
+        };
         let end = self.solver.solve_one(&self.model, job)?;
         Ok(self.conclude(end, &stretch, options, nanoseconds_since(started)))
     }
@@ -309,7 +314,12 @@ impl<S: SolverFor> GrainRve<S> {
         let elastic_energy = self.elastic_energy(&end.state, options.observables);
         // The whole end state is turned by R at once: rotating the stress with it makes objectivity exact.
         let turn = stretch.polar.turn;
-        let state = end.state.turned(turn);
+        let mut state = end.state.turned(turn);
+        if let (Some(work), Some(stored)) = (solved.work, elastic_energy) {
+            // What is neither stored nor lost to friction: no kinetic energy outlives a trial.
+            let before = self.solver.elastic_energy(&self.model, &self.committed);
+            state.damping += work - (stored - before) - (state.dissipation - self.committed.dissipation);
+        }
         let network = network.turned_to(&state);
         let stress = rotated(&stress, &S::rotation_matrix(turn));
         let mut flags = TrialFlags::default();

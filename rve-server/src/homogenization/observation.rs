@@ -49,6 +49,7 @@ pub(crate) fn observe<S: Space>(
         let volume = network.volume();
         observed.elastic_energy = elastic_energy / volume;
         observed.frictional_dissipation = state.dissipation / volume;
+        observed.damping_work = state.damping / volume;
     }
     if wanted.contains(Observables::ROTATION) {
         observed.mean_rotation = S::spin_in_space(state.mean_rotation());

@@ -12,8 +12,8 @@ use crate::space::Space;
 pub(crate) enum Bearing {
     /// Those whose grains both have two contacts or more.
     WithoutRattlers,
-    /// Of these, those that are no link of a chain: in space, grains in a row with two contacts each buckle freely. A
-    /// single such grain between others is a strut and stays.
+    /// Of these, those that are no link of a chain: in space, grains in a row with two contacts each buckle freely unless rolling springs
+    /// hold them. A single such grain between others is a strut and stays.
     WithoutRattlersAndChains,
 }
 
@@ -37,8 +37,12 @@ pub(crate) struct Pruned {
 }
 
 impl Pruned {
-    /// Prunes contacts between `grains` grains; `ends` are the two grains of each contact.
-    pub(crate) fn of(grains: usize, ends: impl Iterator<Item = [usize; 2]> + Clone, bearing: Bearing) -> Self {
+    /// Prunes contacts between `grains` grains; `ends` are the two grains of each contact, `bearing` the rule for a contact by its number.
+    pub(crate) fn of(
+        grains: usize,
+        ends: impl Iterator<Item = [usize; 2]> + Clone,
+        bearing: impl Fn(usize) -> Bearing,
+    ) -> Self {
         let mut degree = vec![0; grains];
         for grain in ends.clone().flatten() {
             degree[grain] += 1;
@@ -46,8 +50,8 @@ impl Pruned {
         let mut kept = vec![true; ends.clone().count()];
         loop {
             let mut changed = false;
-            for ([first, second], kept) in ends.clone().zip(&mut kept) {
-                if *kept && !bearing.holds([degree[first], degree[second]]) {
+            for (number, ([first, second], kept)) in ends.clone().zip(&mut kept).enumerate() {
+                if *kept && !bearing(number).holds([degree[first], degree[second]]) {
                     *kept = false;
                     degree[first] -= 1;
                     degree[second] -= 1;
@@ -77,6 +81,6 @@ impl<S: Space> ContactNetwork<S> {
 
     fn without_rattlers(&self) -> Pruned {
         let ends = self.contacts.iter().map(|contact| [contact.origin as usize, contact.end as usize]);
-        Pruned::of(self.positions.len(), ends, Bearing::WithoutRattlers)
+        Pruned::of(self.positions.len(), ends, |_| Bearing::WithoutRattlers)
     }
 }

@@ -17,6 +17,8 @@ pub struct Job<'a, S: Space> {
     pub strain: S::Tensor,
     /// Increments of the ramp; with 0 the state is evaluated as it is, and nothing moves.
     pub ramp_steps: u32,
+    /// Whether the work on the cell is summed up; no other result depends on it.
+    pub counts_work: bool,
 }
 
 /// How a solve ended.
@@ -36,11 +38,13 @@ pub struct Solved {
     pub changed_damping: bool,
     /// How the answer was found.
     pub course: Course,
+    /// Work of the contact forces on the affine motion of the cell, J, if it is wanted and the course of the solve has steps to count.
+    pub work: Option<f64>,
     /// Work and damping along the solve, if they are [counted](GrainSolver::count_energies) and its course has steps to count.
     pub energies: Option<PathEnergies>,
 }
 
-/// Energies that are summed up step by step: `work` = change of the stored energy + friction + `damping` + contact viscosity.
+/// Energies that are summed up step by step: `work` = change of the stored energy + friction and contact viscosity + `damping`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathEnergies {
     /// Work of the contact forces on the affine motion of the cell, J: what is done on it from outside.
@@ -106,6 +110,6 @@ impl<S: Space> dyn GrainSolver<S> + '_ {
     /// # Errors
     /// [`RveError::NotFinite`] where the forces are not finite.
     pub fn evaluate_state(&mut self, model: &GrainModel, state: &GrainState<S>) -> Result<End<S>, RveError> {
-        self.solve_one(model, Job { state, strain: S::Tensor::ZERO, ramp_steps: 0 })
+        self.solve_one(model, Job { state, strain: S::Tensor::ZERO, ramp_steps: 0, counts_work: false })
     }
 }

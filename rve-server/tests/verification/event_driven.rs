@@ -49,7 +49,8 @@ fn run(name: &str, options: RveOptions, start: &GrainState, path: &[Plane]) -> (
     for strain in path {
         let largest = strain.iter().flatten().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         let ramp_steps = ((largest / definition.options.strain_per_step()).ceil() as u32).max(5);
-        let end = solver.solve_one(&model, Job { state: &state, strain: *strain, ramp_steps }).unwrap();
+        let end =
+            solver.solve_one(&model, Job { state: &state, strain: *strain, ramp_steps, counts_work: false }).unwrap();
         counts.evaluations += end.solved.force_evaluations;
         counts.elastic += u64::from(end.solved.course == Course::Elastic);
         counts.events += u64::from(end.solved.course == Course::Events);

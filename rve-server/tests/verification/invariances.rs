@@ -1,7 +1,7 @@
 //! What must not matter does not matter, and what must balance balances, on a random packing.
 
 use crate::samples::{border_stress, hundred_discs, packing, perturbed_operator, tight, trial};
-use protocol::{Observables, RveSolver};
+use protocol::{Observables, Observed, RveSolver, Tensor2, TrialOptions};
 use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::definition::{GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -213,4 +213,33 @@ fn network_tangent_is_the_derivative_of_the_trial() {
         }
     }
     assert!(worst < 1e-4, "largest deviation {worst:e}");
+}
+
+/// The work of damping that an answer has is what the steps of the grains add up to, though only the work on the cell is summed up for it:
+/// stored energy and friction, taken from that, leave it. A cell that is kept by a snapshot goes on counting.
+#[test]
+fn answers_know_what_damping_has_taken() {
+    let definition = hundred_discs(RveOptions::default());
+    let options = TrialOptions { observables: Observables::ENERGY, ..TrialOptions::default() };
+    let new = || {
+        let mut cell = GrainRve::new(&definition).unwrap();
+        cell.count_energies();
+        cell
+    };
+    let (mut cell, mut counted, mut observed) = (new(), 0.0, Observed::default());
+    for number in 0..30 {
+        observed = cell.trial(&Tensor2::from_plane([[0.0, 1e-3], [0.0, 0.0]]), &options).unwrap().observed;
+        counted += cell.trial_energies().unwrap().damping;
+        cell.commit().unwrap();
+        if number == 10 {
+            let mut bytes = Vec::new();
+            cell.snapshot(&mut bytes);
+            cell = new();
+            cell.restore(&bytes).unwrap();
+        }
+    }
+    let counted = counted / cell.committed_network().unwrap().volume();
+    let turned_over = observed.elastic_energy + observed.frictional_dissipation;
+    assert!(counted > 1e-3 * turned_over, "{counted} of {turned_over}");
+    assert!((observed.damping_work - counted).abs() < 5e-4 * turned_over, "{observed:?} for {counted}");
 }

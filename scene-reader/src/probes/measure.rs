@@ -180,6 +180,7 @@ pub(super) fn measure(
         ProbeKind::EquivalentStrainIncrement => bare(Measure::EquivalentStrainIncrement),
         ProbeKind::ElasticEnergy => bare(Measure::ElasticEnergy),
         ProbeKind::FrictionalDissipation => bare(Measure::FrictionalDissipation),
+        ProbeKind::DampingWork => bare(Measure::DampingWork),
         ProbeKind::Reaction
         | ProbeKind::Displacement
         | ProbeKind::Strain

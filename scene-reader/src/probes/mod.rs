@@ -143,7 +143,8 @@ fn field(keys: &Keys<'_>, kind: ProbeKind) -> Result<FieldProbe, InputError> {
     let Some((measure, has_component)) = measure(&word, probe.component.as_ref())? else {
         return Err(word.not_at_points());
     };
-    let is_energy = matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation);
+    let is_energy =
+        matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation | ProbeKind::DampingWork);
     let allowed = [
         ("component", has_component),
         ("part", true),

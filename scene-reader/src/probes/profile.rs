@@ -52,7 +52,8 @@ fn profile(context: &ProbeContext<'_>, table: &ProfileTable) -> Result<Profile, 
     if let Some(reference) = table.reference.as_ref().filter(|_| !measure.has_reference()) {
         return Err(superfluous("reference", reference.span()));
     }
-    let is_energy = matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation);
+    let is_energy =
+        matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation | ProbeKind::DampingWork);
     if let Some(keyword) = table.statistic.as_ref().filter(|_| is_energy) {
         return Err(superfluous("statistic", keyword.span()));
     }

@@ -147,7 +147,7 @@ pub(crate) struct SceneFile {
     /// When the state of the run is written. Changes no result and may differ when a run is continued.
     #[serde(default)]
     pub(crate) checkpoint: Given<CheckpointPolicy>,
-    /// Who solves the Gauss points, and how workers are supervised. Only `engine` and `points` change a result; the other keys
+    /// Who solves the Gauss points, and how workers are supervised. Only `engine`, `points`, `difference_strain` and `difference_reuses` change a result; the other keys
     /// may differ when a run is continued.
     #[serde(default)]
     pub(crate) pool: Given<PoolTable>,

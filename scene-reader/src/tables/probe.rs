@@ -133,6 +133,8 @@ pub(crate) enum ProbeKind {
     ElasticEnergy,
     /// Work lost to friction, J, in the plane per m of thickness. Needs the observable "energy".
     FrictionalDissipation,
+    /// Work that numerical damping of the grains has taken, J, in the plane per m of thickness. Needs the observable "energy".
+    DampingWork,
     /// Energy of the hourglass control of elements with one Gauss point, J, in the plane per m of thickness.
     HourglassEnergy,
     /// (`set`, `component`) Mean velocity of the set, m/s; 0 in a quasi-static stage.
@@ -208,6 +210,7 @@ protocol::keywords! {
         CoordinationNumber => "coordination_number",
         ElasticEnergy => "elastic_energy",
         FrictionalDissipation => "frictional_dissipation",
+        DampingWork => "damping_work",
         HourglassEnergy => "hourglass_energy",
         Velocity => "velocity",
         Acceleration => "acceleration",

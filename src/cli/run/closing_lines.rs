@@ -115,8 +115,8 @@ fn warnings(summary: &Summary) -> String {
     let open = (residual > LARGEST_RESIDUAL).then(|| {
         let percent = 100.0 * residual;
         format!(
-            "energy balance open by {percent:.0} %: numerical damping of grains that snap or collapse, and the load steps, which can be \
-             made smaller"
+            "energy balance open by {percent:.0} %: the load steps are large where stresses change or turn fast; smaller ones close it \
+             (what engines from outside damp stays open)"
         )
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();

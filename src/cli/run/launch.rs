@@ -155,8 +155,8 @@ impl WorkerSupply for Welcoming {
         self.0.lost(pid, had_answered);
     }
 
-    fn left(&mut self, pid: u32) {
-        self.0.left(pid);
+    fn left(&mut self, pid: u32, had_answered: bool) {
+        self.0.left(pid, had_answered);
     }
 
     fn tend(&mut self) -> Outlook {

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -103,6 +103,12 @@ fn a_sealed_specimen_follows_a_cell_of_constant_volume() {
         let (found, expected) = (value(&specimen, ours), value(&cell, theirs));
         assert!((found - expected).abs() < 0.02 * PRESSURE, "{ours}: {found} for {expected}");
     }
+    // Most of the work went into the fluid, and the balance knows it.
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
+    let energy = |name: &str| summary["energy"][name].as_f64().unwrap();
+    let pressure = value(&specimen, "fluid");
+    assert!((energy("pore_fluid") / (0.01 * 0.5 * pressure * pressure / 1e10) - 1.0).abs() < 1e-2, "{summary}");
+    assert!(energy("relative_residual") < 0.02, "{summary}");
     // The path is not that of a drained test, whose lateral stress stays.
     assert!((value(&specimen, "xx") + PRESSURE).abs() > 0.1 * PRESSURE);
     let lateral = value(&specimen, "xx") - value(&specimen, "fluid");

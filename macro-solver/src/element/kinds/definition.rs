@@ -136,4 +136,13 @@ impl SideKind {
             Self::Quad8 => 8,
         }
     }
+
+    /// Corners of one side: the first of its nodes.
+    pub fn corner_count(self) -> usize {
+        match self {
+            Self::Line2 | Self::Line3 => 2,
+            Self::Triangle3 | Self::Triangle6 => 3,
+            Self::Quad4 | Self::Quad8 => 4,
+        }
+    }
 }

@@ -60,7 +60,12 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
     }
     mesh.element_sets = sets.into_iter().map(|(name, elements)| (name, elements.into_iter().collect())).collect();
     mesh.element_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.elements.len()).collect());
-    mesh.side_sets = side_sets(&content, &mesh, &numbers, highest - 1)?;
+    mesh.side_sets = match side_sets(&content, &mesh, &numbers, highest - 1) {
+        Ok(sets) => sets,
+        // An element whose nodes are out of order has no sides that the groups could lie on: that is what is wrong then.
+        Err(_) if mesh.validate().is_err() => BTreeMap::new(),
+        Err(error) => return Err(error),
+    };
     mesh.node_sets = node_sets(&content, &numbers);
     mesh.node_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.nodes.len()).collect());
     Ok(mesh)
@@ -117,13 +122,19 @@ fn side_sets(
     for element in content.elements.iter().filter(|element| dimension_of(element) == dimension) {
         for name in names(content, element) {
             let nodes = sorted(element.nodes.iter().map(|node| numbers[node]).collect());
-            let [side] = owners.get(&nodes).map_or(&[][..], Vec::as_slice) else {
-                let problem = format!("an element of group '{name}' is not a side of exactly one element");
-                return Err(GmshError::new(
-                    element.line,
-                    problem,
-                    "groups of sides must lie on the boundary of the mesh",
-                ));
+            let sides = owners.get(&nodes).map_or(&[][..], Vec::as_slice);
+            let [side] = sides else {
+                let found =
+                    if sides.is_empty() { "of no element".into() } else { format!("of {} elements", sides.len()) };
+                let problem = format!("an element of group '{name}' is a side {found}, not of exactly one");
+                let remedy = match sides {
+                    [] => {
+                        "it must have the nodes of an element: were parts of the geometry meshed one by one (`Coherence;` joins them), or \
+                         are the nodes of elements in another order than Gmsh's?"
+                    }
+                    _ => "groups of sides must lie on the boundary of the mesh",
+                };
+                return Err(GmshError::new(element.line, problem, remedy));
             };
             sets.entry(name).or_default().insert(*side);
         }

@@ -2,6 +2,7 @@
 
 use super::GmshError;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::str::FromStr;
 
 /// What a file holds.
@@ -120,7 +121,9 @@ fn entities(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), GmshErro
                 words.next::<f64>("a coordinate")?;
             }
             let groups: usize = words.next("a number of groups")?;
-            let groups = (0..groups).map(|_| words.next("a group")).collect::<Result<_, _>>()?;
+            // The sign is the orientation that the group wants of the entity.
+            let groups: Vec<i64> = (0..groups).map(|_| words.next("a group")).collect::<Result<_, _>>()?;
+            let groups = groups.into_iter().map(i64::abs).collect();
             content.entities.insert((dimension, tag), groups);
         }
     }
@@ -172,6 +175,8 @@ fn position(words: &mut Words<'_>) -> Result<[f64; 3], GmshError> {
 }
 
 fn elements_two(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), GmshError> {
+    // An element of several groups stands there once for each of them.
+    let mut places: BTreeMap<(u32, Vec<u64>), usize> = BTreeMap::new();
     for _ in 0..lines.count()? {
         let line = lines.expect()?;
         let mut words = line.words();
@@ -180,8 +185,20 @@ fn elements_two(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), Gmsh
         let tags: usize = words.next("a number of tags")?;
         let tags: Vec<i64> = (0..tags).map(|_| words.next("a tag")).collect::<Result<_, _>>()?;
         // The first tag is the group, 0 for none.
-        let groups = tags.first().copied().filter(|group| *group != 0).into_iter().collect();
-        content.elements.push(RawElement { line: line.number, shape, groups, nodes: words.rest("a node")? });
+        let group = tags.first().map(|group| group.abs()).filter(|group| *group != 0);
+        let nodes: Vec<u64> = words.rest("a node")?;
+        match places.entry((shape, nodes.clone())) {
+            Entry::Occupied(place) => content.elements[*place.get()].groups.extend(group),
+            Entry::Vacant(place) => {
+                place.insert(content.elements.len());
+                content.elements.push(RawElement {
+                    line: line.number,
+                    shape,
+                    groups: group.into_iter().collect(),
+                    nodes,
+                });
+            }
+        }
     }
     Ok(())
 }

@@ -53,6 +53,22 @@ fn a_mixed_plane_mesh_has_its_groups_as_sets() {
     assert_eq!(mesh.point_count(), 4);
 }
 
+/// Format 2.2 repeats an element for each of its groups, and a negative group is one whose orientation differs.
+#[test]
+fn an_element_of_two_groups_is_one_element() {
+    let last = "9 2 2 9 1 3 18 7\n";
+    let twice = MIXED
+        .replace("$Elements\n9\n", "$Elements\n11\n")
+        .replace(last, &format!("{last}10 1 2 -4 3 6 5\n11 3 2 5 1 2 3 7 6\n"));
+    let mesh = read(&twice, None).unwrap();
+    mesh.validate().unwrap();
+    let (plain, group) = (read(MIXED, None).unwrap(), |name: &str| mesh.element_sets[name].clone());
+    assert_eq!((mesh.elements.len(), group("group_5")), (plain.elements.len(), vec![1]));
+    assert_eq!(group("soil"), plain.element_sets["soil"]);
+    assert_eq!(mesh.side_sets["group_4"], [mesh.side_sets["top"][0]]);
+    assert_eq!(mesh.side_sets["top"], plain.side_sets["top"]);
+}
+
 /// One element of a kind in format 4.1, its nodes in Gmsh's order.
 fn one_element(shape: u32, kind: ElementKind, edges: &[[usize; 2]]) -> String {
     let corners = &node_places(kind)[..kind.corner_count()];
@@ -112,7 +128,7 @@ fn defects_are_named_by_line_and_remedy() {
     let error = refused("7 3 2 3 1 2 3 7 6", "7 3 2 3 1 2 3 7 99");
     assert_eq!((error.line, error.problem.as_str()), (30, "there is no node 99"));
     assert!(refused("7 3 2 3 1 2 3 7 6", "7 6 2 3 1 2 3 7 6 5 1").problem.contains("prism"));
-    assert!(refused("3 1 2 2 3 6 5", "3 1 2 2 3 6 1").problem.contains("group 'top' is not a side"));
+    assert!(refused("3 1 2 2 3 6 5", "3 1 2 2 3 6 1").problem.contains("group 'top' is a side of no element"));
     assert!(refused("$EndElements", "").problem.contains("no $EndElements"));
     assert!(read("solid thing", None).unwrap_err().problem.contains("not the start of a section"));
     assert_eq!(read("", None).unwrap_err().line, 1);

@@ -174,7 +174,8 @@ impl Points {
         let least = point.reference.as_ref().map_or(0.0, |reference| NEGLIGIBLE_STRAIN * reference.norm);
         let asymmetric = bears && is_asymmetric(&matrix(&answer.stress), least);
         statistics.asymmetric_stresses += u64::from(asymmetric);
-        if trial.options.tangent == TangentKind::None {
+        // Secants correct the moduli by stresses alone, whether a tangent came with them or not.
+        if trial.options.tangent == TangentKind::None && self.secant.is_none() {
             let stress = formulation.cauchy(&point.deformation, gradient, &matrix(&answer.stress));
             point.response.stress = stress.ok_or_else(|| inside_out(trial.point))?;
         } else {
@@ -221,6 +222,10 @@ impl Points {
             statistics.floored_tangents += 1;
         }
         let Some(gates) = self.secant else { return moduli };
+        if gates.carried && !self.secants_hold {
+            (point.correction, point.last_sample) = (None, sample);
+            return moduli;
+        }
         let plain = moduli;
         if let Some(correction) = &point.correction {
             moduli += correction.as_ref();

@@ -19,7 +19,7 @@ use crate::formulation::{Formulation, Operator};
 use crate::mesh::{Dimension, point_places};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
-use crate::problem::{Problem, Procedure, SecantGates};
+use crate::problem::{Problem, Procedure, SecantGates, Stage};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observables};
 use std::sync::Arc;
@@ -34,6 +34,8 @@ pub(crate) struct Points {
     strain_per_step: f64,
     tangent_floor: Option<f64>,
     secant: Option<SecantGates>,
+    /// Whether carried secant corrections are in use: not while iterations do not contract.
+    secants_hold: bool,
     keep_unchanged: bool,
     neighbours: Option<NonlocalLayer>,
     /// Of stages whose stiffness is needed.
@@ -43,6 +45,11 @@ pub(crate) struct Points {
     target_grid: Option<f64>,
     /// Size that targets are rounded to in this attempt; 0: not at all.
     grid: f64,
+}
+
+/// Secant corrections of a stage: none where no matrix is made of the moduli.
+fn secant_of(stage: &Stage) -> Option<SecantGates> {
+    stage.strategy.secant.filter(|_| stage.procedure == Procedure::Implicit)
 }
 
 impl Points {
@@ -56,7 +63,8 @@ impl Points {
             observables: problem.observables,
             strain_per_step: problem.strain_per_step,
             tangent_floor: strategy.tangent_floor,
-            secant: strategy.secant,
+            secant: secant_of(&problem.stages[0]),
+            secants_hold: true,
             keep_unchanged: strategy.keep_unchanged,
             neighbours: None,
             coupling: None,
@@ -103,7 +111,7 @@ impl Points {
         self.close_pores(problem, number);
         self.choose_neighbours(problem, number);
         self.tangent_floor = strategy.tangent_floor;
-        self.secant = strategy.secant;
+        self.secant = secant_of(stage);
         self.keep_unchanged = strategy.keep_unchanged;
         self.target_grid = strategy.target_grid;
         self.grid = 0.0;
@@ -187,14 +195,15 @@ impl Points {
         if self.strain_per_step == 0.0 {
             return;
         }
-        // Strains of neighbours reach a point that does not strain itself. A point that is turned inside out is reported by its
-        // evaluation.
+        // What the material is asked for counts: no rotation that it does not see, and strains of neighbours reach a point that does not
+        // strain itself. A point that is turned inside out is reported by its evaluation.
         let seen = self.average_strains(predicted).ok().flatten();
         for (number, (point, gradient)) in self.points.iter_mut().zip(predicted).enumerate() {
-            let averaged = seen
-                .as_ref()
-                .and_then(|seen| self.formulation.target_of_strain(&point.deformation, gradient, &seen[number]));
-            let largest = averaged.map_or(gradient.amax(), |target| target.amax());
+            let target = match &seen {
+                Some(seen) => self.formulation.target_of_strain(&point.deformation, gradient, &seen[number]),
+                None => self.formulation.target(&point.deformation, gradient),
+            };
+            let largest = target.map_or(gradient.amax(), |target| target.amax());
             let ramp_steps = (largest / self.strain_per_step).round().clamp(1.0, f64::from(u32::MAX)) as u32;
             if ramp_steps != point.ramp_steps {
                 // Another ramp is another function: earlier answers of this step do not belong to it.
@@ -227,6 +236,12 @@ impl Points {
         }
     }
 
+    /// Whether carried secant corrections hold for the coming evaluation. Where cells snap they are those of another branch: iterations then
+    /// do without, and what has been carried is dropped.
+    pub(crate) fn let_secants_hold(&mut self, hold: bool) {
+        self.secants_hold = hold;
+    }
+
     /// Drops carried corrections: they have led an attempt astray.
     pub(crate) fn forget_corrections(&mut self) {
         for point in &mut self.points {
@@ -241,6 +256,8 @@ impl Points {
             (point.step_evaluations, point.evaluations) = (later.step_evaluations, later.evaluations);
             (point.step_cost, point.cost) = (later.step_cost, later.cost);
         }
+        // The material has dropped what it had been asked when the points were kept.
+        self.forget_trials();
     }
 
     /// Starts the counters of a new step.

@@ -31,6 +31,15 @@ impl Point {
         Some(0.0 - bulk_modulus * (formulation.log_volume(&self.trial_deformation) - reference))
     }
 
+    /// Energy that the pore fluid holds at the latest evaluation, J per m3 of the present volume: the work that has brought it to its
+    /// excess pressure; 0 where it drains.
+    pub(crate) fn fluid_energy(&self, formulation: Formulation) -> f64 {
+        let (Some(fluid), Some(pressure)) = (self.fluid, self.pore_pressure(formulation)) else { return 0.0 };
+        // The integral of K ln(V / V0) over the volume, V (p / K - 1) + V0 times K.
+        let strain = pressure / fluid.bulk_modulus;
+        fluid.bulk_modulus * (strain.exp_m1() - strain)
+    }
+
     /// A Cauchy stress of the grains with the pressure of the fluid added, Pa.
     pub(crate) fn with_pore_pressure(&self, formulation: Formulation, stress: &Matrix3<f64>) -> Matrix3<f64> {
         match self.pore_pressure(formulation) {

@@ -68,7 +68,9 @@ impl FieldProbe {
     /// Unit of the value; `-` if it has none. Energies are sums over the part, in the plane per metre of thickness.
     pub fn unit(&self, dimension: Dimension) -> &'static str {
         match (self.measure, self.statistic) {
-            (Measure::ElasticEnergy | Measure::FrictionalDissipation, Statistic::Mean) => energy(dimension),
+            (Measure::ElasticEnergy | Measure::FrictionalDissipation | Measure::DampingWork, Statistic::Mean) => {
+                energy(dimension)
+            }
             _ => self.measure.unit(),
         }
     }
@@ -122,7 +124,7 @@ fn mean_of_part<'a>(
             let ratio = points.map(|(_, point)| point.volume).sum::<f64>() / initial;
             if *measure == Measure::VolumeChange { ratio - 1.0 } else { ratio.ln() }
         }
-        Measure::ElasticEnergy | Measure::FrictionalDissipation => {
+        Measure::ElasticEnergy | Measure::FrictionalDissipation | Measure::DampingWork => {
             points.map(|(number, point)| point.volume * measure.at(number, point, origin)).sum()
         }
         Measure::PorePressure

@@ -54,6 +54,8 @@ pub enum Measure {
     ElasticEnergy,
     /// Work lost to friction per volume since the start of the run, J/m3.
     FrictionalDissipation,
+    /// Work that numerical damping of the grains has taken per volume since the start of the run, J/m3.
+    DampingWork,
 }
 
 impl Measure {
@@ -63,7 +65,7 @@ impl Measure {
             Self::Stress(stress) => stress.unit(),
             Self::PorePressure => "Pa",
             Self::GrainRotation(_) => "rad",
-            Self::ElasticEnergy | Self::FrictionalDissipation => "J/m3",
+            Self::ElasticEnergy | Self::FrictionalDissipation | Self::DampingWork => "J/m3",
             Self::VoidRatio
             | Self::Porosity
             | Self::Coordination
@@ -111,6 +113,7 @@ impl Measure {
             Self::LogVolumeStrain => (point.volume / reference_volume(origin, number, point)).ln(),
             Self::ElasticEnergy => observed.elastic_energy,
             Self::FrictionalDissipation => observed.frictional_dissipation,
+            Self::DampingWork => observed.damping_work,
         }
     }
 
@@ -121,7 +124,7 @@ impl Measure {
             Self::FabricAnisotropy | Self::Fabric(..) => Observables::FABRIC,
             Self::SlidingFraction => Observables::SLIDING_FRACTION,
             Self::GrainRotation(_) => Observables::ROTATION,
-            Self::ElasticEnergy | Self::FrictionalDissipation => Observables::ENERGY,
+            Self::ElasticEnergy | Self::FrictionalDissipation | Self::DampingWork => Observables::ENERGY,
             Self::Stress(_)
             | Self::PorePressure
             | Self::VoidRatio

@@ -61,6 +61,7 @@ pub(crate) fn seen<T>(points: &[PointFields], factor: f64, look: impl FnOnce(&Fi
         reactions: &vec![[0.0, 7.0, 0.0]; mesh.nodes.len()],
         loads: &vec![[0.0; 3]; mesh.nodes.len()],
         hourglass_energy: 0.25,
+        fluid_energy: 0.0,
         dynamics: None,
         points,
         statistics: &Statistics::default(),

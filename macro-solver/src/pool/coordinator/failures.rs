@@ -19,7 +19,7 @@ impl Coordinator {
             self.statistics.workers_cut_off += u64::from(state != WorkerState::Leaving && !suspicious);
             self.last_trouble = Some(format!("worker {} (process {pid}): {reason}", worker.0));
             let left = state == WorkerState::Leaving;
-            self.actions.push(if left { Action::Left(pid) } else { Action::Gone(pid, had_answered) });
+            self.actions.push(if left { Action::Left(pid, had_answered) } else { Action::Gone(pid, had_answered) });
         }
         if state.answers() && suspicious {
             self.record_failure_of_head(worker, reason, 0);

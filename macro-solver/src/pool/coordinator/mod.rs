@@ -40,8 +40,8 @@ pub(super) enum Action {
     Refused(u32, String),
     /// Report to the supply that this process is gone, and whether it had answered anything.
     Gone(u32, bool),
-    /// Report to the supply that this process has left in good order.
-    Left(u32),
+    /// Report to the supply that this process has left in good order, and whether it had answered anything.
+    Left(u32, bool),
 }
 
 /// Points, workers and jobs of a run, and what is known about each.

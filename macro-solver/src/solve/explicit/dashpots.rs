@@ -57,12 +57,14 @@ impl Dashpots {
         dashpots
     }
 
-    /// Those of a stage, with the stiffness `stiffness` of every point.
-    pub(super) fn of_stage(specimen: &Specimen<'_>, stiffness: &[Isotropic]) -> Self {
+    /// Those of a stage, with the stiffness `stiffness` of every point and the factors `scale_factors` on the masses of the elements:
+    /// waves come with the impedance that the mass has.
+    pub(super) fn of_stage(specimen: &Specimen<'_>, stiffness: &[Isotropic], scale_factors: &[f64]) -> Self {
         let sides_of = |name: &String| specimen.problem.sides(name).expect("checked before the run");
         let sides: Vec<Side> = specimen.settings.absorbing.iter().flat_map(sides_of).copied().collect();
         let first = |element: usize| stiffness[specimen.body.points_of(element).start];
-        Self::new(specimen.body, &sides, |element| specimen.settings.density_of(element), first)
+        let density = |element: usize| specimen.settings.density_of(element) * scale_factors[element];
+        Self::new(specimen.body, &sides, density, first)
     }
 
     /// Whether a node belongs to an absorbing side.

@@ -45,6 +45,8 @@ pub(crate) struct Integrator {
     /// Time step, s, the instant from which it holds, s, and the number of that instant.
     pub(super) step: f64,
     pub(super) origin: (f64, u64),
+    /// Time of the instant before this one, s.
+    pub(super) time_before: f64,
     /// Instants passed, and those of the whole stage.
     pub(super) done: u64,
     pub(super) total: u64,
@@ -88,7 +90,7 @@ impl Integrator {
             .map(|point| Isotropic::of(dimension, &point.total(formulation).moduli))
             .collect();
         let viscosity = Viscosity::new(settings.damping, settings.viscosity, settings.density);
-        let dashpots = Dashpots::of_stage(specimen, &stiffness);
+        let dashpots = Dashpots::of_stage(specimen, &stiffness, &vec![1.0; specimen.problem.mesh.elements.len()]);
         let velocity_constraints = specimen.velocity_constraints(&dashpots).map_err(Outcome::Refused)?;
         let mut integrator = Self {
             viscosity,
@@ -101,6 +103,7 @@ impl Integrator {
             stiffness,
             step: 0.0,
             origin: (0.0, 0),
+            time_before: 0.0,
             done: 0,
             total: 0,
             ahead: specimen.body.zero(),
@@ -121,6 +124,7 @@ impl Integrator {
         let masses = element_masses(specimen.body, specimen.settings).map_err(Outcome::Refused)?;
         let limits = limits(&self.laws(specimen), specimen.constraints, &masses);
         self.scale_factors = scale_factors(specimen.settings, &limits);
+        self.dashpots = Dashpots::of_stage(specimen, &self.stiffness, &self.scale_factors);
         (self.masses, self.added_mass) = nodal_masses(specimen.body, &masses, &self.scale_factors);
         self.choose_step(specimen, &limits);
         Ok(())
@@ -175,6 +179,7 @@ impl Integrator {
         for (total, gradient) in self.gradients_since_report.iter_mut().zip(&self.gradients) {
             *total = specimen.problem.formulation.joined(total, gradient);
         }
+        self.time_before = self.time();
         self.done += 1;
         specimen.statistics.steps += 1;
         let is_inverted = |geometry: &PointGeometry| geometry.volume.is_nan() || geometry.volume <= 0.0;
@@ -252,9 +257,7 @@ impl Integrator {
         let passed = |time: f64, interval: f64| (time / interval + 1e-9).floor();
         let is_due = match reporting {
             Reporting::Steps(steps) => self.done.is_multiple_of(steps),
-            Reporting::Interval(interval) => {
-                passed(self.time(), interval) > passed(self.time() - self.step, interval)
-            }
+            Reporting::Interval(interval) => passed(self.time(), interval) > passed(self.time_before, interval),
         };
         is_due || self.is_done()
     }

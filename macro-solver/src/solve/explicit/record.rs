@@ -72,7 +72,7 @@ impl Integrator {
             return Err(CheckpointError::unfit(section, "the dynamic stage is that of another mesh"));
         }
         let settings = specimen.settings;
-        let dashpots = Dashpots::of_stage(specimen, &record.stiffness);
+        let dashpots = Dashpots::of_stage(specimen, &record.stiffness, &record.scale_factors);
         let velocity_constraints =
             specimen.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
         Ok(Self {
@@ -86,6 +86,8 @@ impl Integrator {
             held: record.held,
             step: record.step,
             origin: record.origin,
+            // The next step sets it.
+            time_before: 0.0,
             done: record.done,
             total: record.total,
             ahead: record.ahead,

@@ -182,16 +182,27 @@ impl LinearSolver {
         &self.values
     }
 
-    /// Factorizes a matrix that an earlier process had factorized; `false` if it is that of another pattern.
+    /// Whether the equations of the matrix that was factorized last are solved directly, by choice or because iterations have failed.
+    pub(super) fn solves_directly(&self) -> bool {
+        self.incomplete.is_none()
+    }
+
+    /// Factorizes a matrix that an earlier process had factorized, for direct solutions if that process had come to them; `false` if it is
+    /// that of another pattern.
     ///
     /// # Errors
     /// See [`LinearSolverError`].
-    pub(super) fn factorize_again(&mut self, values: &[f64]) -> Result<bool, LinearSolverError> {
+    pub(super) fn factorize_again(&mut self, values: &[f64], directly: bool) -> Result<bool, LinearSolverError> {
         if values.len() != self.values.len() {
             return Ok(false);
         }
         self.values.copy_from_slice(values);
-        self.factorize_values()?;
+        if directly && !values.is_empty() {
+            self.incomplete = None;
+            self.factorize_directly()?;
+        } else {
+            self.factorize_values()?;
+        }
         Ok(true)
     }
 

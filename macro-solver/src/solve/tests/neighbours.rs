@@ -63,6 +63,28 @@ fn averages_reach_through_periodic_faces() {
     assert!(wide.iter().all(|value| (value * 8.0 / whole - 1.0).abs() < 0.05), "{wide:?}");
 }
 
+/// A turn that the material does not see needs no ramp, in either formulation that keeps it from it.
+#[test]
+fn ramps_are_as_fine_as_the_strain_wants_them_however_far_a_point_turns() {
+    let steps = |formulation: Formulation, gradient: Matrix3<f64>| {
+        let mut problem = Problem::new(block(ElementKind::Q4Single, 1, 1), Vec::new());
+        (problem.formulation, problem.strain_per_step) = (formulation, 1e-5);
+        let mut points = Points::new(&problem);
+        points.fix_ramps(&[gradient]);
+        let mut spy = Spy::new(elastic(ElasticLaw::SmallStrain, &problem));
+        let mut statistics = Statistics { evaluations_per_point: vec![0; 1], ..Statistics::default() };
+        points.evaluate(&[gradient], TangentKind::None, &mut spy, &mut statistics).unwrap();
+        spy.trials[0][0].options.ramp_steps
+    };
+    let (sine, cosine) = 0.05f64.sin_cos();
+    let turn = Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0);
+    let stretch = Matrix3::from_diagonal(&[1.0, 0.999, 1.0].into());
+    assert_eq!(steps(Formulation::Corotational, turn * stretch - Matrix3::identity()), 100);
+    assert_eq!(steps(Formulation::Corotational, stretch - Matrix3::identity()), 100);
+    let spin = Matrix3::new(0.0, -0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0);
+    assert_eq!(steps(Formulation::SmallStrain, spin + stretch - Matrix3::identity()), 100);
+}
+
 #[test]
 fn ramps_are_as_fine_as_the_averages_want_them() {
     for trial in trials_of(2.5, false, 3) {

@@ -53,8 +53,24 @@ fn every_named_strategy_finds_the_same_state() {
             NamedStrategy::PointSecant => 0.001..=0.3,
         };
         assert!(expected.contains(&share), "{named:?} asks for tangents in {share} of its evaluations");
+        let corrects = matches!(named, NamedStrategy::SlipSecant | NamedStrategy::PointSecant);
+        assert_eq!(statistics.secant_corrections > 0, corrects, "{named:?}");
         assert_eq!(statistics.cut_backs, 0, "{named:?}");
     }
+}
+
+/// Secants learn from stresses alone: with one tangent per point for the whole run they need fewer iterations than that tangent does.
+#[test]
+fn secants_need_fewer_iterations_than_the_first_tangent_alone() {
+    let secants = NamedStrategy::PointSecant.preset();
+    let plain = Strategy { secant: None, ..secants.clone() };
+    let figures = |strategy| {
+        let statistics = solved(strategy).0.statistics;
+        (statistics.iterations, statistics.tangents)
+    };
+    let ((learnt, tangents), (kept, same)) = (figures(secants), figures(plain));
+    assert_eq!(tangents, same);
+    assert!(4 * learnt < 3 * kept, "{learnt} {kept}");
 }
 
 /// With the factors of the undeformed body for the whole run, pairs are what makes the iteration converge soon.

@@ -5,7 +5,9 @@ use crate::cell::GrainState;
 use crate::engine::snapshot::opened;
 use crate::solver::{End, Job, SolverFor};
 use crate::space::Space;
-use protocol::{DefinitionId, RveError, RveSolver, TrialOptions, TrialRequest, TrialResult, solve_alone};
+use protocol::{
+    DefinitionId, Observables, RveError, RveSolver, TrialOptions, TrialRequest, TrialResult, solve_alone,
+};
 use std::time::Instant;
 
 /// A request whose state has been read.
@@ -78,6 +80,7 @@ impl<S: SolverFor> GrainRve<S> {
                 state: &one.state,
                 strain: one.stretch.polar.strain,
                 ramp_steps: one.stretch.ramp_steps,
+                counts_work: one.options.observables.contains(Observables::ENERGY),
             })
             .collect();
         let ends = self.solver.solve(&self.model, &jobs);

@@ -139,6 +139,7 @@ impl FrameRve {
             rolling_moments: Vec::new(),
             operators: Default::default(),
             dissipation: 0.0,
+            damping: 0.0,
             initial_measure: reference.measure(),
             unbalanced: 0.0,
             largest_load: 0.0,

@@ -9,7 +9,7 @@ use crate::definition::PackingFile;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::plane::{self, Plane};
 use nalgebra::{DMatrix, DVector};
-use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use protocol::{Observables, RveSolver, Tensor2, TrialOptions, TrialResult};
 use std::ops::ControlFlow;
 
 /// Most trials of one increment under stress control.
@@ -200,11 +200,7 @@ impl Run<'_> {
         row.work = self.work.as_ref().map_or(0.0, |work| work.over_present_volume()[0]);
         row.trials = trials;
         row.dem_steps = dem_steps;
-        self.summary.rows += 1;
-        self.summary.trials += u64::from(trials);
-        self.summary.dem_steps += dem_steps;
-        self.summary.not_equilibrated += u64::from(row.flags.contains(TrialFlags::NOT_EQUILIBRATED));
-        self.summary.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        self.summary.note(&row);
         (self.on_row)(&row)
     }
 }

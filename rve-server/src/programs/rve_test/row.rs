@@ -34,13 +34,13 @@ pub struct ElementRow {
     pub max_overlap_ratio: f64,
     /// Energy stored in the contacts over the volume of the cell, J/m3.
     pub elastic_energy: f64,
-    /// Energy lost to friction since the packing as given, over the volume of the cell, J/m3.
+    /// Energy lost to friction and contact viscosity since the packing as given, over the volume of the cell, J/m3.
     pub frictional_dissipation: f64,
     /// Work done on the cell since the packing as given, over the volume of the cell, J/m3: summed up over the steps of the grains, by the
     /// event-driven solver and of frames by trapezoids over all committed states, those between two rows included.
     pub work: f64,
     /// Energy that numerical damping has taken since the packing as given, over the volume of the cell, J/m3; of periodic cells, not of frames.
-    /// It closes the balance: work = change of the stored energy + friction + damping + contact viscosity, which is not counted.
+    /// It closes the balance: work = change of the stored energy + `frictional_dissipation` + `damping_work`.
     pub damping_work: Option<f64>,
     /// DEM steps spent on this row, those of rejected trials of the stress control included. 0 in row 0.
     pub dem_steps: u64,

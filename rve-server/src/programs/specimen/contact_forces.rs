@@ -205,7 +205,8 @@ pub(super) fn contact_forces<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
         normal = R::select(pulls, free, elastic + viscous);
         // Friction goes with all that presses the surfaces together, the dashpot included.
         let repulsion = law.normal_force(constants, zero) - elastic;
-        limited = law.limits_scaled(constants, zero.larger((repulsion + elastic - normal) / repulsion));
+        let share = R::select(zero.less(repulsion), (repulsion + elastic - normal) / repulsion, zero);
+        limited = law.limits_scaled(constants, zero.larger(share));
     }
     let mut memory = history.memory;
     let response = law.respond(&limited, &motion, &mut memory);

@@ -53,10 +53,10 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         }
     }
 
-    /// Largest unbalanced force over mean contact force.
+    /// Largest unbalanced force over mean contact force; 0 where no contact bears anything.
     pub(super) fn unbalanced(&self) -> f64 {
         let contacts = &self.dynamics.contacts;
-        if contacts.contacts == 0 {
+        if contacts.contacts == 0 || contacts.normal_force == 0.0 {
             return 0.0;
         }
         self.last.largest_force / (contacts.normal_force / contacts.contacts as f64)

@@ -284,6 +284,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         listener: &mut Listener<'_>,
     ) -> Result<ControlFlow<()>, SpecimenError> {
         let mut asked = ControlFlow::Continue(());
+        self.dynamics.expect_strain(self.strain_per_step(stage));
         if self.place.done == 0 {
             self.begin(stage);
             let begun = SpecimenEvent::Begun { stage: self.place.stage as usize, picture: &|| self.picture() };
@@ -301,7 +302,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             if done.is_multiple_of(BALANCE_INTERVAL) || done == stage.steps {
                 self.check_energy(stage, done)?;
             }
-            let at_balance = done.is_multiple_of(BALANCE_INTERVAL)
+            let at_balance = (done.is_multiple_of(BALANCE_INTERVAL) || done == stage.steps)
                 && stage.until_balance.is_some_and(|limit| self.is_balanced(stage, limit));
             if done.is_multiple_of(BALANCE_INTERVAL) {
                 let progress = SpecimenEvent::Progress { stage: self.place.stage as usize, step: done };
@@ -332,9 +333,13 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
 
     /// Energy that is missing over the largest energy turned over so far: at the top of a flight all parts of it may be near zero.
     fn energy_error(&mut self) -> f64 {
-        let turnover = self.summary.largest_turnover.max(self.dynamics.energy_turnover());
+        let (missing, now) = (self.dynamics.missing_energy(), self.dynamics.energy_turnover());
+        if !missing.is_finite() || !now.is_finite() {
+            return f64::INFINITY;
+        }
+        let turnover = self.summary.largest_turnover.max(now);
         self.summary.largest_turnover = turnover;
-        if turnover > 0.0 { self.dynamics.missing_energy().abs() / turnover } else { 0.0 }
+        if turnover > 0.0 { missing.abs() / turnover } else { 0.0 }
     }
 
     fn check_energy(&mut self, stage: &Stage, step: u64) -> Result<(), SpecimenError> {
@@ -353,7 +358,9 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
 
     /// Counts what a row falls short in.
     fn count(&mut self, stage: &Stage, row: &SpecimenRow) {
-        self.summary.energy_misses += u64::from(self.energy_error() > ENERGY_COUNTED);
+        let error = self.energy_error();
+        self.summary.energy_misses += u64::from(error > ENERGY_COUNTED);
+        self.summary.largest_energy_error = self.summary.largest_energy_error.max(error);
         self.summary.overlap_misses += u64::from(row.max_overlap_ratio > OVERLAP_COUNTED);
         self.summary.largest_overlap = self.summary.largest_overlap.max(row.max_overlap_ratio);
         if stage.until_balance.is_some() {
@@ -404,6 +411,16 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             self.dynamics.walls[pair[1]].glide = <S::Coordinates<f64>>::build(|along| shear[along] * speed);
         }
         self.dynamics.strain_sides(std::array::from_fn(|axis| self.side_rate(stage, axis, step)));
+    }
+
+    /// Largest strain that a step of a stage may cause.
+    fn strain_per_step(&self, stage: &Stage) -> f64 {
+        let servo = self.test.walls.largest_strain_per_step.unwrap_or(LARGEST_STRAIN_PER_STEP);
+        let servo = if stage.stress.values().iter().any(Option::is_some) { servo } else { 0.0 };
+        let strains = stage.strain.values().into_iter().flatten();
+        let shears = (0..S::DIMENSION).flat_map(|axis| stage.shear.of_side(axis));
+        let largest = strains.chain(shears).fold(0.0, |most: f64, strain| most.max(strain.abs()));
+        servo.max(largest / stage.steps.max(1) as f64)
     }
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {

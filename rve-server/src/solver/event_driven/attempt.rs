@@ -265,6 +265,7 @@ impl<'a> Trial<'a> {
             rolling_moments: Vec::new(),
             operators: start.operators.clone(),
             dissipation: start.dissipation + evaluation.sums.dissipation + evaluation.sums.opening_loss,
+            damping: start.damping,
             initial_measure: start.initial_measure,
             unbalanced: imbalance.ratio,
             largest_load: start.largest_load.max(load),
@@ -279,6 +280,7 @@ impl<'a> Trial<'a> {
             bears_load: true,
             changed_damping: false,
             course,
+            work: None,
             energies: None,
         };
         let response = StoredResponse { pairs: Arc::clone(keys), columns, frame, reach };

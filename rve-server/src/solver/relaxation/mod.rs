@@ -283,8 +283,10 @@ fn step<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
     look_at_stiffness(batch, setting, lane_jobs);
     for (lane, lane_job) in lane_jobs.iter_mut().enumerate() {
         let Some(lane_job) = lane_job else { continue };
+        let needs_virial = lane_job.run.needs_virial();
         let next = lane_job.run.next_move(setting, batch.cell(lane));
         wanted.old_power |= lane_job.run.needs_old_power();
+        wanted.virial |= needs_virial;
         steering.keep.set_lane(lane, next.kick.keep);
         steering.push.set_lane(lane, next.kick.push);
         for (axis, row) in steering.affine.iter_mut().enumerate().take(S::DIMENSION) {
@@ -395,6 +397,7 @@ fn end_of<S: Space, C: ContactLaw<S::Kernel>>(
         rolling_moments,
         operators: start.operators.clone(),
         dissipation: start.dissipation + run.dissipation,
+        damping: start.damping,
         initial_measure: start.initial_measure,
         unbalanced: solved.unbalanced,
         largest_load: run.largest_load(),

@@ -71,6 +71,8 @@ pub(crate) struct Run<S: Space> {
     pub(crate) dissipation: f64,
     /// Affine motion of the step that is evaluated next.
     affine: S::Tensor,
+    /// Work on the cell since the start of the run, J, if it is counted.
+    work: Option<f64>,
     /// Work and damping since the start of the run, if they are counted.
     energies: Option<PathEnergies>,
     /// Largest sum of normal forces that the cell has carried at rest, N.
@@ -95,7 +97,7 @@ pub(crate) struct Move<S: Space> {
 impl<S: Space> Run<S> {
     /// At the start of a run. Without any ramp step the cell is only evaluated: nothing moves.
     pub(crate) fn new(job: &Job<'_, S>) -> Self {
-        let Job { state, strain, ramp_steps } = *job;
+        let Job { state, strain, ramp_steps, counts_work } = *job;
         let grains = state.positions.len();
         Self {
             start: state.cell,
@@ -114,6 +116,7 @@ impl<S: Space> Run<S> {
             old_power: 0.0,
             dissipation: 0.0,
             affine: S::Tensor::ZERO,
+            work: (counts_work && ramp_steps > 0).then_some(0.0),
             energies: None,
             largest_load: state.largest_load,
             monitor: ConvergenceMonitor::new(grains, S::DIMENSION),
@@ -182,6 +185,7 @@ impl<S: Space> Run<S> {
         if !is_finite {
             return Some(Err(RveError::NotFinite { force_evaluations: self.evaluations }));
         }
+        self.count_work(sums);
         if setting.counts_energies {
             self.count_energies(sums, old_power);
         }
@@ -237,11 +241,28 @@ impl<S: Space> Run<S> {
 
     /// Adds the energies of the last step: forces before and after it on its motion. Grains begin every run without motion, so all work that
     /// the forces out of balance do on their motion is lost.
-    fn count_energies(&mut self, sums: &StepSums<f64>, old_power: f64) {
-        let energies = self.energies.get_or_insert_default();
-        for ((before, after), affine) in self.sums.virial.iter().zip(&sums.virial).zip(self.affine.components()) {
-            energies.work += 0.5 * (before + after) * affine;
+    /// Whether the next step needs the virial for the work on the cell: while that moves.
+    pub(crate) fn needs_virial(&self) -> bool {
+        self.work.is_some() && matches!(self.phase, Phase::Fresh | Phase::Ramp)
+    }
+
+    fn count_work(&mut self, sums: &StepSums<f64>) {
+        let work = self.work_of(sums);
+        if let (true, Some(total)) = (self.needs_virial(), &mut self.work) {
+            *total += work;
         }
+    }
+
+    /// Work of the contact forces on the affine motion of the step just evaluated, J, by the trapezium rule.
+    fn work_of(&self, sums: &StepSums<f64>) -> f64 {
+        let pairs = self.sums.virial.iter().zip(&sums.virial).zip(self.affine.components());
+        pairs.map(|((before, after), affine)| 0.5 * (before + after) * affine).sum()
+    }
+
+    fn count_energies(&mut self, sums: &StepSums<f64>, old_power: f64) {
+        let work = self.work_of(sums);
+        let energies = self.energies.get_or_insert_default();
+        energies.work += work;
         energies.damping += 0.5 * (old_power + sums.power);
     }
 
@@ -283,6 +304,7 @@ impl<S: Space> Run<S> {
             bears_load,
             changed_damping: self.damper.changes() > 0,
             course: Course::Relaxed,
+            work: self.work,
             energies: self.energies,
         }
     }

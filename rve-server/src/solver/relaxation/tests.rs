@@ -33,7 +33,7 @@ fn solved<S: Space, L: ContactLaw<S::Kernel>>(
     strain: S::Tensor,
     ramp_steps: u32,
 ) -> End<S> {
-    solver.solve(model, &[Job { state, strain, ramp_steps }]).pop().unwrap().unwrap()
+    solver.solve(model, &[Job { state, strain, ramp_steps, counts_work: false }]).pop().unwrap().unwrap()
 }
 
 /// Whatever the skin, and so however often the pair list is renewed, the end state has the same bits.
@@ -87,7 +87,8 @@ fn ends(
     ways: &[(Plane, u32)],
     backend: Backend,
 ) -> Ends {
-    let jobs: Vec<_> = ways.iter().map(|&(strain, ramp_steps)| Job { state, strain, ramp_steps }).collect();
+    let jobs: Vec<_> =
+        ways.iter().map(|&(strain, ramp_steps)| Job { state, strain, ramp_steps, counts_work: false }).collect();
     let setting = Setting { backend, ..Setting::of(model, &LAW) };
     solver.solve_in(&setting, &jobs)
 }
@@ -139,8 +140,10 @@ fn lanes_that_drift_apart_keep_their_bits() {
     let mut solver = Solver::new(LAW);
     assert!(ends(&mut solver, &model, &state, &ways, Backend::best()) == expected);
     let far: Vec<_> = expected.iter().map(|end| end.as_ref().unwrap().state.clone()).collect();
-    let back: Vec<_> =
-        far.iter().map(|state| Job { state, strain: [[2e-4, 0.0], [0.0, 1e-4]], ramp_steps: 30 }).collect();
+    let back: Vec<_> = far
+        .iter()
+        .map(|state| Job { state, strain: [[2e-4, 0.0], [0.0, 1e-4]], ramp_steps: 30, counts_work: false })
+        .collect();
     let setting = Setting::of(&model, &LAW);
     let together = solver.solve_in(&setting, &back);
     solver.uses_lanes = false;
@@ -171,8 +174,10 @@ fn broken_cell_does_not_harm_its_mates() {
     let expected = one_by_one(&model, &state, ways);
     let mut broken = state.clone();
     broken.positions[17][0] = f64::NAN;
-    let mut jobs: Vec<_> =
-        ways.iter().map(|&(strain, ramp_steps)| Job { state: &state, strain, ramp_steps }).collect();
+    let mut jobs: Vec<_> = ways
+        .iter()
+        .map(|&(strain, ramp_steps)| Job { state: &state, strain, ramp_steps, counts_work: false })
+        .collect();
     jobs.insert(2, Job { state: &broken, ..jobs[0] });
     let mut found = Solver::new(LAW).solve_in(&Setting::of(&model, &LAW), &jobs);
     assert!(matches!(found.remove(2), Err(RveError::NotFinite { .. })));
@@ -218,7 +223,8 @@ fn check_lanes_in_space<L: ContactLaw<<Spheres as Space>::Kernel>>(law: L, is_vi
             [[a, b, 0.0], [b, -2e-3, a], [0.0, a, -b]]
         })
         .collect();
-    let jobs: Vec<_> = strains.iter().map(|&strain| Job { state: &state, strain, ramp_steps: 40 }).collect();
+    let jobs: Vec<_> =
+        strains.iter().map(|&strain| Job { state: &state, strain, ramp_steps: 40, counts_work: false }).collect();
     let mut together = RelaxationSolver::new(law);
     let found = together.solve(&model, &jobs);
     let mut alone = RelaxationSolver::new(law);
@@ -226,7 +232,8 @@ fn check_lanes_in_space<L: ContactLaw<<Spheres as Space>::Kernel>>(law: L, is_vi
     assert!(alone.solve(&model, &jobs) == found);
     let states: Vec<_> = found.iter().map(|end| &end.as_ref().unwrap().state).collect();
     assert!(states[0].contacts.len() > 100);
-    let jobs: Vec<_> = states.iter().map(|state| Job { state, strain: strains[3], ramp_steps: 20 }).collect();
+    let jobs: Vec<_> =
+        states.iter().map(|state| Job { state, strain: strains[3], ramp_steps: 20, counts_work: false }).collect();
     assert!(alone.solve(&model, &jobs) == together.solve(&model, &jobs));
 }
 

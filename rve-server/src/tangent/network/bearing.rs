@@ -2,7 +2,7 @@
 //!
 //! Rattlers, and in space chains of grains that buckle freely, are removed first: [`rattlers`](crate::homogenization::rattlers).
 //! In space a single grain with two contacts is a strut that can only spin about the line through its contact points, and
-//! that spin is held. The remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
+//! that spin is held unless a rolling spring does so. The remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
 //! translation, which is pinned at its first grain. A cluster that meets none of its own images can also turn as a
 //! whole; then the spins of that grain are pinned too. All pins choose one of many equal answers and change no contact
 //! force.
@@ -38,6 +38,9 @@ pub(super) struct BearingContact {
     /// New number of the end grain.
     pub end: usize,
 }
+
+/// Square of the sine between the line of a strut and the normal of a rolling spring up to which that does not hold the strut.
+const HARDLY_ACROSS: f64 = 1e-6;
 
 impl<const D: usize, const B: usize> BearingNetwork<D, B> {
     /// Prunes `network` and finds the pins; `stiffness` belongs to the network's contacts.
@@ -128,11 +131,16 @@ impl<const D: usize, const B: usize> BearingNetwork<D, B> {
 
     fn find_struts(&mut self, network: &LinkedGrains<D>) {
         let mut points: Vec<Vec<[f64; D]>> = vec![Vec::new(); self.radii.len()];
+        // Normals of contacts whose rolling springs hold a spin, but for its part along the normal.
+        let mut held: Vec<Vec<[f64; D]>> = vec![Vec::new(); self.radii.len()];
         for contact in &self.contacts {
             let link = &network.links[contact.index];
             for (grain, reach) in [(contact.origin, link.arms[0]), (contact.end, -link.arms[1])] {
                 if points[grain].len() < 3 {
                     points[grain].push(link.normal.map(|component| reach * component));
+                    if link.rolling_stiffness > 0.0 {
+                        held[grain].push(link.normal);
+                    }
                 }
             }
         }
@@ -140,7 +148,12 @@ impl<const D: usize, const B: usize> BearingNetwork<D, B> {
             if let [first, second] = points[..] {
                 let line: [f64; D] = std::array::from_fn(|axis| second[axis] - first[axis]);
                 let length = line.iter().map(|component| component * component).sum::<f64>().sqrt();
-                self.struts.push((grain, line.map(|component| component / length)));
+                let line = line.map(|component| component / length);
+                let across =
+                    |normal: &[f64; D]| 1.0 - (0..D).map(|axis| normal[axis] * line[axis]).sum::<f64>().powi(2);
+                if held[grain].iter().all(|normal| across(normal) < HARDLY_ACROSS) {
+                    self.struts.push((grain, line));
+                }
             }
         }
     }
@@ -183,7 +196,10 @@ impl<const D: usize> Neighbours<D> {
 
 /// Numbers of the contacts that bear load.
 fn load_bearing_contacts<const D: usize>(network: &LinkedGrains<D>) -> Vec<usize> {
-    let bearing = if D == 3 { Bearing::WithoutRattlersAndChains } else { Bearing::WithoutRattlers };
+    let bearing = |index: usize| {
+        let buckles = D == 3 && network.links[index].rolling_stiffness == 0.0;
+        if buckles { Bearing::WithoutRattlersAndChains } else { Bearing::WithoutRattlers }
+    };
     let ends = network.links.iter().map(|link| [link.origin, link.end]);
     let Pruned { kept, .. } = Pruned::of(network.radii.len(), ends, bearing);
     (0..kept.len()).filter(|&index| kept[index]).collect()

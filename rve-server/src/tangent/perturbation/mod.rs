@@ -151,13 +151,14 @@ fn stress_after<S: Space>(
     spent: &mut u64,
 ) -> Option<S::Tensor> {
     let polar = S::polar(h);
-    let end = match solver.solve_one(model, Job { state: start, strain: polar.strain, ramp_steps }) {
-        Ok(end) => end,
-        Err(error) => {
-            *spent += error.force_evaluations();
-            return None;
-        }
-    };
+    let end =
+        match solver.solve_one(model, Job { state: start, strain: polar.strain, ramp_steps, counts_work: false }) {
+            Ok(end) => end,
+            Err(error) => {
+                *spent += error.force_evaluations();
+                return None;
+            }
+        };
     *spent += end.solved.force_evaluations;
     let stress = solver.network(model, &end).stress();
     end.solved.equilibrated.then(|| rotated(&stress, &S::rotation_matrix(polar.turn)))

@@ -1,6 +1,7 @@
 //! Absorbing sides in place of supports, as at the base of a body in which gravity has been at work before an earthquake.
 
 use super::*;
+use crate::problem::dynamics::MassScaling;
 use std::f64::consts::PI;
 
 const LAMBDA: f64 = 6.0;
@@ -34,6 +35,28 @@ fn leaning_bar() -> Problem {
     };
     problem.stages = vec![leans, moving("waits", 0.0), moving("is pushed", -1e-3)];
     problem
+}
+
+/// A side lets waves out whatever the masses have been raised by: it has the impedance of the mass that moves.
+#[test]
+fn an_absorbing_side_lets_out_waves_of_raised_masses() {
+    let mut problem = leaning_bar();
+    for stage in &mut problem.stages[1..] {
+        let Procedure::Dynamic(settings) = &mut stage.procedure else { panic!("a dynamic stage") };
+        settings.mass_scaling = MassScaling::Uniform { factor: 4.0 };
+        stage.duration *= 2.0;
+        for applied in &mut stage.conditions {
+            if let Amplitude::Table(rows) = &mut applied.history {
+                rows.iter_mut().for_each(|[time, _]| *time *= 2.0);
+            }
+        }
+    }
+    let film = completed(&problem, &mut elastic(&problem, LAMBDA, SHEAR));
+    let fastest = |instant: &Instant| instant.velocities.iter().map(|velocity| velocity[0].abs()).fold(0.0, f64::max);
+    let sent = film.instants.iter().map(fastest).fold(0.0, f64::max);
+    let wave = 1e-3 / (4.0 * DENSITY * 0.5 * SPEED);
+    assert!((sent / wave - 1.0).abs() < 0.1, "{sent} of {wave}");
+    assert!(fastest(film.last()) < 0.05 * sent, "{} of {sent} is still there", fastest(film.last()));
 }
 
 /// An absorbing side goes on bearing what the support bore that it replaces, in the stage behind the next one too: the bar stays where it

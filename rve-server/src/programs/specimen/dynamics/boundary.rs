@@ -146,6 +146,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             &mut self.shear_work,
             &mut self.raised,
             &mut self.first_energy,
+            &mut self.looked_at,
         ] {
             stream.number(number);
         }

@@ -18,6 +18,14 @@ use rayon::prelude::*;
 /// Grains from which on threads are worth their cost.
 const FEWEST_FOR_THREADS: usize = 8192;
 
+/// Growth of the sum of the normal forces after which contacts that stiffen as they are pressed are looked at again, and the steps
+/// after which they are in any case.
+const PRESSED: f64 = 1.05;
+const STIFFNESS_INTERVAL: u64 = 64;
+
+/// Overlap over the radius of contacts that are expected where few grains touch: a tenth of a per cent of the diameter.
+const USUAL_OVERLAP: f64 = 2e-3;
+
 /// Grains moved as one unit of work.
 const GRAINS_PER_BLOCK: usize = 2048;
 
@@ -88,6 +96,12 @@ pub struct Dynamics<S: SpecimenSpace, C: ContactLaw<S>> {
     inertia_factor: f64,
     masses: Vec<f64>,
     skin: f64,
+    /// Whether contacts become stiffer as they are pressed.
+    stiffens: bool,
+    /// Sum of the normal forces, N, when the contacts were last looked at for step or masses.
+    looked_at: f64,
+    /// Largest strain of a step of the present stage: contacts that have just been born are taken to be pressed as far as that.
+    strain_per_step: f64,
     /// Flow of moving periodic sides.
     flow: Option<Flow<S>>,
     /// Sums of the blocks of grains in the last motion, in their order.
@@ -100,6 +114,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let count = body.grains.len();
         let mean = body.grains.iter().map(|grain| grain.radius).sum::<f64>() / count.max(1) as f64;
         let masses: Vec<f64> = (0..count).map(|grain| body.mass(grain)).collect();
+        let constants = body.law().constants([mean, mean]);
+        let stiffness = |overlap: f64| body.law().stiffness(&constants, overlap)[0];
+        let stiffens = stiffness(4e-3 * mean) > stiffness(1e-3 * mean);
         let mut dynamics = Self {
             body,
             walls,
@@ -119,6 +136,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             inertia_factor: S::INERTIA_FACTOR,
             masses,
             skin: 0.1 * mean,
+            stiffens,
+            looked_at: 0.0,
+            strain_per_step: 0.0,
             flow: None,
             block_sums: Vec::new(),
         };
@@ -170,8 +190,19 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         self.masses[grain]
     }
 
+    /// A stage begins, or goes on, whose steps strain the specimen by at most this much.
+    pub(in crate::programs::specimen) fn expect_strain(&mut self, strain_per_step: f64) {
+        self.strain_per_step = strain_per_step;
+    }
+
     /// Advances by one step.
     pub fn advance(&mut self) -> GrainSums {
+        if self.stiffens
+            && (self.contacts.normal_force > PRESSED * self.looked_at
+                || self.steps.is_multiple_of(STIFFNESS_INTERVAL))
+        {
+            self.choose_step();
+        }
         let step = self.step;
         for wall in &mut self.walls {
             // Half of the work of this step is done by the forces at its start, half by those at its end.
@@ -263,7 +294,16 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
 
     /// Takes the step, or the masses, from the present contacts.
     fn choose_step(&mut self) {
-        let own = self.own_stiffness();
+        let mut own = self.own_stiffness();
+        self.looked_at = self.contacts.normal_force;
+        if self.stiffens {
+            // Contacts that have just been born have next to no stiffness, until the next step presses them.
+            for (own, grain) in own.iter_mut().zip(&self.body.grains) {
+                let to_come = self.expected_stiffness(grain.radius, 2.0 * grain.radius * self.strain_per_step);
+                own.stiffness = own.stiffness.max(to_come.stiffness);
+                own.root = own.root.max(to_come.root);
+            }
+        }
         let safety = self.motion.safety;
         if self.motion.scaled_masses {
             self.scale_masses(&own);
@@ -292,7 +332,11 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let is_loose = (self.contacts.contacts as f64) < count;
         for (index, own) in own.iter().enumerate() {
             let grain = &self.body.grains[index];
-            let to_come = if is_loose { self.expected_stiffness(grain.radius) } else { OwnStiffness::default() };
+            let to_come = if is_loose {
+                self.expected_stiffness(grain.radius, USUAL_OVERLAP * grain.radius)
+            } else {
+                OwnStiffness::default()
+            };
             let own = OwnStiffness {
                 stiffness: own.stiffness.max(mean.stiffness / count).max(to_come.stiffness),
                 root: own.root.max(mean.root / count).max(to_come.root),
@@ -312,10 +356,10 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         }
     }
 
-    /// Stiffness of two contacts of a grain with its like at a tenth of a per cent overlap.
-    fn expected_stiffness(&self, radius: f64) -> OwnStiffness {
+    /// Stiffness of two contacts of a grain with its like at an overlap, m.
+    fn expected_stiffness(&self, radius: f64, overlap: f64) -> OwnStiffness {
         let law = self.body.law();
-        let stiffness = law.stiffness(&law.constants([radius, radius]), 2e-3 * radius);
+        let stiffness = law.stiffness(&law.constants([radius, radius]), overlap);
         OwnStiffness {
             stiffness: 2.0 * bound(stiffness, radius, self.inertia_factor),
             root: 2.0 * stiffness[0].sqrt(),
@@ -327,7 +371,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
     fn free_step(&self) -> f64 {
         let ratio = self.body.damping_ratio();
         let limit = self.body.grains.iter().zip(&self.masses).fold(f64::INFINITY, |shortest: f64, (grain, mass)| {
-            let expected = self.expected_stiffness(grain.radius);
+            let expected = self.expected_stiffness(grain.radius, USUAL_OVERLAP * grain.radius);
             let own = OwnStiffness { dashpot: 2.0 * ratio * (0.5 * mass).sqrt() * expected.root, ..expected };
             shortest.min(own.longest_step(*mass))
         });
