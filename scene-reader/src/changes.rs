@@ -26,8 +26,12 @@ pub fn changes(before: &str, now: &str) -> Vec<String> {
 }
 
 fn is_harmless(path: &str) -> bool {
-    let is_at = |key: &&str| path.strip_prefix(*key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-    HARMLESS.iter().any(|key| is_at(&key)) && !OF_RESULTS.iter().any(|key| is_at(&key))
+    is_among(path, &HARMLESS) && !is_among(path, &OF_RESULTS)
+}
+
+/// Whether a path is one of the keys, or lies in a table of theirs.
+fn is_among(path: &str, keys: &[&str]) -> bool {
+    keys.iter().any(|key| path.strip_prefix(key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')))
 }
 
 /// Every value that is not a table, with the path to it; entries of lists are numbered from 0, as in `--set`.

@@ -202,7 +202,11 @@ mod tests {
         let all = [Some(moved), Some(moved), None];
         assert!(matches!(dependents(&chain, &all), Err(ProblemError::MultiPointConstraint { .. })), "3 is not 3.25");
         let nothing = equation(&[(0, 1.0), (0, -1.0)], &[], 0.0);
-        assert_eq!(dependents(&[nothing.clone()], &[None; 3]).unwrap(), [], "terms that cancel link nothing");
+        assert_eq!(
+            dependents(std::slice::from_ref(&nothing), &[None; 3]).unwrap(),
+            [],
+            "terms that cancel link nothing"
+        );
         let contradiction = [Equation { value: 1.0, ..nothing }];
         assert!(matches!(dependents(&contradiction, &[None; 3]), Err(ProblemError::MultiPointConstraint { .. })));
         let twice = [chain[0].clone(), chain[0].clone(), chain[1].clone()];
