@@ -40,21 +40,21 @@ fn not_joined(seam: &Seam) -> String {
     let Seam { kind, count, nodes: [node, other], place: [x, y, z] } = seam;
     let (what, remedy) = match kind {
         SeamKind::CoincidentNodes => (
-            format!("{count} pairs of nodes are at the same place, such as {node} and {other}"),
+            format!("nodes at the same place (pairs: {count}), such as {node} and {other}"),
             "join the parts of the geometry before meshing (in Gmsh `Coherence;`), or link the nodes",
         ),
         SeamKind::HangingNode => (
             format!(
-                "{count} nodes lie on a side of an element that does not have them, such as {node} on the side with {other}"
+                "nodes on a side of an element that does not have them ({count}), such as {node} on the side with {other}"
             ),
             "let neighbours have the same nodes, or link them",
         ),
-        SeamKind::QuadrangleOnTriangles => (
-            format!("{count} quadrangles are covered by triangles, such as that with the nodes {node} and {other}"),
+        SeamKind::QuadrilateralOnTriangles => (
+            format!("quadrilaterals covered by triangles ({count}), such as that with the nodes {node} and {other}"),
             "mesh with tetrahedra or hexahedra only",
         ),
         SeamKind::SideOfMany => (
-            format!("{count} sides belong to three elements or more, such as that with the nodes {node} and {other}"),
+            format!("sides of three elements or more ({count}), such as that with the nodes {node} and {other}"),
             "mesh every part of the body once",
         ),
     };

@@ -1,7 +1,8 @@
 //! Where elements lie next to each other without being joined: meshes that were put together of parts.
 //!
-//! A side that belongs to one element is border. Three things cannot be on a border that is one: nodes at the place of others, nodes that
-//! lie on a side which does not have them, and triangles that cover a quadrangle.
+//! A side that belongs to one element should be part of the boundary of the body. It is not if nodes lie at the place of others or on a side
+//! that does not have them (hanging nodes), or if triangles cover a quadrilateral: the mesh does not conform there. Nor may a side belong to
+//! three elements.
 
 use super::{Mesh, Side};
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,8 +20,8 @@ pub enum SeamKind {
     CoincidentNodes,
     /// A node on a side that does not have it.
     HangingNode,
-    /// A quadrangle that is covered by triangles: their displacements differ inside it.
-    QuadrangleOnTriangles,
+    /// A quadrilateral that is covered by triangles: their displacements differ inside it.
+    QuadrilateralOnTriangles,
     /// A side of three elements or more: they lie upon each other.
     SideOfMany,
 }
@@ -51,12 +52,12 @@ impl Mesh {
                 owners.entry(nodes).or_default().push(side);
             }
         }
-        let border: Vec<Side> = owners.values().filter(|sides| sides.len() == 1).map(|sides| sides[0]).collect();
+        let boundary: Vec<Side> = owners.values().filter(|sides| sides.len() == 1).map(|sides| sides[0]).collect();
         let many = owners.iter().filter(|(_, sides)| sides.len() > 2).map(|(nodes, _)| [nodes[0], nodes[1]]);
         let found = [
-            (SeamKind::CoincidentNodes, self.coincident_nodes(&border)),
-            (SeamKind::HangingNode, self.hanging_nodes(&border)),
-            (SeamKind::QuadrangleOnTriangles, self.covered_quadrangles(&border)),
+            (SeamKind::CoincidentNodes, self.coincident_nodes(&boundary)),
+            (SeamKind::HangingNode, self.hanging_nodes(&boundary)),
+            (SeamKind::QuadrilateralOnTriangles, self.covered_quadrilaterals(&boundary)),
             (SeamKind::SideOfMany, many.collect()),
         ];
         let seam = |(kind, cases): (SeamKind, Vec<[usize; 2]>)| {
@@ -87,8 +88,8 @@ impl Mesh {
         nodes
     }
 
-    fn coincident_nodes(&self, border: &[Side]) -> Vec<[usize; 2]> {
-        let nodes = self.nodes_of(border);
+    fn coincident_nodes(&self, boundary: &[Side]) -> Vec<[usize; 2]> {
+        let nodes = self.nodes_of(boundary);
         let tolerance = SAME_PLACE * self.extent();
         let grid = Grid::of(nodes.iter().copied(), &self.nodes, 2.0 * tolerance);
         let near = |node: usize| {
@@ -100,14 +101,14 @@ impl Mesh {
         pairs.filter(|[node, other]| distance(&self.nodes[*node], &self.nodes[*other]) <= tolerance).collect()
     }
 
-    fn hanging_nodes(&self, border: &[Side]) -> Vec<[usize; 2]> {
-        let nodes = self.nodes_of(border);
+    fn hanging_nodes(&self, boundary: &[Side]) -> Vec<[usize; 2]> {
+        let nodes = self.nodes_of(boundary);
         let same = SAME_PLACE * self.extent();
-        let lengths = border.iter().map(|side| self.length(*side));
-        let usual = lengths.sum::<f64>() / border.len().max(1) as f64;
+        let lengths = boundary.iter().map(|side| self.length(*side));
+        let usual = lengths.sum::<f64>() / boundary.len().max(1) as f64;
         let grid = Grid::of(nodes.iter().copied(), &self.nodes, usual);
         let mut found = BTreeMap::new();
-        for side in border {
+        for side in boundary {
             let own = self.side_nodes(*side);
             let corners: Vec<[f64; 3]> = self.corners(*side).iter().map(|&node| self.nodes[node]).collect();
             let margin = ON_SIDE * self.length(*side);
@@ -135,13 +136,13 @@ impl Mesh {
         corners.iter().zip(next).map(|(a, b)| distance(&self.nodes[*a], &self.nodes[*b])).fold(0.0, f64::max)
     }
 
-    fn covered_quadrangles(&self, border: &[Side]) -> Vec<[usize; 2]> {
+    fn covered_quadrilaterals(&self, boundary: &[Side]) -> Vec<[usize; 2]> {
         let sorted = |side: &Side| {
             let mut corners = self.corners(*side);
             corners.sort_unstable();
             corners
         };
-        let corners: Vec<Vec<usize>> = border.iter().map(sorted).collect();
+        let corners: Vec<Vec<usize>> = boundary.iter().map(sorted).collect();
         let triangles: BTreeSet<&[usize]> =
             corners.iter().filter(|side| side.len() == 3).map(Vec::as_slice).collect();
         let is_covered = |side: &&Vec<usize>| {
@@ -257,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Two blocks beside each other, each with its own nodes on the border between them, `fine` times as many in the second.
+    /// Two blocks beside each other, each with its own nodes on the boundary between them, `fine` times as many in the second.
     fn two_blocks(kind: ElementKind, fine: usize) -> Mesh {
         let (first, second) =
             (Block::plane([1.0, 1.0], [1, 1], kind).mesh(), Block::plane([1.0, 1.0], [1, fine], kind).mesh());
@@ -276,9 +277,9 @@ mod tests {
         assert_eq!(parts.seams()[0].place[0], 1.0);
         let finer = two_blocks(ElementKind::Q4, 3);
         assert_eq!(kinds(&finer), [(SeamKind::CoincidentNodes, 2), (SeamKind::HangingNode, 2)]);
-        // The same with the corners of the border in common: only the nodes between them hang.
+        // The same with the corners of the boundary in common: only the nodes between them hang.
         let mut hanging = finer.clone();
-        for [keep, drop] in finer.coincident_nodes(&finer.border_for_tests()) {
+        for [keep, drop] in finer.coincident_nodes(&all_sides(&finer)) {
             hanging.elements.iter_mut().flatten().filter(|node| **node == drop).for_each(|node| *node = keep);
         }
         assert_eq!(kinds(&hanging), [(SeamKind::HangingNode, 2)]);
@@ -291,7 +292,7 @@ mod tests {
         mesh.nodes.push([0.5, 0.5, 2.0]);
         mesh.elements.push(vec![top[0], top[1], top[2], 8]);
         mesh.kinds.push(ElementKind::T4);
-        assert!(kinds(&mesh).contains(&(SeamKind::QuadrangleOnTriangles, 1)), "{:?}", mesh.seams());
+        assert!(kinds(&mesh).contains(&(SeamKind::QuadrilateralOnTriangles, 1)), "{:?}", mesh.seams());
         let mut upon = Block::plane([1.0, 2.0], [1, 2], ElementKind::Q4).mesh().unwrap();
         let shared = upon.elements[0].clone();
         upon.nodes.push([0.5, 0.5, 0.0]);
@@ -300,11 +301,9 @@ mod tests {
         assert!(kinds(&upon).contains(&(SeamKind::SideOfMany, 1)), "{:?}", upon.seams());
     }
 
-    impl Mesh {
-        fn border_for_tests(&self) -> Vec<Side> {
-            let all = (0..self.elements.len())
-                .flat_map(|element| (0..self.kinds[element].side_count()).map(move |local| Side { element, local }));
-            all.collect()
-        }
+    fn all_sides(mesh: &Mesh) -> Vec<Side> {
+        let of_element =
+            |element: usize| (0..mesh.kinds[element].side_count()).map(move |local| Side { element, local });
+        (0..mesh.elements.len()).flat_map(of_element).collect()
     }
 }

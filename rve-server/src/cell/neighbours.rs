@@ -263,6 +263,17 @@ mod tests {
         assert_eq!(shifts, [[0, 1], [1, -1], [1, 0]]);
     }
 
+    /// The table is in proportion to the grains, not to the cell.
+    #[test]
+    fn a_cell_that_is_huge_against_its_grains_has_a_small_table() {
+        let cell = Cell::<Spheres> { rows: [[900.0, 0.0, 0.0], [0.0, 900.0, 0.0], [0.0, 0.0, 900.0]] };
+        let (mut finder, mut pairs) = (PairFinder::<Spheres>::default(), Vec::new());
+        let positions = [[0.2, 0.2, 899.9], [0.2, 0.2, 0.5]];
+        finder.find(&cell, positions.into_iter(), &[0.5, 0.5], 0.01, &mut pairs);
+        assert_eq!(pairs, [PairKey { origin: 0, end: 1, shift: [0, 0, 1] }]);
+        assert!(finder.bin_start.len() < 10_000, "{} bins", finder.bin_start.len());
+    }
+
     fn brute_force_in_space(
         cell: &Cell<Spheres>,
         positions: &[[f64; 3]],

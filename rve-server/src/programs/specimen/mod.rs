@@ -32,6 +32,8 @@ pub mod run;
 mod shear_tests;
 mod stage;
 mod state_stream;
+#[cfg(test)]
+mod stiffening_tests;
 pub mod test_file;
 #[cfg(test)]
 mod tests;

@@ -239,17 +239,16 @@ impl<S: Space> Run<S> {
         is_capped.then(|| Ok(self.ended(unbalanced, false, self.sums.contacts > 0.0)))
     }
 
-    /// Adds the energies of the last step: forces before and after it on its motion. Grains begin every run without motion, so all work that
-    /// the forces out of balance do on their motion is lost.
     /// Whether the next step needs the virial for the work on the cell: while that moves.
     pub(crate) fn needs_virial(&self) -> bool {
         self.work.is_some() && matches!(self.phase, Phase::Fresh | Phase::Ramp)
     }
 
+    /// Adds the work of the last step, if it is counted.
     fn count_work(&mut self, sums: &StepSums<f64>) {
-        let work = self.work_of(sums);
-        if let (true, Some(total)) = (self.needs_virial(), &mut self.work) {
-            *total += work;
+        if self.needs_virial() {
+            let work = self.work_of(sums);
+            *self.work.get_or_insert_default() += work;
         }
     }
 
@@ -259,6 +258,8 @@ impl<S: Space> Run<S> {
         pairs.map(|((before, after), affine)| 0.5 * (before + after) * affine).sum()
     }
 
+    /// Adds the energies of the last step: forces before and after it on its motion. Grains begin every run without motion, so all work that
+    /// the forces out of balance do on their motion is lost.
     fn count_energies(&mut self, sums: &StepSums<f64>, old_power: f64) {
         let work = self.work_of(sums);
         let energies = self.energies.get_or_insert_default();

@@ -330,6 +330,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         let ratio = self.body.damping_ratio();
         // While few grains touch, the first contacts to come are stiffer than the mean of those there are.
         let is_loose = (self.contacts.contacts as f64) < count;
+        let is_first = self.step == 0.0;
         for (index, own) in own.iter().enumerate() {
             let grain = &self.body.grains[index];
             let to_come = if is_loose {
@@ -342,10 +343,11 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
                 root: own.root.max(mean.root / count).max(to_come.root),
                 dashpot: 0.0,
             };
-            let before = if self.steps == 0 { 0.0 } else { self.masses[index] };
+            let before = if is_first { 0.0 } else { self.masses[index] };
             let after = before.max(own.mass_for(self.motion.safety, ratio)).max(f64::MIN_POSITIVE);
             let turning = self.inertia_factor * grain.radius * grain.radius * grain.spin.dot(grain.spin);
-            if !self.driven[index] {
+            // The energy of the first masses is what the specimen begins with.
+            if !is_first && !self.driven[index] {
                 self.raised += 0.5 * (after - before) * (grain.velocity.dot(grain.velocity) + turning);
             }
             self.masses[index] = after;
