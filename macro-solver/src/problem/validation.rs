@@ -342,6 +342,7 @@ mod tests {
     use super::*;
     use crate::mesh::ElementKind;
     use crate::mesh::block::Block;
+    use crate::problem::dynamics::{DynamicSettings, InitialVelocity};
 
     fn problem(conditions: Vec<Condition>) -> Problem {
         let mesh = Block::plane([1.0, 2.0], [2, 2], ElementKind::Q4).mesh().unwrap();
@@ -443,5 +444,10 @@ mod tests {
         assert_eq!(lifted.validate(), Err(ProblemError::NoThirdAxis));
         let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 0.0, 1.0] };
         assert_eq!(problem([supported(), vec![pulled]].concat()).validate(), Err(ProblemError::NoThirdAxis));
+        let mut thrown = problem(supported());
+        let velocity = InitialVelocity { nodes: "top".into(), value: [0.0, 0.0, 1.0] };
+        let settings = DynamicSettings { initial_velocities: vec![velocity], ..DynamicSettings::new(1e3) };
+        thrown.stages[0].procedure = Procedure::Dynamic(Box::new(settings));
+        assert_eq!(thrown.validate(), Err(ProblemError::NoThirdAxis));
     }
 }
