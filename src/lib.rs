@@ -5,6 +5,7 @@ pub mod build_info;
 mod cli;
 mod engines;
 pub mod exit;
+mod folder_lock;
 pub mod machine;
 pub mod stderr;
 pub mod stdout;

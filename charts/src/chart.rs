@@ -1,8 +1,9 @@
 //! Curves of a study as one SVG picture.
 
 use crate::ChartError;
-use crate::number::tick;
+use crate::number::{logarithmic_ticks, tick, tick_within};
 use plotters::coord::Shift;
+use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use std::ops::Range;
@@ -113,9 +114,9 @@ impl Chart {
         let (x, y) = (self.range(0), self.range(1));
         match (across, up) {
             (Scale::Linear, Scale::Linear) => self.draw(&area, x, y)?,
-            (Scale::Linear, Scale::Logarithmic) => self.draw(&area, x, y.log_scale())?,
-            (Scale::Logarithmic, Scale::Linear) => self.draw(&area, x.log_scale(), y)?,
-            (Scale::Logarithmic, Scale::Logarithmic) => self.draw(&area, x.log_scale(), y.log_scale())?,
+            (Scale::Linear, Scale::Logarithmic) => self.draw(&area, x, logarithmic(y))?,
+            (Scale::Logarithmic, Scale::Linear) => self.draw(&area, logarithmic(x), y)?,
+            (Scale::Logarithmic, Scale::Logarithmic) => self.draw(&area, logarithmic(x), logarithmic(y))?,
         }
         area.present()?;
         drop(area);
@@ -136,6 +137,15 @@ impl Chart {
                 floor..high + margin
             }
             Scale::Logarithmic => low / 1.3..high * 1.3,
+        }
+    }
+
+    /// What stands at a mark of an axis.
+    fn label(&self, axis: usize, value: f64) -> String {
+        let range = self.range(axis);
+        match self.axes[axis].1 {
+            Scale::Linear => tick_within(value, range.end - range.start),
+            Scale::Logarithmic => tick(value),
         }
     }
 
@@ -197,8 +207,8 @@ impl Chart {
             .configure_mesh()
             .x_desc(&self.axes[0].0)
             .y_desc(&self.axes[1].0)
-            .x_label_formatter(&|value| tick(*value))
-            .y_label_formatter(&|value| tick(*value))
+            .x_label_formatter(&|value| self.label(0, *value))
+            .y_label_formatter(&|value| self.label(1, *value))
             .label_style(("sans-serif", 13))
             .axis_desc_style(("sans-serif", 15))
             .light_line_style(WHITE)
@@ -244,6 +254,12 @@ impl Chart {
     }
 }
 
+/// A logarithmic axis with marks wherever it begins; those of the library begin with the first power of ten.
+fn logarithmic(range: Range<f64>) -> WithKeyPoints<LogCoord<f64>> {
+    let marks = logarithmic_ticks(&range);
+    range.log_scale().with_key_points(marks)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -263,6 +279,17 @@ mod tests {
             assert!(!text.contains("NaN"));
         }
         assert!(Chart::new("nothing", ("x", Scale::Linear), ("y", Scale::Linear)).to_svg().is_ok());
+    }
+
+    /// Grains from 200 to 400 had no number on their axis.
+    #[test]
+    fn a_logarithmic_axis_without_a_power_of_ten_has_numbers() {
+        let mut chart = Chart::new("", ("grains", Scale::Logarithmic), ("scatter", Scale::Logarithmic));
+        chart.curve("a", [[200.0, 0.02], [400.0, 0.06]]);
+        let text = chart.to_svg().unwrap();
+        for label in ["200", "300", "400", "0.02", "0.06"] {
+            assert!(text.contains(&format!("\n{label}\n")), "{label} is missing");
+        }
     }
 
     #[test]

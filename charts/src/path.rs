@@ -1,7 +1,7 @@
 //! One curve along the steps of a run, with the hard steps marked: `history.svg`.
 
 use crate::ChartError;
-use crate::number::trimmed;
+use crate::number::tick_within;
 use plotters::prelude::*;
 use std::ops::Range;
 
@@ -64,8 +64,8 @@ fn draw(
         .configure_mesh()
         .x_desc(x)
         .y_desc(y)
-        .x_label_formatter(&|value| tick(*value, &across))
-        .y_label_formatter(&|value| tick(*value, &up))
+        .x_label_formatter(&|value| tick_within(*value, across.end - across.start))
+        .y_label_formatter(&|value| tick_within(*value, up.end - up.start))
         .label_style(("sans-serif", 14))
         .axis_desc_style(("sans-serif", 16))
         .light_line_style(WHITE)
@@ -152,19 +152,6 @@ fn range(values: &[f64]) -> Option<Range<f64>> {
     Some(low - margin..high + margin)
 }
 
-/// Four significant digits, without trailing zeros; values that are negligible on the scale of the axis are 0.
-fn tick(value: f64, axis: &Range<f64>) -> String {
-    if value.abs() < 1e-9 * (axis.end - axis.start) {
-        return "0".to_owned();
-    }
-    if !(1e-4..1e5).contains(&value.abs()) {
-        return format!("{value:.1e}");
-    }
-    let decimals = (3 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
-    let text = format!("{value:.decimals$}");
-    trimmed(&text).to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,11 +233,5 @@ mod tests {
         points.iter_mut().for_each(|point| point.place.0 = f64::INFINITY);
         assert_eq!(path_svg(["load", "ratio"], &points).unwrap(), None);
         assert_eq!(path_svg(["load", "ratio"], &[]).unwrap(), None);
-    }
-
-    #[test]
-    fn ticks_are_short() {
-        let texts = [1e-18, 0.02, 100_000.0, 1234.0, -2.5e-7].map(|value| tick(value, &(0.0..1.0)));
-        assert_eq!(texts, ["0", "0.02", "1.0e5", "1234", "-2.5e-7"]);
     }
 }

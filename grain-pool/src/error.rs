@@ -17,7 +17,7 @@ pub enum PoolError {
     /// The cell refused a trial, or broke down. No trial of the call counts.
     #[error("point {point} of the call: {reason}")]
     Refused {
-        /// Place of the trial in the call, from 0; with several refusals the one of the oldest state.
+        /// Place of the trial in the call, from 0; with several refusals the first of the oldest state.
         point: usize,
         /// The cell's reason, with the remedy.
         reason: RveError,

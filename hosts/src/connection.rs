@@ -26,6 +26,9 @@ const AT_ONCE: usize = 2 << 20;
 /// How long a peer may take to notice that the connection is closed.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// Longest time between two probes that Linux accepts.
+const LONGEST_INTERVAL: Duration = Duration::from_secs(32_767);
+
 /// Bytes that wait to be handled before no more are read from a peer, kB.
 const BACKLOG: usize = 256 << 10;
 
@@ -56,16 +59,23 @@ impl Limits {
 /// # Errors
 /// The system refuses an option.
 pub(crate) fn prepare(socket: &TcpStream, limits: &Limits) -> io::Result<()> {
-    let silence = limits.silence.max(Duration::from_millis(300));
-    // The kernel counts in whole seconds; the user timeout, in milliseconds, ends the connection in time whatever the count.
-    let interval = (silence / 4).max(Duration::from_secs(1));
+    let (interval, user_timeout) = kernel_limits(limits.silence);
     sockopt::set_tcp_nodelay(socket, true)?;
     sockopt::set_socket_keepalive(socket, true)?;
     sockopt::set_tcp_keepidle(socket, interval)?;
     sockopt::set_tcp_keepintvl(socket, interval)?;
     sockopt::set_tcp_keepcnt(socket, 3)?;
-    sockopt::set_tcp_user_timeout(socket, u32::try_from(silence.as_millis()).unwrap_or(u32::MAX))?;
+    sockopt::set_tcp_user_timeout(socket, user_timeout)?;
     Ok(())
+}
+
+/// Time between two probes of a silent peer, and how long data may stay unanswered, ms. The kernel refuses longer ones than these.
+fn kernel_limits(silence: Duration) -> (Duration, u32) {
+    let silence = silence.max(Duration::from_millis(300));
+    // The kernel counts in whole seconds; the user timeout, in milliseconds, ends the connection in time whatever the count.
+    let interval = (silence / 4).clamp(Duration::from_secs(1), LONGEST_INTERVAL);
+    let user_timeout = silence.as_millis().min(i32::MAX as u128);
+    (interval, user_timeout as u32)
 }
 
 /// What TLS reads from.
@@ -208,5 +218,19 @@ fn in_words(error: &io::Error) -> String {
         }
         io::ErrorKind::UnexpectedEof => "the connection ended in the middle of a message".to_owned(),
         _ => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_silence_becomes_limits_that_the_kernel_accepts() {
+        let seconds = Duration::from_secs;
+        assert_eq!(kernel_limits(seconds(10)), (Duration::from_millis(2500), 10_000));
+        assert_eq!(kernel_limits(Duration::ZERO), (seconds(1), 300));
+        assert_eq!(kernel_limits(seconds(40 * 3600)), (LONGEST_INTERVAL, 144_000_000));
+        assert_eq!(kernel_limits(Duration::MAX), (LONGEST_INTERVAL, i32::MAX as u32));
     }
 }

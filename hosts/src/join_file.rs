@@ -2,6 +2,7 @@
 
 use crate::secret::{Secret, SecretError, read_private, write_private};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -51,10 +52,16 @@ struct Content {
 }
 
 /// The file that a run writes for its agents: readable by its owner only, removed when the run ends.
-#[derive(Debug)]
 pub struct JoinFile {
     path: PathBuf,
     text: String,
+}
+
+impl fmt::Debug for JoinFile {
+    /// Without the text, which holds the secret.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("JoinFile").field("path", &self.path).finish_non_exhaustive()
+    }
 }
 
 impl JoinFile {
@@ -146,6 +153,7 @@ mod tests {
         let file = JoinFile::write(&path, "127.0.0.1:7400".parse().unwrap(), &[], &secret).unwrap();
         let target = Target::find(path.to_str().unwrap(), None).unwrap();
         assert_eq!(target, Target { endpoints: vec!["127.0.0.1:7400".into()], secret: secret.clone() });
+        assert!(!format!("{file:?} {target:?}").contains(&secret.text()));
         let later = JoinFile::write(&path, "127.0.0.1:7401".parse().unwrap(), &[], &secret).unwrap();
         drop(file);
         assert!(path.exists(), "it belongs to the later run");

@@ -65,8 +65,8 @@ pub struct NetworkMacroPort {
     /// Agent and number there, of each worker.
     routes: BTreeMap<WorkerId, (u64, u32)>,
     joined: u32,
-    /// Workers that are to be reported as lost at the next poll.
-    lost: Vec<(WorkerId, String)>,
+    /// Ends of workers that are to be reported at the next poll.
+    ended: Vec<MacroEvent<'static>>,
     message_bytes: usize,
     door: Door,
 }
@@ -83,7 +83,7 @@ impl NetworkMacroPort {
             agents: BTreeMap::new(),
             routes: BTreeMap::new(),
             joined: 0,
-            lost: Vec::new(),
+            ended: Vec::new(),
             message_bytes,
             door,
         })
@@ -170,6 +170,7 @@ impl NetworkMacroPort {
     ) -> Result<usize, RefusedMessage> {
         let Some(agent) = self.agents.get_mut(&number) else { return Ok(0) };
         if agent.ended.contains(&slot) {
+            self.note_states_of_ended(number, slot, bytes);
             return Ok(0);
         }
         let worker = match agent.workers.get(&slot) {
@@ -193,14 +194,22 @@ impl NetworkMacroPort {
         };
         let mirror = &mut agent.mirror;
         let delivered = deliver_to_macro(worker, bytes, &mut |event| {
-            if let (Some(mirror), MacroEvent::Replies(_, replies)) = (mirror.as_mut(), &event) {
-                replies.iter().for_each(|one| mirror.note(one.reply.state, one.state.len()));
+            if let Some(mirror) = mirror.as_mut() {
+                note_states(mirror, &event);
             }
             sink(event);
         });
         delivered.map_err(|error| RefusedMessage::Worker { worker, error })?;
         self.forget_surplus(number);
         Ok(1)
+    }
+
+    /// What a worker still sends after its end counts for nothing, but the agent keeps the states that pass through it.
+    fn note_states_of_ended(&mut self, number: u64, slot: u32, bytes: &[u8]) {
+        let Some(mirror) = self.agents.get_mut(&number).and_then(|agent| agent.mirror.as_mut()) else { return };
+        // What cannot be read, the agent has not kept either.
+        let _ = deliver_to_macro(WorkerId(slot), bytes, &mut |event| note_states(mirror, &event));
+        self.forget_surplus(number);
     }
 
     fn take_from_agent(
@@ -272,14 +281,19 @@ impl NetworkMacroPort {
     }
 }
 
+/// Notes the states of replies, which have passed through the agent.
+fn note_states(mirror: &mut StateMirror, event: &MacroEvent<'_>) {
+    if let MacroEvent::Replies(_, replies) = event {
+        replies.iter().for_each(|one| mirror.note(one.reply.state, one.state.len()));
+    }
+}
+
 impl MacroPort for NetworkMacroPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
-        let wait = if self.lost.is_empty() { wait } else { Duration::ZERO };
+        let wait = if self.ended.is_empty() { wait } else { Duration::ZERO };
         let (arrivals, woken) = self.door.shared.take(wait);
-        let mut events = self.lost.len() + usize::from(woken);
-        for (worker, reason) in std::mem::take(&mut self.lost) {
-            sink(MacroEvent::Lost(worker, reason));
-        }
+        let mut events = self.ended.len() + usize::from(woken);
+        std::mem::take(&mut self.ended).into_iter().for_each(&mut *sink);
         for arrival in arrivals {
             match arrival {
                 Arrival::Opened(peer) => self.open(peer),
@@ -340,13 +354,17 @@ impl MacroPort for NetworkMacroPort {
     fn kill(&mut self, worker: WorkerId) {
         let Ok((number, slot)) = self.slot(worker) else { return };
         // The agent is told, and may be slow or out of reach; here the worker is gone at once, and what it still sends is ignored.
-        let _ = self.post(worker, with_control(slot, &ToAgent::Kill));
+        let is_told = self.post(worker, with_control(slot, &ToAgent::Kill)).is_ok();
         self.routes.remove(&worker);
         if let Some(agent) = self.agents.get_mut(&number) {
             agent.workers.remove(&slot);
             agent.ended.insert(slot);
         }
-        self.lost.push((worker, "killed".to_owned()));
+        // Without a connection nothing is known of the worker itself: its jobs must not be suspected to have ended it.
+        self.ended.push(match is_told {
+            true => MacroEvent::Lost(worker, "killed".to_owned()),
+            false => MacroEvent::CutOff(worker, "the connection to its host has ended".to_owned()),
+        });
         self.door.shared.wake();
     }
 
@@ -367,5 +385,81 @@ impl Drop for NetworkMacroPort {
             drop(arrival);
         }
         self.door.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::worker_port::Link;
+    use crate::{Limits, Secret, Target, this_program};
+    use bytemuck::Zeroable;
+    use protocol::transport::LoadedReply;
+    use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
+    use protocol::{Capabilities, PROTOCOL_VERSION, StateId};
+    use std::time::Instant;
+
+    const PATIENCE: Duration = Duration::from_secs(10);
+
+    /// A port and the connection of an agent that keeps `state_bytes` and has one worker, which has said hello.
+    fn connected(state_bytes: u64) -> (NetworkMacroPort, Link) {
+        let secret = Secret::draw().unwrap();
+        let (limits, program) = (Limits::default(), this_program().to_owned());
+        let options = DoorOptions { run: "test".into(), secret: secret.clone(), limits, program };
+        let mut port = NetworkMacroPort::listen("127.0.0.1:0", options).unwrap();
+        let target = Target { endpoints: vec![port.address().to_string()], secret };
+        let link = Link::join(&target, state_bytes, limits, None).unwrap();
+        let (run, capabilities) = ("test".to_owned(), Capabilities::default());
+        let hello = FromWorker::Hello { protocol: PROTOCOL_VERSION, run, pid: 0, capabilities, state_cache: 4 };
+        assert!(link.send_frame(0, &Outgoing::control(&hello)));
+        hear(&mut port, |event| matches!(event, MacroEvent::Control(WorkerId(0), FromWorker::Hello { .. })));
+        (port, link)
+    }
+
+    /// Polls until an event is the expected one.
+    fn hear(port: &mut NetworkMacroPort, is_expected: impl Fn(&MacroEvent<'_>) -> bool) {
+        let (begin, mut is_heard) = (Instant::now(), false);
+        while !is_heard {
+            assert!(begin.elapsed() < PATIENCE, "waited in vain");
+            port.poll(Duration::from_millis(20), &mut |event| is_heard |= is_expected(&event)).unwrap();
+        }
+    }
+
+    /// The agent keeps what passes through it; what the macro gave no account of would be kept for ever.
+    #[test]
+    fn states_of_a_worker_that_was_killed_are_forgotten_like_all_others() {
+        let (mut port, link) = connected(3);
+        port.kill(WorkerId(0));
+        hear(&mut port, |event| matches!(event, MacroEvent::Lost(WorkerId(0), _)));
+        let state = StateId::of(b"state");
+        let reply = TrialReply { state, ..TrialReply::bare(&TrialJob::zeroed(), ReplyStatus::Done) };
+        let replies = [LoadedReply { reply, state: b"state", error: b"" }];
+        assert!(link.send_frame(0, &Outgoing::Replies(&replies)));
+        let (begin, mut forgotten) = (Instant::now(), None);
+        while forgotten.is_none() {
+            assert!(begin.elapsed() < PATIENCE, "waited in vain");
+            port.poll(Duration::from_millis(20), &mut |event| panic!("{event:?}")).unwrap();
+            for bytes in link.take(Duration::ZERO).messages {
+                if let Ok((_, Body::Control(body))) = Body::parse(&bytes)
+                    && let Ok(ToAgent::Forget { states, heard }) = unpacked(body)
+                {
+                    forgotten = Some((states, heard));
+                }
+            }
+        }
+        assert_eq!(forgotten, Some((vec![state], 2)));
+    }
+
+    #[test]
+    fn a_worker_that_is_killed_after_its_connection_has_ended_was_cut_off() {
+        let (mut port, _link) = connected(0);
+        port.cut_connections();
+        let begin = Instant::now();
+        while port.send_control(WorkerId(0), &ToWorker::Drain).is_ok() {
+            assert!(begin.elapsed() < PATIENCE, "the connection does not end");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        port.kill(WorkerId(0));
+        hear(&mut port, |event| matches!(event, MacroEvent::CutOff(WorkerId(0), _)));
     }
 }

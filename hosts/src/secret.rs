@@ -8,8 +8,9 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Fewest bytes of a secret. It is not a password: whoever records a connection may try secrets at leisure only against a live
-/// door, but a short one invites people to choose words.
+/// Fewest bytes of a secret. It is not a password: whoever connects once is shown a public key that was made of it, and may try guesses
+/// against that key at leisure. Each costs some 0.1 s of a processor (see `tls.rs`), which does not protect words; a short secret invites
+/// people to choose some.
 const SHORTEST: usize = 16;
 
 /// Most bytes of a secret file that are read.

@@ -1,12 +1,16 @@
 //! TLS 1.3 between macro and agents with keys that both derive from the shared secret.
 //!
-//! Each role has a signing key of its own (Ed25519, its seed derived from the secret by HKDF-SHA256), shown as a raw public key
-//! [RFC 7250] instead of a certificate: nothing expires, nothing has to be distributed but the secret. Either side accepts exactly the
+//! Each role has a signing key of its own (Ed25519, its seed derived from the secret by PBKDF2 and HKDF-SHA256), shown as a raw public
+//! key [RFC 7250] instead of a certificate: nothing expires, nothing has to be distributed but the secret. Either side accepts exactly the
 //! key of the other role and no other, so a stranger fails in the handshake. The session keys are ephemeral: a secret that becomes
 //! known later does not open connections that were recorded before.
+//!
+//! A stranger still sees the macro's public key, and may try guesses of the secret against it without any further connection. PBKDF2
+//! makes each of them expensive.
 
+use crate::lock;
 use crate::secret::Secret;
-use ring::hkdf;
+use ring::{hkdf, pbkdf2};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::client::{AlwaysResolvesClientRawPublicKeys, Resumption};
 use rustls::crypto::{CryptoProvider, WebPkiSupportedAlgorithms, verify_tls13_signature_with_raw_key};
@@ -17,10 +21,15 @@ use rustls::sign::CertifiedKey;
 use rustls::{
     CertificateError, ClientConfig, DigitallySignedStruct, DistinguishedName, Error, ServerConfig, SignatureScheme,
 };
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::num::NonZeroU32;
+use std::sync::{Arc, Mutex};
 
 /// Names the purpose in the derivation of keys: another use of the same secret gives other keys.
-const SALT: &[u8] = b"grainspan hosts 1";
+const SALT: &[u8] = b"grainspan hosts 2";
+
+/// Rounds of PBKDF2: some 0.1 s, once per process.
+const ROUNDS: NonZeroU32 = NonZeroU32::new(200_000).unwrap();
 
 /// An Ed25519 key of 32 bytes in PKCS#8 [RFC 8410] is this and the seed.
 const PKCS8_HEAD: [u8; 16] =
@@ -75,12 +84,22 @@ pub(crate) fn agent_side(secret: &Secret) -> Result<Arc<ClientConfig>, Error> {
     Ok(Arc::new(config))
 }
 
+/// The secret after PBKDF2; kept, since an agent joins many times.
+fn stretched(secret: &Secret) -> [u8; 32] {
+    static KNOWN: Mutex<BTreeMap<Vec<u8>, [u8; 32]>> = Mutex::new(BTreeMap::new());
+    *lock(&KNOWN).entry(secret.bytes().to_vec()).or_insert_with(|| {
+        let mut key = [0; 32];
+        pbkdf2::derive(pbkdf2::PBKDF2_HMAC_SHA256, ROUNDS, SALT, secret.bytes(), &mut key);
+        key
+    })
+}
+
 /// The signing key of a role with its public half.
 fn key(secret: &Secret, role: Role, provider: &CryptoProvider) -> Result<CertifiedKey, Error> {
     let unusable = |_| Error::General("no key could be derived from the secret".to_owned());
     let mut pkcs8 = [0u8; PKCS8_HEAD.len() + 32];
     pkcs8[..PKCS8_HEAD.len()].copy_from_slice(&PKCS8_HEAD);
-    let extracted = hkdf::Salt::new(hkdf::HKDF_SHA256, SALT).extract(secret.bytes());
+    let extracted = hkdf::Salt::new(hkdf::HKDF_SHA256, SALT).extract(&stretched(secret));
     let info = [role.info()];
     let expanded = extracted.expand(&info, hkdf::HKDF_SHA256).map_err(unusable)?;
     expanded.fill(&mut pkcs8[PKCS8_HEAD.len()..]).map_err(unusable)?;
@@ -207,5 +226,20 @@ impl ClientCertVerifier for OnlyThisKey {
 
     fn requires_raw_public_keys(&self) -> bool {
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_guess_of_the_secret_costs_as_many_rounds_as_are_promised() {
+        let secret = Secret::from_text("0123456789abcdef", Path::new("-")).unwrap();
+        // Python's hashlib.pbkdf2_hmac("sha256", secret, SALT, 200_000, 32).
+        let expected = [0xda, 0x30, 0x07, 0x13, 0x76, 0x3e, 0x29, 0xa0];
+        assert_eq!(stretched(&secret)[..8], expected);
+        assert_eq!(stretched(&secret)[..8], expected, "the one that was kept");
     }
 }

@@ -122,10 +122,11 @@ fn an_agent_that_keeps_sending_garbage_is_given_up_and_the_others_go_on() {
 }
 
 /// A worker behind an agent: answers a job with its state and one byte more, but only when told to.
-fn worker(door: InProcessDoor, answers: Receiver<()>) {
+fn worker(door: &InProcessDoor, answers: Receiver<()>) {
+    // In the thread of the caller, so that workers are numbered in the order in which they are made.
+    let mut port = door.join();
+    port.send_control(&hello("here")).unwrap();
     std::thread::spawn(move || {
-        let mut port = door.join();
-        port.send_control(&hello("here")).unwrap();
         let mut open = true;
         while open {
             let mut jobs: Vec<(TrialJob, Vec<u8>)> = Vec::new();
@@ -158,8 +159,8 @@ fn agent(
     let looked_up = Arc::clone(&place);
     let thread = std::thread::spawn(move || {
         let (local, door) = channel();
-        worker(door.clone(), first);
-        worker(door, second);
+        worker(&door, first);
+        worker(&door, second);
         let options = AgentOptions { limits: Limits::default(), state_bytes, timeout: PATIENCE };
         let mut supply = JoiningWorkers;
         let target = move || Ok(looked_up.lock().unwrap().clone());
@@ -208,6 +209,81 @@ fn a_state_travels_to_a_host_once_whichever_of_its_workers_needs_it() {
     assert_eq!((figures.now().states_kept, heard.replies[7].2.clone()), (3, expected));
     drop(port);
     assert!(matches!(thread.join().unwrap().0, AgentEnd::RunEnded(_)));
+}
+
+/// The macro takes a state that it has sent for kept, and learns only later that the worker which it was sent to had ended.
+#[test]
+fn a_state_that_was_sent_to_a_worker_that_has_just_ended_is_kept_for_the_others() {
+    let (mut port, target) = listen(this_program());
+    let (_, [first, second], thread) = agent(target, 1000);
+    let mut heard = Heard::default();
+    heard.until(&mut port, |heard| heard.hellos.len() == 2);
+    // The first worker ends with its next job, and the agent notices.
+    drop(first);
+    port.send_jobs(WorkerId(0), &[LoadedJob { job: job(0, b""), state: b"" }]).unwrap();
+    std::thread::sleep(Duration::from_millis(200));
+    for (number, worker) in [(1, 0), (2, 1)] {
+        port.send_jobs(WorkerId(worker), &[LoadedJob { job: job(number, b"state"), state: b"state" }]).unwrap();
+    }
+    second.send(()).unwrap();
+    heard.until(&mut port, |heard| !heard.replies.is_empty());
+    assert_eq!((&heard.lost[..], heard.replies[0].1), (&[WorkerId(0)][..], 2));
+    assert_eq!(heard.replies[0].2, b"state!");
+    assert_eq!(port.figures().now().states_kept, 1);
+    drop(port);
+    assert!(matches!(thread.join().unwrap().0, AgentEnd::RunEnded(_)));
+}
+
+/// Kept under its name, it would make the next worker that starts from it look faulty.
+#[test]
+fn a_state_that_was_damaged_between_worker_and_agent_goes_no_further() {
+    let (mut port, target) = listen(this_program());
+    let (local, door) = channel();
+    let mut broken = door.join();
+    broken.send_control(&hello("here")).unwrap();
+    let thread = std::thread::spawn(move || {
+        let options = AgentOptions { limits: Limits::default(), state_bytes: 1000, timeout: PATIENCE };
+        let mut supply = JoiningWorkers;
+        let mut agent = Agent::new(local, &mut supply, move || Ok(target.clone()), options, Interrupt::new());
+        (agent.serve().unwrap(), agent.figures())
+    });
+    let mut heard = Heard::default();
+    heard.until(&mut port, |heard| heard.hellos.len() == 1);
+    let reply = TrialReply { state: StateId::of(b"state"), ..TrialReply::bare(&job(0, b""), ReplyStatus::Done) };
+    broken.send_replies(&[LoadedReply { reply, state: b"stale", error: b"" }]).unwrap();
+    heard.until(&mut port, |heard| !heard.lost.is_empty());
+    assert!(heard.replies.is_empty(), "{:?}", heard.replies);
+    drop(port);
+    let (end, figures) = thread.join().unwrap();
+    assert!(matches!(end, AgentEnd::RunEnded(_)));
+    assert_eq!((figures.damaged_replies, figures.replies), (1, 0));
+}
+
+/// Agents may be started long before their run, and a worker waits half a minute at most for the answer to its hello.
+#[test]
+fn a_worker_is_welcome_before_the_run_is_found() {
+    let (local, door) = channel();
+    let mut port = door.join();
+    port.send_control(&hello("here")).unwrap();
+    let interrupt = Interrupt::new();
+    let raised = interrupt.clone();
+    let thread = std::thread::spawn(move || {
+        let options = AgentOptions { limits: Limits::default(), state_bytes: 0, timeout: 2 * PATIENCE };
+        let mut supply = JoiningWorkers;
+        let nowhere = || Err(JoinError::Unreachable("there is no run yet".into()));
+        Agent::new(local, &mut supply, nowhere, options, interrupt).serve().unwrap()
+    });
+    let (begin, mut is_welcome) = (Instant::now(), false);
+    while !is_welcome {
+        assert!(begin.elapsed() < PATIENCE, "waited in vain");
+        port.poll(Duration::from_millis(50), &mut |event| {
+            is_welcome |= matches!(event, WorkerEvent::Control(ToWorker::Welcome { .. }));
+        })
+        .unwrap();
+    }
+    raised.raise();
+    drop(port);
+    assert_eq!(thread.join().unwrap(), AgentEnd::Interrupted);
 }
 
 /// The second run numbers its jobs as the first did: an old reply must not be taken for a new one.

@@ -60,6 +60,43 @@ pub fn paths(table: &Table) -> Vec<(String, String)> {
     found.into_iter().map(|(path, entry)| (path, first_sentence(&entry.key.doc).to_owned())).collect()
 }
 
+/// Keys that speak of something: all words of `query` begin a word of their path, of their documentation or of their values, whatever
+/// the case. Each with the first sentence of its documentation; those whose names say it come first, then those whose first sentence does.
+pub fn mentions(table: &Table, query: &str) -> Vec<(String, String)> {
+    let wanted: Vec<String> = words_in(query).collect();
+    let has = |text: &str| {
+        let words: Vec<String> = words_in(text).collect();
+        wanted.iter().all(|wanted| words.iter().any(|word| word.starts_with(wanted.as_str())))
+    };
+    let mut found = Vec::new();
+    entries(table, "", "", &mut found);
+    let mut ranked: Vec<(u8, String, String)> = found
+        .into_iter()
+        .filter_map(|(path, entry)| {
+            let first = first_sentence(&entry.key.doc);
+            let mut all = format!("{path} {}\n", entry.key.doc);
+            words(&mut all, &entry.key.shape);
+            let rank = [&path, &format!("{path} {first}"), &all].into_iter().position(|text| has(text))?;
+            Some((rank as u8, path, first.to_owned()))
+        })
+        .collect();
+    // What a stage has as well is listed once.
+    let outside: Vec<String> = ranked.iter().map(|(_, path, _)| path.clone()).collect();
+    ranked.retain(|(_, path, _)| {
+        path.strip_prefix("stage.").is_none_or(|rest| !outside.iter().any(|path| path == rest))
+    });
+    ranked.sort_by_key(|(rank, ..)| *rank);
+    ranked.dedup_by(|one, other| one.1 == other.1);
+    if wanted.is_empty() {
+        return Vec::new();
+    }
+    ranked.into_iter().map(|(_, path, sentence)| (path, sentence)).collect()
+}
+
+fn words_in(text: &str) -> impl Iterator<Item = String> + '_ {
+    text.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase)
+}
+
 /// A key explained: documentation, type, unit, default and range.
 pub fn explain(path: &str, key: &Key) -> String {
     let mut text = format!("{path}\n");

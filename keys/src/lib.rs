@@ -36,7 +36,7 @@ mod tests;
 
 pub use check::{Fault, check, check_settings};
 pub use deserialize::deserialize;
-pub use explain::{Entry, explain, find, paths, summary};
+pub use explain::{Entry, explain, find, mentions, paths, summary};
 pub use given::{Given, merged};
 pub use located::Located;
 pub use markdown::{markdown, undocumented};

@@ -91,7 +91,7 @@ impl Server {
 }
 
 fn respond(site: &Site, request: Request) {
-    let answer = site.answer(request.method() == &Method::Post, request.url());
+    let answer = answered(|| site.answer(request.method() == &Method::Post, request.url()));
     let text = match answer.status {
         200 => "OK",
         404 => "Not Found",
@@ -112,6 +112,12 @@ fn respond(site: &Site, request: Request) {
     // A browser that has gone away needs no answer.
     let _ =
         writer.write_all(head.as_bytes()).and_then(|()| writer.write_all(&answer.body)).and_then(|()| writer.flush());
+}
+
+/// What is answered; a file that no part of this program has written may be damaged in any way, and the next request is not to suffer from it.
+fn answered(answer: impl FnOnce() -> Answer) -> Answer {
+    let failed = |_| Answer::new(500, "text/plain", "the answer could not be made; the error is on the terminal");
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(answer)).unwrap_or_else(failed)
 }
 
 /// 128 random bits in hexadecimal digits.

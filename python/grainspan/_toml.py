@@ -34,7 +34,16 @@ def write(table: Mapping[str, Any]) -> str:
 
 
 def _key(key: Any) -> str:
-    return json.dumps(str(key))
+    return _text(str(key))
+
+
+def _text(text: str) -> str:
+    """A basic string: as JSON has it, but TOML knows no pairs of surrogates and wants DEL escaped."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise InputError(f"{text!r} is not valid Unicode, which input files are written in") from error
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
 def _value(value: Any) -> str:
@@ -48,7 +57,7 @@ def _value(value: Any) -> str:
         # The shortest text that reads back to the same bits.
         return repr(float(value))
     if isinstance(value, (str, os.PathLike)):
-        return json.dumps(os.fspath(value))
+        return _text(os.fspath(value))
     if isinstance(value, Mapping):
         members = (f"{_key(key)} = {_value(member)}" for key, member in value.items() if member is not None)
         return "{ " + ", ".join(members) + " }"

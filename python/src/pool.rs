@@ -52,9 +52,11 @@ impl Pool {
     /// Makes states and returns the number of the first.
     fn new_states(&self, py: Python<'_>, cell: usize, count: usize) -> PyResult<usize> {
         self.done(py, || {
+            // Locked only behind the wait for the pool: other threads wait for the lock with the interpreter in their hands.
+            let made = self.pool.new_states(cell, count)?;
             let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
             let first = states.len();
-            states.extend(self.pool.new_states(cell, count)?);
+            states.extend(made);
             Ok(first)
         })
     }

@@ -5,7 +5,7 @@ use grain_pool::PoolError;
 use pyo3::prelude::*;
 
 /// Does `work` without the interpreter. What it is given looks at Python's signals and is `false` after Ctrl-C; then the exception of
-/// the signal handler is returned in place of the error.
+/// the signal handler is returned in place of the error, and of the result if the work was done by then: Python does not raise it again.
 ///
 /// # Errors
 /// That of the work as an exception, or that of a signal handler.
@@ -23,9 +23,12 @@ pub(crate) fn interruptible<T: Send>(
             }
         })
     });
-    match (signal, done) {
-        (Some(exception), Err(_)) => Err(exception),
-        (_, Ok(done)) => Ok(done),
-        (None, Err(error)) => Err(raised(py, &error)),
+    match signal {
+        Some(exception) => {
+            // A pool that has been opened meanwhile closes, which waits for its workers.
+            py.detach(|| drop(done));
+            Err(exception)
+        }
+        None => done.map_err(|error| raised(py, &error)),
     }
 }

@@ -1,6 +1,7 @@
 """Packings, runs and their files."""
 
 import copy
+import shutil
 import time
 
 import numpy as np
@@ -34,6 +35,25 @@ def test_a_recipe_makes_a_packing(tmp_path):
     assert packing.plot() is not None
     with pytest.raises(grainspan.InputError, match="grading"):
         grainspan.pack({**RECIPE, "grading": {}})
+
+
+def test_any_text_is_written_and_read_back(tmp_path):
+    # Characters above U+FFFF were written as pairs of surrogates, and DEL as it is; TOML refuses both.
+    table = {"name": "grain \U0001f30d\x7f\u00e9\n\"\\", "a \U0001f30d\x7f key": [1], "none": None}
+    path = tmp_path / "table.toml"
+    path.write_text(_toml.write(table), encoding="utf-8")
+    assert _toml.read(path) == {key: value for key, value in table.items() if value is not None}
+    with pytest.raises(grainspan.InputError, match="Unicode"):
+        _toml.write({"folder": "\udcff"})
+
+
+def test_a_folder_may_have_any_name(tmp_path):
+    folder = tmp_path / "grains \U0001f30d"
+    folder.mkdir()
+    discs = shutil.copy(DISCS, folder / "discs.json")
+    H = np.diag([0.0, -1e-4])
+    found, expected = (grainspan.Rve(one, CONTACT, accuracy="draft").trial(H).stress for one in (discs, DISCS))
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.fixture(scope="module")

@@ -172,6 +172,27 @@ def test_threads_share_a_pool_and_the_interpreter_is_free(pool):
     np.testing.assert_array_equal(np.concatenate(found), expected)
 
 
+def test_new_states_during_a_call_do_not_hold_the_interpreter():
+    # They are made behind the trial; a third thread waited for their list with the interpreter in its hands.
+    with grainspan.Pool(DISCS, CONTACT, accuracy="default", workers=1) as pool:
+        states = pool.states(40)
+        shear = np.linspace(0.01, 0.05, 40)[:, None, None] * [[0.0, 1.0], [0.0, -1.0]]
+        calls = [lambda: pool.trial(states, shear), lambda: pool.states(1), lambda: pool.snapshot(states[:1])]
+        threads = [threading.Thread(target=call) for call in calls]
+        begun = last = time.monotonic()
+        longest = 0.0
+        for thread in threads:
+            thread.start()
+            time.sleep(0.02)
+        while threads[0].is_alive():
+            longest, last = max(longest, time.monotonic() - last), time.monotonic()
+            time.sleep(0.005)
+        taken = time.monotonic() - begun
+        for thread in threads:
+            thread.join()
+    assert longest < 0.5 * taken, (longest, taken)
+
+
 INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np

@@ -142,6 +142,7 @@ impl Scene {
             stages: outputs,
             gauss_points: file.output.gauss_points,
             observables,
+            pore_fluid: problem.pore_fluid.is_some(),
             accuracy: false,
             units_in_headers: file.output.units.then_some(problem.mesh.dimension),
         };

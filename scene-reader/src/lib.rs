@@ -39,7 +39,7 @@ pub use keys::Table;
 pub use materials::{Densities, Materials, PackingCopy, drawn};
 pub use packing::read_packing;
 pub use preparation::CellPreparation;
-pub use reference::{completions, explained, nearest_key, overview};
+pub use reference::{completions, explained, mentioned, nearest_key, overview};
 pub use study::{
     ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,
     StudyRecipe, StudyTest, read_study,

@@ -6,6 +6,7 @@ use super::packing::{packing_at, read_packing};
 use super::sets::Sets;
 use super::tables::{RegionTable, SceneFile, Vary};
 use keys::Located;
+use macro_solver::element::point_geometry;
 use macro_solver::mesh::Mesh;
 use protocol::ContentId;
 use rve_server::definition::{AnyDefinition, Packing};
@@ -75,7 +76,7 @@ impl Materials {
             match kinds {
                 // The same bits for elements of one kind.
                 [first, rest @ ..] if rest.iter().all(|kind| kind == first) => of_kind[*first],
-                kinds => kinds.iter().map(|&kind| of_kind[kind]).sum::<f64>() / kinds.len() as f64,
+                kinds => mean(&point_volumes(mesh, element), kinds.iter().map(|&kind| of_kind[kind])),
             }
         };
         let by_element: Vec<f64> = (0..mesh.elements.len()).map(of_element).collect();
@@ -118,8 +119,20 @@ impl Materials {
 pub struct Densities {
     /// Of the packing of the scene itself.
     pub packing: f64,
-    /// Of every element, the mean over its Gauss points; empty where all have that of the packing.
+    /// Of every element, the mean over its Gauss points by their volumes; empty where all have that of the packing.
     pub by_element: Vec<f64>,
+}
+
+/// Volumes of the Gauss points of an element, m3, in the plane m2.
+fn point_volumes(mesh: &Mesh, element: usize) -> Vec<f64> {
+    let (kind, positions) = (mesh.kinds[element], mesh.element_positions(element));
+    (0..kind.point_count()).map(|local| point_geometry(kind, &positions, local).volume).collect()
+}
+
+/// Mean of values with these weights.
+fn mean(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
+    let sum: f64 = weights.iter().zip(values).map(|(weight, value)| weight * value).sum();
+    sum / weights.iter().sum::<f64>()
 }
 
 /// Reads all packings and gives every point its own.
@@ -299,6 +312,7 @@ pub fn drawn(seed: u64, number: u64, count: usize) -> usize {
 mod tests {
     use super::*;
     use crate::{Scene, weak_element as scene};
+    use macro_solver::mesh::ElementKind;
     use macro_solver::problem::Procedure;
 
     #[test]
@@ -346,6 +360,23 @@ mod tests {
         assert_eq!(weak, [2], "five of a hundred grains are missing there: {by_element:?}");
         assert!(by_element[2] > 0.9 * whole && by_element[0] == whole);
         assert_eq!(densities(&["dynamics.density=1800.0"]), (1800.0, Vec::new()));
+    }
+
+    /// A trapezium of 3 m2 whose lower points, of larger volume, are heavier: the element weighs what its points do together.
+    #[test]
+    fn points_of_an_element_count_by_their_volume() {
+        let nodes = vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let mesh = Mesh::uniform(ElementKind::Q4, nodes, vec![vec![0, 1, 2, 3]]);
+        let volumes = point_volumes(&mesh, 0);
+        assert!((volumes.iter().sum::<f64>() - 3.0).abs() < 1e-14);
+        let mut materials = scene(&[]).unwrap().materials;
+        materials.made_of = volumes.iter().map(|&volume| if volume > 0.75 { 0 } else { 4 }).collect();
+        let [heavy, light] = [0, 4].map(|kind: usize| materials.definitions[kind].bulk_density());
+        // The points lie at the heights (1 -+ 1/sqrt(3)) / 2, where the trapezium is 4 - 2 y wide.
+        let share = 0.5 + 1.0 / (6.0 * 3.0_f64.sqrt());
+        let expected = share * heavy + (1.0 - share) * light;
+        let found = materials.densities(&mesh).by_element[0];
+        assert!((found / expected - 1.0).abs() < 1e-14, "{found} {expected}");
     }
 
     /// Elements of a region are a set for loads and friction, without those that a later region takes; a set of the mesh keeps its name.

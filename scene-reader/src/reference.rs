@@ -82,6 +82,23 @@ pub fn explained(kinds: &[Kind], query: &str) -> Vec<String> {
     texts
 }
 
+/// Keys that speak of something without being called so, a line each: path and first sentence. Empty if no key does.
+pub fn mentioned(kinds: &[Kind], query: &str) -> Vec<String> {
+    let mut known: Vec<(String, String)> = Vec::new();
+    let mut lines = Vec::new();
+    for &kind in kinds {
+        let place = if kind == Kind::Scene { String::new() } else { format!("{}: ", kind.name()) };
+        for found in keys::mentions(&kind.table(), query) {
+            // Tables that several kinds of files share are listed once.
+            if !known.contains(&found) {
+                lines.push(format!("{place}{}  {}", found.0, found.1));
+                known.push(found);
+            }
+        }
+    }
+    lines
+}
+
 /// All tables of a kind of files and the keys at its top, a line each.
 pub fn overview(kind: Kind) -> String {
     let table = kind.table();
@@ -177,6 +194,14 @@ mod tests {
             "{text}"
         );
         assert!(explained(&Kind::ALL, "no_such_key").is_empty());
+        assert!(mentioned(&Kind::ALL, "no such thing").is_empty() && mentioned(&Kind::ALL, " ").is_empty());
+        // No key is called so, but several speak of it; once each, however many files have them.
+        assert!(explained(&Kind::ALL, "hourglass modes").is_empty());
+        let found = mentioned(&Kind::ALL, "Hourglass mode");
+        assert!(!found.is_empty() && found.iter().all(|line| line.contains("hourglass")), "{found:?}");
+        let mut single = found.clone();
+        single.dedup();
+        assert_eq!(single, found);
         assert_eq!(nearest_key("loading.grwoth").as_deref(), Some("loading.growth"));
         let names: Vec<String> = completions(Kind::Scene, "loading.gr").into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["loading.growth="]);

@@ -16,7 +16,18 @@ impl Sets<'_> {
     /// # Errors
     /// No such set, with the sets there are.
     pub(super) fn node_set(&self, document: &Document, name: &Located<String>) -> Result<String, InputError> {
-        check(document, name, ("node set", self.side_entity()), self.mesh.node_sets.keys())
+        let found = check(document, name, ("node set", self.side_entity()), self.mesh.node_sets.keys());
+        // Gmsh numbers the groups of each dimension from 1; the nodes of several groups of one number are no set.
+        found.map_err(|error| match self.is_unnamed_group(name.get_ref()) {
+            true => error.hint_too("groups of several dimensions have this number: give them names in Gmsh"),
+            false => error,
+        })
+    }
+
+    /// Whether unnamed groups of Gmsh are side or element sets under this name.
+    fn is_unnamed_group(&self, name: &str) -> bool {
+        let is_set = self.mesh.side_sets.contains_key(name) || self.mesh.element_sets.contains_key(name);
+        is_set && name.starts_with("group_")
     }
 
     /// The name, if the mesh has such a side set.
@@ -79,4 +90,25 @@ fn check<'a>(
         _ => format!("use one of: {}", available.join(", ")),
     };
     Err(document.error_at(name.span(), format!("the mesh has no {what} '{}'", name.get_ref())).hint(hint))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use macro_solver::mesh::ElementKind;
+    use macro_solver::mesh::block::Block;
+    use std::path::Path;
+
+    #[test]
+    fn a_number_that_groups_of_several_dimensions_have_is_no_node_set() {
+        let mut mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        mesh.element_sets.insert("group_1".into(), vec![0]);
+        let document = Document::from_text(Path::new("scene.toml"), "a = 1".into(), &[]).unwrap();
+        let reason = |name: &str| {
+            let error = Sets { mesh: &mesh }.node_set(&document, &Located::new(0..5, name.to_owned())).unwrap_err();
+            error.to_string()
+        };
+        assert!(reason("group_1").contains("groups of several dimensions have this number"), "{}", reason("group_1"));
+        assert!(!reason("group_2").contains("several dimensions"));
+    }
 }

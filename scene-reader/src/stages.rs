@@ -389,7 +389,8 @@ mod tests {
         assert_eq!(of(&[half], 1), all(0.8, 0.8, Amplitude::Constant));
         assert!(of(&[first, "stage.1.remove=['all']"], 1).is_empty());
         // What is replaced before it has acted has changed nothing, unless it acts from the start.
-        let (ramped, constant) = ("friction=[{ factor = 0.25 }]", "friction=[{ factor = 0.25, history = 'constant' }]");
+        let (ramped, constant) =
+            ("friction=[{ factor = 0.25 }]", "friction=[{ factor = 0.25, history = 'constant' }]");
         let replaced = "stage.0.friction=[{ factor = 1 }]";
         assert_eq!(of(&[ramped, replaced], 0), all(1.0, 1.0, Amplitude::RAMP));
         assert_eq!(of(&[constant, replaced], 0), all(0.25, 1.0, Amplitude::RAMP));

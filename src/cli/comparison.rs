@@ -70,7 +70,7 @@ impl Comparison {
     fn difference(&self) -> f64 {
         match self.theirs {
             Theirs::Value(value) => self.ours - value,
-            Theirs::Between(low, high) => self.ours - self.ours.clamp(low, high),
+            Theirs::Between(low, high) => self.ours - nearest(self.ours, low, high),
             Theirs::Nothing => f64::NAN,
         }
     }
@@ -81,7 +81,7 @@ impl Comparison {
             (Tolerance::Absolute(largest), _) => largest,
             (Tolerance::Relative(share), Theirs::Value(value)) => share * value.abs(),
             // Of the end of the range that is passed.
-            (Tolerance::Relative(share), Theirs::Between(low, high)) => share * self.ours.clamp(low, high).abs(),
+            (Tolerance::Relative(share), Theirs::Between(low, high)) => share * nearest(self.ours, low, high).abs(),
             (Tolerance::Nothing, _) | (_, Theirs::Nothing) => return None,
         };
         Some(self.ours.is_finite() && self.difference().abs() <= largest)
@@ -118,6 +118,11 @@ impl Comparison {
             met.to_owned(),
         ]
     }
+}
+
+/// The number between two bounds, in either order, that is next to a value; NaN where one of the bounds is.
+fn nearest(value: f64, one: f64, other: f64) -> f64 {
+    if one.is_nan() || other.is_nan() { f64::NAN } else { value.clamp(one.min(other), one.max(other)) }
 }
 
 /// Columns of the table.
@@ -170,6 +175,10 @@ mod tests {
         assert_eq!(row(Theirs::Between(13.0, 16.0), 14.0, Tolerance::Absolute(0.0)).met(), Some(true));
         assert_eq!(row(Theirs::Between(1.0, 16.0), 0.8, Tolerance::Relative(0.1)).met(), Some(false));
         assert_eq!(row(Theirs::Value(1.0), f64::NAN, Tolerance::Absolute(9.0)).met(), Some(false));
+        // Computed bounds may come in either order, or not at all.
+        assert_eq!(row(Theirs::Between(16.0, 13.0), 18.0, Tolerance::Absolute(1.0)).difference(), 2.0);
+        assert_eq!(row(Theirs::Between(f64::NAN, 1.0), 0.5, Tolerance::Absolute(9.0)).met(), Some(false));
+        assert_eq!(row(Theirs::Between(1.0, f64::NAN), 0.5, Tolerance::Relative(9.0)).met(), Some(false));
         assert_eq!(Comparison::reported("wall time", "s", 3.0).met(), None);
         let csv = String::from_utf8(comparison_csv(&[near]).unwrap()).unwrap();
         assert_eq!(csv.lines().nth(1).unwrap(), "peak,-,0.3900,[Liu2018],0.4000,0.01000,0.03000,yes");

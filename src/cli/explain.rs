@@ -2,7 +2,7 @@
 
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
-use scene_reader::{Kind, completions, explained, nearest_key, overview};
+use scene_reader::{Kind, completions, explained, mentioned, nearest_key, overview};
 
 /// Arguments of `grainspan explain`.
 #[derive(clap::Args, Debug)]
@@ -10,12 +10,13 @@ use scene_reader::{Kind, completions, explained, nearest_key, overview};
   grainspan explain                       all tables of a scene
   grainspan explain loading.growth        one key: meaning, unit, default, range
   grainspan explain solver                a table with its keys
+  grainspan explain time step             keys that speak of something
   grainspan explain --markdown packing    the reference of packing recipes
   grainspan explain --schema scene        JSON schema for editors")]
 pub(crate) struct Arguments {
-    /// Key such as loading.growth, its last name, or a table
+    /// Key such as loading.growth, its last name, or a table; otherwise words that its explanation holds
     #[arg(value_name = "KEY")]
-    key: Option<String>,
+    key: Vec<String>,
     /// Kind of input file [default: all]
     #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing", "study"])]
     file: Option<String>,
@@ -26,6 +27,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "KIND", value_parser = ["scene", "rve-test", "specimen", "packing", "study"], conflicts_with = "key")]
     schema: Option<String>,
 }
+
+/// Most keys that are listed for words which are not the name of one.
+const MOST_LINES: usize = 30;
 
 /// Prints what is asked for.
 ///
@@ -40,9 +44,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         schema.map_err(|error| Failure::new(Exit::BadInput, error))? + "\n"
     } else {
         let kinds = kind(&arguments.file).map_or(Kind::ALL.to_vec(), |kind| vec![kind]);
-        match &arguments.key {
-            Some(key) => explanation(&kinds, key)?,
-            None => overview(kinds[0]) + "\n`grainspan explain TABLE` lists the keys of a table.\n",
+        match arguments.key.join(" ").as_str() {
+            "" => overview(kinds[0]) + "\n`grainspan explain TABLE` lists the keys of a table.\n",
+            key => explanation(&kinds, key)?,
         }
     };
     print(text.as_bytes())?;
@@ -53,6 +57,16 @@ fn explanation(kinds: &[Kind], key: &str) -> Result<String, Failure> {
     let texts = explained(kinds, key);
     if !texts.is_empty() {
         return Ok(texts.join("\n"));
+    }
+    // What is written like a key is a mistake in one, not words.
+    let lines = if key.contains(['_', '.']) { Vec::new() } else { mentioned(kinds, key) };
+    if !lines.is_empty() {
+        let left = lines.len().saturating_sub(MOST_LINES);
+        let more = if left > 0 { format!("and {left} more\n") } else { String::new() };
+        return Ok(format!(
+            "no key is called '{key}'; these speak of it:\n{}\n{more}",
+            lines[..lines.len() - left].join("\n")
+        ));
     }
     let meant = nearest_key(key).map_or_else(String::new, |meant| format!("did you mean {meant}? "));
     let hint = format!("hint: {meant}`grainspan explain` lists all tables");

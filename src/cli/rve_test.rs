@@ -121,7 +121,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;
         heartbeat.set(format!("row {done} of {expected}"));
-        if interrupt.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let is_over = interrupt.is_raised() || rows.failure.is_some();
+        if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     drop(heartbeat);
     rows.finish(arguments.out.as_deref())?;
@@ -207,11 +208,10 @@ impl Rows {
         }
     }
 
+    /// Writes the rows; also those before something else could not be written, which is then the failure.
     fn finish(self, out: Option<&Path>) -> Result<(), Failure> {
-        match self.failure {
-            Some(failure) => Err(failure),
-            None => deliver(out, &self.buffer.take()),
-        }
+        let delivered = deliver(out, &self.buffer.take());
+        self.failure.map_or(delivered, Err)
     }
 }
 

@@ -91,8 +91,8 @@ struct Ended {
 /// Runs every combination of the values and writes one table: a column for each key, then those of the test.
 ///
 /// # Errors
-/// A test that is not sound (exit code 2, nothing is written); tests that stopped before their end (exit code 1, all rows are written);
-/// a stop that was requested (exit code 130, likewise).
+/// A test that is not sound (exit code 2; before any test has run where that can be seen, and then nothing is written); tests that stopped
+/// before their end (exit code 1, all rows are written); a stop that was requested (exit code 130, likewise).
 pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure> {
     let combinations = combinations(sweeps);
     if combinations.len() > MOST_TESTS {
@@ -102,14 +102,7 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
         ));
     }
     expect_place(common.out)?;
-    // Every value once, before any test runs: one that is not sound would cost what the others have found.
-    for (key, sweep) in sweeps.iter().enumerate() {
-        for value in &sweep.values {
-            let mut values = combinations[0].clone();
-            values[key] = value;
-            read(common, sweeps, &values)?;
-        }
-    }
+    check(common, sweeps, &combinations)?;
     let interrupt = SignalWatch::flag("the rows so far are written")?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
@@ -122,14 +115,12 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
                     let place = next.fetch_add(1, Ordering::Relaxed);
                     let Some(values) = combinations.get(place) else { return };
                     let ended = one(common, sweeps, values, &interrupt);
-                    // Input that is not sound, or a stop: no use in starting the others.
-                    let is_last = ended.is_err() || interrupt.is_raised();
                     results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     if !common.quiet {
                         tell(format_args!("{done} of {}: {}", combinations.len(), described(sweeps, values)));
                     }
-                    if is_last {
+                    if interrupt.is_raised() {
                         next.store(combinations.len(), Ordering::Relaxed);
                     }
                 }
@@ -142,10 +133,18 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let mut fallbacks: BTreeMap<&str, u64> = BTreeMap::new();
     let unwritable =
         |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"));
-    let (mut has_header, mut started) = (false, 0);
+    let (mut has_header, mut started, mut exit) = (false, 0, Exit::NotConverged);
     for (values, ended) in combinations.iter().zip(results) {
-        let Some(ended) = ended else { continue };
-        let ended = ended?;
+        let ended = match ended {
+            None => continue,
+            Some(Ok(ended)) => ended,
+            // What the other tests have found is not lost with this one.
+            Some(Err(failure)) => {
+                exit = failure.exit;
+                stopped.push(format!("{}: {}", described(sweeps, values), failure.message));
+                continue;
+            }
+        };
         started += 1;
         ended.fallbacks.iter().for_each(|(what, rows)| *fallbacks.entry(*what).or_default() += rows);
         if let Some(reason) = ended.stopped {
@@ -176,7 +175,7 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     match stopped.is_empty() {
         true => Ok(Exit::Done),
         false => Err(Failure::new(
-            Exit::NotConverged,
+            exit,
             format!(
                 "{} of {} tests stopped before their end:\n{}",
                 stopped.len(),
@@ -185,6 +184,47 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             ),
         )),
     }
+}
+
+/// Combinations that are all read before any test runs.
+const MOST_CHECKED: usize = 200;
+
+/// Reads the tests before any of them runs: all combinations of a few, otherwise every value once. One that is not sound would cost time that
+/// the others need not have waited for.
+///
+/// # Errors
+/// A test that is not sound, or whose rows have other columns than those of the first.
+fn check(common: &Common<'_>, sweeps: &[Sweep], combinations: &[Vec<&str>]) -> Result<(), Failure> {
+    let each_value = sweeps.iter().enumerate().flat_map(|(key, sweep)| {
+        let with = move |value| {
+            let mut values = combinations[0].clone();
+            values[key] = value;
+            values
+        };
+        sweep.values.iter().map(move |value| with(value.as_str()))
+    });
+    let chosen: Vec<Vec<&str>> =
+        if combinations.len() <= MOST_CHECKED { combinations.to_vec() } else { each_value.collect() };
+    let mut first = None;
+    for values in &chosen {
+        let (document, _, packing) = read(common, sweeps, values)?;
+        let dimension = packing.dimension();
+        match first {
+            None => {
+                crate::exit::warn(&document);
+                first = Some(dimension);
+            }
+            Some(first) if first != dimension => {
+                let text = format!(
+                    "{}: a packing of discs and one of spheres do not fit into one table",
+                    described(sweeps, values)
+                );
+                return Err(Failure::new(Exit::BadInput, format!("{text}\nhint: sweep them one after the other")));
+            }
+            Some(_) => {}
+        }
+    }
+    Ok(())
 }
 
 /// All combinations of the values, the last key changing first.

@@ -17,7 +17,7 @@ const fn scene(name: &'static str, file: &'static str, set: &'static [&'static s
 }
 
 /// All of them.
-pub const SHORT_SCENES: [ShortScene; 24] = [
+pub const SHORT_SCENES: [ShortScene; 25] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
@@ -104,6 +104,11 @@ pub const SHORT_SCENES: [ShortScene; 24] = [
         "small-strain",
         "biaxial-small",
         &["mesh.elements=[1, 2]", "solver.formulation=small_strain", "loading.increments=6"],
+    ),
+    scene(
+        "iterative-equations",
+        "biaxial-small",
+        &["mesh.elements=[2, 2]", "solver.equations=iterative", "loading.increments=6"],
     ),
     scene(
         "summed",

@@ -84,6 +84,8 @@ class _Worker:
         while True:
             # Long waits cost nothing: whatever the run does, its end included, interrupts them.
             self._listen(3600.0 if not self._tasks and not self._draining else 0.0)
+            if self._refused is not None:
+                raise Refused(self._refused)
             if self._left:
                 return self._left
             if self._tasks:

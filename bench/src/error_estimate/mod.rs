@@ -241,7 +241,8 @@ fn errors(reference: &Solution, found: &Solution) -> Vec<StepError> {
 
 fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let known: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-    (known.iter().map(|value| value * value).sum::<f64>() / known.len().max(1) as f64).sqrt()
+    // Nothing known is not nothing wrong.
+    (known.iter().map(|value| value * value).sum::<f64>() / known.len() as f64).sqrt()
 }
 
 fn table(cases: &[Case]) -> Table {
@@ -336,5 +337,5 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 fn middle(sorted: &[f64]) -> f64 {
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    crate::repeat::median(sorted)
 }

@@ -138,7 +138,9 @@ impl RvePool {
         let make =
             |(trial, &point): (&Trial, &usize)| PointTrial { point, target: trial.target, options: trial.options };
         let trials: Vec<PointTrial> = trials.iter().zip(&points).map(make).collect();
-        self.thread.call(keep_going, move |pool| pool.evaluate(&trials).map_err(|error| failure(error, &points)))
+        self.thread.call(keep_going, move |pool| {
+            pool.evaluate(&trials).map_err(|error| failure(error, pool.refused_trial()))
+        })
     }
 
     /// Makes the trials of these points their committed states: all, or none in case of an error.
@@ -244,13 +246,10 @@ impl RvePool {
     }
 }
 
-/// The error of an evaluation of these points.
-fn failure(error: MaterialError, points: &[usize]) -> PoolError {
+/// The error of an evaluation; `place` is that of the refused trial in the call.
+fn failure(error: MaterialError, place: Option<usize>) -> PoolError {
     match error {
-        MaterialError::Point { point, reason } => {
-            let place = points.iter().position(|&one| one == point).unwrap_or(point);
-            PoolError::Refused { point: place, reason }
-        }
+        MaterialError::Point { point, reason } => PoolError::Refused { point: place.unwrap_or(point), reason },
         MaterialError::WorkersLost(reason) => PoolError::WorkersLost(reason),
         MaterialError::Interrupted => PoolError::Interrupted,
         MaterialError::Channel(reason) => PoolError::Channel(reason),

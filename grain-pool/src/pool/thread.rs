@@ -186,7 +186,7 @@ fn open(
     settings.jobs_per_message = JOBS_A_MESSAGE;
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     let mut pool = Pool::new(port, Box::new(supply), interrupt, settings, definitions, &[]);
-    pool.gather(options.workers).map_err(|error| failure(error, &[]))?;
+    pool.gather(options.workers).map_err(|error| failure(error, None))?;
     Ok(pool)
 }
 

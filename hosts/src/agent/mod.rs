@@ -14,6 +14,7 @@ use crate::worker_port::{JoinError, Link};
 use kept_states::KeptStates;
 use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
 use member::Members;
+use protocol::StateId;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::frame::{Frame, FrameKind, Outgoing};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
@@ -258,7 +259,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                 }
             },
             MacroEvent::Replies(worker, replies) => {
-                if replies.iter().any(|one| !one.reply.is_sealed(one.error)) {
+                if replies.iter().any(is_damaged) {
                     figures.damaged_replies += 1;
                     damaged.push(worker);
                 } else if members.answered(worker, replies) {
@@ -283,6 +284,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         for (worker, hello) in greeted {
             if let Some(pid) = self.members.add(worker, hello) {
                 self.supply.joined(pid);
+                self.welcome(worker);
             }
         }
         for worker in damaged {
@@ -298,6 +300,13 @@ impl<'a, P: MacroPort> Agent<'a, P> {
             }
         }
         Ok(())
+    }
+
+    /// Answers a hello at once: the run may be found much later than a worker waits for an answer. The run's own answer follows, and a
+    /// refusal still ends the worker.
+    fn welcome(&mut self, worker: WorkerId) {
+        // One that is gone needs no answer.
+        let _ = self.local.send_control(worker, &ToWorker::Welcome { worker: worker.0 });
     }
 
     fn lose(&mut self, worker: WorkerId, reason: &str) {
@@ -357,12 +366,11 @@ impl<'a, P: MacroPort> Agent<'a, P> {
 
     /// A message of the macro for one worker.
     fn take_frame(&mut self, slot: u32, bytes: &[u8], kept: &[u8]) {
-        // One that has ended meanwhile: the macro learns of it by itself.
-        let Some(worker) = self.members.at(slot) else { return };
         let frame = match Frame::parse(bytes) {
             Ok(frame) => frame,
             Err(error) => return self.refuse(&error.to_string()),
         };
+        let Some(worker) = self.members.at(slot) else { return self.keep_states_of(&frame) };
         let sent = match frame.kind {
             FrameKind::Jobs => match frame.jobs() {
                 Ok(jobs) => self.hand_out(worker, jobs, kept),
@@ -380,7 +388,12 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                         }
                         _ => {}
                     }
-                    self.local.send_control(worker, &message)
+                    let sent = self.local.send_control(worker, &message);
+                    if matches!(message, ToWorker::Refused { .. }) {
+                        // Workers in other languages look out for a refusal only as long as nobody has bid them welcome.
+                        let _ = self.local.send_control(worker, &ToWorker::Bye);
+                    }
+                    sent
                 }
                 Err(error) => return self.refuse(&error.to_string()),
             },
@@ -395,6 +408,17 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         }
     }
 
+    /// A message for a worker that has ended meanwhile: the macro learns of it by itself, but counts on the states that came along.
+    fn keep_states_of(&mut self, frame: &Frame<'_>) {
+        if frame.kind != FrameKind::Jobs {
+            return;
+        }
+        match frame.jobs() {
+            Ok(jobs) => jobs.iter().for_each(|one| self.states.take_job(one)),
+            Err(error) => self.refuse(&error.to_string()),
+        }
+    }
+
     fn hand_out(&mut self, worker: WorkerId, jobs: Vec<LoadedJob<'_>>, kept: &[u8]) -> Result<(), TransportError> {
         let Self { local, members, states, .. } = self;
         let from_here: Vec<usize> =
@@ -403,7 +427,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         let mut complete = Vec::with_capacity(jobs.len());
         for (place, one) in jobs.into_iter().enumerate() {
             let state = if from_here.contains(&place) { states.get(one.job.state) } else { Some(one.state) };
-            // Cannot be missing while both sides count alike. The worker's end makes the macro send the job, with its state, again.
+            // Cannot be missing while both sides count alike, whatever became of the workers in between.
             let state = state.ok_or_else(|| TransportError::Channel {
                 action: "find a state that the macro believes is kept here",
                 reason: format!("state {}", one.job.state),
@@ -431,6 +455,13 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         // Closes the connection after the last words.
         self.link = None;
     }
+}
+
+/// Whether a reply was damaged between worker and agent. The agent keeps states under the names that replies give them, and hands them
+/// to other workers: a wrong one would make these look faulty.
+fn is_damaged(one: &LoadedReply<'_>) -> bool {
+    let has_wrong_name = !one.state.is_empty() && StateId::of(one.state) != one.reply.state;
+    has_wrong_name || !one.reply.is_sealed(one.error)
 }
 
 /// Replies as this module sees them.

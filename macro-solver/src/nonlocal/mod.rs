@@ -6,6 +6,7 @@
 //! order of neighbours is that of the point numbers, so sums have one order.
 
 mod bins;
+mod images;
 mod kernel;
 mod layer;
 mod stability;
@@ -16,6 +17,7 @@ pub use kernel::Kernel;
 pub use layer::NonlocalLayer;
 
 use bins::Bins;
+use images::images;
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,7 +107,8 @@ pub struct NonlocalOperator {
 
 impl NonlocalOperator {
     /// Builds the table for points at `positions` (m). `periods` are translations (m) under which the body repeats, each
-    /// used forwards and backwards, as often as the radius reaches, and in all combinations; empty for an ordinary body.
+    /// used forwards and backwards, as often as the radius reaches, and in all combinations, of which equal ones count once; empty for
+    /// an ordinary body.
     ///
     /// # Errors
     /// [`NonlocalError`]; in particular every combination of kernel, radius and points that would be unstable, unless the settings
@@ -132,7 +135,7 @@ impl NonlocalOperator {
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
         settings.validate()?;
-        let places: Vec<[f64; 3]> = images(periods, settings.radius)
+        let places: Vec<[f64; 3]> = images(periods, positions, settings.radius)
             .iter()
             .flat_map(|shift| positions.iter().map(move |position| moved(position, 1.0, shift)))
             .collect();
@@ -259,21 +262,6 @@ impl NonlocalSettings {
         }
         Ok(())
     }
-}
-
-/// Zero and all combinations of the periods and their multiples that may lie within `radius` (m) of a body as long as they.
-fn images(periods: &[[f64; 3]], radius: f64) -> Vec<[f64; 3]> {
-    let mut images = vec![[0.0; 3]];
-    for period in periods {
-        let length = period.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let most = (radius / length).floor() as i64 + 1;
-        let further: Vec<[f64; 3]> = (1..=most)
-            .flat_map(|times| [-times, times])
-            .flat_map(|times| images.iter().map(move |image| moved(image, times as f64, period)))
-            .collect();
-        images.extend(further);
-    }
-    images
 }
 
 /// `position + scale shift`.

@@ -108,6 +108,36 @@ fn periodic_images_make_every_point_an_interior_one() {
     assert!(first.iter().zip(&inner).all(|(first, inner)| (first.1 - inner.1).abs() < 1e-15));
 }
 
+/// Ties of opposite corners, or of faces that lie on each other, are no further periods: images of theirs were counted again, and the
+/// own share of a point with them.
+#[test]
+fn periods_that_depend_on_each_other_count_once() {
+    let points = grid([4, 4, 1], 0.25);
+    let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let settings = NonlocalSettings { local_share: 0.1, ..settings(0.6, Kernel::Wendland) };
+    let built = |periods: &[[f64; 3]]| NonlocalOperator::new(&points, periods, &settings).unwrap();
+    let plain = built(&[x, y]);
+    for dependent in
+        [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0 + 1e-9, 1.0, 0.0], [0.0, 2.0, 0.0], [0.0; 3], [1e-17, 0.0, 0.0]]
+    {
+        assert_eq!(built(&[x, y, dependent]), plain, "{dependent:?}");
+    }
+    for point in 0..plain.len() {
+        assert!((plain.row(point).map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-14);
+    }
+}
+
+/// The images of a body under a skewed pair of periods are those under an upright one; faces are closer than the skewed period is long.
+#[test]
+fn skewed_periods_reach_as_far_as_upright_ones() {
+    let points = grid([2, 2, 1], 0.5);
+    let settings = settings(2.2, Kernel::Wendland);
+    let built = |periods: &[[f64; 3]]| NonlocalOperator::new(&points, periods, &settings).unwrap();
+    let upright = built(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(built(&[[1.0, 0.0, 0.0], [5.0, 1.0, 0.0]]), upright);
+    assert_eq!(built(&[[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), upright);
+}
+
 /// Stiffness of a bar of unit elements, both ends held, under averaged strain; its smallest real eigenvalue part.
 fn smallest_eigenvalue(operator: &NonlocalOperator) -> f64 {
     let elements = operator.len();

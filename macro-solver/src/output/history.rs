@@ -32,7 +32,7 @@ pub struct HistoryRow {
     pub time: f64,
     /// Share of the stage that has passed, 0 to 1.
     pub load: f64,
-    /// Newton iterations of the step, those of cut-back attempts included.
+    /// Newton iterations of the attempt that was accepted.
     pub iterations: u64,
     /// RVE evaluations of the step, those of cut-back attempts included.
     pub evaluations: u64,

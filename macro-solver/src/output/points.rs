@@ -1,5 +1,6 @@
 //! `points/*.csv`: what is known of chosen Gauss points, a row for each accepted step.
 
+use super::RecordPlan;
 use crate::formulation::strain::green_lagrange;
 use crate::observer::PointFields;
 use protocol::{Observables, Tensor2};
@@ -18,8 +19,8 @@ impl PointColumn {
     }
 }
 
-/// All columns in order; `asked` are the optional results that the points have.
-pub(super) fn point_columns(observables: Observables) -> Vec<PointColumn> {
+/// All columns of a plan in order.
+pub(super) fn point_columns(plan: &RecordPlan) -> Vec<PointColumn> {
     let mut columns = vec![scalar("volume", |point| point.volume)];
     let all: Vec<(usize, usize)> = (0..9).map(|place| (place / 3, place % 3)).collect();
     let upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
@@ -33,8 +34,11 @@ pub(super) fn point_columns(observables: Observables) -> Vec<PointColumn> {
         scalar("unbalanced_force_ratio", |point| point.scalars.unbalanced_force_ratio),
         scalar("max_overlap_ratio", |point| point.scalars.max_overlap_ratio),
     ]);
+    if plan.pore_fluid {
+        columns.push(scalar("pore_pressure", |point| point.pore_pressure.unwrap_or(0.0)));
+    }
     let mut optional = |observable, more: Vec<PointColumn>| {
-        if observables.contains(observable) {
+        if plan.observables.contains(observable) {
             columns.extend(more);
         }
     };
@@ -79,12 +83,14 @@ fn tensor(name: &str, components: &[(usize, usize)], of: fn(&PointFields) -> Ten
 mod tests {
     use super::*;
     use crate::output::probe::tests::point;
+    use crate::output::recorder::tests::plan;
 
     #[test]
     fn columns_follow_what_was_asked_for() {
         let point = point(2.0, [[-3.0, 0.5], [0.5, -7.0]], 1.1);
+        let columns = |observables| point_columns(&RecordPlan { observables, ..plan() });
         let value = |observables, name: &str| {
-            point_columns(observables).iter().find(|column| column.name == name).map(|column| column.of(&point))
+            columns(observables).iter().find(|column| column.name == name).map(|column| column.of(&point))
         };
         assert_eq!(value(Observables::NONE, "sigma_yy"), Some(-7.0));
         assert_eq!(value(Observables::NONE, "F_xx"), Some(1.1));
@@ -92,6 +98,20 @@ mod tests {
         assert!((value(Observables::NONE, "strain_xx").unwrap() - 0.105).abs() < 1e-15);
         assert_eq!(value(Observables::NONE, "elastic_energy"), None);
         assert_eq!(value(Observables::ENERGY, "elastic_energy"), Some(3.0));
-        assert_eq!(point_columns(Observables::ALL).last().unwrap().name, "evaluations");
+        assert_eq!(columns(Observables::ALL).last().unwrap().name, "evaluations");
+    }
+
+    /// 0 before the stage of the fluid.
+    #[test]
+    fn points_with_fluid_have_its_pressure() {
+        let drained = point(2.0, [[-3.0, 0.5], [0.5, -7.0]], 1.1);
+        let filled = PointFields { pore_pressure: Some(4e3), ..drained.clone() };
+        let values = |pore_fluid| {
+            let columns = point_columns(&RecordPlan { pore_fluid, ..plan() });
+            let column = columns.into_iter().find(|column| column.name == "pore_pressure")?;
+            Some([&drained, &filled].map(|point| column.of(point)))
+        };
+        assert_eq!(values(true), Some([0.0, 4e3]));
+        assert_eq!(values(false), None);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::frames::{write_frame, write_point_frame};
 use super::points::point_columns;
+use super::probe::LargestLevels;
 use super::table::{TableFile, TableRow};
 use super::units::{Units, headed, history_units, own, point_unit, write_units};
 use super::{
@@ -32,6 +33,8 @@ pub struct RecordPlan {
     pub gauss_points: bool,
     /// Optional results that the points are asked for.
     pub observables: Observables,
+    /// Whether pores hold fluid that cannot drain in some stage.
+    pub pore_fluid: bool,
     /// Whether the error of the stresses is estimated, and so has its columns.
     pub accuracy: bool,
     /// Headers of tables hold units, `top_force [N/m]`, in this dimension; `None` leaves names alone.
@@ -100,6 +103,7 @@ pub struct Recorder {
     points: FieldSeries,
     curve: Vec<HistoryRow>,
     references: References,
+    levels: LargestLevels,
     /// One for each profile, then one for each chosen Gauss point.
     tables: Vec<TableFile>,
     /// Estimated errors of the probes that are means of stresses; absent without an estimate or such probes.
@@ -123,6 +127,7 @@ impl Recorder {
             errors,
             folder: folder.to_owned(),
             references: plan.references(),
+            levels: LargestLevels::default(),
             tables,
             plan,
             history,
@@ -175,9 +180,8 @@ impl Recorder {
         Ok(())
     }
 
-    fn probe_errors(&self, report: &StepReport, view: &FieldsView<'_>) -> Vec<Option<f64>> {
-        let Some(estimate) = &report.accuracy.combined() else { return Vec::new() };
-        self.plan.probes.iter().map(|probe| probe.quantity.error(view, estimate)).collect()
+    fn probe_errors(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Vec<Option<f64>> {
+        if self.plan.accuracy { self.levels.errors(&self.plan.probes, report, view) } else { Vec::new() }
     }
 
     fn record_tables(&mut self, report: &StepReport, view: &FieldsView<'_>) -> Result<(), OutputError> {
@@ -191,7 +195,7 @@ impl Recorder {
                 table.append(values.into_iter().map(row))?;
             }
         }
-        let columns = if self.plan.points.is_empty() { Vec::new() } else { point_columns(self.plan.observables) };
+        let columns = if self.plan.points.is_empty() { Vec::new() } else { point_columns(&self.plan) };
         for (&number, table) in self.plan.points.iter().zip(of_points) {
             if let Some(point) = view.points.get(number) {
                 let values = columns.iter().map(|column| column.of(point));
@@ -214,7 +218,7 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
         let headings = units.unwrap_or_default();
         tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(|name| headed(name, &headings)))?);
     }
-    let columns: Vec<String> = point_columns(plan.observables).into_iter().map(|column| column.name).collect();
+    let columns: Vec<String> = point_columns(plan).into_iter().map(|column| column.name).collect();
     let chosen = own_columns(plan).map(|field| field.name.clone()).collect();
     let columns = [vec!["time".to_owned()], columns, chosen].concat();
     let unit_of_chosen = |name: &str| {
@@ -235,7 +239,7 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
 
 /// The chosen fields that files of Gauss points do not hold anyway.
 fn own_columns(plan: &RecordPlan) -> impl Iterator<Item = &ChosenField> {
-    let fixed = point_columns(plan.observables);
+    let fixed = point_columns(plan);
     plan.fields.iter().filter(move |field| !fixed.iter().any(|column| column.name == field.name))
 }
 
@@ -258,13 +262,13 @@ fn error_row(plan: &RecordPlan, row: &HistoryRow) -> TableRow {
 const SECTION: &str = "recorder";
 
 /// Counts changes of what [`Recorder`] saves.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// Frames of a series: time and file.
 type Frames = Vec<(f64, String)>;
 
-/// What [`Recorder`] saves: rows of the history, frames of elements and points, reference states, rows of the tables.
-type Saved = (Vec<HistoryRow>, (Frames, Frames), References, Vec<Vec<TableRow>>);
+/// What [`Recorder`] saves: rows of the history, frames of elements and points, reference states, largest levels, rows of the tables.
+type Saved = (Vec<HistoryRow>, (Frames, Frames), References, LargestLevels, Vec<Vec<TableRow>>);
 
 impl Observer for Recorder {
     fn started(&mut self, problem: &Problem) -> Result<(), StopRequest> {
@@ -275,11 +279,11 @@ impl Observer for Recorder {
     fn save(&self, archive: &mut Archive) {
         let tables: Vec<&[TableRow]> = self.tables.iter().map(TableFile::rows).collect();
         let frames = (self.elements.frames(), self.points.frames());
-        archive.put(SECTION, VERSION, &(&self.curve, frames, &self.references, tables));
+        archive.put(SECTION, VERSION, &(&self.curve, frames, &self.references, &self.levels, tables));
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        let (curve, (elements, points), references, tables): Saved = archive.get(SECTION, VERSION)?;
+        let (curve, (elements, points), references, levels, tables): Saved = archive.get(SECTION, VERSION)?;
         let unfit = |error| CheckpointError::unfit(SECTION, error);
         let path = self.folder.join("history.csv");
         self.history = HistoryWriter::reopen(&path, self.plan.layout(), &curve).map_err(unfit)?;
@@ -288,6 +292,7 @@ impl Observer for Recorder {
         }
         self.curve = curve;
         self.references = references;
+        self.levels = levels;
         for (table, rows) in self.tables.iter_mut().zip(tables) {
             table.restore(rows).map_err(unfit)?;
         }
@@ -297,5 +302,26 @@ impl Observer for Recorder {
 
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         self.record(report, fields).map_err(|error| StopRequest { reason: error.to_string() })
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A plan that records nothing.
+    pub(crate) fn plan() -> RecordPlan {
+        RecordPlan {
+            probes: Vec::new(),
+            profiles: Vec::new(),
+            points: Vec::new(),
+            fields: Vec::new(),
+            stages: Vec::new(),
+            gauss_points: false,
+            observables: Observables::NONE,
+            pore_fluid: false,
+            accuracy: false,
+            units_in_headers: None,
+        }
     }
 }

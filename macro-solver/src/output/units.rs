@@ -32,7 +32,7 @@ struct UnitsFile {
 /// [`OutputError`].
 pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) -> Result<(), OutputError> {
     let history = history_units(plan, dimension);
-    let names = point_columns(plan.observables).into_iter().map(|column| column.name);
+    let names = point_columns(plan).into_iter().map(|column| column.name);
     let mut points: Units = names
         .map(|name| {
             let unit = point_unit(&name);
@@ -142,7 +142,7 @@ const FIELDS: [(&str, &str); 28] = [
     ("volume", "m3"),
 ];
 
-const GRAINS: [(&str, &str); 10] = [
+const GRAINS: [(&str, &str); 11] = [
     ("radius", "m"),
     ("rotation", "rad"),
     ("contacts", "-"),
@@ -153,16 +153,18 @@ const GRAINS: [(&str, &str); 10] = [
     ("force", "N"),
     ("sliding", "-"),
     ("overlap", "m"),
+    ("force_on_first", "N"),
 ];
 
-/// Unit of a column of `points/*.csv`.
+/// Unit of a column of `points/*.csv`: that of the field of this name, if there is one.
 pub(super) fn point_unit(name: &str) -> &'static str {
+    if let Some((_, unit)) = FIELDS.iter().find(|(field, _)| *field == name) {
+        return unit;
+    }
     match name.split('_').next() {
         _ if name == "time" => "s",
         Some("sigma") => "Pa",
         Some("grain") => "rad",
-        Some("volume") => "m3",
-        Some("elastic" | "frictional") => "J/m3",
         _ => "-",
     }
 }
@@ -170,4 +172,37 @@ pub(super) fn point_unit(name: &str) -> &'static str {
 /// Whether runs write a field of this name without being asked for it.
 pub fn is_field(name: &str) -> bool {
     FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load"]).any(|one| one == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::recorder::tests::plan;
+    use super::*;
+    use protocol::Observables;
+
+    /// Every column that is also a field has the unit of the field: the damping work of points had none.
+    #[test]
+    fn columns_of_points_have_the_units_of_the_fields() {
+        let columns = point_columns(&RecordPlan { observables: Observables::ALL, pore_fluid: true, ..plan() });
+        let unit = |name: &str| {
+            assert!(columns.iter().any(|column| column.name == name), "{name}");
+            point_unit(name)
+        };
+        for (name, unit) in FIELDS {
+            if columns.iter().any(|column| column.name == name) {
+                assert_eq!(point_unit(name), unit, "{name}");
+            }
+        }
+        assert_eq!([unit("damping_work"), unit("elastic_energy"), unit("pore_pressure")], ["J/m3", "J/m3", "Pa"]);
+        assert_eq!(
+            [unit("sigma_xy"), unit("grain_rotation_z"), unit("F_xx"), unit("volume")],
+            ["Pa", "rad", "-", "m3"]
+        );
+    }
+
+    /// The file has the units of everything that goes with the grains of a point, vectors on contacts included.
+    #[test]
+    fn vectors_of_forces_have_a_unit() {
+        assert!(GRAINS.contains(&("force_on_first", "N")));
+    }
 }

@@ -244,14 +244,15 @@ impl Batch {
         dropped
     }
 
-    /// The failed point with the lowest number and the reason: that of the whole evaluation.
-    pub(super) fn lowest_failure(&self, trials: &[PointTrial]) -> Option<(PointId, RveError)> {
-        let failed = |trial: &PointTrial, job: usize| match &self.jobs[job].outcome {
-            Some(JobOutcome::Failed(reason)) => Some((trial.point, reason)),
+    /// Place and reason of the failed trial of the point with the lowest number, the first if it has several: those of the whole
+    /// evaluation.
+    pub(super) fn lowest_failure(&self, trials: &[PointTrial]) -> Option<(usize, RveError)> {
+        let failed = |(place, job): (usize, &usize)| match &self.jobs[*job].outcome {
+            Some(JobOutcome::Failed(reason)) => Some((place, reason)),
             _ => None,
         };
-        let failures = trials.iter().zip(&self.job_of_trial).filter_map(|(trial, job)| failed(trial, *job));
-        failures.min_by_key(|(point, _)| *point).map(|(point, reason)| (point, reason.clone()))
+        let failures = self.job_of_trial.iter().enumerate().filter_map(failed);
+        failures.min_by_key(|(place, _)| trials[*place].point).map(|(place, reason)| (place, reason.clone()))
     }
 
     /// Force evaluations of all answers that several trials share, once for each trial but the first.

@@ -26,8 +26,8 @@ struct PointEntry {
     cost_model: CostModel,
 }
 
-/// Saves committed states; trials are not part of a checkpoint.
-pub(super) fn save(coordinator: &Coordinator, archive: &mut Archive) {
+/// Saves committed states and the counts of the pool; trials are not part of a checkpoint.
+pub(super) fn save(coordinator: &Coordinator, statistics: PoolStatistics, archive: &mut Archive) {
     let table = &coordinator.points;
     let mut points = Vec::with_capacity(table.records.len());
     for record in &table.records {
@@ -37,10 +37,10 @@ pub(super) fn save(coordinator: &Coordinator, archive: &mut Archive) {
         }
         points.push(PointEntry { definition, state: record.committed.id, cost_model: record.cost_model });
     }
-    archive.put(SECTION, VERSION, &Record { points, statistics: coordinator.statistics.clone() });
+    archive.put(SECTION, VERSION, &Record { points, statistics });
 }
 
-/// Restores committed states. Workers that have joined meanwhile stay, and are counted on top.
+/// Restores committed states. Workers that have joined meanwhile stay; they, and what has happened to them, are counted on top.
 pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Result<(), CheckpointError> {
     let record: Record = archive.get(SECTION, VERSION)?;
     let unfit = |reason: String| CheckpointError::unfit(SECTION, reason);
@@ -66,9 +66,6 @@ pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Resul
     let now = std::mem::replace(&mut coordinator.statistics, record.statistics);
     let earlier = coordinator.statistics.workers.len();
     coordinator.workers.renumber(|tally| tally + earlier);
-    coordinator.statistics.workers_joined += now.workers_joined;
-    coordinator.statistics.workers_refused += now.workers_refused;
-    coordinator.statistics.refused_messages += now.refused_messages;
-    coordinator.statistics.workers.extend(now.workers);
+    coordinator.statistics.add_workers(now);
     Ok(())
 }

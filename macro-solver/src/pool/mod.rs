@@ -68,6 +68,8 @@ pub struct Pool<P: MacroPort> {
     checked: Instant,
     any_stopped: bool,
     reporter: Option<Reporter>,
+    /// See [`Pool::refused_trial`].
+    refused_trial: Option<usize>,
     interrupt: Interrupt,
     closed: bool,
     // Dropped in this order: processes end before the channels they use are removed.
@@ -99,6 +101,7 @@ impl<P: MacroPort> Pool<P> {
             checked: now,
             any_stopped: false,
             reporter: None,
+            refused_trial: None,
             interrupt,
             closed: false,
             supply,
@@ -144,7 +147,8 @@ impl<P: MacroPort> Pool<P> {
     /// What the pool did so far.
     pub fn statistics(&self) -> PoolStatistics {
         let mut statistics = self.coordinator.statistics.clone();
-        statistics.worker_restarts = self.supply.restarts();
+        // On top of those of the earlier processes of a resumed run.
+        statistics.worker_restarts += self.supply.restarts();
         statistics
     }
 
@@ -287,6 +291,11 @@ impl<P: MacroPort> Pool<P> {
         self.reporter = Some(Box::new(reporter));
     }
 
+    /// Place of the trial that the [`MaterialError::Point`] of the latest evaluation is about; its point may have had several.
+    pub fn refused_trial(&self) -> Option<usize> {
+        self.refused_trial
+    }
+
     /// The trial that has ended too many workers, with all that is needed to repeat it.
     pub fn quarantined(&self) -> Option<&FailureCase> {
         self.coordinator.quarantined.as_ref()
@@ -396,8 +405,9 @@ impl<P: MacroPort> Pool<P> {
 
     /// Answers in the order of the trials, whose states are kept; or the reason of the lowest failing point.
     fn collect(&mut self, trials: &[PointTrial], batch: Batch) -> Result<Vec<TrialResult>, MaterialError> {
-        if let Some((point, reason)) = batch.lowest_failure(trials) {
-            return Err(MaterialError::Point { point, reason });
+        if let Some((place, reason)) = batch.lowest_failure(trials) {
+            self.refused_trial = Some(place);
+            return Err(MaterialError::Point { point: trials[place].point, reason });
         }
         let mut answers = Vec::with_capacity(trials.len());
         for (trial, (answer, state)) in trials.iter().zip(batch.into_answers()) {
@@ -416,6 +426,7 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
         for trial in trials {
             self.coordinator.points.records[trial.point].trial = None;
         }
+        self.refused_trial = None;
         self.clock = Instant::now();
         self.unserved_since = None;
         let begin = self.clock;
@@ -448,7 +459,7 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
     }
 
     fn save(&self, archive: &mut Archive) {
-        checkpoint::save(&self.coordinator, archive);
+        checkpoint::save(&self.coordinator, self.statistics(), archive);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {

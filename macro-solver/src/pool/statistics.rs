@@ -120,3 +120,23 @@ pub struct PoolStatistics {
     /// Every worker that was welcomed, in order of joining.
     pub workers: Vec<WorkerStatistics>,
 }
+
+impl PoolStatistics {
+    /// Adds workers, and what has happened to them, that were counted before those of the earlier part of a resumed run were known.
+    /// Whatever belongs to evaluations is left out: none has begun.
+    pub(super) fn add_workers(&mut self, later: Self) {
+        self.reissued += later.reissued;
+        self.workers_joined += later.workers_joined;
+        self.workers_lost += later.workers_lost;
+        self.workers_cut_off += later.workers_cut_off;
+        self.workers_left += later.workers_left;
+        self.workers_recycled += later.workers_recycled;
+        self.workers_hung += later.workers_hung;
+        self.workers_faulty += later.workers_faulty;
+        self.workers_refused += later.workers_refused;
+        self.refused_messages += later.refused_messages;
+        self.late_replies += later.late_replies;
+        self.unknown_replies += later.unknown_replies;
+        self.workers.extend(later.workers);
+    }
+}

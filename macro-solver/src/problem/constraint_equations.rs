@@ -106,7 +106,8 @@ impl<'a> Writer<'a, '_> {
         history: &'a Amplitude,
     ) -> Result<(), ProblemError> {
         let dimension = self.dimension();
-        let out_of_plane = displacement[2].or(rotation[0]).or(rotation[1]).is_some_and(|value| value != 0.0);
+        let out_of_plane =
+            [displacement[2], rotation[0], rotation[1]].into_iter().flatten().any(|value| value != 0.0);
         if dimension == 2 && out_of_plane {
             return Err(ProblemError::NoThirdAxis);
         }

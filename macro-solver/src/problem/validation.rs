@@ -342,6 +342,7 @@ mod tests {
     use super::*;
     use crate::mesh::ElementKind;
     use crate::mesh::block::Block;
+    use crate::problem::MultiPointConstraint;
     use crate::problem::dynamics::{DynamicSettings, InitialVelocity};
 
     fn problem(conditions: Vec<Condition>) -> Problem {
@@ -449,5 +450,17 @@ mod tests {
         let settings = DynamicSettings { initial_velocities: vec![velocity], ..DynamicSettings::new(1e3) };
         thrown.stages[0].procedure = Procedure::Dynamic(Box::new(settings));
         assert_eq!(thrown.validate(), Err(ProblemError::NoThirdAxis));
+        // A displacement of 0 along z, which is no fault, hid the rotation behind it.
+        let turned = |rotation: [Option<f64>; 3]| {
+            let link = MultiPointConstraint::RigidBody {
+                nodes: "top".into(),
+                displacement: [None, None, Some(0.0)],
+                rotation,
+            };
+            problem([supported(), vec![Condition::MultiPointConstraint(link)]].concat()).validate()
+        };
+        assert_eq!(turned([Some(0.0), None, Some(0.0)]), Ok(()));
+        assert_eq!(turned([Some(0.5), None, None]), Err(ProblemError::NoThirdAxis));
+        assert_eq!(turned([Some(0.0), Some(0.5), None]), Err(ProblemError::NoThirdAxis));
     }
 }

@@ -12,17 +12,20 @@ use crate::space::Space;
 pub(crate) enum Bearing {
     /// Those whose grains both have two contacts or more.
     WithoutRattlers,
-    /// Of these, those that are no link of a chain: in space, grains in a row with two contacts each buckle freely unless rolling springs
+    /// The same of a contact that also holds its grains from buckling, by a rolling spring.
+    AndHolds,
+    /// Of these, those that are no link of a chain: in space, grains in a row with two contacts each buckle freely unless contacts
     /// hold them. A single such grain between others is a strut and stays.
     WithoutRattlersAndChains,
 }
 
 impl Bearing {
-    fn holds(self, [first, second]: [u32; 2]) -> bool {
+    /// By the contacts that its grains have left; `is_held`: one of them holds one of the grains.
+    fn holds(self, [first, second]: [u32; 2], is_held: bool) -> bool {
         let fewest = first.min(second) >= 2;
         match self {
-            Self::WithoutRattlers => fewest,
-            Self::WithoutRattlersAndChains => fewest && [first, second] != [2, 2],
+            Self::WithoutRattlers | Self::AndHolds => fewest,
+            Self::WithoutRattlersAndChains => fewest && (is_held || [first, second] != [2, 2]),
         }
     }
 }
@@ -43,18 +46,25 @@ impl Pruned {
         ends: impl Iterator<Item = [usize; 2]> + Clone,
         bearing: impl Fn(usize) -> Bearing,
     ) -> Self {
-        let mut degree = vec![0; grains];
-        for grain in ends.clone().flatten() {
-            degree[grain] += 1;
+        let (mut degree, mut holding) = (vec![0; grains], vec![0; grains]);
+        for (number, ends) in ends.clone().enumerate() {
+            for grain in ends {
+                degree[grain] += 1;
+                holding[grain] += u32::from(bearing(number) == Bearing::AndHolds);
+            }
         }
         let mut kept = vec![true; ends.clone().count()];
         loop {
             let mut changed = false;
             for (number, ([first, second], kept)) in ends.clone().zip(&mut kept).enumerate() {
-                if *kept && !bearing(number).holds([degree[first], degree[second]]) {
+                let rule = bearing(number);
+                let is_held = holding[first] + holding[second] > 0;
+                if *kept && !rule.holds([degree[first], degree[second]], is_held) {
                     *kept = false;
-                    degree[first] -= 1;
-                    degree[second] -= 1;
+                    for grain in [first, second] {
+                        degree[grain] -= 1;
+                        holding[grain] -= u32::from(rule == Bearing::AndHolds);
+                    }
                     changed = true;
                 }
             }

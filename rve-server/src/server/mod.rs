@@ -125,6 +125,10 @@ pub fn serve(
         // Long waits cost nothing: whatever the macro does, its end included, interrupts them.
         let wait = if idle { Duration::from_secs(3600) } else { Duration::ZERO };
         port.poll(wait, &mut |event| inbox.take(event))?;
+        // An agent bids its workers welcome before it has found a run, which may refuse them.
+        if let Some(reason) = inbox.refused {
+            return Err(ServeError::Refused(reason));
+        }
         if let Some(reason) = inbox.left {
             return Ok(reason);
         }
@@ -173,10 +177,18 @@ fn perform(runner: &mut JobRunner<'_>, port: &mut dyn WorkerPort, task: Task) ->
     match task {
         Task::Define(definition) => {
             let id = definition.id();
-            if let Err(error) = runner.define(definition) {
-                port.send_control(&FromWorker::DefinitionRefused { definition: id, reason: error.to_string() })?;
+            match runner.define(definition) {
+                Ok(()) => Ok(()),
+                // A defect of this engine in this process says nothing about the definition, whose refusal would end the run. Jobs that
+                // need it ask for it again, and a worker that keeps asking is replaced.
+                Err(RveError::EngineFault(reason)) => {
+                    tracing::error!(reason, "the engine broke down over a definition");
+                    Ok(())
+                }
+                Err(error) => {
+                    port.send_control(&FromWorker::DefinitionRefused { definition: id, reason: error.to_string() })
+                }
             }
-            Ok(())
         }
         Task::Slice(slice) => {
             let answers = runner.run_all(&slice);

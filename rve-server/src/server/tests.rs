@@ -75,6 +75,7 @@ impl RveEngine for ToyEngine {
         if definition.bytes.is_empty() {
             return Err(RveError::Definition("an empty definition".into()));
         }
+        assert!(definition.bytes != [0], "nothing grows from nothing");
         Ok(Box::new(Toy { committed: f64::from(definition.bytes[0]), trial: None }))
     }
 }
@@ -285,6 +286,19 @@ fn a_refused_definition_is_reported() {
     stage.dismiss();
 }
 
+/// Another worker may well build it: the run must go on.
+#[test]
+fn a_definition_over_which_the_engine_broke_down_is_asked_for_again_and_not_refused() {
+    let (mut stage, rve) = Stage::ready(4);
+    let definition = Definition { bytes: vec![0] };
+    let id = definition.id();
+    stage.say(&ToWorker::Define { definition });
+    assert_eq!(stage.ask_one(job(id, StateId::NONE, 0.1), b"").status(), ReplyStatus::NeedDefinition);
+    assert_eq!(stage.controls.len(), 1, "{:?}", stage.controls);
+    assert_eq!(stage.ask_one(job(rve, StateId::NONE, 0.5), b"").reply.stress.0[0], 3.0);
+    stage.dismiss();
+}
+
 #[test]
 fn a_drained_worker_finishes_its_jobs_and_says_bye() {
     let (mut stage, rve) = Stage::ready(4);
@@ -307,6 +321,15 @@ fn a_refused_worker_leaves_with_the_reason() {
     stage.say(&ToWorker::Refused { reason: reason.clone() });
     let error = stage.worker.join().unwrap().unwrap_err();
     assert_eq!(error.to_string(), format!("the run refused this worker: {reason}"));
+}
+
+/// An agent's welcome comes before the run's refusal.
+#[test]
+fn a_worker_that_is_refused_after_a_welcome_leaves_with_the_reason() {
+    let (mut stage, _) = Stage::ready(4);
+    stage.say(&ToWorker::Refused { reason: "another engine".into() });
+    let error = stage.worker.join().unwrap().unwrap_err();
+    assert!(matches!(&error, ServeError::Refused(reason) if reason == "another engine"), "{error}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod packings;
 mod pair;
 mod rates_and_units;
 mod rest;
+mod rows_of_spheres;
 mod samples;
 mod spheres;
 mod stability;

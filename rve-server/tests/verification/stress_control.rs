@@ -90,14 +90,14 @@ fn lateral_stress_kept(
     controls
 }
 
-/// Drained compression of the shipped spheres, as a first test of a user: both were refused at some 3.5 % strain. (So was the first in 200
-/// increments, which goes through as well and takes a minute.)
+/// Drained compression of the shipped spheres, as a first test of a user: both were refused at some 3.5 % strain. (So was the first to 10 %
+/// in 200 increments, which goes through as well and takes a minute.)
 #[test]
 fn drained_compression_of_the_shipped_spheres_goes_through() {
     let law = "law = \"hertz_mindlin\"\nshear_modulus = 29.0e9\npoisson_ratio = 0.15\n";
-    for (name, increments) in [("spheres-100.json", 40), ("spheres-400.json", 40)] {
+    for name in ["spheres-100.json", "spheres-400.json"] {
         let packing = Packing::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings").join(name)).unwrap();
-        let controls = lateral_stress_kept(&packing, [law, "0.5"], 4.16e5, -0.1, increments);
+        let controls = lateral_stress_kept(&packing, [law, "0.5"], 4.16e5, -0.05, 20);
         assert!(controls.iter().any(|control| *control > StressControl::Met), "{name}: the cell snaps on this path");
     }
 }
@@ -107,7 +107,7 @@ fn drained_compression_of_the_shipped_spheres_goes_through() {
 fn drained_paths_of_other_packings_go_through() {
     for (dimension, number, seed, law, prepared, paths) in [
         (2, 100, 12, Law::Linear, 0.3, [("1.0", -0.1, 60), ("0.5", 0.08, 60)]),
-        (3, 100, 15, Law::Hertz, 0.02, [("1.0", -0.1, 20), ("0.5", 0.08, 60)]),
+        (3, 100, 15, Law::Hertz, 0.02, [("1.0", -0.1, 20), ("0.5", 0.04, 30)]),
     ] {
         let packing = made(dimension, number, seed, law, prepared);
         for (friction, strain, increments) in paths {

@@ -56,6 +56,17 @@ pub(super) fn crossing(curve: &[[f64; 2]], level: f64, after: f64) -> f64 {
     }
 }
 
+/// The middle value, or the mean of the middle two; NaN without values.
+pub(super) fn median_of(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let count = values.len();
+    match (count, count % 2) {
+        (0, _) => f64::NAN,
+        (_, 1) => values[count / 2],
+        _ => 0.5 * (values[count / 2 - 1] + values[count / 2]),
+    }
+}
+
 /// Mean of the values between two abscissas; NaN without points there.
 pub(super) fn mean_between(curve: &[[f64; 2]], low: f64, high: f64) -> f64 {
     let values: Vec<f64> =
@@ -77,6 +88,8 @@ mod tests {
         let curve = [[0.0, 0.0], [1.0, -2.0], [2.0, 2.0], [3.0, 1.0]];
         assert_eq!((peak(&curve).unwrap(), trough(&curve).unwrap()), ([2.0, 2.0], [1.0, -2.0]));
         assert_eq!((value_at(&curve, 1.5), crossing(&curve, 0.0, 0.5)), (0.0, 1.5));
+        assert_eq!([median_of(vec![3.0, 1.0, 2.0]), median_of(vec![4.0, 1.0])], [2.0, 2.5]);
+        assert!(median_of(Vec::new()).is_nan());
         assert!(value_at(&curve, 4.0).is_nan() && crossing(&curve, 9.0, 0.0).is_nan());
         assert_eq!(mean_between(&curve, 1.5, 3.0), 1.5);
         assert!((liu_ratio(3.0) - 0.5).abs() < 1e-15);

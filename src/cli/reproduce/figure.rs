@@ -37,8 +37,8 @@ pub(super) enum Command {
     Specimen,
     /// `grainspan run` that may stop before its end: what it reached belongs to the figure.
     Stopping,
-    /// `grainspan run` that may be refused before it begins: the refusal belongs to the figure.
-    Refused,
+    /// `grainspan run` that may be refused before it begins, with one of these words: the refusal belongs to the figure.
+    Refused(&'static [&'static str]),
 }
 
 /// One run of a figure.

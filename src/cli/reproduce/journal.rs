@@ -19,17 +19,22 @@ pub(super) struct Iterate {
     pub(super) displacement_ratio: Option<f64>,
 }
 
-/// All iterates of a run, in order.
+/// All iterates of a run, in order. Of a run that was continued those that the later process computed again count once.
 ///
 /// # Errors
 /// The journal cannot be read.
 pub(super) fn iterates(run: &Finished) -> Result<Vec<Iterate>, ReproduceError> {
     let file = run.folder().join("run.jsonl");
-    let text = std::fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
-    let mut found = Vec::new();
+    std::fs::read_to_string(&file).map(|text| iterates_of(&text)).map_err(|error| unusable(&file, &error))
+}
+
+fn iterates_of(text: &str) -> Vec<Iterate> {
+    let mut found: Vec<Iterate> = Vec::new();
+    let mut is_continued = false;
     for line in text.lines() {
         // A line that was cut short by the end of a process is no event.
         let Ok(event) = serde_json::from_str::<Value>(line) else { continue };
+        is_continued |= event["event"] == "started";
         if event["event"] != "iteration" {
             continue;
         }
@@ -40,10 +45,14 @@ pub(super) fn iterates(run: &Finished) -> Result<Vec<Iterate>, ReproduceError> {
             event["force_ratio"].as_f64(),
         ) {
             let displacement_ratio = event["displacement_ratio"].as_f64();
+            // A process that goes on from a checkpoint repeats what came after it.
+            if std::mem::take(&mut is_continued) {
+                found.retain(|iterate| iterate.step < step);
+            }
             found.push(Iterate { step, iteration, load, force_ratio, displacement_ratio });
         }
     }
-    Ok(found)
+    found
 }
 
 /// The iterates of the last attempt at a step.
@@ -56,6 +65,29 @@ pub(super) fn attempt(iterates: &[Iterate], step: u64) -> Vec<Iterate> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_continued_run_computes_again_counts_once() {
+        let line = |step: u64, iteration: u64| {
+            format!(r#"{{"event":"iteration","step":{step},"iteration":{iteration},"load":0.1,"force_ratio":0.5}}"#)
+        };
+        let started = r#"{"event":"started"}"#.to_owned();
+        let lines = [
+            started.clone(),
+            line(1, 1),
+            line(2, 1),
+            line(2, 2),
+            line(3, 1),
+            "{\"event\":\"iter".to_owned(),
+            started,
+            line(2, 1),
+            line(2, 2),
+            line(2, 1),
+            line(3, 1),
+        ];
+        let found: Vec<[u64; 2]> = iterates_of(&lines.join("\n")).iter().map(|it| [it.step, it.iteration]).collect();
+        assert_eq!(found, [[1, 1], [2, 1], [2, 2], [2, 1], [3, 1]]);
+    }
 
     #[test]
     fn the_last_attempt_at_a_step_counts() {

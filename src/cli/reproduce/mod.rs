@@ -24,7 +24,9 @@ use figure::{Figure, Outcome, Size};
 use inputs::Inputs;
 use macro_solver::output::write_atomically;
 use macro_solver::pool::Interrupt;
+use results::{Origin, Results};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -86,10 +88,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let inputs = Inputs::find(arguments.inputs.as_deref())?;
     let interrupt =
         SignalWatch::flag("the run under way ends in good order, and the same command goes on from there")?;
+    let count = chosen.len();
+    let mut failed: Option<Exit> = None;
     for figure in chosen {
-        make(figure, arguments, &inputs, &interrupt)?;
+        match make(figure, arguments, &inputs, &interrupt) {
+            Ok(()) => {}
+            // The others may still be made, and one figure alone says why it was not.
+            Err(failure) if count > 1 && failure.exit != Exit::Interrupted => {
+                tell(format_args!("{}: {}", figure.name, failure.message));
+                failed.get_or_insert(failure.exit);
+            }
+            Err(failure) => return Err(failure),
+        }
     }
-    Ok(Exit::Done)
+    match failed {
+        None => Ok(Exit::Done),
+        Some(exit) => Err(Failure::new(exit, "not every figure could be made; see above")),
+    }
 }
 
 /// What the generated pages need of a figure.
@@ -144,7 +159,7 @@ fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs, interrupt: &Int
     tell(format_args!("{}: {} ({})", figure.name, figure.shows, figure.source));
     let results = runner::run_all(figure, inputs, &out, arguments, interrupt)?;
     let outcome = (figure.evaluate)(&results, arguments.size)?;
-    deliver(figure, arguments.size, inputs, &out, &outcome)?;
+    deliver(figure, arguments.size, inputs, &out, (&outcome, &results))?;
     print(comparison_text(&outcome.comparisons).as_bytes())?;
     for note in &outcome.notes {
         print(format!("note: {note}\n").as_bytes())?;
@@ -159,12 +174,21 @@ struct Provenance<'a> {
     figure: &'a str,
     source: &'a str,
     size: &'a str,
+    /// Of the evaluation of the runs and the pictures.
     commit_of_inputs: Option<String>,
     notes: &'a [String],
     machine: Machine,
+    /// What each run was made with, which an earlier call may have done.
+    runs: BTreeMap<&'a str, Option<&'a Origin>>,
 }
 
-fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &Outcome) -> Result<(), Failure> {
+fn deliver(
+    figure: &Figure,
+    size: Size,
+    inputs: &Inputs,
+    out: &Path,
+    (outcome, results): (&Outcome, &Results),
+) -> Result<(), Failure> {
     let file = |part: &str| {
         out.join(if part.is_empty() { format!("{}.svg", figure.name) } else { format!("{}-{part}.svg", figure.name) })
     };
@@ -186,6 +210,7 @@ fn deliver(figure: &Figure, size: Size, inputs: &Inputs, out: &Path, outcome: &O
         commit_of_inputs: commit_of(inputs.folder()),
         notes: &outcome.notes,
         machine: Machine::here(),
+        runs: results.origins().collect(),
     };
     let text = serde_json::to_string_pretty(&provenance).map_err(|error| Failure::new(Exit::BadInput, error))?;
     Ok(write_atomically(&out.join(format!("{}.json", figure.name)), (text + "\n").as_bytes())?)

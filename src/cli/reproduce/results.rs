@@ -2,8 +2,31 @@
 
 use super::curve::Curve;
 use super::error::ReproduceError;
+use super::inputs::Inputs;
+use crate::build_info::this_program;
+use crate::cli::commit::commit_of;
+use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// What a run was made with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Origin {
+    program: String,
+    commit_of_inputs: Option<String>,
+    machine: serde_json::Value,
+}
+
+impl Origin {
+    /// This program, these inputs and this machine.
+    pub(super) fn of_now(inputs: &Inputs) -> Self {
+        Self {
+            program: this_program(),
+            commit_of_inputs: commit_of(inputs.folder()),
+            machine: serde_json::to_value(Machine::here()).unwrap_or_default(),
+        }
+    }
+}
 
 /// A run that has ended.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -16,6 +39,9 @@ pub(super) struct Finished {
     exit_code: i32,
     said: String,
     wall_s: f64,
+    /// Missing in marks of earlier versions.
+    #[serde(default)]
+    origin: Option<Origin>,
 }
 
 impl Finished {
@@ -27,8 +53,10 @@ impl Finished {
         exit_code: i32,
         said: String,
         wall_s: f64,
+        origin: Origin,
     ) -> Self {
-        Self { name: name.to_owned(), folder: folder.to_owned(), identity, exit_code, said, wall_s }
+        let (name, folder, origin) = (name.to_owned(), folder.to_owned(), Some(origin));
+        Self { name, folder, identity, exit_code, said, wall_s, origin }
     }
 
     /// A run of an earlier call; `None` if there is none that can be read.
@@ -53,9 +81,11 @@ impl Finished {
         &self.folder
     }
 
-    /// Wall time of its process, s; of a continued run that of the last process.
-    pub(super) fn wall_s(&self) -> f64 {
-        self.wall_s
+    /// Whether it was made by the same program from the same inputs.
+    pub(super) fn is_of(&self, now: &Origin) -> bool {
+        let same =
+            |origin: &Origin| (&origin.program, &origin.commit_of_inputs) == (&now.program, &now.commit_of_inputs);
+        self.origin.as_ref().is_some_and(same)
     }
 
     /// The last line with an error, for a run that stopped early or was refused.
@@ -122,6 +152,11 @@ impl Results {
     pub(super) fn run(&self, name: &str) -> Result<&Finished, ReproduceError> {
         let found = self.runs.iter().find(|run| run.name == name);
         found.ok_or_else(|| ReproduceError::NotFound(format!("the figure has no run '{name}'")))
+    }
+
+    /// What each run was made with.
+    pub(super) fn origins(&self) -> impl Iterator<Item = (&str, Option<&Origin>)> {
+        self.runs.iter().map(|run| (run.name.as_str(), run.origin.as_ref()))
     }
 
     /// A remark on every run that stopped early.

@@ -5,11 +5,12 @@ use super::Arguments;
 use super::error::ReproduceError;
 use super::figure::{Command, Figure, Run};
 use super::inputs::Inputs;
-use super::results::{Finished, Results};
+use super::results::{Finished, Origin, Results};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use macro_solver::output::write_atomically;
 use macro_solver::pool::Interrupt;
+use protocol::ContentId;
 use rustix::process::{Pid, Signal, kill_process};
 use rve_server::programs::specimen::SpecimenTest;
 use scene_reader::Document;
@@ -60,6 +61,12 @@ fn made(
         && earlier.identity() == identity
         && !arguments.fresh
     {
+        let origin = Origin::of_now(inputs);
+        if !earlier.is_of(&origin) {
+            let text =
+                "an earlier call finished it with another build or another state of the inputs; --fresh repeats it";
+            tell(format_args!("  {text}"));
+        }
         return Ok(earlier);
     }
     if arguments.draw_only {
@@ -69,24 +76,37 @@ fn made(
     let begun = next_to(folder, BEGUN);
     let resume = !arguments.fresh && std::fs::read_to_string(&begun).is_ok_and(|earlier| earlier == identity);
     write_atomically(&begun, identity.as_bytes())?;
+    // From here on the folder holds a run under way, whatever an earlier one has left.
+    let mark = next_to(folder, MARK);
+    if let Err(source) = std::fs::remove_file(&mark)
+        && source.kind() != io::ErrorKind::NotFound
+    {
+        return Err(macro_solver::output::OutputError::write(&mark, source).into());
+    }
     if interrupt.is_raised() {
         return Err(Failure::new(Exit::Interrupted, format!("interrupted before the run '{}'", run.name)));
     }
     let clock = Instant::now();
     let (code, said) = execute(run, folder, resume, inputs, arguments, interrupt)?;
-    let accepted: &[i32] = match run.command {
-        Command::Stopping => &[0, 1],
-        Command::Refused => &[0, 1, 2],
-        Command::Scene | Command::Element(_) | Command::Contacts | Command::Specimen => &[0],
-    };
-    let Some(code) = code.filter(|code| accepted.contains(code)) else {
+    let Some(code) = code.filter(|code| is_accepted(run.command, *code, &said)) else {
         let code = code.map_or("-".to_owned(), |code| code.to_string());
         tell(said.trim_end());
         return Err(ReproduceError::Run { name: run.name.clone(), code, folder: folder.to_owned() }.into());
     };
-    let finished = Finished::new(&run.name, folder, identity, code, said, clock.elapsed().as_secs_f64());
-    write_atomically(&next_to(folder, MARK), finished.to_json().as_bytes())?;
+    let (origin, wall_s) = (Origin::of_now(inputs), clock.elapsed().as_secs_f64());
+    let finished = Finished::new(&run.name, folder, identity, code, said, wall_s, origin);
+    write_atomically(&mark, finished.to_json().as_bytes())?;
     Ok(finished)
+}
+
+/// Whether a run of this kind has ended as the figure allows. A refusal for any other reason, such as a disk that is full, is none that
+/// the figure shows.
+fn is_accepted(command: Command, code: i32, said: &str) -> bool {
+    match command {
+        Command::Stopping => matches!(code, 0 | 1),
+        Command::Refused(words) => matches!(code, 0 | 1) || code == 2 && words.iter().any(|word| said.contains(word)),
+        Command::Scene | Command::Element(_) | Command::Contacts | Command::Specimen => code == 0,
+    }
 }
 
 /// A file next to the folder of a run, named after it. Names of runs contain dots (`friction-0.2`), so the ending is not an extension.
@@ -97,11 +117,36 @@ fn next_to(folder: &Path, ending: &str) -> PathBuf {
     folder.with_file_name(name)
 }
 
-/// What runs, in full: the input with its size and settings, and the command.
+/// What runs, in full: the input with its size and settings, the content of the files that it names, and the command.
 fn identity(run: &Run, inputs: &Inputs) -> Result<String, Failure> {
     let document = Document::read_in_size(&inputs.file(run.input), run.size, &run.settings)?;
     let workers = run.workers.map_or_else(String::new, |count| format!(" on {count} workers"));
-    Ok(format!("{:?}{workers}\n{}", run.command, document.as_run(&[])?))
+    let text = document.as_run(&[])?;
+    let files: String =
+        named_files(&document, &text).into_iter().map(|(name, content)| format!("# {name}: {content}\n")).collect();
+    Ok(format!("{:?}{workers}\n{files}{text}", run.command))
+}
+
+/// The files that an input names, such as packings and meshes, with their content.
+fn named_files(document: &Document, text: &str) -> Vec<(String, ContentId)> {
+    fn texts(value: &toml::Value, found: &mut std::collections::BTreeSet<String>) {
+        match value {
+            toml::Value::String(text) => {
+                found.insert(text.clone());
+            }
+            toml::Value::Array(values) => values.iter().for_each(|value| texts(value, found)),
+            toml::Value::Table(table) => table.values().for_each(|value| texts(value, found)),
+            _ => {}
+        }
+    }
+    let mut found = std::collections::BTreeSet::new();
+    texts(&toml::Value::Table(text.parse().unwrap_or_default()), &mut found);
+    let content = |name: String| {
+        let path = document.resolve(Path::new(&name));
+        let file = path.is_file().then(|| std::fs::File::open(&path)).and_then(Result::ok)?;
+        Some((name, ContentId::of_reader(file).ok()?))
+    };
+    found.into_iter().filter_map(content).collect()
 }
 
 /// Whether a specimen test names layers whose shear is written.
@@ -125,7 +170,7 @@ fn execute(
     let mut command = process::Command::new(&program);
     let workers = run.workers.or(arguments.workers.map(usize::from)).map(|count| count.to_string());
     match run.command {
-        Command::Scene | Command::Stopping | Command::Refused => {
+        Command::Scene | Command::Stopping | Command::Refused(_) => {
             command.arg("run").arg(inputs.file(run.input)).arg("--out").arg(folder);
             command.args(workers.iter().flat_map(|count| ["--workers", count]));
             command.args(resume.then_some("--resume"));
@@ -190,6 +235,30 @@ fn watched(mut child: process::Child, interrupt: &Interrupt) -> io::Result<(Opti
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A full disk was taken for the refusal that a figure shows, and kept for good.
+    #[test]
+    fn a_refusal_counts_if_it_is_the_one_that_is_shown() {
+        let shown = Command::Refused(&["unstable"]);
+        assert!(is_accepted(shown, 2, "error: the kernel is unstable on this mesh"));
+        assert!(!is_accepted(shown, 2, "error: could not write out/x: no space left on device"));
+        assert!(is_accepted(shown, 1, "") && is_accepted(shown, 0, "") && !is_accepted(shown, 130, "unstable"));
+        assert!(!is_accepted(Command::Scene, 1, "") && is_accepted(Command::Stopping, 1, ""));
+    }
+
+    #[test]
+    fn the_content_of_named_files_belongs_to_the_identity() {
+        let place = tempfile::tempdir().unwrap();
+        let (input, packing) = (place.path().join("test.toml"), place.path().join("cell.json"));
+        let text = "packing = \"cell.json\"\nother = [\"not a file\", { deeper = \"cell.json\" }]\n";
+        std::fs::write(&input, text).unwrap();
+        std::fs::write(&packing, "{}").unwrap();
+        let files = || named_files(&Document::read(&input, &[]).unwrap(), text);
+        let first = files();
+        assert_eq!(first.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["cell.json"]);
+        std::fs::write(&packing, "{ }").unwrap();
+        assert_ne!(files(), first);
+    }
 
     #[test]
     fn runs_whose_names_have_dots_keep_their_own_marks() {

@@ -1,9 +1,10 @@
 //! The output folder of a run: created only when all input has been checked, and never over foreign files.
 
 use crate::exit::Failure;
+use crate::folder_lock::lock_folder;
 use macro_solver::output::{OutputError, write_atomically};
 use scene_reader::{InputError, PackingCopy};
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -101,19 +102,9 @@ impl OutputFolder {
     }
 }
 
-/// The system releases the lock when the process ends, however it ends.
 fn lock(path: &Path) -> Result<File, Failure> {
-    let folder = File::open(path).map_err(|source| OutputError::write(path, source))?;
-    match folder.try_lock() {
-        // A file system without locks has no better to offer.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(folder),
-        Err(TryLockError::WouldBlock) => {
-            let problem = "another run writes to this folder now";
-            Err(InputError::at(format!("--out {}", path.display()), problem)
-                .hint("wait for its end, stop it (`grainspan status` shows its process), or name another folder")
-                .into())
-        }
-    }
+    let hint = "wait for its end, stop it (`grainspan status` shows its process), or name another folder";
+    lock_folder(path, "--out", "run", hint)
 }
 
 /// Removes what a process left that ended while it wrote a file.

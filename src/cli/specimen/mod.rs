@@ -118,18 +118,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let interrupt = SignalWatch::flag("the specimen ends within a hundred steps")?;
     let mut listener = |event: &SpecimenEvent<'_>| {
         output.take(event);
-        if interrupt.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let is_over = interrupt.is_raised() || output.failure.is_some();
+        if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let ended = match &packing {
         Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
         Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
     };
     let restart = output.restart.take();
-    if let Some(profiles) = &output.profiles {
-        profiles.write()?;
-    }
-    let bytes = output.finish()?;
-    deliver(arguments.out.as_deref(), &bytes)?;
+    output.finish(arguments.out.as_deref())?;
     match ended {
         Ok(summary) if summary.is_stopped => {
             let text = format!("{}: interrupted after step {}", arguments.test.display(), summary.steps);
@@ -252,12 +249,14 @@ impl Output {
         }
     }
 
-    fn finish(self) -> Result<Vec<u8>, Failure> {
+    /// Writes the rows; also those before something else could not be written, which is then the failure.
+    fn finish(self, out: Option<&Path>) -> Result<(), Failure> {
         self.bar.finish_and_clear();
-        match self.failure {
-            Some(failure) => Err(failure),
-            None => self.csv.into_inner().map_err(|error| Failure::new(Exit::BadInput, error)),
-        }
+        let bytes = self.csv.into_inner().map_err(|error| Failure::new(Exit::BadInput, error));
+        let delivered = bytes.and_then(|bytes| deliver(out, &bytes));
+        let profiles = self.profiles.map_or(Ok(()), |profiles| profiles.write());
+        self.failure.map_or(delivered, Err)?;
+        Ok(profiles?)
     }
 }
 

@@ -71,7 +71,7 @@ impl Profiles {
             let numbers = [interface.coordinate, interface.displacement, interface.shear_strain, interface.growth]
                 .map(|number| number.to_string());
             // Writing to a string cannot fail.
-            let _ = writeln!(profile, "{},{},{}", row.stage, row.step, numbers.join(","));
+            let _ = writeln!(profile, "{},{},{}", quoted(&row.stage), row.step, numbers.join(","));
         }
         // A band may shear to either side.
         let mean: f64 = interfaces.iter().map(|interface| interface.thickness * interface.growth).sum();
@@ -82,7 +82,7 @@ impl Profiles {
             .collect();
         let [width, position, quality] =
             LayerBand::across(&samples).map_or([f64::NAN; 3], |band| [band.width, band.position, band.quality]);
-        let _ = writeln!(band, "{},{},{width},{position},{quality}", row.stage, row.step);
+        let _ = writeln!(band, "{},{},{width},{position},{quality}", quoted(&row.stage), row.step);
     }
 
     /// Writes the tables.
@@ -92,5 +92,30 @@ impl Profiles {
     pub(super) fn write(&self) -> Result<(), OutputError> {
         write_atomically(&self.folder.join("profile.csv"), self.kept.profile.as_bytes())?;
         write_atomically(&self.folder.join("band.csv"), self.kept.band.as_bytes())
+    }
+}
+
+/// The name of a stage as a field of a table.
+fn quoted(name: &str) -> std::borrow::Cow<'_, str> {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\"")).into()
+    } else {
+        name.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn names_of_stages_stay_one_field() {
+        for name in ["shear", "shear, slow", "the \"fast\" one", "two\nlines", ""] {
+            let text = format!("{},1,2\n", quoted(name));
+            let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_bytes());
+            let row = reader.records().next().unwrap().unwrap();
+            assert_eq!((&row[0], row.len()), (name, 3));
+        }
+        assert_eq!(quoted("shear"), "shear");
     }
 }

@@ -2,11 +2,13 @@
 
 use super::profile;
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::lock_folder;
 use crate::stderr::tell;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFile, StoredCheckpoint};
 use protocol::ContentId;
 use scene_reader::changes;
 use serde::{Deserialize, Serialize};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 const SECTION: &str = "specimen";
@@ -74,13 +76,15 @@ pub(super) struct Restart {
     blank: Kept,
     /// Whether a checkpoint could not be written; people are told once.
     has_failed: bool,
+    /// Held as long as the specimen may write.
+    _lock: File,
 }
 
 impl Restart {
     /// Checkpoints in `folder` of the test `test` with the packing in `packing`.
     ///
     /// # Errors
-    /// The folder cannot be made, or the packing not be read again.
+    /// The folder cannot be made, is that of a run, or another specimen writes to it; the packing cannot be read again.
     pub(super) fn new(folder: &Path, test: String, packing: &Path, asked: Asked) -> Result<Self, Failure> {
         let system = |action, path: &Path, source| {
             let error = CheckpointError::System { action, path: path.to_owned(), source };
@@ -95,8 +99,16 @@ impl Restart {
             asked,
             ..Kept::default()
         };
+        if folder.join("scene.toml").exists() {
+            let problem = format!(
+                "--checkpoint {}: this is the folder of a run, whose checkpoints have the same name",
+                folder.display()
+            );
+            return Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: name a folder of its own")));
+        }
+        let lock = lock_folder(folder, "--checkpoint", "specimen", "wait for its end, or name another folder")?;
         let file = CheckpointFile::in_folder(folder);
-        Ok(Self { folder: folder.to_owned(), file, blank, has_failed: false })
+        Ok(Self { folder: folder.to_owned(), file, blank, has_failed: false, _lock: lock })
     }
 
     /// What an earlier process of the same run has left; `None`, with a remark for people, if it has left nothing.

@@ -11,6 +11,7 @@ mod tables;
 use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::lock_folder;
 use crate::machine::Machine;
 use crate::stderr::tell;
 use crate::stdout::print;
@@ -44,7 +45,7 @@ pub(crate) struct Arguments {
     /// Study: recipes, sizes, seeds, element tests and quantities; see docs/guide/ensembles.md
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
-    /// Folder for tables and pictures [default: out/study/NAME]
+    /// Folder for tables and pictures [default: out/study/NAME, with --size out/study/NAME-SIZE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
@@ -72,8 +73,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     document.expect(Kind::Study)?;
     let study = read_study(&document)?;
     ensemble::check(&study)?;
-    let out = arguments.out.clone().unwrap_or_else(|| Path::new("out/study").join(&study.name));
+    let out = arguments.out.clone().unwrap_or_else(|| default_folder(&study.name, arguments.size.as_deref()));
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
+    let _lock = lock_folder(&out, "--out", "study", "wait for its end, or name another folder")?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let total = ensemble::places(&study).len();
     let interrupt = SignalWatch::flag("packings that have ended are written")?;
@@ -106,6 +108,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             ),
         )),
     }
+}
+
+/// A quick look in a small size leaves the tables of the whole study as they are.
+fn default_folder(name: &str, size: Option<&str>) -> PathBuf {
+    Path::new("out/study").join(size.map_or_else(|| name.to_owned(), |size| format!("{name}-{size}")))
 }
 
 /// Number of packings that are named among the failures.

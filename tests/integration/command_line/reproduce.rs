@@ -1,6 +1,7 @@
 //! `grainspan reproduce`: the list, and one figure from its runs to its tables.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output};
 
 fn grainspan(arguments: &[&str]) -> Output {
@@ -44,9 +45,23 @@ fn a_figure_is_made_end_to_end_and_again_from_its_runs() {
         "{csv}"
     );
     assert!(read("geotechnics-cells.svg").contains("<polyline"));
-    assert!(read("geotechnics-cells.json").contains("\"size\": \"small\""));
+    let provenance = read("geotechnics-cells.json");
+    assert!(
+        provenance.contains("\"size\": \"small\"") && provenance.contains("\"program\": \"grainspan "),
+        "{provenance}"
+    );
     succeeded(&[&words[..], &["--draw-only"]].concat());
     assert_eq!(read("geotechnics-cells.csv"), csv);
+
+    // A run that is begun again and stopped is not finished, whatever the folder held before.
+    let stops = place.path().join("stops");
+    fs::write(&stops, "#!/bin/sh\nexit 130\n").unwrap();
+    fs::set_permissions(&stops, fs::Permissions::from_mode(0o755)).unwrap();
+    let stopped = grainspan(&[&words[..], &["--fresh", "--program", stops.to_str().unwrap()]].concat());
+    assert_eq!(stopped.status.code(), Some(130), "{stopped:?}");
+    let drawn = grainspan(&[&words[..], &["--draw-only"]].concat());
+    assert_eq!(drawn.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&drawn.stderr).contains("leave --draw-only out"), "{drawn:?}");
 }
 
 #[test]

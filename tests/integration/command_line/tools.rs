@@ -74,6 +74,12 @@ fn a_sweep_is_one_table_of_single_tests() {
     let single = String::from_utf8(single.stdout).unwrap();
     let rows: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("0.2,2,")).collect();
     assert_eq!(rows, single.lines().skip(1).collect::<Vec<_>>());
+    // Sound one by one and not together, last of all: found before any test runs.
+    let together =
+        ["element", &test, "--sweep", "contact.rolling_stiffness=0,0.5", "--sweep", "contact.rolling_friction=0"];
+    let refused = grainspan(&together);
+    assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0), "{refused:?}");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("need each other"), "{refused:?}");
     let refused = grainspan(&["element", &test, "--sweep", "contact.frictoin=0.2,0.5"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("did you mean"), "{refused:?}");

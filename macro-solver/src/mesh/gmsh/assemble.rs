@@ -142,14 +142,20 @@ fn side_sets(
     Ok(sets.into_iter().map(|(name, sides)| (name, sides.into_iter().collect())).collect())
 }
 
+/// Nodes of the groups by name. Groups of one name in several dimensions are one set. Unnamed groups of one number in several dimensions
+/// are none: Gmsh numbers the groups of each dimension from 1, so that nobody meant them together.
 fn node_sets(content: &Content, numbers: &BTreeMap<u64, usize>) -> BTreeMap<String, Vec<usize>> {
-    let mut sets: BTreeMap<String, BTreeSet<usize>> = BTreeMap::new();
+    let mut sets: BTreeMap<String, (BTreeSet<usize>, BTreeSet<usize>)> = BTreeMap::new();
     for element in &content.elements {
         for name in names(content, element) {
-            sets.entry(name).or_default().extend(element.nodes.iter().map(|node| numbers[node]));
+            let (dimensions, nodes) = sets.entry(name).or_default();
+            dimensions.insert(dimension_of(element));
+            nodes.extend(element.nodes.iter().map(|node| numbers[node]));
         }
     }
-    sets.into_iter().map(|(name, nodes)| (name, nodes.into_iter().collect())).collect()
+    let given: BTreeSet<&String> = content.names.values().collect();
+    sets.retain(|name, (dimensions, _)| dimensions.len() == 1 || given.contains(name));
+    sets.into_iter().map(|(name, (_, nodes))| (name, nodes.into_iter().collect())).collect()
 }
 
 fn sorted(mut nodes: Vec<usize>) -> Vec<usize> {

@@ -11,6 +11,8 @@ mod stress_measure;
 #[cfg(test)]
 pub(super) mod tests;
 
+pub(super) use error_band::LargestLevels;
+
 pub use band::{BandProbe, BandProperty, LayerBand};
 pub use field::{FieldProbe, Part, Statistic};
 pub use measure::Measure;
@@ -140,21 +142,15 @@ impl Quantity {
         }
     }
 
-    /// Error of the value by the estimated error of the stresses, in its unit; `None` for what is not a mean of stresses.
-    pub fn error(&self, view: &FieldsView<'_>, estimate: &ErrorEstimate) -> Option<f64> {
-        match self {
-            Self::Field(probe) => probe.error(view, estimate),
-            Self::Reaction { .. }
-            | Self::Displacement { .. }
-            | Self::Strain { .. }
-            | Self::Compression { .. }
-            | Self::Band(_)
-            | Self::HourglassEnergy
-            | Self::Velocity { .. }
-            | Self::Acceleration { .. }
-            | Self::KineticEnergy
-            | Self::EnergyResidual => None,
-        }
+    /// Error of the value by the estimated error of the stresses, in its unit; `None` for what is not a mean of stresses. `level` is what
+    /// the estimate is relative to, Pa: the largest [`Quantity::level`] so far.
+    fn error(&self, view: &FieldsView<'_>, estimate: &ErrorEstimate, level: f64) -> Option<f64> {
+        self.of_stresses().and_then(|probe| probe.error(view, estimate, level))
+    }
+
+    /// [Level](crate::material::stress_level::stress_level) of the mean stress that the value is a function of, Pa; 0 without one.
+    fn level(&self, view: &FieldsView<'_>) -> f64 {
+        self.of_stresses().map_or(0.0, |probe| probe.level(view))
     }
 
     /// Unit of the value; `-` if it has none. Forces and energies of plane bodies are per metre of thickness.
@@ -171,9 +167,26 @@ impl Quantity {
         }
     }
 
-    /// Whether [`Quantity::error`] may give an error.
+    /// Whether the value has an error by that of the stresses.
     pub(crate) fn has_error(&self) -> bool {
-        matches!(self, Self::Field(probe) if probe.has_error())
+        self.of_stresses().is_some()
+    }
+
+    /// The probe, if its value is a mean of stresses or a function of one.
+    fn of_stresses(&self) -> Option<&FieldProbe> {
+        match self {
+            Self::Field(probe) => Some(probe).filter(|probe| probe.has_error()),
+            Self::Reaction { .. }
+            | Self::Displacement { .. }
+            | Self::Strain { .. }
+            | Self::Compression { .. }
+            | Self::Band(_)
+            | Self::HourglassEnergy
+            | Self::Velocity { .. }
+            | Self::Acceleration { .. }
+            | Self::KineticEnergy
+            | Self::EnergyResidual => None,
+        }
     }
 
     /// Optional results that the points have to be asked for.

@@ -115,6 +115,7 @@ impl Coordinator {
                     definitions: BTreeSet::new(),
                     pending: VecDeque::new(),
                     head_since: now,
+                    leave_allowance: self.settings.hang.floor,
                     process: ProcessHistory::default(),
                     statistics: self.statistics.workers.len(),
                 };
@@ -130,10 +131,13 @@ impl Coordinator {
             FromWorker::Bye { reason } => {
                 if self.workers.get(worker).is_some_and(|known| known.state.answers()) {
                     tracing::info!(worker = worker.0, reason, "worker leaves");
-                    self.workers.edit(worker, |known| known.state = WorkerState::Leaving);
                     self.statistics.workers_left += 1;
                     self.last_trouble = Some(reason);
                     self.requeue_all(worker);
+                    self.workers.edit(worker, |known| {
+                        known.state = WorkerState::Leaving;
+                        known.head_since = now;
+                    });
                 }
             }
         }

@@ -83,6 +83,28 @@ fn a_worker_that_has_done_enough_finishes_and_is_replaced() {
     assert_eq!((by_count.workers_lost, by_count.reissued, by_count.solved), (0, 0, 2 * POINTS as u64));
 }
 
+/// Nothing else would ever end it, and nobody would take its place.
+#[test]
+fn a_worker_that_is_to_leave_and_stays_is_ended_and_replaced() {
+    let limits = [Duration::from_millis(100), Duration::from_secs(10)];
+    let mut stage = Stage::new(6).hire(64, &[None, Some(Fault::LeaveAndStay)]).replacing(1, None);
+    [stage.settings.hang.floor, stage.settings.worker_timeout] = limits;
+    let mut pool = stage.open(POINTS);
+    pool.evaluate(&questions(POINTS, 0)).unwrap();
+    let statistics = pool.statistics();
+    assert_eq!((statistics.workers_left, statistics.workers_hung, statistics.worker_restarts), (1, 1, 1));
+
+    let mut stage = Stage::new(6).hire(64, &[]).replacing(30, None);
+    [stage.settings.hang.floor, stage.settings.worker_timeout] = limits;
+    stage.settings.recycling.jobs = Some(4);
+    stage.world.borrow_mut().drains_are_ignored = true;
+    let mut pool = stage.open(POINTS);
+    pool.evaluate(&questions(POINTS, 0)).unwrap();
+    let statistics = pool.statistics();
+    assert!(statistics.workers_hung >= 1 && statistics.workers_left == 0, "{statistics:?}");
+    assert_eq!((statistics.reissued, statistics.solved), (0, POINTS as u64));
+}
+
 #[test]
 fn a_worker_that_forgot_is_told_again() {
     let mut stage = Stage::new(11).hire(50, &[None, None, None, None, Some(Fault::Amnesia)]);
@@ -170,6 +192,20 @@ fn with_several_failing_points_the_lowest_is_reported() {
         assert!(initial, "a failed evaluation leaves no trial to commit");
         pool.evaluate(&questions(POINTS, 1)).unwrap();
     }
+}
+
+#[test]
+fn of_several_trials_of_a_point_the_refused_one_is_named() {
+    let mut stage = Stage::new(5).hire(8, &[]);
+    let mut pool = stage.open(2);
+    let [first, other] = [questions(2, 0)[1], questions(2, 1)[1]];
+    let mut refused = first;
+    refused.target.0[0] = 2.0;
+    let error = pool.evaluate(&[first, refused, other, refused]).unwrap_err();
+    assert!(matches!(error, MaterialError::Point { point: 1, .. }), "{error}");
+    assert_eq!(pool.refused_trial(), Some(1));
+    pool.evaluate(&[first, other]).unwrap();
+    assert_eq!(pool.refused_trial(), None);
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! What comes out does not depend on who computed it, when, or how often.
 
 use super::scripted::{Fault, Stage, questions};
+use crate::checkpoint::Archive;
 use crate::material::{PointMaterial, PointTrial};
-use crate::pool::Pool;
+use crate::pool::{Pool, PoolStatistics};
 use protocol::transport::MacroPort;
 use protocol::{StateId, Tensor2, TrialResult};
 use std::num::NonZeroUsize;
+use std::time::Duration;
 
 const POINTS: usize = 12;
 
@@ -254,4 +256,32 @@ fn a_restored_point_starts_from_the_given_snapshot() {
     resumed.restore_point(0, crate::pool::PointState::from_snapshot(saved.bytes));
     assert_eq!(resumed.evaluate(&questions(1, 7)).unwrap(), expected);
     assert_eq!(resumed.statistics().states_sent, 1);
+}
+
+/// Also what happens while a resumed run waits for its first workers.
+#[test]
+fn a_resumed_run_goes_on_with_the_counts_of_workers_of_the_earlier_one() {
+    let run = |archive: Option<&Archive>| {
+        let mut stage = Stage::new(4).hire(8, &[None, Some(Fault::Die)]).hire(8, &[]).replacing(5, None);
+        // However slow the machine is, no worker counts as hung.
+        stage.settings.hang.floor = Duration::from_secs(60);
+        let mut pool = stage.open(POINTS);
+        pool.gather(2).unwrap();
+        pool.evaluate(&questions(POINTS, 0)).unwrap();
+        pool.commit().unwrap();
+        if let Some(archive) = archive {
+            pool.restore(archive).unwrap();
+        }
+        let mut saved = Archive::new();
+        pool.save(&mut saved);
+        (saved, pool.statistics())
+    };
+    let counts = |of: &PoolStatistics| [of.worker_restarts, of.workers_lost, of.reissued, of.workers_joined];
+    let (saved, once) = run(None);
+    assert_eq!((once.worker_restarts, once.workers_lost), (1, 1));
+    let (saved, twice) = run(Some(&saved));
+    assert_eq!(counts(&twice), counts(&once).map(|count| 2 * count));
+    let (_, thrice) = run(Some(&saved));
+    assert_eq!(counts(&thrice), counts(&once).map(|count| 3 * count));
+    assert_eq!(thrice.solved, once.solved, "evaluations are those of the earlier run");
 }

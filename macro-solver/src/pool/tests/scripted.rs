@@ -30,6 +30,8 @@ pub(super) enum Fault {
     Invent,
     /// Says goodbye, and answers all the same.
     LeaveThenAnswer,
+    /// Says goodbye, and stays until it is killed.
+    LeaveAndStay,
     /// Sends a stress that is not a number.
     NotANumber,
     /// Sends a trial state that does not match its name.
@@ -91,6 +93,8 @@ pub(super) struct World {
     pub(super) side_by_side: u32,
     /// Workers that end are reported as cut off with their host.
     pub(super) hosts_are_lost: bool,
+    /// Workers that are requested to finish and leave finish and stay.
+    pub(super) drains_are_ignored: bool,
 }
 
 impl World {
@@ -163,6 +167,12 @@ impl World {
         }
         if fault == Some(Fault::Hang) {
             worker.silent = true;
+            return;
+        }
+        if fault == Some(Fault::LeaveAndStay) {
+            worker.silent = true;
+            let reason = "maintenance".to_owned();
+            self.outgoing.push_back(Outgoing::Control(id, FromWorker::Bye { reason }));
             return;
         }
         if fault == Some(Fault::Amnesia) {
@@ -331,12 +341,14 @@ impl MacroPort for ScriptedPort {
     fn send_control(&mut self, worker: WorkerId, message: &ToWorker) -> Result<(), TransportError> {
         let mut world = self.world.borrow_mut();
         world.sent.push((worker, message.clone()));
+        let drains_are_ignored = world.drains_are_ignored;
         let Some(known) = world.workers.get_mut(&worker) else { return Err(TransportError::Gone(worker)) };
         match message {
             ToWorker::Define { definition } => {
                 known.definitions.insert(definition.id());
             }
             ToWorker::Bye | ToWorker::Refused { .. } => world.lose(worker),
+            ToWorker::Drain if drains_are_ignored => {}
             ToWorker::Drain => {
                 known.draining = true;
                 world.leave_when_drained(worker);

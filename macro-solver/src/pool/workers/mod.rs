@@ -72,8 +72,10 @@ pub(super) struct Worker {
     pub(super) definitions: BTreeSet<usize>,
     /// Unanswered messages in the order sent; it works on the first.
     pub(super) pending: VecDeque<PendingMessage>,
-    /// When it began the first of them.
+    /// When it began the first of them; of a worker that is to leave and holds none, since when it has been free to do so.
     pub(super) head_since: Instant,
+    /// How long it may take to end once it is free to leave.
+    pub(super) leave_allowance: Duration,
     /// What the kernel says about its process while it has work.
     pub(super) process: ProcessHistory,
     /// Index of its entry in the statistics.
@@ -108,10 +110,15 @@ impl Worker {
         self.pending.iter().map(|message| message.expected).sum()
     }
 
-    /// When it counts as hung; `None` while it has nothing to do. Time in which it got no processor does not count.
+    /// When it counts as hung; `None` while it has nothing to do and need not leave. Time in which it got no processor does not count.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let head = self.pending.front()?;
-        self.state.answers().then(|| self.head_since + head.allowance + self.process.waited_for_processor)
+        match (self.state, self.pending.front()) {
+            (WorkerState::Active | WorkerState::Draining, Some(head)) => {
+                Some(self.head_since + head.allowance + self.process.waited_for_processor)
+            }
+            (WorkerState::Draining, None) | (WorkerState::Leaving, _) => Some(self.head_since + self.leave_allowance),
+            (WorkerState::Active, None) | (WorkerState::Terminated | WorkerState::Refused, _) => None,
+        }
     }
 
     /// Records what the kernel says about its process; returns whether that is stopped.
@@ -124,12 +131,17 @@ impl Worker {
     /// Why it is to be ended, if it is.
     fn hang_reason(&self, now: Instant, hang: &HangPolicy) -> Option<HangReason> {
         let deadline = self.deadline()?;
-        if let Some(stopped) = self.process.stopped(now).filter(|stopped| *stopped >= hang.stopped) {
+        // The processes of workers without jobs are not looked at.
+        let has_jobs = !self.pending.is_empty();
+        if let Some(stopped) = self.process.stopped(now).filter(|stopped| has_jobs && *stopped >= hang.stopped) {
             return Some(HangReason::Stopped(format!("stopped for {:.1} s", stopped.as_secs_f64())));
         }
         (deadline <= now).then(|| {
             let passed = now.saturating_duration_since(self.head_since).as_secs_f64();
-            HangReason::Silent(format!("no answer for {passed:.1} s, longer than the job may take"))
+            HangReason::Silent(match has_jobs {
+                true => format!("no answer for {passed:.1} s, longer than the job may take"),
+                false => format!("it was to leave, and is still there after {passed:.1} s"),
+            })
         })
     }
 }

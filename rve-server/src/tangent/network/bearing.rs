@@ -1,6 +1,7 @@
 //! Which grains carry load, and which of their displacements must be held for a unique answer.
 //!
-//! Rattlers, and in space chains of grains that buckle freely, are removed first: [`rattlers`](crate::homogenization::rattlers).
+//! Rattlers, and in space chains of grains that buckle freely, are removed first: [`rattlers`](crate::homogenization::rattlers). Chains do
+//! not buckle under tension, where rolling springs hold them, or where grains do not turn and their contacts resist slip.
 //! In space a single grain with two contacts is a strut that can only spin about the line through its contact points, and
 //! that spin is held unless a rolling spring does so. The remaining grains fall into clusters linked by contacts. The periodic fluctuation of each cluster is free up to a
 //! translation, which is pinned at its first grain. A cluster that meets none of its own images can also turn as a
@@ -45,7 +46,7 @@ const HARDLY_ACROSS: f64 = 1e-6;
 impl<const D: usize, const B: usize> BearingNetwork<D, B> {
     /// Prunes `network` and finds the pins; `stiffness` belongs to the network's contacts.
     pub(super) fn of(network: &LinkedGrains<D>, stiffness: &[ContactStiffness<D>]) -> Self {
-        let kept = load_bearing_contacts(network);
+        let kept = load_bearing_contacts(network, stiffness);
         let mut number = vec![usize::MAX; network.radii.len()];
         for &index in &kept {
             number[network.links[index].origin] = 0;
@@ -194,11 +195,23 @@ impl<const D: usize> Neighbours<D> {
     }
 }
 
+/// Tension of a contact over the mean force from which on it holds a chain straight.
+const HOLDING_TENSION: f64 = 1e-3;
+
 /// Numbers of the contacts that bear load.
-fn load_bearing_contacts<const D: usize>(network: &LinkedGrains<D>) -> Vec<usize> {
+fn load_bearing_contacts<const D: usize>(network: &LinkedGrains<D>, stiffness: &[ContactStiffness<D>]) -> Vec<usize> {
+    let forces = network.links.iter().map(|link| link.normal_force.abs()).sum::<f64>();
+    let tension = HOLDING_TENSION * forces / network.links.len().max(1) as f64;
     let bearing = |index: usize| {
-        let buckles = D == 3 && network.links[index].rolling_stiffness == 0.0;
-        if buckles { Bearing::WithoutRattlersAndChains } else { Bearing::WithoutRattlers }
+        let link = &network.links[index];
+        if link.rolling_stiffness > 0.0 {
+            return Bearing::AndHolds;
+        }
+        let is_pulled = tension > 0.0 && link.normal_force > tension;
+        let is_blocked = !network.rotations_free && stiffness[index].resists_slip();
+        // A grain that meets its own image is no chain: its place is given by the cell.
+        let is_straight = D == 2 || is_pulled || is_blocked || link.origin == link.end;
+        if is_straight { Bearing::WithoutRattlers } else { Bearing::WithoutRattlersAndChains }
     };
     let ends = network.links.iter().map(|link| [link.origin, link.end]);
     let Pruned { kept, .. } = Pruned::of(network.radii.len(), ends, bearing);

@@ -69,11 +69,16 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     })
 }
 
-/// Largest difference of two curves, over the largest value.
+/// Share of the path of the cell that its element has to reach to be compared with it.
+const COMPARED: f64 = 0.95;
+
+/// Largest difference of two curves, over the largest value; not met by an element that stops on its way.
 fn agreement(test: &str, element: &[[f64; 2]], cell: &[[f64; 2]]) -> Comparison {
     let scale = cell.iter().map(|point| point[1].abs()).fold(0.0, f64::max);
     let differences = element.iter().map(|point| (point[1] - value_at(cell, point[0])).abs() / scale);
     let largest = differences.filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let end = |curve: &[[f64; 2]]| curve.last().map_or(0.0, |point| point[0]);
+    let largest = if end(element) >= COMPARED * end(cell) && end(cell) > 0.0 { largest } else { f64::NAN };
     Comparison::new(
         format!("largest difference of element and cell, {test}, over the largest stress"),
         "-",
@@ -82,4 +87,23 @@ fn agreement(test: &str, element: &[[f64; 2]], cell: &[[f64; 2]]) -> Comparison 
         largest,
         Tolerance::Absolute(0.01),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::comparison::comparison_csv;
+
+    #[test]
+    fn an_element_that_stops_on_its_way_does_not_agree() {
+        let cell = [[0.0, 0.0], [0.1, 2.0], [0.2, 2.0]];
+        let met = |element: &[[f64; 2]]| {
+            let table = comparison_csv(&[agreement("test", element, &cell)]).unwrap();
+            String::from_utf8(table).unwrap().trim_end().rsplit(',').next().unwrap().to_owned()
+        };
+        assert_eq!(met(&cell), "yes");
+        assert_eq!(met(&[[0.0, 0.0], [0.1, 2.1], [0.2, 2.0]]), "no");
+        assert_eq!(met(&cell[..1]), "no");
+        assert_eq!(met(&cell[..2]), "no");
+    }
 }

@@ -17,7 +17,7 @@ const SCENE: &str = "scenes/liu2015/biaxial.toml";
 
 fn runs(size: Size) -> Vec<Run> {
     let run = |name: &str, kernel: &str| {
-        Run::new(name, SCENE, Command::Refused, size)
+        Run::new(name, SCENE, Command::Refused(&["unstable"]), size)
             .set("mesh.elements=[4, 8, 1]")
             .set("nonlocal.radius=27e-3")
             .set(format!("nonlocal.kernel={kernel}"))

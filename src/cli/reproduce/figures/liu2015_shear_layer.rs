@@ -61,9 +61,7 @@ fn band_of_grains(run: &Finished) -> Result<[f64; 2], ReproduceError> {
     let median = |column: &str| -> Result<f64, ReproduceError> {
         let rows = table.curve("step", column)?;
         let is_late = |row: &&[f64; 2]| (0.1..=0.14).contains(&value_at(&shear, row[0])) && row[1].is_finite();
-        let mut values: Vec<f64> = rows.iter().filter(is_late).map(|row| row[1]).collect();
-        values.sort_by(f64::total_cmp);
-        Ok(values.get(values.len() / 2).copied().unwrap_or(f64::NAN))
+        Ok(median_of(rows.iter().filter(is_late).map(|row| row[1]).collect()))
     };
     Ok([median("band_width")?, median("band_quality")?])
 }

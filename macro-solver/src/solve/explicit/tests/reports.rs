@@ -20,6 +20,31 @@ fn film(formulation: Formulation, reporting: Reporting) -> Film {
     film
 }
 
+/// Reports of an interval are as many as there are intervals, each in the first time step behind its instant, though the time step grows
+/// on the way: the time before a step was taken from the new step, which skipped some instants and reported others twice.
+#[test]
+fn reports_keep_to_their_interval_when_the_time_step_changes() {
+    let law = DamageLaw { lambda: 1.0, shear: 1.0, threshold: 1e-3, softening: 1e-2 };
+    for interval in [4.3, 5.0, 7.0] {
+        let reporting = Reporting::Interval(interval);
+        let settings = DynamicSettings { tangent_every: 5, reporting, ..DynamicSettings::new(2.0) };
+        let pull = moved("right", Axis::X, 0.015, Amplitude::RAMP);
+        let conditions = vec![pull, held("left", Axis::X), held("bottom", Axis::Y)];
+        let problem = problem(strip(ElementKind::Q4, 1, 1.0), conditions, 60.0, settings);
+        let film = completed(&problem, &mut DamageMaterial::new(vec![law; problem.point_count()]));
+        let steps: Vec<f64> = film.instants.iter().map(|instant| instant.time_step).collect();
+        let (least, most) =
+            (steps.iter().copied().fold(f64::MAX, f64::min), steps.iter().copied().fold(0.0, f64::max));
+        assert!(most > 1.2 * least && most < interval, "{least} {most}");
+        let expected = (60.0 / interval - 1e-9).ceil() as usize + 1;
+        assert_eq!(film.instants.len(), expected, "interval {interval}");
+        for (number, instant) in film.instants[..expected - 1].iter().enumerate() {
+            let late = instant.time - number as f64 * interval;
+            assert!(late > -1e-6 * interval && late < 1.000_001 * most, "report {number}: {late}");
+        }
+    }
+}
+
 /// The displacement gradient of a step that the probes of increments read was that of the last time step.
 #[test]
 fn gradients_of_a_report_join_those_of_its_time_steps() {

@@ -6,6 +6,7 @@
 
 mod error;
 mod record;
+mod removal;
 mod segments;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ use super::ICEORYX2_VERSION;
 use crate::{ContentId, PROTOCOL_VERSION};
 use error::system;
 use record::{pid_namespace, process_start, record_in};
+use removal::{finish_removals, remove_dead};
 use segments::{BASE_ROOM, remove_orphans, sweep};
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
@@ -81,7 +83,8 @@ impl RunDirectory {
                 let pid = listing.record.map_or(0, |record| record.pid);
                 return Err(RunError::Taken { name: name.to_owned(), pid });
             }
-            sweep(&directory, listing.record.as_ref().map(|record| record.prefix.as_str()));
+            // Another run may have begun meanwhile: then there is a directory again.
+            remove_dead(&base, &listing);
             make_private_directory(&directory).map_err(system("create", &directory))?;
         }
         let lock = File::open(&directory).map_err(system("open", &directory))?;
@@ -180,6 +183,8 @@ impl RunDirectory {
             Ok((base, entries))
         })?;
         let mut names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+        // What is just being removed has a name that no run can have.
+        names.retain(|name| check_name(name).is_ok());
         names.sort();
         Ok(names.iter().map(|name| look_at(&base, name)).collect())
     }
@@ -196,10 +201,7 @@ impl RunDirectory {
         check_name(name)?;
         let base = despite_removal(base_directory)?;
         let listing = look_at(&base, name);
-        if !listing.alive {
-            sweep(&base.join(name), listing.record.as_ref().map(|record| record.prefix.as_str()));
-        }
-        Ok(!listing.alive)
+        Ok(!listing.alive && remove_dead(&base, &listing))
     }
 
     /// Waits until the macro of a run has died, then removes what it left. For a worker that knows its macro is dying: the
@@ -229,6 +231,7 @@ impl RunDirectory {
         for name in &dead {
             Self::remove(name)?;
         }
+        finish_removals(&base_path());
         dead.extend(remove_orphans());
         let _ = fs::remove_dir(base_path());
         Ok(dead)

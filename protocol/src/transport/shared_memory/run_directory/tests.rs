@@ -45,6 +45,28 @@ fn a_dead_run_is_told_from_a_later_process_with_its_number_and_is_removed() {
     assert!(!segment.exists() && !exists(&name));
 }
 
+/// Several workers of a dead run remove it, and its user starts it again at once.
+#[test]
+fn a_run_that_begins_between_the_look_at_a_dead_one_and_its_removal_is_left_alone() {
+    let name = name();
+    let mut dead = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+    dead.record.pid_started += 1;
+    dead.announce().unwrap();
+    let found = look_at(&base_path(), &name);
+    assert!(!found.alive);
+    assert!(RunDirectory::remove(&name).unwrap());
+    drop(dead);
+    let mut run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
+    run.announce().unwrap();
+    let segment = Path::new(SHARED_MEMORY).join(format!("{}node", run.record.prefix));
+    fs::write(&segment, b"x").unwrap();
+    assert!(!remove_dead(&base_path(), &found), "the run of this name lives");
+    assert_eq!(RunDirectory::find(&name).unwrap().as_ref(), Some(run.record()));
+    assert!(segment.exists() && run.record.root.exists());
+    drop(run);
+    assert!(!segment.exists() && remove_dead(&base_path(), &found), "nothing is left to be removed");
+}
+
 #[test]
 fn more_than_there_is_is_refused_with_the_remedy() {
     check_room(0).unwrap();
