@@ -25,6 +25,7 @@ use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, Tolerances};
+use protocol::ContentId;
 use rve_server::definition::{AnyDefinition, RveOptions};
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,8 @@ pub struct Scene {
     pub document: Document,
     /// What the solver solves.
     pub problem: Problem,
+    /// Identity of the mesh that a file gives; `None` of a generated one, which the keys describe.
+    pub mesh_identity: Option<ContentId>,
     /// What the Gauss points are made of.
     pub materials: Materials,
     /// Where the packing was read.
@@ -95,6 +98,7 @@ impl Scene {
         file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
         let mut mesh = mesh(&document, &file.mesh)?;
+        let mesh_identity = file.mesh.get_ref().file.is_some().then(|| mesh.identity());
         let mesh_dimension = mesh.dimension.count();
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &Sets { mesh: &mesh }, definition)?;
@@ -160,6 +164,7 @@ impl Scene {
             name,
             document,
             problem,
+            mesh_identity,
             materials,
             packing_path,
             engines,

@@ -21,7 +21,7 @@ pub(super) fn problem_error(document: &Document, error: &ProblemError) -> InputE
         ProblemError::Nonlocal(_) => vec!["nonlocal".to_owned()],
         ProblemError::NonlocalFormulation { .. } => vec!["solver".to_owned(), "formulation".to_owned()],
         ProblemError::ViscousHourglass => vec!["solver".to_owned(), "hourglass".to_owned()],
-        ProblemError::HistoryAtRest | ProblemError::FrictionUnknownLoad => {
+        ProblemError::HistoryAtRest | ProblemError::MotionOffRamp | ProblemError::FrictionUnknownLoad => {
             vec!["loading".to_owned(), "control".to_owned()]
         }
         ProblemError::RigidMotion { .. } | ProblemError::NoDirection { .. } | ProblemError::NoImage { .. } => {

@@ -157,6 +157,18 @@ impl EngineAssignment {
         parts.collect::<Vec<_>>().join(", ")
     }
 
+    /// Engines as scenes and `--engine` name them, each with the ranges of its points: what must not change when a run is continued.
+    pub(crate) fn by_points(&self) -> String {
+        let name = |engine: usize| &self.engines[engine].engine.name;
+        let mut first = 0;
+        let parts = self.engine_of.chunk_by(|one, next| name(*one) == name(*next)).map(|range| {
+            let (begin, end) = (first, first + range.len() - 1);
+            first = end + 1;
+            format!("{} ({begin} to {end})", name(range[0]))
+        });
+        parts.collect::<Vec<_>>().join(", ")
+    }
+
     /// Engines with their versions and numbers of points, for the summary.
     pub(crate) fn description(&self) -> String {
         let parts: Vec<String> = (self.engines.iter().enumerate())

@@ -10,6 +10,7 @@ use thiserror::Error;
 pub mod block;
 pub mod geotechnical;
 pub mod gmsh;
+mod identity;
 mod lattice;
 pub mod ring;
 mod seams;

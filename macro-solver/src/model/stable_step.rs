@@ -43,7 +43,7 @@ impl ElementLimits {
 }
 
 /// Limits of every element at the committed state, with the moduli of the latest tangents and the masses of the nodes of
-/// every element, kg.
+/// every element, kg. Prescribed degrees of freedom do not count, unless there are no others.
 pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: &[Vec<f64>]) -> Vec<ElementLimits> {
     let body = laws.body;
     let positions = match body.formulation() {
@@ -52,8 +52,10 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
             body.positions(&body.zero())
         }
     };
-    // What follows others moves as well; ties only lower frequencies.
-    let is_prescribed = |dof: usize| constraints.is_prescribed(dof);
+    // What follows others moves as well; ties only lower frequencies. Where nothing is free, the step resolves what the elements would do
+    // by themselves: nothing else bounds it.
+    let is_driven = constraints.free().is_empty();
+    let is_prescribed = |dof: usize| !is_driven && constraints.is_prescribed(dof);
     let of_element = |element: usize| {
         let viscous = |number: usize| {
             let length = body.settled_geometry()[number].volume.powf(1.0 / body.mesh().dimension.count() as f64);

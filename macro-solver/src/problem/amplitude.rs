@@ -91,6 +91,11 @@ impl Amplitude {
         matches!(self, Self::Smooth { .. } | Self::SmoothRamp { .. } | Self::Rate(_))
     }
 
+    /// Whether it grows from 0 in proportion to the share of the stage.
+    pub(crate) fn is_proportional(&self) -> bool {
+        matches!(self, Self::Ramp { from, .. } if *from == 0.0)
+    }
+
     /// The way from `from` to nothing of what is replaced by a load with this history; `None` where that replaces it at once.
     pub fn fading(&self, from: f64) -> Option<Self> {
         let grows = |start: f64, end: f64| (start, end) == (0.0, 1.0);

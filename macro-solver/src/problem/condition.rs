@@ -73,6 +73,11 @@ impl Applied {
         self.action() != Action::Constant
     }
 
+    /// Whether it moves a support or what is linked.
+    pub(super) fn moves_support(&self) -> bool {
+        self.action() == Action::MovingSupport
+    }
+
     /// What it does over the stage.
     pub(super) fn action(&self) -> Action {
         let changes = match self.history {

@@ -35,9 +35,15 @@ pub enum ProblemError {
     /// A load factor that is an unknown needs histories that change with it from the first step on.
     #[error(
         "the load factor is an unknown of this stage (loading.control), and a smooth history, a velocity or an acceleration may not \
-         change with it at the start; give the conditions of the stage the history \"ramp\" or \"constant\""
+         change with it at the start; give displacements of the stage the history \"ramp\", and loads \"ramp\" or \"constant\""
     )]
     HistoryAtRest,
+    /// Prescribed motion that an unknown load factor does not lead along its history.
+    #[error(
+        "the load factor is an unknown of this stage (loading.control), and a displacement of it does not grow in proportion to that factor: it \
+         would miss its history; give it the history \"ramp\", or prescribe it in a stage before this one"
+    )]
+    MotionOffRamp,
     /// The way from one friction to another leaves what lies between them.
     #[error(
         "friction goes from one value to another: its history lies between 0 and 1, so it is \"constant\", \"ramp\", \"smooth\", a smooth \

@@ -84,6 +84,13 @@ impl Problem {
             if stage.control.path != PathControl::Load && applied.history.may_begin_at_rest() {
                 return Err(ProblemError::HistoryAtRest);
             }
+            // Steps move supports by what their histories change with the load factor, which tells no jump and rounds off a kink.
+            if stage.control.path != PathControl::Load
+                && applied.moves_support()
+                && !applied.history.is_proportional()
+            {
+                return Err(ProblemError::MotionOffRamp);
+            }
             match &applied.condition {
                 Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
                     self.sides(sides)?;
@@ -377,6 +384,40 @@ mod tests {
         problem.validate().unwrap();
         problem.stages[0].conditions[1].history = Amplitude::SMOOTH;
         assert_eq!(problem.validate(), Err(ProblemError::HistoryAtRest));
+    }
+
+    /// A constant displacement was never imposed, and a kink left an error behind.
+    #[test]
+    fn motion_under_an_unknown_load_factor_has_to_be_a_ramp() {
+        let moved = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -0.1 };
+        let sunk = Condition::MultiPointConstraint(MultiPointConstraint::RigidBody {
+            nodes: "top".into(),
+            displacement: [None, Some(-0.1), None],
+            rotation: [None; 3],
+        });
+        let kinked = Amplitude::Table(vec![[0.0, 0.0], [0.5, 1.0]]);
+        for motion in [moved, sunk] {
+            let mut problem = problem([supported(), vec![motion]].concat());
+            let checked = |problem: &mut Problem, history: &Amplitude| {
+                problem.stages[0].conditions[2].history = history.clone();
+                problem.validate()
+            };
+            for history in [Amplitude::Constant, kinked.clone(), Amplitude::Ramp { from: 0.5, to: 1.0 }] {
+                problem.stages[0].control.path = PathControl::Load;
+                assert_eq!(checked(&mut problem, &history), Ok(()));
+                problem.stages[0].control.path =
+                    PathControl::ArcLength { first_load: 0.1, set: None, component: None };
+                assert_eq!(checked(&mut problem, &history), Err(ProblemError::MotionOffRamp), "{history:?}");
+            }
+            assert_eq!(checked(&mut problem, &Amplitude::RAMP), Ok(()));
+            // Supports at rest and loads keep any history.
+            problem.stages[0].conditions[0].history = Amplitude::Constant;
+            problem.stages[0].conditions.push(Applied::new(
+                Condition::Pressure { sides: "left".into(), value: 1.0, kind: Default::default() },
+                kinked.clone(),
+            ));
+            assert_eq!(problem.validate(), Ok(()));
+        }
     }
 
     #[test]

@@ -137,7 +137,9 @@ impl Checkpointed for Solver<'_> {
         {
             return Err(CheckpointError::unfit(SECTION, "the quasi-Newton pairs are those of another mesh"));
         }
-        let counts = (self.statistics.symbolic_factorizations, self.statistics.numeric_factorizations);
+        let statistics = &self.statistics;
+        let (symbolic, numeric) = (statistics.symbolic_factorizations, statistics.numeric_factorizations);
+        let counts = [symbolic, numeric, statistics.linear_iterations, statistics.direct_fallbacks];
         self.linear.count_from(counts, record.analysed);
         self.points.restore_strains(SECTION, &record.strains)?;
         self.restore_integrator(SECTION, record.integrator)

@@ -369,9 +369,10 @@ impl<'a> Solver<'a> {
     ) -> Result<(), Outcome> {
         let (load, step_size) = (converged.load, stage_fraction - self.stage_fraction);
         if step_size > 0.0 {
-            // The path of a stabilised step predicts nothing about the next step.
+            // The path of a stabilised step predicts nothing about the next step, and a body that stood still has none.
             let is_regular = before.stabilisation_increments == 0;
-            self.last_step = is_regular.then(|| LastStep {
+            let has_moved = converged.increment.iter().any(|change| *change != 0.0);
+            self.last_step = (is_regular && has_moved).then(|| LastStep {
                 increment: converged.increment.clone(),
                 size: step_size,
                 // Where cells snap, corrections lead from branch to branch.

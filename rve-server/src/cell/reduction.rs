@@ -13,6 +13,9 @@ use crate::space::{Components, Space, Tensor};
 /// that the rounding leaves, so that a cell which shears to and fro is not reduced every time.
 const LARGEST_SKEW: f64 = 1.0;
 
+/// Steps after which a cell whose vectors rounding keeps apart is left as it is.
+const MOST_STEPS: u32 = 200;
+
 /// One step: the vector in `row` loses `count` times the vector in `by`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Step {
@@ -46,11 +49,24 @@ pub(crate) fn reduced<S: Space>(mut state: GrainState<S>) -> GrainState<S> {
 fn steps<S: Space>(cell: &mut Cell<S>) -> Vec<Step> {
     let mut steps = Vec::new();
     while let Some(step) = next_step(cell) {
-        let (vector, other) = (cell.rows[step.row], cell.rows[step.by]);
-        cell.rows[step.row] = vector.minus(other.times(f64::from(step.count)));
+        take(cell, step);
         steps.push(step);
     }
     steps
+}
+
+/// A cell with the same tiling and vectors as short as a file's need to be. Vectors that differ by more than numbers can tell are given up on.
+pub(crate) fn shortened<S: Space>(mut cell: Cell<S>) -> Cell<S> {
+    for _ in 0..MOST_STEPS {
+        let Some(step) = next_step(&cell) else { break };
+        take(&mut cell, step);
+    }
+    cell
+}
+
+fn take<S: Space>(cell: &mut Cell<S>, step: Step) {
+    let (vector, other) = (cell.rows[step.row], cell.rows[step.by]);
+    cell.rows[step.row] = vector.minus(other.times(f64::from(step.count)));
 }
 
 fn next_step<S: Space>(cell: &Cell<S>) -> Option<Step> {

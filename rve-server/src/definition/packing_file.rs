@@ -5,11 +5,15 @@
 //! named. Centres are wrapped into the cell when the file is read.
 
 use super::listed_contact::ListedContact;
-use crate::cell::{Cell, ContactRecord, PairKey};
+use crate::cell::{Cell, ContactRecord, PairKey, shortened};
 use crate::space::{Components, Discs, Space, Spheres, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use thiserror::Error;
+
+/// Largest distance of a centre from the cell, and largest cell shift of a listed contact, in cells: beyond it, numbers tell images no more
+/// apart as grains need it.
+const FARTHEST: f64 = 1e6;
 
 /// Why a packing was refused or could not be read or written.
 #[derive(Debug, Error)]
@@ -300,6 +304,13 @@ impl<S: Space> PackingFile<S> {
             if !grain.as_ref().iter().all(|value| value.is_finite()) {
                 return refuse(format!("grain {index}: {:?} holds a number that is not finite", grain.as_ref()));
             }
+            let fraction = cell.fractional(S::centre(grain));
+            if (0..S::DIMENSION).any(|axis| fraction[axis].is_nan() || fraction[axis].abs() > FARTHEST) {
+                return refuse(format!(
+                    "grain {index}: {:?} lies more than {FARTHEST:e} cells away; give its image inside the cell",
+                    grain.as_ref()
+                ));
+            }
             if radius <= 0.0 {
                 return refuse(format!("grain {index}: radius {radius} must be positive"));
             }
@@ -352,6 +363,9 @@ impl<S: Space> PackingFile<S> {
                 return refuse(format!("contact {index}: tangential force {force:?} is not finite"));
             }
             let (from, to, shift) = (wraps[i], wraps[j], contact.shift);
+            if (0..S::DIMENSION).any(|axis| f64::from(shift[axis]).abs() > FARTHEST) {
+                return refuse(format!("contact {index}: its cell shift is more than {FARTHEST:e} cells"));
+            }
             contact.shift = S::shift(|axis| shift[axis] + (to[axis] - from[axis]));
             if i == j && contact.shift == S::Shift::default() {
                 return refuse(format!("contact {index}: grain {i} cannot touch itself without a cell shift"));
@@ -376,8 +390,9 @@ fn wrong_dimension<S: Space>(dimension: u32) -> String {
     format!("dimension {dimension} was found, but {} ({} dimensions) are needed here", S::GRAINS, S::DIMENSION)
 }
 
-/// Length of the shortest sum of periodicity vectors, each taken -1, 0 or 1 times, m.
+/// Length of the shortest sum of periodicity vectors, m. Once these are short, none needs to be taken more than once.
 fn shortest_translation<S: Space>(cell: &Cell<S>) -> f64 {
+    let cell = shortened(*cell);
     (0..27)
         .map(|number| [number % 3 - 1, number / 3 % 3 - 1, number / 9 - 1])
         .filter(|shift| shift[..S::DIMENSION].iter().any(|step| *step != 0))
@@ -448,6 +463,10 @@ mod tests {
         assert!(with(&|p| p.grains[1][2] = -0.5).contains("grain 1: radius -0.5 must be positive"));
         assert!(with(&|p| p.grains[2][0] = f64::NAN).contains("grain 2"));
         assert!(with(&|p| p.grains[2][2] = 2.4).contains("larger than the cell"));
+        for far in [1e7, -1e300] {
+            assert!(with(&|p| p.grains[1][0] = far).contains("grain 1"));
+        }
+        assert!(with(&|p| p.contacts[0].shift = [0, i32::MIN]).contains("contact 0: its cell shift"));
         assert!(with(&|p| p.contacts[0].end = 9).contains("grain 9 does not exist"));
         assert!(with(&|p| p.contacts.push(listed(1, 0, [0, 0]))).contains("name the same pair"));
         assert!(with(&|p| p.contacts[0] = listed(0, 0, [0, 0])).contains("cannot touch itself"));
@@ -456,6 +475,17 @@ mod tests {
         assert!(with(&|p| p.dimension = 3).contains("dimension 3 was found"));
         assert!(with(&|p| p.thickness = 0.0).contains("thickness"));
         assert!(with(&|p| p.format = "yade".into()).contains("grainspan-packing"));
+    }
+
+    /// The nearest image of a grain in a cell that leans far is not among those next to it: Y2 - 3 Y1 is the shortest way here, 0.51.
+    #[test]
+    fn a_grain_that_overlaps_a_far_image_of_itself_is_refused() {
+        let with = |diameter: f64| {
+            let grains = vec![[0.5, 0.2, 0.5 * diameter]];
+            PackingFile::<Discs> { periodicity: [[1.0, 0.0], [2.9, 0.5]], grains, contacts: vec![], ..square() }
+        };
+        assert!(reason(with(0.9)).contains("larger than the cell"));
+        assert!(with(0.5).checked().is_ok());
     }
 
     #[test]

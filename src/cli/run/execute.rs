@@ -100,7 +100,7 @@ pub(super) fn execute<P: MacroPort>(
         error: scene.problem.error_control.map(|control| control.error),
         energy: solved.energy.entries(scene.problem.observables.contains(Observables::ENERGY)),
         dynamics: solved.energy.dynamics(),
-        definition: description.definition.clone(),
+        definition: description.contents.definition.clone(),
         checkpoints: solved.checkpoints.clone(),
         other_build,
         allowed: allowed(scene),

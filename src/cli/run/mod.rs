@@ -29,7 +29,7 @@ use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use folder::OutputFolder;
-use resume::{RunDescription, Start};
+use resume::{Contents, RunDescription, Start};
 use scene_reader::{CellPreparation, Scene};
 use std::path::PathBuf;
 
@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     launch::refuse_too_many(&scene, &assignment, arguments)?;
     preparation::prepare_cells(&mut scene, arguments.quiet)?;
     let as_run = scene.document.as_run(&scene.materials.renamed())?;
-    let description = RunDescription::new(&as_run, &scene.materials.identity());
+    let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));
     let start = if arguments.resume { resume::start(&path, &description)? } else { Start::Beginning };
     let (folder, continued) = match start {
         Start::Complete => {
@@ -73,6 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             (OutputFolder::prepare(&path, &as_run, &scene.materials.files)?, None)
         }
     };
+    let description = description.of(continued.as_ref());
     event_log::open(&folder.path().join("run.jsonl"))?;
     if !arguments.quiet {
         assignment.remarks().for_each(|remark| tell(format_args!("note: {remark}")));

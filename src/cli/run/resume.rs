@@ -1,12 +1,13 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
 use crate::build_info::this_program;
+use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
 };
 use macro_solver::output::{RunStatus, Summary, write_atomically};
-use scene_reader::changes;
+use scene_reader::{Scene, changes};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -14,17 +15,19 @@ use std::path::Path;
 const SECTION: &str = "run";
 
 /// Counts changes of [`RunDescription`].
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Description of a run in its checkpoints.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct RunDescription {
     /// The scene as run.
     pub(super) scene: String,
-    /// Content identity of the grains' definition.
-    pub(super) definition: String,
+    /// What the scene only refers to.
+    pub(super) contents: Contents,
     /// The program that wrote it, see [`this_program`].
     pub(super) program: String,
+    /// Whether another build has written an earlier part of the run.
+    pub(super) other_builds: bool,
     /// Accepted steps.
     pub(super) step: u64,
     /// Load factor reached, 0 to 1.
@@ -35,6 +38,44 @@ pub(super) struct RunDescription {
     pub(super) figures: CheckpointFigures,
 }
 
+/// What decides the results of a run and does not stand in its scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Contents {
+    /// Content identity of the grains' definition.
+    pub(super) definition: String,
+    /// Content identity of the mesh; empty if the scene generates it.
+    pub(super) mesh: String,
+    /// The engines with their points; `--engine` takes the place of the one in the scene.
+    pub(super) engines: String,
+}
+
+impl Contents {
+    /// Of a scene whose points these engines solve.
+    pub(super) fn new(scene: &Scene, assignment: &EngineAssignment) -> Self {
+        Self {
+            definition: scene.materials.identity(),
+            // In full: the display of an identity is a shortened one.
+            mesh: scene.mesh_identity.map_or_else(String::new, |identity| format!("{identity:?}")),
+            engines: assignment.by_points(),
+        }
+    }
+
+    /// One sentence for each part that was another one before.
+    fn changes(&self, before: &Self) -> Vec<String> {
+        let mut found = Vec::new();
+        if self.definition != before.definition {
+            found.push("packing: the content of the packing file is not the same".to_owned());
+        }
+        if self.mesh != before.mesh {
+            found.push("mesh.file: the content is not the same".to_owned());
+        }
+        if self.engines != before.engines {
+            found.push(format!("--engine: the points were solved by {} and are by {}", before.engines, self.engines));
+        }
+        found
+    }
+}
+
 impl RunDescription {
     /// Puts the description into an archive.
     pub(super) fn put(&self, archive: &mut Archive, mark: Progress, wall_s: f64, figures: &CheckpointFigures) {
@@ -42,12 +83,18 @@ impl RunDescription {
         archive.put(SECTION, VERSION, &description);
     }
 
+    /// The description of the same run in a process that begins it or continues it.
+    pub(super) fn of(self, continued: Option<&Continued>) -> Self {
+        Self { other_builds: continued.is_some_and(|continued| continued.other_build), ..self }
+    }
+
     /// The description of a run that begins now.
-    pub(super) fn new(scene: &str, definition: &str) -> Self {
+    pub(super) fn new(scene: &str, contents: Contents) -> Self {
         Self {
             scene: scene.to_owned(),
-            definition: definition.to_owned(),
+            contents,
             program: this_program(),
+            other_builds: false,
             step: 0,
             load: 0.0,
             wall_s: 0.0,
@@ -64,7 +111,7 @@ pub(super) struct Continued {
     pub(super) description: RunDescription,
     /// Remarks for the user.
     pub(super) remarks: Vec<String>,
-    /// Whether another build of this program has written the checkpoint.
+    /// Whether another build of this program has written the checkpoint, or an earlier one of the run.
     pub(super) other_build: bool,
 }
 
@@ -97,12 +144,9 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
                 // The checkpoint is checked by its sum; the file next to it is for people and `report`.
                 write_atomically(&folder.join("scene.toml"), earlier.scene.as_bytes())?;
             }
-            if earlier.definition != description.definition {
-                return Err(refusal(
-                    folder,
-                    &["packing: the content of the packing file is not the same".to_owned()],
-                    false,
-                ));
+            let found = description.contents.changes(&earlier.contents);
+            if !found.is_empty() {
+                return Err(refusal(folder, &found, false));
             }
             let restored = format!(
                 "{} was not the scene that the checkpoint was written with; it is restored from the checkpoint",
@@ -113,14 +157,15 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
                 .into_iter()
                 .collect();
             remarks.extend(is_changed.then_some(restored));
-            let other_build = earlier.program != description.program;
-            if other_build {
+            let is_other_build = earlier.program != description.program;
+            if is_other_build {
                 remarks.push(format!(
                     "the checkpoint was written by another build ({}, this is {}): the rest of the run may differ in \
                      the last digits from a run in one piece",
                     earlier.program, description.program
                 ));
             }
+            let other_build = is_other_build || earlier.other_builds;
             Ok(Start::From(Box::new(Continued { archive: *archive, description: earlier, remarks, other_build })))
         }
         StoredCheckpoint::Nothing => {
@@ -152,7 +197,8 @@ fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
         )
     } else {
         format!(
-            "continue it with the scene as it was, {} with --out {}, or start another run elsewhere",
+            "continue it with the scene as it was, {} with --out {}, and with the same files and --engine, or start another run \
+             elsewhere",
             scene.display(),
             folder.display()
         )
@@ -180,7 +226,9 @@ mod tests {
     use super::*;
 
     fn note(scene: &str) -> RunDescription {
-        RunDescription::new(scene, "definition")
+        let contents =
+            Contents { definition: "definition".into(), mesh: "a".into(), engines: "grains (0 to 3)".into() };
+        RunDescription::new(scene, contents)
     }
 
     /// A folder with a checkpoint of the scene `a = 1`, and another text in `scene.toml`.
@@ -232,6 +280,45 @@ mod tests {
         .unwrap();
         let failure = start(folder.path(), &note("a = 1")).err().expect("it is refused");
         assert!(failure.message.contains("hint: no whole checkpoint is left"), "{}", failure.message);
+    }
+
+    #[test]
+    fn another_mesh_and_other_engines_are_refused() {
+        let folder = damaged();
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let refused = |change: fn(&mut Contents)| {
+            let mut description = note("a = 1");
+            change(&mut description.contents);
+            start(folder.path(), &description).err().expect("it is refused").message
+        };
+        let text = refused(|contents| contents.mesh = "b".into());
+        assert!(text.contains("mesh.file: the content is not the same"), "{text}");
+        let text = refused(|contents| contents.engines = "yade (0 to 3)".into());
+        assert!(
+            text.contains("--engine: the points were solved by grains (0 to 3) and are by yade (0 to 3)"),
+            "{text}"
+        );
+        let text = refused(|contents| contents.definition = "another".into());
+        assert!(text.contains("packing: the content of the packing file is not the same"), "{text}");
+    }
+
+    /// A was continued by B, and B by B: the run is not one of a single build.
+    #[test]
+    fn a_change_of_the_build_is_remembered_at_the_next_continuation() {
+        let folder = damaged();
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let mark = Progress { step: 1, stage: 0, load: 0.5 };
+        let continued = |program: &str| {
+            let now = RunDescription { program: program.to_owned(), ..note("a = 1") };
+            let Start::From(continued) = start(folder.path(), &now).unwrap() else { panic!("not continued") };
+            let mut archive = Archive::new();
+            now.of(Some(&continued)).put(&mut archive, mark, 1.0, &CheckpointFigures::default());
+            CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
+            (continued.other_build, continued.remarks.len())
+        };
+        assert_eq!(continued(&this_program()), (false, 0));
+        assert_eq!(continued("another"), (true, 1));
+        assert_eq!(continued("another"), (true, 0));
     }
 
     #[test]

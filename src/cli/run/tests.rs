@@ -2,7 +2,7 @@
 
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
-use super::resume::RunDescription;
+use super::resume::{Contents, RunDescription};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use macro_solver::observer::{FieldsView, Observer, Silent, StepReport, StopRequest};
@@ -33,7 +33,7 @@ fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer)
     let (supply, interrupt) = (Box::new(JoiningWorkers), Interrupt::new());
     let mut pool = Pool::new(port, supply, interrupt, settings, served.definitions, &served.made_of);
     pool.gather(workers).unwrap();
-    let description = RunDescription::new(&as_run, "");
+    let description = RunDescription::new(&as_run, Contents::default());
     let context = RunContext {
         assignment: &assignment,
         replicas: Vec::new(),
@@ -141,4 +141,50 @@ fn an_output_that_cannot_be_written_ends_the_run_and_leaves_whole_rows() {
     assert!(history.ends_with('\n'));
     let summary: Summary = serde_json::from_slice(&fs::read(path.join("summary.json")).unwrap()).unwrap();
     assert_eq!(summary.status, RunStatus::OutputFailed);
+}
+
+/// One element of the extent of the small scene, as Gmsh writes it, with its groups.
+const ONE_ELEMENT: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat
+$PhysicalNames
+5
+0 1 \"bottom_left\"
+1 2 \"bottom\"
+1 3 \"right\"
+1 4 \"top\"
+1 5 \"left\"
+$EndPhysicalNames
+$Nodes
+4
+1 0 0 0
+2 0.05 0 0
+3 0.05 0.1 0
+4 0 0.1 0
+$EndNodes
+$Elements
+6
+1 15 2 1 1 1
+2 1 2 2 1 1 2
+3 1 2 3 2 2 3
+4 1 2 4 3 3 4
+5 1 2 5 4 4 1
+6 3 2 0 1 1 2 3 4
+$EndElements
+";
+
+/// Another mesh file under the same name, and other engines, were taken for the same run.
+#[test]
+fn what_decides_a_run_outside_its_scene_is_known() {
+    let contents = |scene: &Scene| Contents::new(scene, &EngineAssignment::assemble(scene, None).unwrap());
+    let generated = small(&["mesh.elements=[1, 2]"]);
+    let of_generated = contents(&generated);
+    assert_eq!((of_generated.mesh.as_str(), of_generated.engines.as_str()), ("", "grains (0 to 7)"));
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("body.msh");
+    let of_file = |text: &str| {
+        fs::write(&file, text).unwrap();
+        contents(&small(&[&format!("mesh={{ file = '{}' }}", file.display())])).mesh
+    };
+    let before = of_file(ONE_ELEMENT);
+    assert_eq!(of_file(&ONE_ELEMENT.replace("$Nodes", "$Comments\nthe same\n$EndComments\n$Nodes")), before);
+    assert_ne!(of_file(&ONE_ELEMENT.replace("3 0.05 0.1 0", "3 0.05 0.1001 0")), before);
 }

@@ -17,11 +17,11 @@ impl Solver<'_> {
         settings: &DynamicSettings,
         session: &mut Session<'_>,
     ) -> Result<(), Outcome> {
-        let mut integrator = match self.integrator.take() {
-            Some(under_way) => under_way,
+        let (mut integrator, mut counters) = match self.integrator.take() {
+            Some(under_way) => (under_way, Counters::of(&self.statistics)),
             None => self.begin(settings, session)?,
         };
-        let (mut counters, mut reported) = (Counters::of(&self.statistics), integrator.done());
+        let mut reported = integrator.done();
         while !integrator.is_done() {
             integrator.advance(&mut self.specimen(settings), session.material)?;
             if integrator.is_reported(settings.reporting) {
@@ -38,18 +38,25 @@ impl Solver<'_> {
         Ok(())
     }
 
-    /// Starts the integrator; a run that begins with it reports its first instant as step 0.
-    fn begin(&mut self, settings: &DynamicSettings, session: &mut Session<'_>) -> Result<Integrator, Outcome> {
-        let counters = Counters::of(&self.statistics);
+    /// Starts the integrator; a run that begins with it reports its first instant as step 0. The counters are those from which the next
+    /// report counts: in later stages it takes what the start has cost.
+    fn begin(
+        &mut self,
+        settings: &DynamicSettings,
+        session: &mut Session<'_>,
+    ) -> Result<(Integrator, Counters), Outcome> {
+        let mut counters = Counters::of(&self.statistics);
         let carried = std::mem::take(&mut self.carried);
         let mut integrator = Integrator::start(&mut self.specimen(settings), carried, session.material)?;
         if self.stage == 0 {
             integrator = self.report(integrator, 0, &counters, session)?;
+            counters = Counters::of(&self.statistics);
+            self.points.start_step();
             self.integrator = Some(integrator);
             self.save_step(session);
             integrator = self.integrator.take().expect("just put there");
         }
-        Ok(integrator)
+        Ok((integrator, counters))
     }
 
     fn specimen<'s>(&'s mut self, settings: &'s DynamicSettings) -> Specimen<'s> {

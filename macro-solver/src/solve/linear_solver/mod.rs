@@ -146,10 +146,11 @@ impl LinearSolver {
         self.analysed
     }
 
-    /// Counts on from an earlier process; a pattern that was analysed there is analysed again, which changes no bit and
-    /// is not counted.
-    pub(super) fn count_from(&mut self, (symbolic, numeric): (u64, u64), analysed: bool) {
-        (self.symbolic_count, self.numeric_count, self.analysed) = (symbolic, numeric, analysed);
+    /// Counts on from an earlier process, as [`Self::go_on_counting`]; a pattern that was analysed there is analysed again, which
+    /// changes no bit and is not counted.
+    pub(super) fn count_from(&mut self, counts: [u64; 4], analysed: bool) {
+        self.go_on_counting(counts);
+        self.analysed = analysed;
     }
 
     /// All counts so far: symbolic and numeric factorizations, iterations, direct fallbacks.

@@ -23,6 +23,9 @@ use motion::Relaxation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
+/// Largest motion of the supports over the extent of the body that is no more than rounding.
+const AT_REST: f64 = 1e-12;
+
 impl LoadStepMethod for RelaxationSettings {
     fn attempt(
         &self,
@@ -51,12 +54,15 @@ impl Solver<'_> {
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
+        if self.constraints.free().is_empty() {
+            return self.follow_supports(load, session);
+        }
         let (masses, highest) = self.relaxation_masses(session)?;
         let masses = self.masses_along_unknowns(masses);
         let is_free: Vec<bool> = (0..masses.len()).map(|dof| self.constraints.unknown(dof).is_some()).collect();
         let mut relaxation = Relaxation::new(settings, &masses, &is_free, highest);
         let mut iterate = self.first_iterate(load);
-        self.fix_relaxation_ramps(&iterate);
+        self.fix_relaxation_ramps(&iterate, load);
         let tolerance = self.stage().tolerances.force;
         let mut last = String::new();
         let mut change = self.body.zero();
@@ -108,6 +114,25 @@ impl Solver<'_> {
             iterate = sum(&iterate, &change);
         }
         Err(Failure::Attempt(format!("not at rest after {} iterations: {last}", settings.max_iterations)))
+    }
+
+    /// The step of a body of which nothing is free: no motion has to come to rest.
+    fn follow_supports(&mut self, load: f64, session: &mut Session<'_>) -> Result<Converged, Failure> {
+        let increment = self.first_iterate(load);
+        self.points.fix_ramps(&self.body.gradients(&increment));
+        self.statistics.iterations += 1;
+        let norms = self.evaluate_forces(&increment, load, session)?;
+        let force_ratio = norms.ratio(ForceMeasure::Largest);
+        self.report_iteration(load, 1, norms.evaluations, force_ratio, 0.0, session);
+        Ok(Converged {
+            increment,
+            load,
+            iterations: 1,
+            force_ratio,
+            displacement_ratio: 0.0,
+            correction: None,
+            stagnated: false,
+        })
     }
 
     /// Masses of all degrees of freedom for a mass density of 1 kg/m3, and the bound of the frequencies with them, rad/s. Every point
@@ -174,15 +199,29 @@ impl Solver<'_> {
     }
 
     /// Fixes the ramps: by the repeated step, or all alike by the mean strain that the supports impose, since the first
-    /// iterate then strains their neighbourhood alone.
-    fn fix_relaxation_ramps(&mut self, iterate: &[f64]) {
+    /// iterate then strains their neighbourhood alone. Where they stand still the loads tell how far the body goes.
+    fn fix_relaxation_ramps(&mut self, iterate: &[f64], load: f64) {
         let gradients = self.body.gradients(iterate);
         if self.last_step.is_some() {
             self.points.fix_ramps(&gradients);
             return;
         }
         let imposed = iterate.iter().fold(0.0, |largest: f64, value| largest.max(value.abs())) / self.body.extent();
-        self.points.fix_ramps(&vec![Matrix3::identity() * imposed; gradients.len()]);
+        let strain = if imposed > AT_REST { imposed } else { self.strain_under_loads(load) };
+        self.points.fix_ramps(&vec![Matrix3::identity() * strain; gradients.len()]);
+    }
+
+    /// Mean strain that the loads cause beyond the committed state, estimated with the stiffest modulus of the points, which have answered a
+    /// null trial: within a few times of what comes, for the number of ramp steps alone.
+    fn strain_under_loads(&self, load: f64) -> f64 {
+        let still = self.body.zero();
+        let residual = self.constraints.restrict(&self.forces_at(&still, load).residual());
+        let pushed: f64 = residual.iter().map(|force| force.abs()).sum();
+        let volume: f64 = self.body.settled_geometry().iter().map(|geometry| geometry.volume).sum();
+        let formulation = self.body.formulation();
+        let moduli = self.points.all().iter().map(|point| point.total(formulation).moduli.amax());
+        let stiffest = moduli.fold(0.0, f64::max);
+        if stiffest > 0.0 { pushed * self.body.extent() / (volume * stiffest) } else { 0.0 }
     }
 
     /// Evaluates all points at an iterate and assembles forces alone.
@@ -193,24 +232,27 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
         let evaluations = self.evaluate_points(iterate, load, TangentKind::None, session)?;
-        let positions = self.body.positions(iterate);
         let mut assembling = 0;
-        self.balance = timed(&mut assembling, || {
-            let displacements = sum(&self.body.displacements, iterate);
-            let forces = self.element_laws().forces(Motion {
-                geometry: &self.body.integration_geometry(&positions),
-                displacements: &displacements,
-                velocity: &self.body.zero(),
-            });
-            Balance {
-                internal: sum(&forces.internal, &forces.hourglass),
-                external: self.loads.force(&positions, self.moment(load)),
-                blocks: Vec::new(),
-                hourglass_energy: forces.hourglass_energy,
-            }
-        });
+        self.balance = timed(&mut assembling, || self.forces_at(iterate, load));
         self.statistics.assembly_nanoseconds += assembling;
         Ok(self.residual_norms(evaluations))
+    }
+
+    /// Forces at an iterate that the points have evaluated.
+    fn forces_at(&self, iterate: &[f64], load: f64) -> Balance {
+        let positions = self.body.positions(iterate);
+        let displacements = sum(&self.body.displacements, iterate);
+        let forces = self.element_laws().forces(Motion {
+            geometry: &self.body.integration_geometry(&positions),
+            displacements: &displacements,
+            velocity: &self.body.zero(),
+        });
+        Balance {
+            internal: sum(&forces.internal, &forces.hourglass),
+            external: self.loads.force(&positions, self.moment(load)),
+            blocks: Vec::new(),
+            hourglass_energy: forces.hourglass_energy,
+        }
     }
 
     fn element_laws(&self) -> ElementLaws<'_> {

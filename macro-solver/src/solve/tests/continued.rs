@@ -8,7 +8,7 @@ use crate::nonlocal::{NonlocalSettings, Update};
 use crate::observer::Outcome;
 use crate::problem::dynamics::{DynamicSettings, Reporting};
 use crate::problem::relaxation::RelaxationSettings;
-use crate::problem::{MultiPointConstraint, Platen, PressureKind, Procedure};
+use crate::problem::{EquationSolver, MultiPointConstraint, Platen, PressureKind, Procedure};
 use crate::solve::solve_with_checkpoints;
 
 /// Continues a run after each of its steps.
@@ -31,6 +31,8 @@ fn assert_continues(problem: &Problem, what: &str) {
         assert!(rest.reactions == whole.reactions, "{what}: reactions differ");
         assert!(rest.points == whole.points, "{what}: points differ");
         assert_eq!(resumed.statistics.evaluations, undisturbed.statistics.evaluations, "{what}");
+        let iterative = |run: &Run| (run.statistics.linear_iterations, run.statistics.direct_fallbacks);
+        assert_eq!(iterative(&resumed), iterative(&undisturbed), "{what}");
     }
 }
 
@@ -127,6 +129,15 @@ fn implicit_stages_with_links_go_on_to_the_same_bits() {
             assert_continues(&squeezed(kind, formulation, head, &twice), &format!("{head:?} {kind:?}"));
         }
     }
+}
+
+/// The counts of the iterative way began again at 0.
+#[test]
+fn iterative_equations_go_on_to_the_same_bits_and_counts() {
+    let twice = [Procedure::Implicit, Procedure::Implicit];
+    let mut problem = squeezed(ElementKind::Q4, Formulation::UpdatedLagrangian, Head::Platen, &twice);
+    problem.equations = EquationSolver::Iterative;
+    assert_continues(&problem, "iterative equations");
 }
 
 #[test]

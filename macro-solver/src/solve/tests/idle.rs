@@ -4,7 +4,8 @@ use super::strategies::pressed;
 use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, Stage};
+use crate::problem::relaxation::RelaxationSettings;
+use crate::problem::{Amplitude, Applied, Procedure, Stage};
 
 /// Changes every stress by up to this share at every evaluation, as grains do that are at rest within a tolerance.
 struct Unsteady {
@@ -65,4 +66,31 @@ fn a_history_that_is_met_at_its_zeros_moves_nothing() {
     assert_eq!(finished.statistics.steps, 4);
     assert_eq!(finished.statistics.iterations, 4);
     assert!(record.displacements.iter().flatten().all(|value| value.abs() < 1e-12));
+}
+
+/// A step in which nothing moved tells nothing about the next one: all of it went in one ramp step where a load began to act.
+#[test]
+fn a_load_that_begins_after_idle_steps_acts_in_as_many_ramp_steps_as_its_strain_needs() {
+    for procedure in [Procedure::Implicit, Procedure::Relaxation(RelaxationSettings::default())] {
+        let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 1.0e6, 0.0] };
+        let later = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.0], [1.0, 1.0]]);
+        let mut problem = Problem::new(
+            block(ElementKind::Q4, 1, 1),
+            vec![Condition::fixed("left", Axis::X), Condition::fixed("bottom", Axis::Y), pulled],
+        );
+        problem.strain_per_step = 1e-3;
+        let stage = &mut problem.stages[0];
+        (stage.conditions[2].history, stage.duration, stage.control.increments) = (later, 1.0, 4);
+        (stage.tolerances, stage.procedure) = (Tolerances::both(1e-4, 1e-2), procedure.clone());
+        let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+        let (finished, record) = run(&problem, &mut spy);
+        assert!(matches!(finished.outcome, Outcome::Completed), "{procedure:?}: {:?}", finished.outcome);
+        assert_eq!(spy.commits, 4);
+        let ramps: Vec<u32> = spy.committed_trials(2).iter().map(|trial| trial.options.ramp_steps).collect();
+        // Half of the strain at the end, within a factor of three.
+        let strain = 0.5 * record.displacements[3][1];
+        let needed = strain / problem.strain_per_step;
+        let fits = |ramp: &u32| (needed / 3.0..3.0 * needed).contains(&f64::from(*ramp));
+        assert!(needed > 5.0 && ramps.iter().all(fits), "{procedure:?}: {ramps:?} for {needed}");
+    }
 }

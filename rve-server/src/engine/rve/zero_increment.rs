@@ -1,13 +1,10 @@
 //! Targets of exactly zero: the committed state is the answer. Packings that are not at rest under their law can be brought to rest.
 
 use super::{GrainRve, Trial, View, nanoseconds_since};
-use crate::solver::{PathEnergies, SolverFor};
+use crate::solver::{PathEnergies, SolverFor, is_far_from_rest};
 use crate::space::Tensor;
 use protocol::{Cost, RveError, TrialFlags, TrialOptions, TrialResult};
 use std::time::Instant;
-
-/// Out-of-balance ratio from which a cell is far from rest.
-const FAR_FROM_REST: f64 = 0.05;
 
 /// Fewest contacts per grain, each counted at both ends and rattlers left out, of a cell that can come to rest: less holds nothing together.
 const HELD_TOGETHER: f64 = 2.0;
@@ -18,7 +15,7 @@ impl<S: SolverFor> GrainRve<S> {
     pub fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
         let unbalanced = answer.scalars.unbalanced_force_ratio;
         unbalanced.is_finite()
-            && unbalanced > FAR_FROM_REST.max(2.0 * self.model.options.tolerance())
+            && is_far_from_rest(unbalanced, self.model.options.tolerance())
             && answer.observed.coordination_number_no_rattlers >= HELD_TOGETHER
     }
 

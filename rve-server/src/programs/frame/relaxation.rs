@@ -351,14 +351,17 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         if largest == 0.0 || self.contacts.contacts == 0 { 0.0 } else { largest / self.mean_force() }
     }
 
-    /// Kinetic over stored energy, [Liu2018] eq. 31.
+    /// Kinetic over the size of the stored energy, [Liu2018] eq. 31; 0 where nothing moves or nothing touches. What cohesive contacts
+    /// store may be negative, and a negative ratio would pass for rest.
     fn energy_ratio(&self) -> f64 {
         let grains = self.body.grains.iter().zip(&self.inertias);
         let kinetic: f64 = grains
             .map(|(grain, inertia)| grain.velocity.dot(grain.velocity) + inertia * grain.spin[0] * grain.spin[0])
             .sum();
-        let stored = self.contacts.elastic_energy;
-        if stored > 0.0 { 0.5 * self.mass * kinetic / stored } else { 0.0 }
+        if kinetic == 0.0 || self.contacts.contacts == 0 {
+            return 0.0;
+        }
+        0.5 * self.mass * kinetic / self.contacts.elastic_energy.abs()
     }
 
     /// How far opposite boundary loads are from cancelling, in mean contact forces: [Liu2018] eq. 37 and table 2. Erratum:

@@ -2,6 +2,7 @@
 
 use super::error::ElementError;
 use super::row::ElementRow;
+use super::step::{LEAST_SHARE, raised_level};
 use super::summary::ElementSummary;
 use super::test_file::{Components, ElementTest, Segment};
 use super::work::PathWork;
@@ -41,6 +42,7 @@ pub(super) fn run_frame_element(
         stress: flat(&first.stress.plane()),
         cell,
         stress_tolerance: test.stress_tolerance,
+        stress_level: 0.0,
         deformation: plane::IDENTITY,
         summary: ElementSummary::default(),
         work: None,
@@ -62,6 +64,8 @@ pub(super) fn run_frame_element(
 struct Run<'a> {
     cell: FrameRve,
     stress_tolerance: f64,
+    /// Largest stress component at the start of a segment so far, Pa.
+    stress_level: f64,
     /// F of the committed state, relative to the frame as cut.
     deformation: Plane,
     stress: [f64; 4],
@@ -74,6 +78,7 @@ struct Run<'a> {
 impl Run<'_> {
     fn follow(&mut self, segment: &Segment) -> Result<ControlFlow<()>, ElementError> {
         let (start, start_stress) = (self.deformation, self.stress);
+        self.stress_level = raised_level(self.stress_level, &start_stress);
         let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
         let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
         let mut gradient = [0.0; 4];
@@ -128,7 +133,7 @@ impl Run<'_> {
                 places.iter().zip(targets).map(|(place, target)| target - stress[*place]),
             );
             let pressure = 0.5 * (stress[0] + stress[3]).abs();
-            let scale = targets.iter().fold(pressure, |largest, target| largest.max(target.abs()));
+            let scale = raised_level(pressure.max(LEAST_SHARE * self.stress_level), targets);
             let tolerance = self.stress_tolerance * scale;
             if miss.iter().all(|miss| miss.abs() <= tolerance) {
                 self.stress = stress;

@@ -6,7 +6,7 @@ use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, 
 use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::servo::{Miss, Servo};
-use super::step::Step;
+use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
 use super::stress_relaxation::Relaxation;
 use super::summary::ElementSummary;
@@ -49,7 +49,8 @@ const STEPS_BEFORE_NEAREST: u32 = 100;
 /// what `requests` names: a tangent operator alone stands for itself.
 ///
 /// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma|` over the
-/// dimension of the trial (or times the largest target, if that is greater: a cell without pressure has no scale of its own).
+/// dimension of the trial (or times the largest target, or a hundredth of the largest stress at which a segment has started, if that is
+/// greater: a cell without pressure has no scale of its own).
 ///
 /// # Errors
 /// See [`ElementError`]; rows delivered before stay valid.
@@ -126,6 +127,7 @@ fn run_in_space<S: SolverFor>(
         summary,
         deformation: Matrix::IDENTITY,
         stress: Matrix::ZERO,
+        stress_level: 0.0,
         is_far_from_rest: false,
         work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
         network: None,
@@ -170,6 +172,8 @@ struct Run<S: SolverFor> {
     deformation: Matrix,
     /// Stress of the committed state, Pa.
     stress: Matrix,
+    /// Largest stress component at the start of a segment so far, Pa.
+    stress_level: f64,
     /// Whether the packing as given is far from equilibrium under the law.
     is_far_from_rest: bool,
     /// Work and damping up to the committed state.
@@ -248,6 +252,7 @@ impl<S: SolverFor> Run<S> {
     ) -> Result<ControlFlow<()>, ElementError> {
         let kinematics_at_start = self.deformation;
         let start_stress = flat(&self.stress);
+        self.stress_level = raised_level(self.stress_level, &start_stress);
         let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
@@ -268,7 +273,8 @@ impl<S: SolverFor> Run<S> {
                         None => gradient[place] = aim * segment.strain.values()[place].unwrap_or(0.0),
                     }
                 }
-                let step = Step { kinematics, committed_gradient, gradient: tensor_of(&gradient), targets };
+                let (gradient, level) = (tensor_of(&gradient), self.stress_level);
+                let step = Step { kinematics, committed_gradient, gradient, targets, level };
                 let is_smallest = stride <= smallest;
                 let attempt = if targets.iter().all(Option::is_none) {
                     self.prescribed(&step)

@@ -4,6 +4,10 @@ use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_
 use super::servo::Miss;
 use crate::space::add_scaled;
 
+/// Share of the largest stress at which a segment has started that counts for the scale of the stress tolerance. On the way to no stress at
+/// all, pressure and targets would leave nothing to measure by; within a hundredth of where it came from, a cell is measured by them.
+pub(super) const LEAST_SHARE: f64 = 1e-2;
+
 /// Targets of one increment.
 #[derive(Clone)]
 pub(super) struct Step {
@@ -14,6 +18,8 @@ pub(super) struct Step {
     pub(super) gradient: Matrix,
     /// Stress targets of the controlled components, Pa.
     pub(super) targets: [Option<f64>; COMPONENTS],
+    /// Largest stress component at the start of this segment or one before, Pa.
+    pub(super) level: f64,
 }
 
 impl Step {
@@ -52,6 +58,12 @@ impl Step {
     /// Scale of the stress tolerance, Pa.
     pub(super) fn stress_scale(&self, stress: &Matrix, dimension: usize) -> f64 {
         let pressure = (stress[0][0] + stress[1][1] + stress[2][2]).abs() / dimension as f64;
-        self.targets.iter().flatten().fold(pressure, |largest, target| largest.max(target.abs()))
+        let least = pressure.max(LEAST_SHARE * self.level);
+        self.targets.iter().flatten().fold(least, |largest, target| largest.max(target.abs()))
     }
+}
+
+/// The larger of a level of stress and the largest of these components, Pa.
+pub(super) fn raised_level(level: f64, stress: &[f64]) -> f64 {
+    stress.iter().fold(level, |largest, component| largest.max(component.abs()))
 }

@@ -17,7 +17,7 @@ pub struct ElementTest {
     /// Packing file, relative to the test file.
     pub packing: PathBuf,
     /// Largest difference between a controlled stress component and its target, relative to the mean pressure of the
-    /// row or the largest target, whichever is larger.
+    /// row, the largest target or a hundredth of the largest stress at which this segment or one before has started, whichever is largest.
     #[serde(default = "default_stress_tolerance")]
     #[schemars(extend("x-unit" = "-"))]
     pub stress_tolerance: f64,

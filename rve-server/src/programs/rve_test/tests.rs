@@ -397,6 +397,38 @@ fn a_packing_that_is_not_at_rest_settles_before_it_is_strained() {
     assert!((pressure(&coarse[1]) / pressure(&fine[1]) - 1.0).abs() < 2e-3);
 }
 
+/// Before anything moves there is no kinetic energy: the criterion of energies finds a packing out of balance by its forces.
+#[test]
+fn a_packing_that_is_not_at_rest_settles_by_energies_too() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let text = "packing = \"packings/discs-400-loose.json\"\n[contact]\nlaw = \"linear\"\nmodulus = 6.0e7\nstiffness_ratio = 0.5\n\
+                friction = 0.45\n[rve]\naccuracy = \"draft\"\ncriterion = \"energy\"\n[[path]]\nincrements = 1\n\
+                strain = { xy = 1e-4 }\n";
+    let test = ElementTest::from_toml(text).unwrap();
+    let mut ratios = Vec::new();
+    let summary = run_element(&test, &root, TangentKind::None, &mut |row| ratios.push(row.unbalanced_force_ratio));
+    assert_eq!(summary.unwrap().settled, 1);
+    assert!(ratios[0] > 0.05, "{ratios:?}");
+}
+
+/// On the way to no stress at all, the stress that a cohesive cell came from is what its stresses are measured by.
+#[test]
+fn a_cohesive_cell_is_unloaded_to_no_stress() {
+    let head = HEAD.replace("[rve]", "cohesion = 5e-4\n[rve]");
+    let path = "[[path]]\nincrements = 5\nstress = { xx = 0.0, yy = 0.0 }\n[[path]]\nincrements = 2\nstrain = { xy = 1e-6 }\n\
+                stress = { xx = 0.0, yy = 0.0 }";
+    let test = ElementTest::from_toml(&format!("{head}{path}")).unwrap();
+    let mut rows = Vec::new();
+    let folder = lattice_folder();
+    run_element(&test, folder.path(), TangentKind::None, &mut |row| rows.push(row.clone())).unwrap();
+    let start = rows[0].stress[0][0].abs();
+    for row in &rows[5..] {
+        assert_eq!(row.stress_control, StressControl::Met);
+        let left = row.stress[0][0].abs().max(row.stress[1][1].abs());
+        assert!(left < 1e-3 * start, "row {}: {left} Pa of {start} Pa", row.increment);
+    }
+}
+
 /// A packing that is not at rest and goes to a stress falls in its first increment: that is told. A stress that the grains cannot carry is
 /// not told as a deformation that is too large.
 #[test]

@@ -30,6 +30,8 @@ pub struct History<S: Space> {
 pub struct Assembled<S: SpecimenSpace> {
     /// Grains.
     pub grains: Vec<Grain<S>>,
+    /// Lower corner of the box, m: the origin for tiles, the centre of the first corner grain for frames.
+    pub corner: [f64; 3],
     /// Side lengths of the box, m.
     pub sides: [f64; 3],
     /// Translations to the next image along the periodic axes, m.
@@ -130,7 +132,8 @@ pub fn tiled<S: SpecimenSpace>(
         }
     }
     let periods = std::array::from_fn(|axis| periodic[axis].then(|| S::Vector::from_fn(|j| whole.rows[axis][j])));
-    let mut assembled = Assembled { grains, sides, periods, histories: Vec::new(), cut_through: 0, slant: 0.0 };
+    let mut assembled =
+        Assembled { grains, corner: [0.0; 3], sides, periods, histories: Vec::new(), cut_through: 0, slant: 0.0 };
     let per_tile = packing.grains.len();
     for number in 0..counts.iter().product() {
         let tile = tile_of(number);
@@ -196,8 +199,10 @@ pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<As
         .map(|((_, _, grain), position)| still::<Discs>(*position, Discs::radius(&packing.grains[*grain as usize])));
     let sides = [packing.periodicity[0][0] * tiles[0] as f64, packing.periodicity[1][1] * tiles[1] as f64, 1.0];
     let [first, second] = packing.periodicity;
+    let [x, y] = frame.positions[frame.corners[0]];
     let mut assembled = Assembled {
         grains: grains.collect(),
+        corner: [x, y, 0.0],
         sides,
         periods: [None; 3],
         histories: Vec::new(),

@@ -31,6 +31,8 @@ pub mod run;
 #[cfg(test)]
 mod shear_tests;
 mod stage;
+#[cfg(test)]
+mod stage_tests;
 mod state_stream;
 #[cfg(test)]
 mod stiffening_tests;

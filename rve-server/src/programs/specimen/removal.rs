@@ -111,9 +111,10 @@ pub(super) fn weakened<S: SpecimenSpace>(
 
 fn holds<S: SpecimenSpace>(region: &Region, assembled: &Assembled<S>, grain: usize) -> bool {
     let position = assembled.grains[grain].position;
-    let place = position.as_ref().iter().zip(&assembled.sides).map(|(place, side)| match region.unit {
-        RegionUnit::Side => place / side,
-        RegionUnit::M => *place,
+    let box_of_axis = assembled.corner.iter().zip(&assembled.sides);
+    let place = position.as_ref().iter().zip(box_of_axis).map(|(place, (corner, side))| match region.unit {
+        RegionUnit::Side => (place - corner) / side,
+        RegionUnit::M => place - corner,
     });
     place.zip(region.from.iter().zip(&region.to)).all(|(place, (from, to))| place >= *from && place < *to)
 }
@@ -139,7 +140,7 @@ fn without<S: SpecimenSpace>(assembled: Assembled<S>, removed: &[usize]) -> Asse
 
 #[cfg(test)]
 mod tests {
-    use super::super::assembly::tiled;
+    use super::super::assembly::{joined_frames, tiled};
     use super::*;
     use crate::definition::PackingFile;
     use crate::space::Discs;
@@ -202,5 +203,22 @@ mod tests {
         assert!(check(&Region { number: Some(3), ..shares.clone() }).unwrap_err().contains("either number or share"));
         assert!(check(&Region { share: Some(1.5), ..shares.clone() }).unwrap_err().contains("at most 1"));
         assert!(check(&Region { to: vec![0.5], ..shares }).unwrap_err().contains("need 2 numbers each"));
+    }
+
+    /// The corner grain of a frame lies at the origin of its regions, wherever the frame was cut.
+    #[test]
+    fn regions_of_frames_begin_at_their_corner() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let whole = joined_frames(&PackingFile::<Discs>::read(&file).unwrap(), &[1, 1]).unwrap();
+        let [x, y, _] = whole.corner;
+        assert!(x.abs().max(y.abs()) > 0.01 * whole.sides[0], "the corner grain is not at the origin");
+        let at_corner = region([-0.01, -0.01], [0.01, 0.01]);
+        let metres = |share: f64| whole.sides[..2].iter().map(|side| share * side).collect();
+        let in_metres = Region { from: metres(-0.01), to: metres(0.01), unit: RegionUnit::M, ..at_corner.clone() };
+        for region in [at_corner, in_metres] {
+            let region = Region { share: None, number: Some(1), ..region };
+            let (weak, _) = weakened(whole.clone(), &[region]).unwrap();
+            assert!(weak.grains.iter().all(|grain| grain.position != [x, y]));
+        }
     }
 }

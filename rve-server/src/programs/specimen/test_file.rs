@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenTest {
-    /// Packing file, relative to this one. Its cell must be a rectangle or box; it is repeated `tiles` times.
+    /// Packing file, relative to this one. Its cell may lean as those of `grainspan pack` do: Y1 points along x and Y2 lies in the plane of x
+    /// and y. A periodic axis that leans along a walled one is refused without `straighten`. The packing is repeated `tiles` times.
     pub packing: String,
     /// Repetitions along the axes.
     pub tiles: Vec<usize>,

@@ -24,6 +24,14 @@ pub(crate) const LEAST_LOAD: f64 = 1e-3;
 /// Share of the largest load that is rounding, whatever its balance.
 const ROUNDING_LOAD: f64 = 1e-9;
 
+/// Out-of-balance ratio from which a cell is far from rest.
+const FAR_FROM_REST: f64 = 0.05;
+
+/// Whether this out-of-balance ratio is that of a packing of another law. What a trial with this tolerance leaves is far below.
+pub(crate) fn is_far_from_rest(unbalanced: f64, tolerance: f64) -> bool {
+    unbalanced > FAR_FROM_REST.max(2.0 * tolerance)
+}
+
 /// How far a cell is from rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Imbalance {
@@ -36,7 +44,9 @@ pub(crate) struct Imbalance {
 }
 
 impl Imbalance {
-    /// By a criterion. `mass` is the cell's, `largest_load` the largest sum of its normal forces at rest, N.
+    /// By a criterion. `mass` is the cell's, 0 before it has made a step, `largest_load` the largest sum of its normal forces at rest, N.
+    ///
+    /// Where nothing has moved yet there is no kinetic energy, whatever the forces: they are measured in place of it.
     pub(crate) fn by(
         criterion: Criterion,
         grains: usize,
@@ -47,6 +57,7 @@ impl Imbalance {
         if sums.contacts == 0.0 {
             return Self { measure: 0.0, of_present: 0.0, ratio: 0.0 };
         }
+        let criterion = if criterion == Criterion::Energy && mass == 0.0 { Criterion::MaxForce } else { criterion };
         let least_force = LEAST_LOAD * largest_load / grains as f64;
         let (measure, scale) = match criterion {
             Criterion::MaxForce => (sums.largest_force_square.sqrt(), sums.normal_force / sums.contacts),

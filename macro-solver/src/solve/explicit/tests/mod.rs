@@ -36,6 +36,7 @@ struct Instant {
     time_step: f64,
     added_mass: f64,
     mass: f64,
+    evaluations: u64,
 }
 
 /// Keeps all reports.
@@ -60,6 +61,7 @@ impl Observer for Film {
             time_step: dynamics.time_step,
             added_mass: dynamics.added_mass,
             mass: dynamics.mass,
+            evaluations: report.evaluations,
         });
         Ok(())
     }

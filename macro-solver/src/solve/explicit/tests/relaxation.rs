@@ -111,3 +111,15 @@ fn relaxation_and_slow_dynamics_meet_the_solution_of_newtons_method() {
     assert!(difference < 0.01 * 4e-4, "{difference:e}");
     assert!(most > many, "{most} against {many} evaluations");
 }
+
+/// The step of the motion was infinite where nothing is free, and no step converged.
+#[test]
+fn a_body_whose_nodes_are_all_led_follows_them() {
+    let mut problem = block(1, 1, Procedure::Relaxation(RelaxationSettings::default()));
+    problem.stages[0].conditions.extend(["left", "right"].map(|nodes| held(nodes, Axis::X)));
+    let mut last = Last(Vec::new());
+    let run = solve(&problem, &mut material(&problem), &mut last);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert_eq!(run.statistics.iterations, 1);
+    assert!((last.0[3][1] + 2e-6).abs() < 1e-18, "{:?}", last.0);
+}

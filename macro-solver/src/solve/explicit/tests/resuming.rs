@@ -59,6 +59,8 @@ fn an_interrupted_dynamic_run_ends_in_the_same_bits() {
     let run = solve_with_checkpoints(&problem, &mut material(), &mut whole.0, &mut whole.1);
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
     assert_eq!(whole.1.kept.len(), whole.0.instants.len());
+    // The starts of both stages are counted, each in the first report behind it or about it.
+    assert_eq!(whole.0.instants.iter().map(|instant| instant.evaluations).sum::<u64>(), run.statistics.evaluations);
     let ends = whole.0.last();
     assert!(ends.points.iter().any(|point| point.stress.get(0, 0) != 0.0));
     for (number, archive) in whole.1.kept.iter().enumerate() {
@@ -67,6 +69,9 @@ fn an_interrupted_dynamic_run_ends_in_the_same_bits() {
         let again = solve_with_checkpoints(&problem, &mut material(), &mut film, &mut shelf);
         assert!(matches!(again.outcome, Outcome::Completed), "{:?}", again.outcome);
         assert_eq!(film.instants.len(), whole.0.instants.len() - number - 1);
+        for (one, other) in film.instants.iter().zip(&whole.0.instants[number + 1..]) {
+            assert!(one.points == other.points, "points at {} s, from report {number}", one.time);
+        }
         if let Some(last) = film.instants.last() {
             assert_eq!(last.displacements, ends.displacements, "from report {number}");
             assert_eq!(last.velocities, ends.velocities);

@@ -103,3 +103,15 @@ fn a_smooth_ramp_sends_no_step_into_the_bar() {
     let first = 0.95 * x.powi(3) * (10.0 - 15.0 * x + 6.0 * x * x);
     assert!(start[0] == 0.0 && (start[1] - 2.0 * first / 0.0625).abs() < 1e-12, "{start:?}");
 }
+
+/// A body of which nothing is free had no stable step, and went through the whole stage in one.
+#[test]
+fn a_body_whose_nodes_are_all_led_is_resolved_as_its_element_would_be_by_itself() {
+    let stretch = moved("right", Axis::X, 1e-3, Amplitude::RAMP);
+    let conditions = vec![held("left", Axis::X), stretch, held("bottom", Axis::Y), held("top", Axis::Y)];
+    let problem = problem(strip(ElementKind::Q4, 1, 1.0), conditions, 60.0, settings(2.0));
+    let film = completed(&problem, &mut elastic(&problem, 1.0, 1.0));
+    // A wave takes 0.8 s from side to side.
+    assert!(film.last().time_step < 0.9, "{}", film.last().time_step);
+    assert!((film.last().points[0].stress.get(0, 0) - 3e-3).abs() < 1e-12);
+}

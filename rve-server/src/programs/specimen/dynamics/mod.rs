@@ -175,13 +175,14 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         given - (self.contacts.elastic_energy + self.kinetic_energy() + friction + viscosity + damping)
     }
 
-    /// Scale of [`missing_energy`](Self::missing_energy), J: the sum of all its parts.
+    /// Scale of [`missing_energy`](Self::missing_energy), J: the sum of the sizes of all its parts. What cohesive contacts store is
+    /// negative.
     pub fn energy_turnover(&self) -> f64 {
         let works: f64 = self.works.iter().map(|work| work.abs()).sum();
         works
             + self.first_energy.abs()
             + self.wall_work.abs()
-            + self.contacts.elastic_energy
+            + self.contacts.elastic_energy.abs()
             + self.kinetic_energy().abs()
     }
 

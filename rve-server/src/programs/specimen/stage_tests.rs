@@ -1,0 +1,31 @@
+//! Ends of stages: balance is balance of forces that are borne.
+
+use super::{SpecimenEvent, SpecimenTest, run_specimen};
+use crate::definition::PackingFile;
+use crate::space::Discs;
+
+/// The floor is drawn away under a disc, which falls: the stage that waits for balance ends where it rests on the floor, not on the way.
+#[test]
+fn a_disc_in_free_fall_is_not_balanced() {
+    let (side, radius, density, gravity) = (0.05, 0.01, 2000.0, 9.81);
+    let packing = PackingFile::<Discs>::new([[side, 0.0], [0.0, side]], vec![[0.02, 0.02, radius]]);
+    let text = format!(
+        "packing = \"\"\ntiles = [1, 1]\nperiodic = [\"x\"]\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1e9\nstiffness_ratio = 0.5\n\
+         friction = 0.5\ndensity = {density}\n[motion]\ngravity = [0.0, -{gravity}]\nscaled_masses = false\n\
+         [[stage]]\nname = \"open\"\nsteps = 10\nstrain = {{ yy = 0.2 }}\n\
+         [[stage]]\nname = \"fall\"\nsteps = 100000\nuntil_balance = 1e-2\n"
+    );
+    let test: SpecimenTest = toml::from_str(&text).unwrap();
+    let mut rows = Vec::new();
+    let summary = run_specimen(&test, &packing, &mut |event| {
+        if let SpecimenEvent::Row(row, _) = event {
+            rows.push((*row).clone());
+        }
+    });
+    assert_eq!(summary.unwrap().unbalanced_stages, 0);
+    // Floor and lid share what the floor alone bears, over the width of the cell.
+    let weight = std::f64::consts::PI * radius * radius * density * gravity;
+    let expected = -0.5 * weight / side;
+    let stress = rows.last().unwrap().wall_stress[1];
+    assert!((stress / expected - 1.0).abs() < 2e-2, "{stress} Pa, {expected} Pa of the weight");
+}
