@@ -76,7 +76,7 @@ fn unnamed_groups_of_one_number_are_no_node_set_and_those_of_one_name_are_one() 
     let mesh = read(&MIXED.replace("2 1 2 1 4 5 1", "2 1 2 9 4 5 1"), None).unwrap();
     assert_eq!((mesh.element_sets["group_9"].len(), mesh.side_sets["group_9"].len()), (2, 1));
     assert!(!mesh.node_sets.contains_key("group_9"));
-    let mesh = read(&MIXED, None).unwrap();
+    let mesh = read(MIXED, None).unwrap();
     assert_eq!(mesh.node_sets["group_9"], [2, 3, 6, 7], "an unnamed group alone");
     let mesh = read(&MIXED.replace("0 7 \"pin\"", "0 7 \"top\""), None).unwrap();
     assert_eq!(mesh.node_sets["top"], [0, 4, 5, 6]);
