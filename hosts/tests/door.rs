@@ -226,7 +226,7 @@ fn a_state_that_was_sent_to_a_worker_that_has_just_ended_is_kept_for_the_others(
         port.send_jobs(WorkerId(worker), &[LoadedJob { job: job(number, b"state"), state: b"state" }]).unwrap();
     }
     second.send(()).unwrap();
-    heard.until(&mut port, |heard| !heard.replies.is_empty());
+    heard.until(&mut port, |heard| !heard.replies.is_empty() && !heard.lost.is_empty());
     assert_eq!((&heard.lost[..], heard.replies[0].1), (&[WorkerId(0)][..], 2));
     assert_eq!(heard.replies[0].2, b"state!");
     assert_eq!(port.figures().now().states_kept, 1);

@@ -177,19 +177,29 @@ def test_new_states_during_a_call_do_not_hold_the_interpreter():
     with grainspan.Pool(DISCS, CONTACT, accuracy="default", workers=1) as pool:
         states = pool.states(40)
         shear = np.linspace(0.01, 0.05, 40)[:, None, None] * [[0.0, 1.0], [0.0, -1.0]]
+        ticks = []
+        ended = threading.Event()
+
+        def tick():
+            while not ended.is_set():
+                ticks.append(time.monotonic())
+                time.sleep(0.005)
+            ticks.append(time.monotonic())
+
         calls = [lambda: pool.trial(states, shear), lambda: pool.states(1), lambda: pool.snapshot(states[:1])]
+        ticking = threading.Thread(target=tick)
+        ticking.start()
         threads = [threading.Thread(target=call) for call in calls]
-        begun = last = time.monotonic()
-        longest = 0.0
+        begun = time.monotonic()
         for thread in threads:
             thread.start()
             time.sleep(0.02)
-        while threads[0].is_alive():
-            longest, last = max(longest, time.monotonic() - last), time.monotonic()
-            time.sleep(0.005)
+        threads[0].join()
         taken = time.monotonic() - begun
-        for thread in threads:
+        ended.set()
+        for thread in [*threads, ticking]:
             thread.join()
+    longest = max(after - before for before, after in zip(ticks, ticks[1:]))
     assert longest < 0.5 * taken, (longest, taken)
 
 

@@ -4,7 +4,7 @@
 //! batch.
 
 use super::convergence::{Advice, ConvergenceMonitor};
-use super::criterion::{ENERGY_HITS, Imbalance, is_far_from_rest};
+use super::criterion::{ENERGY_HITS, Imbalance};
 use super::damping::{Damper, Kick, mass_factor};
 use super::setting::Setting;
 use crate::cell::Cell;
@@ -289,13 +289,11 @@ impl<S: Space> Run<S> {
     }
 
     /// The end of a run whose grains are at rest, or that has only looked at them. The load of a packing that is far from rest under its law
-    /// is none that it has carried: measured by it, the cell would bear nothing ever after.
+    /// counts too: when such a cell falls apart as it comes to rest, nothing else tells that its last forces are rounding.
     fn at_rest<C>(&mut self, setting: &Setting<'_, C>, imbalance: &Imbalance) -> Solved {
         let load = self.sums.normal_force;
         let bears_load = imbalance.bears(load, self.largest_load, setting.options.tolerance());
-        if !is_far_from_rest(imbalance.ratio, setting.options.tolerance()) {
-            self.largest_load = self.largest_load.max(load);
-        }
+        self.largest_load = self.largest_load.max(load);
         self.ended(imbalance.ratio, true, bears_load)
     }
 

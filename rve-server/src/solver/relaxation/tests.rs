@@ -26,18 +26,18 @@ fn hundred_discs(options: RveOptions) -> (GrainModel, GrainState) {
     (model, state)
 }
 
-/// A packing of another modulus carries what its listed forces do not balance: that load is none to measure the cell by. At its own
-/// modulus it is at rest.
+/// The load of a packing counts from the first look at it, at rest or not: cells that fall apart as they come to rest are known by it. Without
+/// it, 7 of 21 increments of a cell that had lost its pressure went on moving rounding about.
 #[test]
-fn load_of_a_packing_far_from_rest_is_not_kept() {
-    for (modulus, is_kept) in [(1e8, true), (1e12, false)] {
+fn the_load_of_a_packing_counts_before_it_is_at_rest() {
+    for modulus in [1e8, 1e12] {
         let (model, state) = hundred_discs(RveOptions::default());
         let law = PlainLinear {
             springs: LinearSprings { normal: NormalStiffness::Modulus(modulus), stiffness_ratio: 0.5 },
             ..LAW
         };
         let end = solved(&mut Solver::new(law), &model, &state, [[0.0; 2]; 2], 0);
-        assert_eq!(end.state.largest_load > 0.0, is_kept, "{modulus:e}: {}", end.solved.unbalanced);
+        assert!(end.state.largest_load > 0.0, "{modulus:e}: {}", end.solved.unbalanced);
     }
 }
 
