@@ -60,10 +60,13 @@ pub fn paths(table: &Table) -> Vec<(String, String)> {
     found.into_iter().map(|(path, entry)| (path, first_sentence(&entry.key.doc).to_owned())).collect()
 }
 
-/// Keys that speak of something: all words of `query` begin a word of their path, of their documentation or of their values, whatever
+/// Keys that mention something: all words of `query` begin a word of their path, of their documentation or of their values, whatever
 /// the case. Each with the first sentence of its documentation; those whose names say it come first, then those whose first sentence does.
 pub fn mentions(table: &Table, query: &str) -> Vec<(String, String)> {
     let wanted: Vec<String> = words_in(query).collect();
+    if wanted.is_empty() {
+        return Vec::new();
+    }
     let has = |text: &str| {
         let words: Vec<String> = words_in(text).collect();
         wanted.iter().all(|wanted| words.iter().any(|word| word.starts_with(wanted.as_str())))
@@ -87,9 +90,6 @@ pub fn mentions(table: &Table, query: &str) -> Vec<(String, String)> {
     });
     ranked.sort_by_key(|(rank, ..)| *rank);
     ranked.dedup_by(|one, other| one.1 == other.1);
-    if wanted.is_empty() {
-        return Vec::new();
-    }
     ranked.into_iter().map(|(_, path, sentence)| (path, sentence)).collect()
 }
 

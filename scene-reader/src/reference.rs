@@ -82,7 +82,7 @@ pub fn explained(kinds: &[Kind], query: &str) -> Vec<String> {
     texts
 }
 
-/// Keys that speak of something without being called so, a line each: path and first sentence. Empty if no key does.
+/// Keys that mention something without being called so, a line each: path and first sentence. Empty if no key does.
 pub fn mentioned(kinds: &[Kind], query: &str) -> Vec<String> {
     let mut known: Vec<(String, String)> = Vec::new();
     let mut lines = Vec::new();
@@ -195,7 +195,7 @@ mod tests {
         );
         assert!(explained(&Kind::ALL, "no_such_key").is_empty());
         assert!(mentioned(&Kind::ALL, "no such thing").is_empty() && mentioned(&Kind::ALL, " ").is_empty());
-        // No key is called so, but several speak of it; once each, however many files have them.
+        // No key is called so, but several mention it; once each, however many files have them.
         assert!(explained(&Kind::ALL, "hourglass modes").is_empty());
         let found = mentioned(&Kind::ALL, "Hourglass mode");
         assert!(!found.is_empty() && found.iter().all(|line| line.contains("hourglass")), "{found:?}");

@@ -10,7 +10,7 @@ use scene_reader::{Kind, completions, explained, mentioned, nearest_key, overvie
   grainspan explain                       all tables of a scene
   grainspan explain loading.growth        one key: meaning, unit, default, range
   grainspan explain solver                a table with its keys
-  grainspan explain time step             keys that speak of something
+  grainspan explain time step             keys whose description has these words
   grainspan explain --markdown packing    the reference of packing recipes
   grainspan explain --schema scene        JSON schema for editors")]
 pub(crate) struct Arguments {
@@ -64,7 +64,7 @@ fn explanation(kinds: &[Kind], key: &str) -> Result<String, Failure> {
         let left = lines.len().saturating_sub(MOST_LINES);
         let more = if left > 0 { format!("and {left} more\n") } else { String::new() };
         return Ok(format!(
-            "no key is called '{key}'; these speak of it:\n{}\n{more}",
+            "no key is called '{key}'; these mention it:\n{}\n{more}",
             lines[..lines.len() - left].join("\n")
         ));
     }

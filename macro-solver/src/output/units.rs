@@ -199,10 +199,4 @@ mod tests {
             ["Pa", "rad", "-", "m3"]
         );
     }
-
-    /// The file has the units of everything that goes with the grains of a point, vectors on contacts included.
-    #[test]
-    fn vectors_of_forces_have_a_unit() {
-        assert!(GRAINS.contains(&("force_on_first", "N")));
-    }
 }

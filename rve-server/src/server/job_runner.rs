@@ -69,16 +69,19 @@ struct Rve {
 pub(super) struct JobRunner<'a> {
     engine: &'a mut dyn RveEngine,
     rves: BTreeMap<DefinitionId, Rve>,
+    /// Definitions over which the engine broke down, with what it said.
+    broken: BTreeMap<DefinitionId, RveError>,
     states: StateCache,
 }
 
 impl<'a> JobRunner<'a> {
     /// An empty runner that keeps at most `state_cache` snapshots.
     pub(super) fn new(engine: &'a mut dyn RveEngine, state_cache: usize) -> Self {
-        Self { engine, rves: BTreeMap::new(), states: StateCache::new(state_cache) }
+        Self { engine, rves: BTreeMap::new(), broken: BTreeMap::new(), states: StateCache::new(state_cache) }
     }
 
-    /// Builds an RVE; a definition that is already known is left alone.
+    /// Builds an RVE; a definition that is already known is left alone. An engine that breaks down over it says nothing about the
+    /// definition, whose refusal would end the run: jobs that need it fail with the fault, as after a fault in a trial.
     ///
     /// # Errors
     /// The engine's refusal.
@@ -87,7 +90,15 @@ impl<'a> JobRunner<'a> {
         if self.rves.contains_key(&id) {
             return Ok(());
         }
-        let (solver, initial) = build(self.engine, &definition)?;
+        let (solver, initial) = match build(self.engine, &definition) {
+            Err(fault @ RveError::EngineFault(_)) => {
+                tracing::error!(%fault, "the engine broke down over a definition");
+                self.broken.insert(id, fault);
+                return Ok(());
+            }
+            built => built?,
+        };
+        self.broken.remove(&id);
         let initial_id = StateId::of(&initial);
         let model = solver.model_identity().map_or(Model::Definition(id), Model::Shared);
         let rve = Rve {
@@ -150,6 +161,9 @@ impl<'a> JobRunner<'a> {
         if !carried.is_empty() {
             check_name(job.state, carried)?;
             self.states.insert(job.state, Rc::new(carried.to_vec()));
+        }
+        if let Some(fault) = self.broken.get(&job.definition) {
+            return Err(fault.clone());
         }
         let Some(rve) = self.rves.get(&job.definition) else {
             return Ok(Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedDefinition)));

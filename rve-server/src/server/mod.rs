@@ -177,18 +177,10 @@ fn perform(runner: &mut JobRunner<'_>, port: &mut dyn WorkerPort, task: Task) ->
     match task {
         Task::Define(definition) => {
             let id = definition.id();
-            match runner.define(definition) {
-                Ok(()) => Ok(()),
-                // A defect of this engine in this process says nothing about the definition, whose refusal would end the run. Jobs that
-                // need it ask for it again, and a worker that keeps asking is replaced.
-                Err(RveError::EngineFault(reason)) => {
-                    tracing::error!(reason, "the engine broke down over a definition");
-                    Ok(())
-                }
-                Err(error) => {
-                    port.send_control(&FromWorker::DefinitionRefused { definition: id, reason: error.to_string() })
-                }
+            if let Err(error) = runner.define(definition) {
+                port.send_control(&FromWorker::DefinitionRefused { definition: id, reason: error.to_string() })?;
             }
+            Ok(())
         }
         Task::Slice(slice) => {
             let answers = runner.run_all(&slice);

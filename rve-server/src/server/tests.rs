@@ -286,14 +286,16 @@ fn a_refused_definition_is_reported() {
     stage.dismiss();
 }
 
-/// Another worker may well build it: the run must go on.
+/// Another worker may well build it: the run goes on, and learns what this one's engine has said.
 #[test]
-fn a_definition_over_which_the_engine_broke_down_is_asked_for_again_and_not_refused() {
+fn a_definition_over_which_the_engine_broke_down_is_not_refused_and_its_jobs_tell_why() {
     let (mut stage, rve) = Stage::ready(4);
     let definition = Definition { bytes: vec![0] };
     let id = definition.id();
     stage.say(&ToWorker::Define { definition });
-    assert_eq!(stage.ask_one(job(id, StateId::NONE, 0.1), b"").status(), ReplyStatus::NeedDefinition);
+    let failed = stage.ask_one(job(id, StateId::NONE, 0.1), b"");
+    let tells = |error: &RveError| matches!(error, RveError::EngineFault(text) if text.contains("nothing grows from nothing"));
+    assert!(failed.error.as_ref().is_some_and(tells), "{:?}", failed.error);
     assert_eq!(stage.controls.len(), 1, "{:?}", stage.controls);
     assert_eq!(stage.ask_one(job(rve, StateId::NONE, 0.5), b"").reply.stress.0[0], 3.0);
     stage.dismiss();

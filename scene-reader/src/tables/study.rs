@@ -11,7 +11,8 @@ use std::path::PathBuf;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StudyFile {
-    /// Name of the study: letters, digits, `-` and `_`. The output folder is `out/study/NAME`, or `out/study/NAME-SIZE` with `--size`, unless `--out` names another.
+    /// Name of the study: letters, digits, `-` and `_`. The output folder is `out/study/NAME`, or `out/study/NAME-SIZE` with `--size`,
+    /// unless `--out` names another.
     #[schemars(extend("x-default" = "name of the file"))]
     pub(crate) name: Option<Located<String>>,
     /// Number of packings of each recipe and size. Their seeds follow each other.

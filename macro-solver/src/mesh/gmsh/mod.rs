@@ -2,8 +2,8 @@
 //!
 //! Elements of the highest dimension become the elements of the mesh. A physical group of them becomes an element
 //! set, one of the next lower dimension a side set, and every group becomes a node set, all under the group's name
-//! (`group_TAG` where it has none; no node set then if groups of several dimensions have this number). Nothing is repaired silently: what cannot be taken over is an error that names the
-//! line and the remedy.
+//! (`group_TAG` where it has none; no node set then if groups of several dimensions have this number). Nothing is repaired
+//! silently: what cannot be taken over is an error that names the line and the remedy.
 
 mod assemble;
 mod parse;

@@ -23,9 +23,6 @@ use motion::Relaxation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
 
-/// Largest motion of the supports over the extent of the body that is no more than rounding.
-const AT_REST: f64 = 1e-12;
-
 impl LoadStepMethod for RelaxationSettings {
     fn attempt(
         &self,
@@ -199,7 +196,7 @@ impl Solver<'_> {
     }
 
     /// Fixes the ramps: by the repeated step, or all alike by the mean strain that the supports impose, since the first
-    /// iterate then strains their neighbourhood alone. Where they stand still the loads tell how far the body goes.
+    /// iterate then strains their neighbourhood alone, or by that of the loads if it is larger.
     fn fix_relaxation_ramps(&mut self, iterate: &[f64], load: f64) {
         let gradients = self.body.gradients(iterate);
         if self.last_step.is_some() {
@@ -207,7 +204,7 @@ impl Solver<'_> {
             return;
         }
         let imposed = iterate.iter().fold(0.0, |largest: f64, value| largest.max(value.abs())) / self.body.extent();
-        let strain = if imposed > AT_REST { imposed } else { self.strain_under_loads(load) };
+        let strain = imposed.max(self.strain_under_loads(load));
         self.points.fix_ramps(&vec![Matrix3::identity() * strain; gradients.len()]);
     }
 

@@ -1,11 +1,11 @@
 //! The removal of dead runs by name, while others may begin runs of the same name.
 
-use super::record::{RunListing, record_in};
+use super::record::RunListing;
 use super::segments::sweep;
 use super::{BIRTH, fresh_number, look_at};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::SystemTime;
 
 /// First letters of a folder that is being removed: no run can have such a name.
@@ -43,15 +43,19 @@ fn is_same(dead: &RunListing, found: &RunListing) -> bool {
     prefix(dead) == prefix(found) && (found.record.is_some() || !found.alive)
 }
 
-/// Removes the folders of removals that did not come to their end.
+/// Ends removals that did not come to their end: dead runs go, and one that lives gets its name back.
 pub(super) fn finish_removals(base: &Path) {
     let entries = fs::read_dir(base).into_iter().flatten().flatten();
-    let is_aside = |path: &PathBuf| {
-        path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(ASIDE)) && has_rested(path)
-    };
-    for path in entries.map(|entry| entry.path()).filter(is_aside) {
-        let record = record_in(&path);
-        sweep(&path, record.as_ref().map(|record| record.prefix.as_str()));
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    for name in names.filter(|name| name.starts_with(ASIDE) && has_rested(&base.join(name))) {
+        let (path, found) = (base.join(&name), look_at(base, &name));
+        match &found.record {
+            Some(record) if found.alive => {
+                // If its name is taken by now, it is left where it is.
+                let _ = fs::rename(&path, base.join(&record.name));
+            }
+            _ => sweep(&path, prefix(&found)),
+        }
     }
 }
 
