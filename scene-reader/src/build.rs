@@ -17,7 +17,7 @@ use super::remarks::remarks_on;
 use super::sets::Sets;
 use super::solving::equations;
 use super::stages::{Given, stages as read_stages};
-use super::supervision::PoolKeys;
+use super::supervision::PoolPlan;
 use super::tables::{PoolRunKeys, SceneFile};
 use crate::FRAME_ENGINE;
 use keys::Located;
@@ -67,7 +67,7 @@ pub struct Scene {
     /// When the state of the run is written.
     pub checkpoint: CheckpointPolicy,
     /// How the workers are led.
-    pub pool: PoolKeys,
+    pub pool: PoolPlan,
     /// Remarks on keys that are allowed but probably not intended, one line each.
     pub remarks: Vec<String>,
 }
@@ -157,7 +157,7 @@ impl Scene {
             FRAME_ENGINE.clone_into(&mut keys.engine);
         }
         let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
-        let pool = PoolKeys::new(&file.pool, &keys, file.economy.duplicate_trials);
+        let pool = PoolPlan::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();
         remarks.extend(remarks_on(&problem));
         let scene = Self {

@@ -6,7 +6,7 @@
 
 use super::document::Document;
 use super::input_error::InputError;
-use super::links::{LinkTables, links};
+use super::multi_point_constraints::{ConstraintTables, multi_point_constraints};
 use super::sets::Sets;
 use super::tables::{
     BodyForceTable, BoundaryTable, Components, FrictionTable, History, PressureTable, SceneFile, StageTable,
@@ -22,7 +22,7 @@ pub(super) struct ConditionTables<'a> {
     traction: &'a [Located<TractionTable>],
     body_force: &'a [Located<BodyForceTable>],
     friction: &'a [Located<FrictionTable>],
-    links: LinkTables<'a>,
+    constraints: ConstraintTables<'a>,
 }
 
 impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
@@ -33,7 +33,7 @@ impl<'a> From<&'a SceneFile> for ConditionTables<'a> {
             traction: &file.traction,
             body_force: &file.body_force,
             friction: &file.friction,
-            links: LinkTables {
+            constraints: ConstraintTables {
                 tilting_platen: &file.tilting_platen,
                 normal_displacement: &file.normal_displacement,
                 radial_displacement: &file.radial_displacement,
@@ -53,7 +53,7 @@ impl<'a> From<&'a StageTable> for ConditionTables<'a> {
             traction: &stage.traction,
             body_force: &stage.body_force,
             friction: &stage.friction,
-            links: LinkTables {
+            constraints: ConstraintTables {
                 tilting_platen: &stage.tilting_platen,
                 normal_displacement: &stage.normal_displacement,
                 radial_displacement: &stage.radial_displacement,
@@ -262,7 +262,7 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         let applied = Applied::new(Condition::Friction { elements, from: 1.0, to }, history);
         push(Table::Friction, &friction.name, &friction.set, applied);
     }
-    let linked = links(document, sets, &tables.links)?.into_iter();
+    let linked = multi_point_constraints(document, sets, &tables.constraints)?.into_iter();
     found.extend(linked.map(|(name, applied)| Acting { table: Table::Linked, name, applied }));
     Ok(found)
 }

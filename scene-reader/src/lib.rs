@@ -10,10 +10,10 @@ mod document;
 mod engines;
 mod initial;
 mod input_error;
-mod links;
 mod materials;
 mod mesh;
 mod motion;
+mod multi_point_constraints;
 mod packing;
 mod place;
 mod preparation;
@@ -44,7 +44,7 @@ pub use study::{
     ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,
     StudyRecipe, StudyTest, read_study,
 };
-pub use supervision::{JOBS_A_MESSAGE, PoolKeys};
+pub use supervision::{JOBS_A_MESSAGE, PoolPlan};
 
 /// Keyword of the engine inside this program.
 pub const BUILT_IN_ENGINE: &str = "grains";

@@ -144,8 +144,8 @@ mod tests {
         }
         let strategy = &scene.problem.stages[0].strategy;
         assert_eq!(strategy.tangent_floor, Some(0.1));
-        let gates = strategy.secant.unwrap();
-        assert_eq!((gates.floor, gates.max_ratio), (0.3, 2.0));
+        let secant = strategy.secant.unwrap();
+        assert_eq!((secant.floor, secant.max_ratio), (0.3, 2.0));
         assert_eq!(self::strategy(&["solver.tangent_floor=0"]).tangent_floor, None, "0 takes the floor away");
         assert_eq!(self::strategy(&["solver.secant={ enabled = false, floor = 0.3 }"]).secant, None);
     }

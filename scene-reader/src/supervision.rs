@@ -14,7 +14,7 @@ pub const JOBS_A_MESSAGE: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 
 /// How the workers of a run are led; what is left out takes the default of the pool.
 #[derive(Clone, Debug)]
-pub struct PoolKeys {
+pub struct PoolPlan {
     given: Given<PoolTable>,
     /// Whether a worker solves trials side by side in SIMD lanes.
     pub lanes: bool,
@@ -28,7 +28,7 @@ pub struct PoolKeys {
     pub restarts: Option<u32>,
 }
 
-impl PoolKeys {
+impl PoolPlan {
     pub(super) fn new(given: &Given<PoolTable>, keys: &PoolRunKeys, shares_duplicates: bool) -> Self {
         let PoolRunKeys { lanes, wait, most_workers, restarts, .. } = *keys;
         Self { given: given.clone(), lanes, shares_duplicates, wait, most_workers, restarts }

@@ -15,7 +15,7 @@ use rve_server::cell::GrainState;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, GrainModel, PackingFile, RveOptions, SolverName};
 use rve_server::engine::GrainRve;
-use rve_server::solver::{Course, Job, SolverFor};
+use rve_server::solver::{Course, SolveJob, SolverFor};
 use rve_server::space::Discs;
 use rve_server::tangent::network::NetworkResponses;
 use std::path::Path;
@@ -72,8 +72,10 @@ impl Cell<'_> {
         let mut driven = Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3] };
         for strain in path {
             let ramp_steps = ramp_steps(&definition.options, strain);
-            let end = solver
-                .solve_one(&model, Job { state: &driven.state, strain: *strain, ramp_steps, counts_work: false })?;
+            let end = solver.solve_one(
+                &model,
+                SolveJob { state: &driven.state, strain: *strain, ramp_steps, counts_work: false },
+            )?;
             driven.evaluations += end.solved.force_evaluations;
             for (count, course) in
                 driven.courses.iter_mut().zip([Course::Elastic, Course::Events, Course::HandedOver])
@@ -99,7 +101,7 @@ impl Cell<'_> {
             for strain in path {
                 let ramp_steps = ramp_steps(&definition.options, strain);
                 state = solver
-                    .solve_one(&model, Job { state: &state, strain: *strain, ramp_steps, counts_work: false })?
+                    .solve_one(&model, SolveJob { state: &state, strain: *strain, ramp_steps, counts_work: false })?
                     .state;
             }
             shortest = shortest.min(begin.elapsed().as_secs_f64());

@@ -97,18 +97,6 @@ impl CheckpointError {
     }
 }
 
-/// A part of a run whose state outlives the process.
-pub trait Checkpointed {
-    /// Puts everything that can influence a later bit, and every count, into sections of its own.
-    fn save(&self, archive: &mut Archive);
-
-    /// Takes the place of the part that was saved.
-    ///
-    /// # Errors
-    /// The section is missing, of another version, or does not fit; the run must not start then.
-    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError>;
-}
-
 /// Progress of a run when it is saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {

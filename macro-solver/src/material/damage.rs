@@ -7,33 +7,33 @@
 
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
+use crate::material::PointTrial;
 use crate::material::elastic::isotropic_moduli;
-use crate::material::trial_states::{TrialStates, answers};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::material::trial_states::{ClosedForm, TrialStates};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 
 /// Elasticity and softening of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DamageLaw {
+pub(crate) struct DamageLaw {
     /// Lamé modulus, Pa.
-    pub lambda: f64,
+    pub(crate) lambda: f64,
     /// Shear modulus, Pa.
-    pub shear: f64,
+    pub(crate) shear: f64,
     /// Equivalent strain at which softening begins, `k0`; infinity never softens.
-    pub threshold: f64,
+    pub(crate) threshold: f64,
     /// Equivalent strain over which the stress falls by a factor of e, `kf`.
-    pub softening: f64,
+    pub(crate) softening: f64,
 }
 
 impl DamageLaw {
     /// Linear elasticity.
-    pub fn elastic(lambda: f64, shear: f64) -> Self {
+    pub(crate) fn elastic(lambda: f64, shear: f64) -> Self {
         Self { lambda, shear, threshold: f64::INFINITY, softening: 1.0 }
     }
 
     /// Share of the stiffness left after the equivalent strain `largest`.
-    pub fn integrity(&self, largest: f64) -> f64 {
+    pub(crate) fn integrity(&self, largest: f64) -> f64 {
         if largest <= self.threshold {
             return 1.0;
         }
@@ -41,7 +41,7 @@ impl DamageLaw {
     }
 
     /// Work lost in uniaxial strain up to the equivalent strain `largest`, J/m3.
-    pub fn dissipation(&self, largest: f64) -> f64 {
+    pub(crate) fn dissipation(&self, largest: f64) -> f64 {
         if largest <= self.threshold {
             return 0.0;
         }
@@ -61,14 +61,14 @@ impl DamageLaw {
 
 /// State of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct State {
+pub(super) struct State {
     strain: Matrix3<f64>,
     largest: f64,
 }
 
 /// The law at every point.
 #[derive(Clone, Debug)]
-pub struct DamageMaterial {
+pub(crate) struct DamageMaterial {
     laws: Vec<DamageLaw>,
     states: TrialStates<State>,
     consistent: bool,
@@ -76,40 +76,24 @@ pub struct DamageMaterial {
 
 impl DamageMaterial {
     /// Undeformed points, each with its law.
-    pub fn new(laws: Vec<DamageLaw>) -> Self {
+    pub(crate) fn new(laws: Vec<DamageLaw>) -> Self {
         let start = State { strain: Matrix3::zeros(), largest: 0.0 };
         Self { states: TrialStates::new(vec![start; laws.len()]), laws, consistent: false }
     }
 
     /// With the derivative of the stress as tangent in place of the secant, softening included, exact in trials of any size.
-    pub fn with_consistent_tangents(self) -> Self {
+    pub(crate) fn with_consistent_tangents(self) -> Self {
         Self { consistent: true, ..self }
     }
 
     /// Share of the stiffness that a point has left.
-    pub fn integrity(&self, point: usize) -> f64 {
+    pub(crate) fn integrity(&self, point: usize) -> f64 {
         self.laws[point].integrity(self.states.committed[point].largest)
     }
 
     /// Largest equivalent strain that a point has seen.
-    pub fn largest_strain(&self, point: usize) -> f64 {
+    pub(crate) fn largest_strain(&self, point: usize) -> f64 {
         self.states.committed[point].largest
-    }
-
-    fn trial(&self, trial: &PointTrial) -> Result<(State, TrialResult), RveError> {
-        if !trial.target.is_finite() {
-            return Err(RveError::TargetNotFinite);
-        }
-        let (law, committed) = (&self.laws[trial.point], &self.states.committed[trial.point]);
-        let gradient = matrix(&trial.target);
-        let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
-        let largest = committed.largest.max(law.equivalent_strain(&strain));
-        let mut answer = answer(law, &strain, law.integrity(largest), &trial.options);
-        if self.consistent && answer.tangent.is_some() {
-            let softens = largest > committed.largest && largest > law.threshold;
-            answer.tangent = Some(Box::new(wire_operator(&derivative(law, &strain, largest, softens, &gradient))));
-        }
-        Ok((State { strain, largest }, answer))
     }
 }
 
@@ -147,36 +131,36 @@ fn derivative(
     Operator::from_fn(|row, pair| (0..3).map(|r| change[(row, 3 * (pair / 3) + r)] * end[(pair % 3, r)]).sum())
 }
 
-impl PointMaterial for DamageMaterial {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let answers = answers(trials, |trial| self.trial(trial))?;
-        Ok(self.states.keep(trials, answers))
+impl ClosedForm for DamageMaterial {
+    type State = State;
+
+    fn states(&mut self) -> &mut TrialStates<Self::State> {
+        &mut self.states
     }
 
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.states.commit();
-        Ok(())
+    fn trial(&self, trial: &PointTrial) -> Result<(State, TrialResult), RveError> {
+        if !trial.target.is_finite() {
+            return Err(RveError::TargetNotFinite);
+        }
+        let (law, committed) = (&self.laws[trial.point], &self.states.committed[trial.point]);
+        let gradient = matrix(&trial.target);
+        let strain = committed.strain + 0.5 * (gradient + gradient.transpose());
+        let largest = committed.largest.max(law.equivalent_strain(&strain));
+        let mut answer = answer(law, &strain, law.integrity(largest), &trial.options);
+        if self.consistent && answer.tangent.is_some() {
+            let softens = largest > committed.largest && largest > law.threshold;
+            answer.tangent = Some(Box::new(wire_operator(&derivative(law, &strain, largest, softens, &gradient))));
+        }
+        Ok((State { strain, largest }, answer))
     }
 
-    fn rollback(&mut self) {
-        self.states.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.states.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.states.return_to_mark();
-    }
-
-    fn save(&self, archive: &mut Archive) {
+    fn save_states(&self, archive: &mut Archive) {
         let committed: Vec<(&[f64], f64)> =
             self.states.committed.iter().map(|state| (state.strain.as_slice(), state.largest)).collect();
         archive.put("damage", 1, &committed);
     }
 
-    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+    fn restore_states(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let committed: Vec<(Vec<f64>, f64)> = archive.get("damage", 1)?;
         if committed.len() != self.states.committed.len() || committed.iter().any(|(strain, _)| strain.len() != 9) {
             return Err(CheckpointError::unfit("damage", "the number of points or of their components differs"));
@@ -186,7 +170,7 @@ impl PointMaterial for DamageMaterial {
             largest: *largest,
         };
         self.states.committed = committed.iter().map(state).collect();
-        self.rollback();
+        self.states.rollback();
         Ok(())
     }
 }
@@ -194,6 +178,7 @@ impl PointMaterial for DamageMaterial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::PointMaterial;
 
     /// Uniaxial strain beyond the threshold, back and forth.
     #[test]

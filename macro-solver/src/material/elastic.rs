@@ -6,8 +6,8 @@
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::element::shapes_at_points;
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
-use crate::material::trial_states::{TrialStates, answers};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::material::PointTrial;
+use crate::material::trial_states::{ClosedForm, TrialStates};
 use crate::mesh::Mesh;
 use crate::problem::InitialStress;
 use nalgebra::Matrix3;
@@ -152,6 +152,28 @@ impl ElasticMaterial {
         tangent
     }
 
+    fn answer(&self, point: usize, total: &Matrix3<f64>, options: &TrialOptions) -> TrialResult {
+        let stress = self.stress_of(point, total);
+        let tangent =
+            (options.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(point, total))));
+        TrialResult {
+            stress: tensor(&stress),
+            tangent,
+            scalars: Scalars { volume_ratio: total.determinant(), ..Scalars::default() },
+            observed: Observed::default(),
+            cost: Cost { force_evaluations: 1, ramp_steps: u64::from(options.ramp_steps), ..Cost::default() },
+            flags: TrialFlags::default(),
+        }
+    }
+}
+
+impl ClosedForm for ElasticMaterial {
+    type State = Matrix3<f64>;
+
+    fn states(&mut self) -> &mut TrialStates<Self::State> {
+        &mut self.states
+    }
+
     fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
@@ -169,50 +191,12 @@ impl ElasticMaterial {
         Ok((total, self.answer(trial.point, &total, &trial.options)))
     }
 
-    fn answer(&self, point: usize, total: &Matrix3<f64>, options: &TrialOptions) -> TrialResult {
-        let stress = self.stress_of(point, total);
-        let tangent =
-            (options.tangent != TangentKind::None).then(|| Box::new(wire_operator(&self.tangent(point, total))));
-        TrialResult {
-            stress: tensor(&stress),
-            tangent,
-            scalars: Scalars { volume_ratio: total.determinant(), ..Scalars::default() },
-            observed: Observed::default(),
-            cost: Cost { force_evaluations: 1, ramp_steps: u64::from(options.ramp_steps), ..Cost::default() },
-            flags: TrialFlags::default(),
-        }
-    }
-}
-
-impl PointMaterial for ElasticMaterial {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let answers = answers(trials, |trial| self.trial(trial))?;
-        Ok(self.states.keep(trials, answers))
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.states.commit();
-        Ok(())
-    }
-
-    fn rollback(&mut self) {
-        self.states.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.states.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.states.return_to_mark();
-    }
-
-    fn save(&self, archive: &mut Archive) {
+    fn save_states(&self, archive: &mut Archive) {
         let committed: Vec<&[f64]> = self.states.committed.iter().map(Matrix3::as_slice).collect();
         archive.put("elastic", 2, &committed);
     }
 
-    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+    fn restore_states(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         let committed: Vec<Vec<f64>> = archive.get("elastic", 2)?;
         if committed.len() != self.states.committed.len() || committed.iter().any(|total| total.len() != 9) {
             return Err(CheckpointError::unfit("elastic", "the number of points or of their components differs"));
@@ -226,6 +210,7 @@ impl PointMaterial for ElasticMaterial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::PointMaterial;
 
     #[test]
     fn tangent_is_the_derivative_of_the_stress() {

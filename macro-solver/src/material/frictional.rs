@@ -1,9 +1,9 @@
 //! Elastic points whose stress ratio is limited by friction, for the stress that a body has before its grains exist.
 
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
+use crate::material::PointTrial;
 use crate::material::elastic::isotropic_moduli;
-use crate::material::trial_states::{TrialStates, answers};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::material::trial_states::{ClosedForm, TrialStates};
 use nalgebra::{DMatrix, Matrix3};
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialResult};
 
@@ -95,8 +95,15 @@ impl FrictionalMaterial {
         }
         change * self.elastic * (1.0 - ELASTIC_SHARE) + self.elastic * ELASTIC_SHARE
     }
+}
 
-    /// Stress after a trial, and its answer.
+impl ClosedForm for FrictionalMaterial {
+    type State = Matrix3<f64>;
+
+    fn states(&mut self) -> &mut TrialStates<Self::State> {
+        &mut self.states
+    }
+
     fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialResult), RveError> {
         if !trial.target.is_finite() {
             return Err(RveError::TargetNotFinite);
@@ -116,30 +123,6 @@ impl FrictionalMaterial {
             flags: TrialFlags::default(),
         };
         Ok((stress, answer))
-    }
-}
-
-impl PointMaterial for FrictionalMaterial {
-    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let answers = answers(trials, |trial| self.trial(trial))?;
-        Ok(self.states.keep(trials, answers))
-    }
-
-    fn commit(&mut self) -> Result<(), MaterialError> {
-        self.states.commit();
-        Ok(())
-    }
-
-    fn rollback(&mut self) {
-        self.states.rollback();
-    }
-
-    fn mark(&mut self) {
-        self.states.mark();
-    }
-
-    fn return_to_mark(&mut self) {
-        self.states.return_to_mark();
     }
 }
 

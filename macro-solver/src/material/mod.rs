@@ -1,11 +1,12 @@
 //! Where the finite elements get their stress from: the seam between the macro solver and the worker pool.
 //!
-//! The implicit solver sees Gauss points only through [`PointMaterial`]. The worker pool implements it; so does a
+//! The solution procedures see Gauss points only through [`PointMaterial`]. The worker pool implements it; so does a
 //! closed-form elastic material that verifies elements without any grains.
 
 #[cfg(test)]
 pub(crate) mod altered;
-pub mod damage;
+#[cfg(test)]
+pub(crate) mod damage;
 pub mod difference;
 pub mod elastic;
 pub mod error_estimate;
@@ -18,7 +19,8 @@ use error_estimate::ErrorEstimate;
 use protocol::{Tensor2, TrialOptions, TrialResult};
 use thiserror::Error;
 
-/// Number of a Gauss point: `element * points_per_element + local`, from 0.
+/// Number of a Gauss point, from 0: those of an element follow each other from its place in
+/// [`Mesh::first_points`](crate::mesh::Mesh::first_points) on.
 pub type PointId = usize;
 
 /// One trial: the stress of this point if deformed by `target` from its committed state.
@@ -108,13 +110,14 @@ pub trait PointMaterial {
         None
     }
 
-    /// Saves the committed states, see [`crate::checkpoint::Checkpointed::save`]. Nothing for a material without states.
+    /// Puts the committed states, and everything else that can influence a later bit or is counted, into sections of its own. Nothing for a
+    /// material without states.
     fn save(&self, _archive: &mut Archive) {}
 
     /// Takes up the committed states that were saved.
     ///
     /// # Errors
-    /// See [`crate::checkpoint::Checkpointed::restore`].
+    /// The section is missing, of another version, or does not fit; the run must not start then.
     fn restore(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! Committed and trial states of the points of a closed-form material: the part of [`PointMaterial`](super::PointMaterial) that does not depend on
-//! its law.
+//! Committed and trial states of the points of a closed-form material: the part of [`PointMaterial`] that does not depend on its law.
 
-use super::{MaterialError, PointTrial};
+use super::{MaterialError, PointMaterial, PointTrial};
+use crate::checkpoint::{Archive, CheckpointError};
 use protocol::{RveError, TrialResult};
 
 /// States of all points.
@@ -55,15 +55,63 @@ impl<S: Clone> TrialStates<S> {
     }
 }
 
-/// States and answers of all trials by the law of their points.
-///
-/// # Errors
-/// The first trial that the law refuses.
-pub(super) fn answers<S>(
-    trials: &[PointTrial],
-    law: impl Fn(&PointTrial) -> Result<(S, TrialResult), RveError>,
-) -> Result<Vec<(S, TrialResult)>, MaterialError> {
-    let answer =
-        |trial: &PointTrial| law(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason });
-    trials.iter().map(answer).collect()
+/// A closed-form law at every point; it makes a [`PointMaterial`].
+pub(super) trait ClosedForm {
+    /// State of a point.
+    type State: Clone;
+
+    /// States of all points.
+    fn states(&mut self) -> &mut TrialStates<Self::State>;
+
+    /// State and answer after a trial.
+    ///
+    /// # Errors
+    /// A target that the law refuses.
+    fn trial(&self, trial: &PointTrial) -> Result<(Self::State, TrialResult), RveError>;
+
+    /// See [`PointMaterial::save`].
+    fn save_states(&self, _archive: &mut Archive) {}
+
+    /// See [`PointMaterial::restore`].
+    ///
+    /// # Errors
+    /// A section that is missing or does not fit.
+    fn restore_states(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
+        Ok(())
+    }
+}
+
+impl<L: ClosedForm> PointMaterial for L {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
+        let answer = |trial: &PointTrial| {
+            self.trial(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })
+        };
+        let answers = trials.iter().map(answer).collect::<Result<Vec<_>, _>>()?;
+        Ok(self.states().keep(trials, answers))
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.states().commit();
+        Ok(())
+    }
+
+    fn rollback(&mut self) {
+        self.states().rollback();
+    }
+
+    fn mark(&mut self) {
+        self.states().mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.states().return_to_mark();
+    }
+
+    fn save(&self, archive: &mut Archive) {
+        self.save_states(archive);
+    }
+
+    fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
+        self.restore_states(archive)
+    }
 }

@@ -63,13 +63,13 @@ pub trait Observer {
     /// The run is over; nothing follows.
     fn finished(&mut self, _run: &Run) {}
 
-    /// Saves what must not be lost between two processes of a run, see [`crate::checkpoint::Checkpointed::save`].
+    /// Saves what must not be lost between two processes of a run, see [`PointMaterial::save`](crate::material::PointMaterial::save).
     fn save(&self, _archive: &mut Archive) {}
 
     /// Takes up what was saved, after [`Observer::started`].
     ///
     /// # Errors
-    /// See [`crate::checkpoint::Checkpointed::restore`].
+    /// See [`PointMaterial::restore`](crate::material::PointMaterial::restore).
     fn restore(&mut self, _archive: &Archive) -> Result<(), CheckpointError> {
         Ok(())
     }

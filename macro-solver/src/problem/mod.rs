@@ -25,12 +25,14 @@ mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
 mod pore_fluid;
+mod quasi_newton;
 mod rate_history;
 pub mod relaxation;
 mod rigid_motion;
 mod smooth_step;
 mod stage;
 mod strategy;
+mod tangent_update;
 mod validation;
 
 pub use amplitude::{Amplitude, Moment};
@@ -42,13 +44,15 @@ pub use error::ProblemError;
 pub use error_control::ErrorControl;
 pub use initial_stress::{EquilibriumSettings, InitialLimits, InitialPreparation, InitialState, InitialStress};
 pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstraint};
-pub use named_strategy::{NamedStrategy, QuasiNewton, TangentUpdate};
+pub use named_strategy::NamedStrategy;
 pub use path_control::PathControl;
 pub use pore_fluid::PoreFluid;
+pub use quasi_newton::QuasiNewton;
 pub use rate_history::{Rate, RateHistory};
 pub use smooth_step::SmoothRamp;
 pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepControl, StepRule};
-pub use strategy::{Predictor, SecantGates, Strategy};
+pub use strategy::{Predictor, SecantSettings, Strategy};
+pub use tangent_update::TangentUpdate;
 pub use validation::Prescribed;
 
 /// How the global equations are solved.

@@ -1,8 +1,7 @@
 //! Choices that change the path to the answer, not the equations.
 
-use super::named_strategy::{
-    NamedStrategy, QuasiNewton, QuasiNewtonKeys, TangentUpdate, TangentUpdateKeys, quasi_newton_keys,
-};
+use super::quasi_newton::{QuasiNewton, QuasiNewtonKeys, quasi_newton_keys};
+use super::tangent_update::{TangentUpdate, TangentUpdateKeys};
 use protocol::TangentKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,10 +18,10 @@ pub enum Predictor {
     Tangent,
 }
 
-/// Rank-one correction of the tangent of each point from its last two evaluations.
+/// Rank-one correction of the tangent of each point from its last two evaluations: when it is made, and how long it serves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct SecantGates {
+pub struct SecantSettings {
     /// Pairs of targets closer than this strain are noise and are not used.
     #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub min_change: f64,
@@ -40,13 +39,13 @@ pub struct SecantGates {
     pub carried: bool,
 }
 
-impl Default for SecantGates {
+impl Default for SecantSettings {
     fn default() -> Self {
         Self { min_change: 2e-5, max_ratio: 3.0, floor: 0.02, carried: false }
     }
 }
 
-/// `[solver.secant]`: the gates, and whether they are in use.
+/// `[solver.secant]`: the settings, and whether they are in use.
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 struct SecantKeys {
@@ -54,20 +53,25 @@ struct SecantKeys {
     #[schemars(extend("x-when-written" = true, "x-default" = "true"))]
     enabled: bool,
     #[serde(flatten)]
-    gates: SecantGates,
+    settings: SecantSettings,
 }
 
 mod secant_keys {
-    use super::{SecantGates, SecantKeys};
+    use super::{SecantKeys, SecantSettings};
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub(super) fn serialize<S: Serializer>(gates: &Option<SecantGates>, serializer: S) -> Result<S::Ok, S::Error> {
-        SecantKeys { enabled: gates.is_some(), gates: gates.unwrap_or_default() }.serialize(serializer)
+    pub(super) fn serialize<S: Serializer>(
+        settings: &Option<SecantSettings>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        SecantKeys { enabled: settings.is_some(), settings: settings.unwrap_or_default() }.serialize(serializer)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<SecantGates>, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<SecantSettings>, D::Error> {
         let keys = SecantKeys::deserialize(deserializer)?;
-        Ok(keys.enabled.then_some(keys.gates))
+        Ok(keys.enabled.then_some(keys.settings))
     }
 }
 
@@ -84,7 +88,7 @@ pub struct Strategy {
     /// Rank-one correction of each point's tangent from its last two evaluations.
     #[serde(with = "secant_keys")]
     #[schemars(with = "SecantKeys", extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
-    pub secant: Option<SecantGates>,
+    pub secant: Option<SecantSettings>,
     /// When points are asked for tangents.
     #[serde(flatten)]
     #[schemars(with = "TangentUpdateKeys")]
@@ -112,10 +116,4 @@ pub struct Strategy {
     #[serde(with = "keys::forms::zero_is_none")]
     #[schemars(with = "f64", extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0, max = 1e-3))]
     pub target_grid: Option<f64>,
-}
-
-impl Default for Strategy {
-    fn default() -> Self {
-        NamedStrategy::default_of(2).preset()
-    }
 }

@@ -5,16 +5,16 @@ use super::accepted::LastStep;
 use super::driver::{Session, Solver};
 use super::newton::quasi_newton::{Memory, Pair};
 use super::newton::tangent_update::TangentUpdaterRecord;
-use crate::checkpoint::{Archive, CheckpointError, Checkpointed, Progress};
+use crate::checkpoint::{Archive, CheckpointError, Progress};
 use crate::model::points::{PointRecord, copy};
 use crate::observer::Statistics;
 use crate::solve::explicit::{Integrator, IntegratorRecord};
 use serde::{Deserialize, Serialize};
 
-const SECTION: &str = "implicit";
+const SECTION: &str = "driver";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 27;
+const VERSION: u32 = 28;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -24,11 +24,11 @@ struct Record {
     stage: u64,
     stage_start: Vec<f64>,
     load: f64,
-    passed: f64,
+    stage_fraction: f64,
     arc_length: Option<f64>,
     last_load_change: f64,
     step: u64,
-    size: f64,
+    step_size: f64,
     stabilised_in_vain: bool,
     statistics: Statistics,
     /// Whether the equations of the stage have been analysed and that is counted.
@@ -70,9 +70,7 @@ impl Solver<'_> {
         session.observer.restore(&archive)?;
         Ok(true)
     }
-}
 
-impl Checkpointed for Solver<'_> {
     fn save(&self, archive: &mut Archive) {
         let record = Record {
             displacements: self.body.displacements.clone(),
@@ -81,11 +79,11 @@ impl Checkpointed for Solver<'_> {
             stage: self.stage as u64,
             stage_start: self.stage_start.clone(),
             load: self.load,
-            passed: self.stage_fraction,
+            stage_fraction: self.stage_fraction,
             arc_length: self.arc_length,
             last_load_change: self.last_load_change,
             step: self.step as u64,
-            size: self.step_size,
+            step_size: self.step_size,
             stabilised_in_vain: self.stabilised_in_vain,
             statistics: self.statistics.clone(),
             analysed: self.linear.is_analysed(),
@@ -111,7 +109,7 @@ impl Checkpointed for Solver<'_> {
         self.points.set_strain_per_step(record.strain_per_step);
         self.kept_strain_per_step = record.kept_strain_per_step;
         self.last_step = record.last_step;
-        (self.load, self.stage_fraction, self.step_size) = (record.load, record.passed, record.size);
+        (self.load, self.stage_fraction, self.step_size) = (record.load, record.stage_fraction, record.step_size);
         self.stabilised_in_vain = record.stabilised_in_vain;
         (self.arc_length, self.last_load_change) = (record.arc_length, record.last_load_change);
         let number = |value: u64| usize::try_from(value).map_err(|error| CheckpointError::unfit(SECTION, error));

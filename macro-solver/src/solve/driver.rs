@@ -10,7 +10,7 @@ use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, L
 use super::equations::Equations;
 use super::explicit::{Carried, Integrator};
 use super::linear_solver::{LinearSolver, norm};
-use super::newton::path::Constraint;
+use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::{LoadStepMethod, StageMethod};
@@ -101,8 +101,8 @@ pub(super) struct Solver<'a> {
     pub(super) load: f64,
     /// Share of the stage's path that is done; the load factor, unless that is an unknown.
     pub(super) stage_fraction: f64,
-    /// Constraint that is prescribed in place of the load factor.
-    pub(super) constraint: Option<Constraint>,
+    /// PathConstraint that is prescribed in place of the load factor.
+    pub(super) path_constraint: Option<PathConstraint>,
     /// Length of a full step under arc-length control.
     pub(super) arc_length: Option<f64>,
     /// Change of the load factor in the last accepted step.
@@ -158,7 +158,7 @@ impl<'a> Solver<'a> {
             last_step: None,
             load: 0.0,
             stage_fraction: 0.0,
-            constraint: Constraint::new(problem, &first.control.path)?,
+            path_constraint: PathConstraint::new(problem, &first.control.path)?,
             arc_length: None,
             last_load_change: 0.0,
             step: 0,

@@ -3,7 +3,7 @@
 use super::driver::{Session, Solver};
 use super::equations::Equations;
 use super::explicit::Carried;
-use super::newton::path::Constraint;
+use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use crate::observer::Outcome;
@@ -54,7 +54,7 @@ impl<'a> Solver<'a> {
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
         self.frictions = equations.frictions;
-        self.constraint = Constraint::new(self.problem, &self.stage().control.path)?;
+        self.path_constraint = PathConstraint::new(self.problem, &self.stage().control.path)?;
         let strategy = &self.stage().strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);

@@ -6,8 +6,7 @@ use super::law::ContactLaw;
 use super::linear::LinearSprings;
 use super::rolling::RollingSpring;
 use super::springs::Springs;
-use super::table::{ContactTable, LawName, TangentialUnloading};
-use super::unloading::Unloading;
+use super::table::{ContactTable, LawName};
 use crate::error::DefinitionError;
 use crate::space::{Discs, KernelSpace, Spheres};
 
@@ -93,10 +92,7 @@ impl ContactTable {
             springs,
             friction: self.friction,
             cohesion: self.cohesion,
-            unloading: match self.unloading.unwrap_or_default() {
-                TangentialUnloading::Rescaled => Unloading::Rescaled,
-                TangentialUnloading::Incremental => Unloading::Incremental,
-            },
+            unloading: self.unloading.unwrap_or_default(),
             rolling: RollingSpring { stiffness: self.rolling_stiffness, friction: self.rolling_friction },
             viscosity: self.damping,
         }

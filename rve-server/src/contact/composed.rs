@@ -6,7 +6,7 @@ use super::law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse, Viscous};
 use super::linear::LinearSprings;
 use super::rolling::{RollingSpring, rolled};
 use super::springs::Springs;
-use super::unloading::{Unloading, unloading_factor};
+use super::unloading::{TangentialUnloading, unloading_factor};
 use crate::simd::{Real, Tuple};
 use crate::space::{KernelSpace, Shortened};
 
@@ -31,7 +31,7 @@ pub struct ComposedLaw<N: Springs, const MEMORY: usize> {
     /// Cohesive overlap C, m.
     pub cohesion: f64,
     /// Effect of unloading on tangential forces.
-    pub unloading: Unloading,
+    pub unloading: TangentialUnloading,
     /// Rolling resistance.
     pub rolling: RollingSpring,
     /// Contact viscosity over stiffness in pseudo-time steps: a motion of one step is answered by this many times the
@@ -62,7 +62,7 @@ impl<N: Springs, const MEMORY: usize> ComposedLaw<N, MEMORY> {
             springs,
             friction,
             cohesion: 0.0,
-            unloading: Unloading::Rescaled,
+            unloading: TangentialUnloading::Rescaled,
             rolling: RollingSpring { stiffness: 0.0, friction: 0.0 },
             viscosity: 0.0,
         }

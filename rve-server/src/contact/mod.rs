@@ -25,5 +25,5 @@ pub use law::{AT_LIMIT, ContactLaw, ContactMotion, ContactResponse, Viscous};
 pub use linear::{LinearSprings, NormalStiffness};
 pub use rolling::RollingSpring;
 pub use springs::Springs;
-pub use table::{ContactTable, LawName, Rotations, TangentialUnloading};
-pub use unloading::Unloading;
+pub use table::{ContactTable, LawName, Rotations};
+pub use unloading::TangentialUnloading;

@@ -1,6 +1,7 @@
 //! The table `[contact]`: the law between grains.
 
 use super::linear::NormalStiffness;
+use super::unloading::TangentialUnloading;
 use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,17 +40,6 @@ impl LawName {
             Self::HertzMindlin => false,
         }
     }
-}
-
-/// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TangentialUnloading {
-    /// The force shrinks with the tangential stiffness: no cycle gains energy.
-    #[default]
-    Rescaled,
-    /// The purely incremental law, as other programs have it; cycles can gain energy.
-    Incremental,
 }
 
 /// Whether grains may rotate.

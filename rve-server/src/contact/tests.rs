@@ -4,7 +4,7 @@ use super::linear::NormalStiffness;
 use super::*;
 use crate::space::Spheres;
 
-fn hertz(unloading: Unloading) -> PlainHertzMindlin {
+fn hertz(unloading: TangentialUnloading) -> PlainHertzMindlin {
     PlainHertzMindlin {
         springs: HertzSprings { shear_modulus: 29.0e9, poisson_ratio: 0.15 },
         friction: 1e9,
@@ -22,7 +22,7 @@ fn constants<L: ContactLaw<Spheres>>(law: &L, radii: [f64; 2]) -> L::Constants<f
 /// C-1: force, slope and energy of two spheres; the ratio of the stiffnesses is that of Mindlin.
 #[test]
 fn hertz_force_slope_and_energy_are_the_closed_forms() {
-    let law = hertz(Unloading::Rescaled);
+    let law = hertz(TangentialUnloading::Rescaled);
     let (first, second, overlap): (f64, f64, f64) = (0.4e-3, 0.9e-3, 3e-7);
     let constants = constants(&law, [first, second]);
     let (shear, nu) = (29.0e9, 0.15);
@@ -105,7 +105,7 @@ impl<L: ContactLaw<Spheres>> Cycle<L> {
 #[test]
 fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
     let (low, high, slip) = (1e-7, 4e-7, 2e-8);
-    for unloading in [Unloading::Incremental, Unloading::Rescaled] {
+    for unloading in [TangentialUnloading::Incremental, TangentialUnloading::Rescaled] {
         let mut cycle = Cycle::new(hertz(unloading), [1e-3, 1e-3], low);
         let stiffness = [cycle.tangential_stiffness(low), cycle.tangential_stiffness(high)];
         let expected = 0.5 * (stiffness[1] - stiffness[0]) * slip * slip;
@@ -117,12 +117,12 @@ fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
         let normal_scale = cycle.energy(high);
         let work = cycle.work;
         match unloading {
-            Unloading::Incremental => {
+            TangentialUnloading::Incremental => {
                 let kept = (stiffness[1] - stiffness[0]) * slip;
                 assert!((cycle.force[1] / kept - 1.0).abs() < 1e-10);
                 assert!((work + expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
             }
-            Unloading::Rescaled => {
+            TangentialUnloading::Rescaled => {
                 assert!(cycle.force[1].abs() < 1e-10 * stiffness[1] * slip);
                 assert!((work - expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
                 assert!((cycle.dissipation - expected).abs() < 1e-10 * expected);
@@ -135,7 +135,7 @@ fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
 /// `4 mu N (s - mu N / k_t)`, Mindlin's loop for a law without partial slip.
 #[test]
 fn tangential_cycle_of_spheres_loses_what_friction_takes() {
-    let law = PlainHertzMindlin { friction: 0.3, ..hertz(Unloading::Rescaled) };
+    let law = PlainHertzMindlin { friction: 0.3, ..hertz(TangentialUnloading::Rescaled) };
     let overlap = 2e-7;
     let reference = Cycle::new(law, [1e-3, 2e-3], overlap);
     let limit = 0.3 * -reference.normal_force(overlap);
@@ -160,7 +160,7 @@ fn cohesive_contacts_pull_until_they_open() {
         springs,
         friction: 0.5,
         cohesion: 0.02,
-        unloading: Unloading::Rescaled,
+        unloading: TangentialUnloading::Rescaled,
         rolling: RollingSpring::default(),
         viscosity: 0.0,
     };
@@ -169,7 +169,7 @@ fn cohesive_contacts_pull_until_they_open() {
     assert!(force(0.02).abs() < 1e-17 && (force(1e-12) - 0.1).abs() < 1e-11 && (force(0.05) + 0.15).abs() < 1e-15);
     let limit = ContactLaw::<Spheres>::friction_limit(&linear, &linear_constants, 0.03);
     assert!((limit - 0.5 * (0.1 - force(0.03))).abs() < 1e-15);
-    let sticky = PlainHertzMindlin { cohesion: 2e-7, ..hertz(Unloading::Rescaled) };
+    let sticky = PlainHertzMindlin { cohesion: 2e-7, ..hertz(TangentialUnloading::Rescaled) };
     let sticky_constants = constants(&sticky, [1e-3, 1e-3]);
     let at = |overlap| ContactLaw::<Spheres>::normal_force(&sticky, &sticky_constants, overlap);
     assert!(at(2e-7).abs() < 1e-12 && at(1e-9) > 0.0 && at(3e-7) < 0.0);
@@ -182,7 +182,7 @@ fn rolling_spring_is_elastic_and_then_plastic() {
         springs: HertzSprings { shear_modulus: 29.0e9, poisson_ratio: 0.15 },
         friction: 0.5,
         cohesion: 0.0,
-        unloading: Unloading::Rescaled,
+        unloading: TangentialUnloading::Rescaled,
         rolling: RollingSpring { stiffness: 1.5, friction: 0.2 },
         viscosity: 0.0,
     };

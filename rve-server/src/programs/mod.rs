@@ -1,6 +1,5 @@
 //! Programs over one cell or one body of grains, without finite elements.
 
 pub mod frame;
-pub mod frame_geometry;
 pub mod rve_test;
 pub mod specimen;

@@ -18,13 +18,13 @@ use std::time::Instant;
 
 /// An answer that owns its snapshot and error text.
 #[derive(Debug)]
-pub(super) struct JobResult {
+pub(super) struct OwnedReply {
     pub(super) reply: TrialReply,
     pub(super) state: Rc<Vec<u8>>,
     pub(super) error: Vec<u8>,
 }
 
-impl JobResult {
+impl OwnedReply {
     fn bare(job: &TrialJob, status: ReplyStatus) -> Self {
         Self { reply: TrialReply::bare(job, status), state: Rc::default(), error: Vec::new() }
     }
@@ -115,9 +115,9 @@ impl<'a> JobRunner<'a> {
 
     /// Does the jobs of one message; jobs on RVEs of the same model side by side, if its engine can. `carried` next to each job is
     /// the snapshot that came with it, or empty.
-    pub(super) fn run_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<JobResult> {
+    pub(super) fn run_all(&mut self, slice: &[(TrialJob, Vec<u8>)]) -> Vec<OwnedReply> {
         let begin = Instant::now();
-        let mut answers: Vec<Option<JobResult>> = slice.iter().map(|_| None).collect();
+        let mut replies: Vec<Option<OwnedReply>> = slice.iter().map(|_| None).collect();
         let mut ready: BTreeMap<Model, Vec<Ready>> = BTreeMap::new();
         for (place, (job, carried)) in slice.iter().enumerate() {
             match self.prepare(job, carried) {
@@ -125,31 +125,31 @@ impl<'a> JobRunner<'a> {
                     let model = self.rves[&job.definition].model;
                     ready.entry(model).or_default().push(Ready { place, options, wanted, start });
                 }
-                Ok(Prepared::Answered(answer)) => answers[place] = Some(answer),
-                Err(error) => answers[place] = Some(JobResult::failed(job, &error)),
+                Ok(Prepared::Answered(answer)) => replies[place] = Some(answer),
+                Err(error) => replies[place] = Some(OwnedReply::failed(job, &error)),
             }
         }
         for group in ready.into_values() {
             if let [one] = group.as_slice() {
-                answers[one.place] = Some(self.do_alone(&slice[one.place].0, one));
+                replies[one.place] = Some(self.do_alone(&slice[one.place].0, one));
                 continue;
             }
             for (one, answer) in group.iter().zip(self.do_together(slice, &group)) {
-                answers[one.place] = Some(answer);
+                replies[one.place] = Some(answer);
             }
         }
-        let mut answers: Vec<JobResult> =
-            answers.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
+        let mut replies: Vec<OwnedReply> =
+            replies.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
         let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        let worked = answers.iter().map(|answer| &answer.reply.cost);
+        let worked = replies.iter().map(|answer| &answer.reply.cost);
         let worked = worked.fold(0u64, |sum, cost| {
             sum.saturating_add(cost.solve_nanoseconds).saturating_add(cost.tangent_nanoseconds)
         });
-        let overhead = total.saturating_sub(worked) / answers.len().max(1) as u64;
-        for answer in &mut answers {
+        let overhead = total.saturating_sub(worked) / replies.len().max(1) as u64;
+        for answer in &mut replies {
             answer.reply.overhead_nanoseconds = overhead;
         }
-        answers
+        replies
     }
 
     /// Checks a job and finds the state it starts from.
@@ -166,13 +166,13 @@ impl<'a> JobRunner<'a> {
             return Err(fault.clone());
         }
         let Some(rve) = self.rves.get(&job.definition) else {
-            return Ok(Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedDefinition)));
+            return Ok(Prepared::Answered(OwnedReply::bare(job, ReplyStatus::NeedDefinition)));
         };
         let wanted = if job.state == StateId::NONE { rve.initial_id } else { job.state };
         let start = if wanted == rve.initial_id { Some(Rc::clone(&rve.initial)) } else { self.states.get(wanted) };
         Ok(match start {
             Some(start) => Prepared::Ready { options, wanted, start },
-            None => Prepared::Answered(JobResult::bare(job, ReplyStatus::NeedState)),
+            None => Prepared::Answered(OwnedReply::bare(job, ReplyStatus::NeedState)),
         })
     }
 
@@ -194,11 +194,11 @@ impl<'a> JobRunner<'a> {
         rve.committed = committed;
     }
 
-    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> JobResult {
-        self.try_alone(job, ready).unwrap_or_else(|error| JobResult::failed(job, &error))
+    fn do_alone(&mut self, job: &TrialJob, ready: &Ready) -> OwnedReply {
+        self.try_alone(job, ready).unwrap_or_else(|error| OwnedReply::failed(job, &error))
     }
 
-    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<JobResult, RveError> {
+    fn try_alone(&mut self, job: &TrialJob, ready: &Ready) -> Result<OwnedReply, RveError> {
         let Ready { options, wanted, start, .. } = ready;
         let mut solver = self.solver(job.definition)?;
         let committed = self.rves[&job.definition].committed;
@@ -217,12 +217,12 @@ impl<'a> JobRunner<'a> {
     }
 
     /// Several jobs on RVEs of one model, by the solver of the first of them.
-    fn do_together(&mut self, slice: &[(TrialJob, Vec<u8>)], group: &[Ready]) -> Vec<JobResult> {
+    fn do_together(&mut self, slice: &[(TrialJob, Vec<u8>)], group: &[Ready]) -> Vec<OwnedReply> {
         let job_of = |ready: &Ready| &slice[ready.place].0;
         let definition = job_of(&group[0]).definition;
         let mut solver = match self.solver(definition) {
             Ok(solver) => solver,
-            Err(error) => return group.iter().map(|ready| JobResult::failed(job_of(ready), &error)).collect(),
+            Err(error) => return group.iter().map(|ready| OwnedReply::failed(job_of(ready), &error)).collect(),
         };
         let requests: Vec<TrialRequest<'_>> = group
             .iter()
@@ -244,13 +244,13 @@ impl<'a> JobRunner<'a> {
         let answered = outcomes.into_iter().zip(group).map(|(outcome, ready)| {
             let job = job_of(ready);
             let delivered = outcome.and_then(|(answer, state)| self.delivered(job, &answer, state));
-            delivered.unwrap_or_else(|error| JobResult::failed(job, &error))
+            delivered.unwrap_or_else(|error| OwnedReply::failed(job, &error))
         });
         answered.collect()
     }
 
     /// A finished answer as it is sent; its state stays at hand.
-    fn delivered(&mut self, job: &TrialJob, answer: &TrialResult, state: Vec<u8>) -> Result<JobResult, RveError> {
+    fn delivered(&mut self, job: &TrialJob, answer: &TrialResult, state: Vec<u8>) -> Result<OwnedReply, RveError> {
         let id = StateId::of(&state);
         let reply = TrialReply::done(job, answer, id, state.len() as u64);
         if !reply.is_finite() {
@@ -258,7 +258,7 @@ impl<'a> JobRunner<'a> {
         }
         let state = Rc::new(state);
         self.states.insert(id, Rc::clone(&state));
-        Ok(JobResult { reply, state, error: Vec::new() })
+        Ok(OwnedReply { reply, state, error: Vec::new() })
     }
 }
 
@@ -277,7 +277,7 @@ struct Ready {
 #[expect(clippy::large_enum_variant, reason = "a handful at a time, taken apart at once")]
 enum Prepared {
     Ready { options: TrialOptions, wanted: StateId, start: Rc<Vec<u8>> },
-    Answered(JobResult),
+    Answered(OwnedReply),
 }
 
 enum Outcome {

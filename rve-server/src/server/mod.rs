@@ -12,7 +12,7 @@ mod tests;
 
 pub use engines::{BUILT_IN_ENGINES, BuiltInEngine, built_in_engine};
 
-use job_runner::{JobResult, JobRunner};
+use job_runner::{JobRunner, OwnedReply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use protocol::wire::TrialJob;
@@ -187,8 +187,8 @@ fn perform(runner: &mut JobRunner<'_>, port: &mut dyn WorkerPort, task: Task) ->
             match send(port, &answers) {
                 Err(error @ TransportError::TooLarge { .. }) => {
                     let error = RveError::EngineFault(error.to_string());
-                    let answers: Vec<JobResult> =
-                        slice.iter().map(|(job, _)| JobResult::failed(job, &error)).collect();
+                    let answers: Vec<OwnedReply> =
+                        slice.iter().map(|(job, _)| OwnedReply::failed(job, &error)).collect();
                     send(port, &answers)
                 }
                 outcome => outcome,
@@ -197,7 +197,7 @@ fn perform(runner: &mut JobRunner<'_>, port: &mut dyn WorkerPort, task: Task) ->
     }
 }
 
-fn send(port: &mut dyn WorkerPort, answers: &[JobResult]) -> Result<(), TransportError> {
-    let replies: Vec<LoadedReply<'_>> = answers.iter().map(JobResult::loaded).collect();
+fn send(port: &mut dyn WorkerPort, answers: &[OwnedReply]) -> Result<(), TransportError> {
+    let replies: Vec<LoadedReply<'_>> = answers.iter().map(OwnedReply::loaded).collect();
     port.send_replies(&replies)
 }

@@ -10,7 +10,7 @@ use std::fmt::Debug;
 
 /// A stretch to be solved.
 #[derive(Clone, Copy, Debug)]
-pub struct Job<'a, S: Space> {
+pub struct SolveJob<'a, S: Space> {
     /// State to start from.
     pub state: &'a GrainState<S>,
     /// `U - I`: the pure stretch, dimensionless. The caller turns the result by the rotation.
@@ -75,7 +75,7 @@ pub trait GrainSolver<S: Space>: Debug + Send + Sync {
     ///
     /// # Errors
     /// Per job: [`RveError::NotFinite`], [`RveError::NotEquilibrated`].
-    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>>;
+    fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, S>]) -> Vec<Result<End<S>, RveError>>;
 
     /// The contacts of an end, frozen.
     fn network(&self, model: &GrainModel, end: &End<S>) -> ContactNetwork<S>;
@@ -101,7 +101,7 @@ impl<S: Space> dyn GrainSolver<S> + '_ {
     ///
     /// # Errors
     /// As [`solve`](GrainSolver::solve).
-    pub fn solve_one(&mut self, model: &GrainModel, job: Job<'_, S>) -> Result<End<S>, RveError> {
+    pub fn solve_one(&mut self, model: &GrainModel, job: SolveJob<'_, S>) -> Result<End<S>, RveError> {
         self.solve(model, &[job]).pop().expect("one job, one end")
     }
 
@@ -110,6 +110,6 @@ impl<S: Space> dyn GrainSolver<S> + '_ {
     /// # Errors
     /// [`RveError::NotFinite`] where the forces are not finite.
     pub fn evaluate_state(&mut self, model: &GrainModel, state: &GrainState<S>) -> Result<End<S>, RveError> {
-        self.solve_one(model, Job { state, strain: S::Tensor::ZERO, ramp_steps: 0, counts_work: false })
+        self.solve_one(model, SolveJob { state, strain: S::Tensor::ZERO, ramp_steps: 0, counts_work: false })
     }
 }

@@ -11,7 +11,7 @@ mod linear;
 mod relaxation;
 
 pub use course::Course;
-pub use grain_solver::{End, GrainSolver, Job, PathEnergies, Solved};
+pub use grain_solver::{End, GrainSolver, PathEnergies, SolveJob, Solved};
 pub use linear::{DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::{Advice, ConvergenceMonitor, Imbalance, descent_share, is_far_from_rest, side_by_side};
 

@@ -6,7 +6,7 @@ use rve_server::cell::GrainState;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use rve_server::engine::GrainRve;
-use rve_server::solver::{Course, Job, SolverFor};
+use rve_server::solver::{Course, SolveJob, SolverFor};
 use rve_server::space::Discs;
 use rve_server::space::plane::{self, Plane};
 use rve_server::tangent::network::NetworkResponses;
@@ -49,8 +49,9 @@ fn run(name: &str, options: RveOptions, start: &GrainState, path: &[Plane]) -> (
     for strain in path {
         let largest = strain.iter().flatten().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         let ramp_steps = ((largest / definition.options.strain_per_step()).ceil() as u32).max(5);
-        let end =
-            solver.solve_one(&model, Job { state: &state, strain: *strain, ramp_steps, counts_work: false }).unwrap();
+        let end = solver
+            .solve_one(&model, SolveJob { state: &state, strain: *strain, ramp_steps, counts_work: false })
+            .unwrap();
         counts.evaluations += end.solved.force_evaluations;
         counts.elastic += u64::from(end.solved.course == Course::Elastic);
         counts.events += u64::from(end.solved.course == Course::Events);

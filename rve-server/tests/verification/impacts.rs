@@ -1,6 +1,6 @@
 //! Spheres with dashpots thrown at planes and at each other in a specimen: published collision benchmarks with a restitution.
 
-use rve_server::contact::{HertzSprings, PlainHertzMindlin, Unloading};
+use rve_server::contact::{HertzSprings, PlainHertzMindlin, TangentialUnloading};
 use rve_server::programs::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 use rve_server::space::Spheres;
 
@@ -9,7 +9,7 @@ type Impact = Dynamics<Spheres, PlainHertzMindlin>;
 /// Steps in the elastic time of contact.
 const STEPS: f64 = 2000.0;
 
-fn law(young: f64, nu: f64, friction: f64, unloading: Unloading) -> PlainHertzMindlin {
+fn law(young: f64, nu: f64, friction: f64, unloading: TangentialUnloading) -> PlainHertzMindlin {
     let springs = HertzSprings { shear_modulus: young / (2.0 * (1.0 + nu)), poisson_ratio: nu };
     PlainHertzMindlin { unloading, ..PlainHertzMindlin::plain(springs, friction) }
 }
@@ -50,7 +50,7 @@ fn collide(mut impact: Impact) -> Impact {
 
 /// A sphere that flies down at `v_n` and along x at `v_t`, spinning about z, onto a rigid plane.
 fn on_plane(
-    (young, nu, friction, unloading): (f64, f64, f64, Unloading),
+    (young, nu, friction, unloading): (f64, f64, f64, TangentialUnloading),
     (radius, density): (f64, f64),
     damping: f64,
     [v_n, v_t, spin]: [f64; 3],
@@ -93,7 +93,7 @@ fn oblique_impacts_with_a_restitution_stick_and_slide_as_published() {
         for &(degrees, tangential, spin, out) in cases {
             let (sine, cosine) = f64::to_radians(degrees).sin_cos();
             let (v_n, v_t) = (0.039 * cosine, 0.039 * sine);
-            let material = (380e9, 0.23, friction, Unloading::Incremental);
+            let material = (380e9, 0.23, friction, TangentialUnloading::Incremental);
             let impact = on_plane(material, (radius, 4000.0), damping, [v_n, v_t, 0.0]);
             let grain = impact.body.grains[0];
             assert!((grain.velocity[1] / v_n - restitution).abs() < 1e-3, "restitution {}", grain.velocity[1] / v_n);
@@ -147,7 +147,7 @@ fn point_contact(
 #[test]
 fn spinning_spheres_with_a_restitution_slide_as_published() {
     let (radius, density, friction, damping, v_n) = (0.1, 2700.0, 0.4, 0.23303, 0.2);
-    let material = (70e9, 0.33, friction, Unloading::Rescaled);
+    let material = (70e9, 0.33, friction, TangentialUnloading::Rescaled);
     for spin in [5.0, 12.0, -24.0, 48.0] {
         let impact = on_plane(material, (radius, density), damping, [v_n, 0.0, spin]);
         let grain = impact.body.grains[0];
@@ -160,7 +160,7 @@ fn spinning_spheres_with_a_restitution_slide_as_published() {
         let closed_form = if spin.abs() > 20.0 { 5e-3 } else { 2.5e-2 };
         assert!((grain.velocity[0] / -impulse - 1.0).abs() < closed_form, "spin {spin}: {:?}", grain.velocity);
     }
-    let (law, mass) = (law(70e9, 0.33, friction, Unloading::Rescaled), mass(radius, density));
+    let (law, mass) = (law(70e9, 0.33, friction, TangentialUnloading::Rescaled), mass(radius, density));
     let step = contact_time(0.5 * mass, 0.5 * radius, 0.5 * 70e9 / (1.0 - 0.33 * 0.33), 2.0 * v_n) / STEPS;
     for (second, slides) in [(12.0, true), (-12.0, false)] {
         let grains = [(-1.0, 12.0), (1.0, second)].map(|(side, spin)| Grain {

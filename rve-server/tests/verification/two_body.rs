@@ -3,14 +3,14 @@
 use crate::pair::{Body, TwoBody};
 use rve_server::contact::{
     ContactLaw, ExtendedLinear, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, RollingSpring,
-    Unloading,
+    TangentialUnloading,
 };
 use rve_server::space::{Components, Spheres};
 
 /// A plane is a sphere this many times larger than the grain that hits it.
 const PLANE: f64 = 1e5;
 
-fn elastic(young: f64, nu: f64, friction: f64, unloading: Unloading) -> PlainHertzMindlin {
+fn elastic(young: f64, nu: f64, friction: f64, unloading: TangentialUnloading) -> PlainHertzMindlin {
     PlainHertzMindlin {
         springs: HertzSprings { shear_modulus: young / (2.0 * (1.0 + nu)), poisson_ratio: nu },
         friction,
@@ -81,7 +81,7 @@ fn elastic_impacts_have_their_overlap_force_and_duration() {
         (20e9, 0.25, 2500.0, [3.68304e-4, 7_108.2, 5.4201e-5]),
     ];
     for (young, nu, density, expected) in cases {
-        let law = elastic(young, nu, 0.0, Unloading::Rescaled);
+        let law = elastic(young, nu, 0.0, TangentialUnloading::Rescaled);
         let found = collide(&mut head_on(law, 0.01, density, 10.0), expected[2] / 2000.0);
         for (value, wanted) in found.iter().zip(expected) {
             assert!((value / wanted - 1.0).abs() < 1e-4, "found {found:?}, expected {expected:?}");
@@ -97,7 +97,7 @@ fn impacts_on_a_rigid_plane_have_their_overlap_force_and_duration() {
         (40e9, 0.35, 1800.0, [5.21233e-5, 7_232.7, 7.6707e-4]),
     ];
     for (young, nu, density, expected) in cases {
-        let law = elastic(young, nu, 0.0, Unloading::Rescaled);
+        let law = elastic(young, nu, 0.0, TangentialUnloading::Rescaled);
         let found = collide(&mut oblique(law, 0.1, density, [0.2, 0.0], 0.0), expected[2] / 2000.0);
         for (value, wanted) in found.iter().zip(expected) {
             assert!((value / wanted - 1.0).abs() < 1e-3, "found {found:?}, expected {expected:?}");
@@ -108,7 +108,7 @@ fn impacts_on_a_rigid_plane_have_their_overlap_force_and_duration() {
 /// B-1: the leapfrog is of second order: a quarter of the error with half the step.
 #[test]
 fn impact_converges_with_the_square_of_the_step() {
-    let law = elastic(48e9, 0.2, 0.0, Unloading::Rescaled);
+    let law = elastic(48e9, 0.2, 0.0, TangentialUnloading::Rescaled);
     let exact = 4.0339e-5;
     // Where a sphere is at seven tenths of the contact, started as they touch.
     let place = |steps: u32| {
@@ -173,7 +173,7 @@ fn viscous_linear_contact_restores_what_its_damping_leaves() {
 #[test]
 fn gross_sliding_takes_what_friction_allows() {
     let (radius, friction) = (2.5e-3, 0.092);
-    let law = elastic(380e9, 0.23, friction, Unloading::Rescaled);
+    let law = elastic(380e9, 0.23, friction, TangentialUnloading::Rescaled);
     for degrees in [40.0f64, 60.0, 80.0] {
         let (sine, cosine) = degrees.to_radians().sin_cos();
         let (v_n, v_t) = (0.039 * cosine, 0.039 * sine);
@@ -211,7 +211,9 @@ fn oblique_impacts_follow_the_table_of_both_laws() {
         (5.0, -1.4356, 4.5969, 0.8185),
         (6.0, -0.9814, 4.9867, 0.7875),
     ];
-    for (unloading, table) in [(Unloading::Incremental, incremental), (Unloading::Rescaled, rescaled)] {
+    for (unloading, table) in
+        [(TangentialUnloading::Incremental, incremental), (TangentialUnloading::Rescaled, rescaled)]
+    {
         let law = elastic(208e9, 0.3, friction, unloading);
         // Beyond 5.79 both slide all the way: friction takes 7 of the surface speed and gives 5 to the spin.
         let sliding = [7.0, 9.0].map(|x: f64| {
@@ -243,7 +245,7 @@ fn oblique_impacts_follow_the_table_of_both_laws() {
 #[test]
 fn spinning_spheres_are_deflected_by_friction_alone() {
     let (radius, friction, v_n) = (0.1, 0.4, 0.2);
-    let law = elastic(70e9, 0.33, friction, Unloading::Rescaled);
+    let law = elastic(70e9, 0.33, friction, TangentialUnloading::Rescaled);
     let spin = 20.0;
     let mut pair = oblique(law, radius, 2700.0, [v_n, 0.0], spin);
     collide(&mut pair, 5e-7);
@@ -270,7 +272,7 @@ fn spinning_spheres_are_deflected_by_friction_alone() {
 /// C-16: a loaded pair turned once round about any axis keeps its forces, turned with it.
 #[test]
 fn full_rigid_turn_about_any_axis_leaves_the_contact_as_it_was() {
-    let law = elastic(1e9, 0.2, 0.5, Unloading::Rescaled);
+    let law = elastic(1e9, 0.2, 0.5, TangentialUnloading::Rescaled);
     for axis in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.48, 0.6, 0.64]] {
         let bodies = [Body::of_density(1.0, 1.0, [0.0; 3]), Body::of_density(1.5, 1.0, [2.45, 0.0, 0.0])];
         let mut pair = TwoBody::<Spheres, _>::new(law, bodies);
@@ -302,7 +304,7 @@ fn full_rigid_turn_about_any_axis_leaves_the_contact_as_it_was() {
 /// C-17: naming the spheres the other way round, or moving and turning both, changes nothing.
 #[test]
 fn frame_and_order_of_two_spheres_do_not_matter() {
-    let law = elastic(1e9, 0.2, 0.3, Unloading::Rescaled);
+    let law = elastic(1e9, 0.2, 0.3, TangentialUnloading::Rescaled);
     let run = |swap: bool, offset: [f64; 3], turn: &dyn Fn([f64; 3]) -> [f64; 3]| {
         let starts = [[0.0; 3], [2.45, 0.0, 0.0]];
         let ends = [[0.002, -0.001, 0.0], [2.44, 0.004, -0.003]];

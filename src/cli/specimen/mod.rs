@@ -1,10 +1,10 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
+mod checkpoint;
 mod profile;
-mod restart;
 
+use self::checkpoint::SpecimenCheckpoint;
 use self::profile::Profiles;
-use self::restart::Restart;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
@@ -91,29 +91,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             .build_global()
             .map_err(|error| Failure::new(Exit::BadInput, format!("--threads {threads}: {error}")))?;
     }
-    let restart = match &arguments.checkpoint {
+    let checkpoint = match &arguments.checkpoint {
         Some(folder) => {
             let packing = document.resolve(Path::new(&test.packing));
-            let asked = restart::Asked {
+            let asked = checkpoint::Asked {
                 units: arguments.units,
                 pictures: arguments.pictures.is_some(),
                 profiles: arguments.profiles.is_some(),
                 fluctuations_from: arguments.fluctuations_from.clone(),
             };
-            Some(Restart::new(folder, document.as_run(&[])?, &packing, asked)?)
+            Some(SpecimenCheckpoint::new(folder, document.as_run(&[])?, &packing, asked)?)
         }
         None => None,
     };
-    let earlier = match &restart {
-        Some(restart) if arguments.resume => restart.earlier()?,
+    let earlier = match &checkpoint {
+        Some(checkpoint) if arguments.resume => checkpoint.earlier()?,
         _ => None,
     };
     let mut output = Output::new(arguments, &test, packing.dimension() as usize)?;
     if let Some(earlier) = &earlier {
         output.go_on(arguments, &test, earlier)?;
     }
-    let every = restart.is_some().then_some(arguments.checkpoint_every);
-    output.restart = restart;
+    let every = checkpoint.is_some().then_some(arguments.checkpoint_every);
+    output.checkpoint = checkpoint;
     let checkpoints = Checkpoints { every, from: earlier.as_ref().map(|earlier| &earlier.state[..]) };
     let interrupt = SignalWatch::flag("the specimen ends within a hundred steps")?;
     let mut listener = |event: &SpecimenEvent<'_>| {
@@ -125,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Packing::Discs(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
         Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
     };
-    let restart = output.restart.take();
+    let checkpoint = output.checkpoint.take();
     output.finish(arguments.out.as_deref())?;
     match ended {
         Ok(summary) if summary.is_stopped => {
@@ -138,8 +138,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             Err(Failure::new(Exit::Interrupted, text))
         }
         Ok(summary) => {
-            if let Some(restart) = &restart {
-                restart.remove()?;
+            if let Some(checkpoint) = &checkpoint {
+                checkpoint.remove()?;
             }
             if !arguments.quiet {
                 tell(closing(&summary));
@@ -158,7 +158,7 @@ struct Output {
     bar: ProgressBar,
     /// Steps before each stage.
     before: Vec<u64>,
-    restart: Option<Restart>,
+    checkpoint: Option<SpecimenCheckpoint>,
     failure: Option<Failure>,
 }
 
@@ -181,13 +181,18 @@ impl Output {
             profiles: profiles(arguments, test, dimension)?,
             bar,
             before,
-            restart: None,
+            checkpoint: None,
             failure: None,
         })
     }
 
     /// Goes on behind the rows and pictures of an earlier process.
-    fn go_on(&mut self, arguments: &Arguments, test: &SpecimenTest, earlier: &restart::Kept) -> Result<(), Failure> {
+    fn go_on(
+        &mut self,
+        arguments: &Arguments,
+        test: &SpecimenTest,
+        earlier: &checkpoint::Kept,
+    ) -> Result<(), Failure> {
         self.csv = SpecimenCsv::resumed(earlier.table.clone(), arguments.units, test)
             .map_err(|error| Failure::new(Exit::BadInput, error))?;
         if let (Some(pictures), Some(folder)) = (&mut self.pictures, &arguments.pictures) {
@@ -221,9 +226,9 @@ impl Output {
                 }
             }
             SpecimenEvent::State(state) => {
-                if let Some(restart) = &mut self.restart {
+                if let Some(checkpoint) = &mut self.checkpoint {
                     let pictures = self.pictures.as_ref();
-                    restart.write(restart::Now {
+                    checkpoint.write(checkpoint::Now {
                         table: self.csv.so_far(),
                         frames: pictures.map_or(&[][..], |pictures| pictures.series.frames()),
                         start: pictures.map_or(&[][..], |pictures| &pictures.start),

@@ -37,30 +37,27 @@ pub enum ElementKind {
     T10,
 }
 
-impl ElementKind {
-    /// All kinds.
-    pub const ALL: [Self; 12] = [
-        Self::Q4,
-        Self::Q4Single,
-        Self::Q8,
-        Self::Q8Full,
-        Self::T3,
-        Self::T6,
-        Self::H8,
-        Self::H8Single,
-        Self::H20,
-        Self::H20Full,
-        Self::T4,
-        Self::T10,
-    ];
+protocol::keywords! {
+    pub ElementKind {
+        Q4 => "q4",
+        Q4Single => "q4_single",
+        Q8 => "q8",
+        Q8Full => "q8_full",
+        T3 => "t3",
+        T6 => "t6",
+        H8 => "h8",
+        H8Single => "h8_single",
+        H20 => "h20",
+        H20Full => "h20_full",
+        T4 => "t4",
+        T10 => "t10",
+    }
 }
 
 /// One kind of element.
 pub(crate) struct ElementDefinition {
     /// Its label.
     pub(crate) kind: ElementKind,
-    /// Keyword of scene files.
-    pub(crate) keyword: &'static str,
     /// Nodes and shape functions.
     pub(crate) interpolation: Interpolation,
     /// Number of Gauss points.

@@ -9,7 +9,6 @@ use vtkio::model::CellType;
 /// H8: 2x2x2 points.
 pub(super) static H8: ElementDefinition = ElementDefinition {
     kind: ElementKind::H8,
-    keyword: "h8",
     interpolation: TRILINEAR,
     point_count: 8,
     points: || &CUBE_EIGHT,
@@ -20,7 +19,6 @@ pub(super) static H8: ElementDefinition = ElementDefinition {
 /// H8 with one point and hourglass control.
 pub(super) static H8_SINGLE: ElementDefinition = ElementDefinition {
     kind: ElementKind::H8Single,
-    keyword: "h8_single",
     interpolation: TRILINEAR,
     point_count: 1,
     points: || &CUBE_ONE,
@@ -31,7 +29,6 @@ pub(super) static H8_SINGLE: ElementDefinition = ElementDefinition {
 /// H20 with reduced integration.
 pub(super) static H20: ElementDefinition = ElementDefinition {
     kind: ElementKind::H20,
-    keyword: "h20",
     interpolation: SERENDIPITY,
     point_count: 8,
     points: || &CUBE_EIGHT,
@@ -42,7 +39,6 @@ pub(super) static H20: ElementDefinition = ElementDefinition {
 /// H20 with full integration.
 pub(super) static H20_FULL: ElementDefinition = ElementDefinition {
     kind: ElementKind::H20Full,
-    keyword: "h20_full",
     interpolation: SERENDIPITY,
     point_count: 27,
     points: cube_twenty_seven,

@@ -1,8 +1,8 @@
 //! Kinds of elements: one file for each family, one list.
 //!
 //! An [`ElementDefinition`] is all that a kind consists of: an [`Interpolation`] (nodes, shape functions, sides, numbers in file
-//! formats) and its quadrature. A new kind is a variant of [`ElementKind`], a definition in the file of its family, and a line in
-//! `DEFINITIONS`; nothing else matches on kinds.
+//! formats) and its quadrature. A new kind is a variant of [`ElementKind`] with its keyword, a definition in the file of its family, and a
+//! line in `DEFINITIONS`; nothing else matches on kinds.
 //!
 //! Corners come first. Corners of plane elements run counter-clockwise, mid-side nodes follow in the order of the
 //! sides. A hexahedron has its first four corners counter-clockwise on the face of smallest third natural
@@ -26,7 +26,7 @@ use super::dimension::Dimension;
 use definition::ElementDefinition;
 
 /// All definitions, in the order of the variants of [`ElementKind`].
-static DEFINITIONS: [&ElementDefinition; 12] = [
+static DEFINITIONS: [&ElementDefinition; ElementKind::ALL.len()] = [
     &quadrilateral::Q4,
     &quadrilateral::Q4_SINGLE,
     &quadrilateral::Q8,
@@ -52,11 +52,6 @@ impl ElementKind {
     /// Its nodes and shape functions.
     pub(crate) fn interpolation(self) -> &'static Interpolation {
         &self.definition().interpolation
-    }
-
-    /// The keyword of scene files.
-    pub fn keyword(self) -> &'static str {
-        self.definition().keyword
     }
 
     /// Plane or spatial.
@@ -123,6 +118,7 @@ mod tests {
         for (kind, definition) in ElementKind::ALL.into_iter().zip(DEFINITIONS) {
             assert_eq!(definition.kind, kind);
             assert_eq!(kind as usize, ElementKind::ALL.iter().position(|other| *other == kind).unwrap());
+            assert_eq!(serde_json::from_value::<ElementKind>(kind.keyword().into()).unwrap(), kind);
             let Interpolation { places, corner_count, middles, .. } = definition.interpolation;
             assert_eq!(places.len(), corner_count + middles.len(), "{kind:?}");
         }

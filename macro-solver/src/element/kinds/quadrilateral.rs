@@ -9,7 +9,6 @@ use vtkio::model::CellType;
 /// Q4: 2x2 points.
 pub(super) static Q4: ElementDefinition = ElementDefinition {
     kind: ElementKind::Q4,
-    keyword: "q4",
     interpolation: BILINEAR,
     point_count: 4,
     points: || &SQUARE_FOUR,
@@ -20,7 +19,6 @@ pub(super) static Q4: ElementDefinition = ElementDefinition {
 /// Q4 with one point and hourglass control.
 pub(super) static Q4_SINGLE: ElementDefinition = ElementDefinition {
     kind: ElementKind::Q4Single,
-    keyword: "q4_single",
     interpolation: BILINEAR,
     point_count: 1,
     points: || &SQUARE_ONE,
@@ -31,7 +29,6 @@ pub(super) static Q4_SINGLE: ElementDefinition = ElementDefinition {
 /// Q8 with reduced integration.
 pub(super) static Q8: ElementDefinition = ElementDefinition {
     kind: ElementKind::Q8,
-    keyword: "q8",
     interpolation: SERENDIPITY,
     point_count: 4,
     points: || &SQUARE_FOUR,
@@ -42,7 +39,6 @@ pub(super) static Q8: ElementDefinition = ElementDefinition {
 /// Q8 with full integration.
 pub(super) static Q8_FULL: ElementDefinition = ElementDefinition {
     kind: ElementKind::Q8Full,
-    keyword: "q8_full",
     interpolation: SERENDIPITY,
     point_count: 9,
     points: square_nine,

@@ -10,7 +10,6 @@ use vtkio::model::CellType;
 /// T4.
 pub(super) static T4: ElementDefinition = ElementDefinition {
     kind: ElementKind::T4,
-    keyword: "t4",
     interpolation: Interpolation {
         dimension: Dimension::Space,
         places: NODES.split_at(4).0,
@@ -32,7 +31,6 @@ pub(super) static T4: ElementDefinition = ElementDefinition {
 /// T10.
 pub(super) static T10: ElementDefinition = ElementDefinition {
     kind: ElementKind::T10,
-    keyword: "t10",
     interpolation: Interpolation {
         dimension: Dimension::Space,
         places: &NODES,

@@ -10,7 +10,6 @@ use vtkio::model::CellType;
 /// T3.
 pub(super) static T3: ElementDefinition = ElementDefinition {
     kind: ElementKind::T3,
-    keyword: "t3",
     interpolation: Interpolation {
         dimension: Dimension::Plane,
         places: NODES.split_at(3).0,
@@ -32,7 +31,6 @@ pub(super) static T3: ElementDefinition = ElementDefinition {
 /// T6.
 pub(super) static T6: ElementDefinition = ElementDefinition {
     kind: ElementKind::T6,
-    keyword: "t6",
     interpolation: Interpolation {
         dimension: Dimension::Plane,
         places: &NODES,

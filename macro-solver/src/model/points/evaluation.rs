@@ -221,8 +221,8 @@ impl Points {
             moduli = stiffened;
             statistics.floored_tangents += 1;
         }
-        let Some(gates) = self.secant else { return moduli };
-        if gates.carried && !self.secants_hold {
+        let Some(secant) = self.secant else { return moduli };
+        if secant.carried && !self.secants_hold {
             (point.correction, point.last_sample) = (None, sample);
             return moduli;
         }
@@ -231,7 +231,7 @@ impl Points {
             moduli += correction.as_ref();
         }
         if let (Some(last), Some(sample)) = (&point.last_sample, &sample) {
-            match corrected(dimension, &moduli, last, sample, reference, &gates) {
+            match corrected(dimension, &moduli, last, sample, reference, &secant) {
                 Some(better) => {
                     moduli = better;
                     statistics.secant_corrections += 1;
@@ -239,7 +239,7 @@ impl Points {
                 None => statistics.secant_refusals += 1,
             }
         }
-        if gates.carried {
+        if secant.carried {
             point.correction = Some(Box::new(moduli - plain));
         }
         point.last_sample = sample;

@@ -19,7 +19,7 @@ use crate::formulation::{Formulation, Operator};
 use crate::mesh::{Dimension, point_places};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
-use crate::problem::{Problem, Procedure, SecantGates, Stage};
+use crate::problem::{Problem, Procedure, SecantSettings, Stage};
 use nalgebra::Matrix3;
 use protocol::{Cost, Observables};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ pub(crate) struct Points {
     observables: Observables,
     strain_per_step: f64,
     tangent_floor: Option<f64>,
-    secant: Option<SecantGates>,
+    secant: Option<SecantSettings>,
     /// Whether carried secant corrections are in use: not while iterations do not contract.
     secants_hold: bool,
     keep_unchanged: bool,
@@ -48,7 +48,7 @@ pub(crate) struct Points {
 }
 
 /// Secant corrections of a stage: none where no matrix is made of the moduli.
-fn secant_of(stage: &Stage) -> Option<SecantGates> {
+fn secant_of(stage: &Stage) -> Option<SecantSettings> {
     stage.strategy.secant.filter(|_| stage.procedure == Procedure::Implicit)
 }
 
@@ -173,7 +173,7 @@ impl Points {
             Some(share) if largest > 0.0 => (share * largest).log2().floor().exp2(),
             _ => 0.0,
         };
-        if self.secant.is_some_and(|gates| gates.carried) {
+        if self.secant.is_some_and(|secant| secant.carried) {
             for (point, gradient) in self.points.iter_mut().zip(predicted) {
                 point.start_samples(gradient);
             }

@@ -2,13 +2,13 @@
 //! components of the displacement gradient).
 //!
 //! It changes the path to the solution, never the solution. Two gates keep branch noise out: targets closer than
-//! [`SecantGates::min_change`], and stress jumps beyond [`SecantGates::max_ratio`]. A floor under the smallest eigenvalue keeps
+//! [`SecantSettings::min_change`], and stress jumps beyond [`SecantSettings::max_ratio`]. A floor under the smallest eigenvalue keeps
 //! a softening point from making the global matrix indefinite: without it corrections wander.
 
 use crate::formulation::tensor::{Operator, column};
 use crate::formulation::{Configuration, Formulation};
 use crate::mesh::Dimension;
-use crate::problem::SecantGates;
+use crate::problem::SecantSettings;
 use nalgebra::{DMatrix, Dyn, Matrix3, SymmetricEigen};
 
 /// One evaluation within a step.
@@ -75,10 +75,10 @@ pub(crate) fn corrected(
     from: &Sample,
     to: &Sample,
     reference: &ReferenceModuli,
-    gates: &SecantGates,
+    settings: &SecantSettings,
 ) -> Option<Operator> {
     let change = to.gradient - from.gradient;
-    if change.amax() < gates.min_change {
+    if change.amax() < settings.min_change {
         return None;
     }
     // Both changes carried to the configuration of `to`, where the moduli live.
@@ -86,11 +86,11 @@ pub(crate) fn corrected(
     let carried_stress = (to.nominal - from.nominal) * to.carrier.transpose() / to.carrier.determinant();
     let (gradient, stress) = (column(&carried_change), column(&carried_stress));
     let length = gradient.norm_squared();
-    if stress.norm() > gates.max_ratio * reference.norm * length.sqrt() {
+    if stress.norm() > settings.max_ratio * reference.norm * length.sqrt() {
         return None;
     }
     let update = (stress - moduli * gradient) * gradient.transpose() / length;
-    let floor = (gates.floor * reference.vertical).min(smallest_eigenvalue(dimension, moduli));
+    let floor = (settings.floor * reference.vertical).min(smallest_eigenvalue(dimension, moduli));
     [1.0, 0.5, 0.25]
         .into_iter()
         .map(|share| moduli + share * update)
@@ -179,7 +179,7 @@ mod tests {
     fn corrected_moduli_reproduce_the_last_pair() {
         let stiff = isotropic(1.0, 1.0);
         let (from, to) = samples(&(0.4 * stiff), 1e-3);
-        let corrected = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &SecantGates::default()).unwrap();
+        let corrected = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &SecantSettings::default()).unwrap();
         let change = column(&(to.gradient - from.gradient));
         let stress = column(&(to.nominal - from.nominal));
         assert!((corrected * change - stress).norm() < 1e-15);
@@ -205,13 +205,13 @@ mod tests {
 
     #[test]
     fn gates_refuse_close_pairs_and_jumps_and_the_floor_refuses_softening() {
-        let (gates, stiff) = (SecantGates::default(), isotropic(1.0, 1.0));
+        let (settings, stiff) = (SecantSettings::default(), isotropic(1.0, 1.0));
         let (from, to) = samples(&stiff, 1e-5);
-        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates), None);
+        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &settings), None);
         let (from, to) = samples(&(10.0 * stiff), 1e-3);
-        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates), None);
+        assert_eq!(corrected(PLANE, &stiff, &from, &to, &REFERENCE, &settings), None);
         let (from, to) = samples(&(-2.0 * stiff), 1e-3);
-        let kept = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &gates);
-        assert!(kept.is_none_or(|moduli| smallest_eigenvalue(PLANE, &moduli) >= gates.floor * REFERENCE.vertical));
+        let kept = corrected(PLANE, &stiff, &from, &to, &REFERENCE, &settings);
+        assert!(kept.is_none_or(|moduli| smallest_eigenvalue(PLANE, &moduli) >= settings.floor * REFERENCE.vertical));
     }
 }

@@ -189,11 +189,11 @@ impl Quantity {
         }
     }
 
-    /// Optional results that the points have to be asked for.
-    pub fn needs(&self) -> Observables {
+    /// What is measured at Gauss points for it, if anything is.
+    fn measure(&self) -> Option<&Measure> {
         match self {
-            Self::Field(probe) => probe.measure.needs(),
-            Self::Band(probe) => probe.measure.needs(),
+            Self::Field(probe) => Some(&probe.measure),
+            Self::Band(probe) => Some(&probe.measure),
             Self::Reaction { .. }
             | Self::Displacement { .. }
             | Self::Strain { .. }
@@ -202,25 +202,18 @@ impl Quantity {
             | Self::Velocity { .. }
             | Self::Acceleration { .. }
             | Self::KineticEnergy
-            | Self::EnergyResidual => Observables::NONE,
+            | Self::EnergyResidual => None,
         }
+    }
+
+    /// Optional results that the points have to be asked for.
+    pub fn needs(&self) -> Observables {
+        self.measure().map_or(Observables::NONE, Measure::needs)
     }
 
     /// Whether the quantity compares the state with that at the end of the step before.
     pub(super) fn compares_steps(&self) -> bool {
-        match self {
-            Self::Field(probe) => probe.measure.compares_steps(),
-            Self::Band(probe) => probe.measure.compares_steps(),
-            Self::Reaction { .. }
-            | Self::Displacement { .. }
-            | Self::Strain { .. }
-            | Self::Compression { .. }
-            | Self::HourglassEnergy
-            | Self::Velocity { .. }
-            | Self::Acceleration { .. }
-            | Self::KineticEnergy
-            | Self::EnergyResidual => false,
-        }
+        self.measure().is_some_and(Measure::compares_steps)
     }
 
     /// Stage, from 0, from whose start the quantity is counted.

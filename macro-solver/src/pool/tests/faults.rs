@@ -69,7 +69,7 @@ fn unsound_replies_end_their_worker() {
     }
 }
 
-/// Recycling by count: the worker finishes what it holds, and nothing is asked twice. By memory: `tests/faults_processes.rs`.
+/// Recycling by count: the worker finishes what it holds, and nothing is asked twice. By memory: `tests/integration/processes/faults.rs`.
 #[test]
 fn a_worker_that_has_done_enough_finishes_and_is_replaced() {
     let mut stage = Stage::new(6).hire(64, &[]).replacing(30, None);

@@ -48,7 +48,7 @@ impl Solver<'_> {
 
     /// Whether supports, loads and friction are at the share `target` of the stage's path what they are now.
     fn is_idle(&self, target: f64) -> bool {
-        if self.constraint.is_some() || target <= self.stage_fraction {
+        if self.path_constraint.is_some() || target <= self.stage_fraction {
             return false;
         }
         let (now, then) = (self.moment(self.stage_fraction), self.moment(target));

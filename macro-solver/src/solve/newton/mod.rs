@@ -19,7 +19,7 @@ use crate::observer::IterationReport;
 use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure};
 use globalisation::Globalisation;
 use nalgebra::Matrix3;
-use path::Constraint;
+use path::PathConstraint;
 use protocol::TangentKind;
 use thiserror::Error;
 
@@ -108,7 +108,7 @@ struct Attempt {
     /// Share of the stage's path that it aims at.
     target: f64,
     /// Of an initial state there is none: it is brought to balance under its own loads.
-    constraint: Option<Constraint>,
+    path_constraint: Option<PathConstraint>,
     /// First iterate.
     first: Vec<f64>,
     /// Change of the displacements, m, by degree of freedom.
@@ -238,7 +238,7 @@ impl Solver<'_> {
         let is_due = is_slow || (attempt.iterations > 1 && crawls);
         after > 0
             && is_due
-            && attempt.constraint.is_none()
+            && attempt.path_constraint.is_none()
             && attempt.target > self.stage_fraction
             && measures.force <= LARGEST_IMBALANCE
             && measures.force >= LEAST_IMBALANCE * self.stage().tolerances.force
@@ -279,10 +279,10 @@ impl Solver<'_> {
         if let Some(memory) = &mut self.memory {
             memory.begin_attempt(again);
         }
-        let constraint = self.constraint.clone().filter(|_| target > self.stage_fraction);
-        let (iterate, load) = match &constraint {
+        let path_constraint = self.path_constraint.clone().filter(|_| target > self.stage_fraction);
+        let (iterate, load) = match &path_constraint {
             None => (self.predict(target)?, target),
-            Some(constraint) => self.predict_path(constraint, target - self.stage_fraction)?,
+            Some(path_constraint) => self.predict_path(path_constraint, target - self.stage_fraction)?,
         };
         let gradients = self.body.gradients(&iterate);
         self.points.begin_attempt(&gradients);
@@ -290,7 +290,7 @@ impl Solver<'_> {
         let globalisation = Globalisation::new(largest_component(&gradients).max(capped_change), capped_change);
         Ok(Attempt {
             target,
-            constraint,
+            path_constraint,
             first: iterate.clone(),
             iterate,
             load,
@@ -302,11 +302,11 @@ impl Solver<'_> {
 
     /// Correction of the evaluated iterate and of its load factor.
     fn correction_of(&mut self, attempt: &Attempt) -> Result<(Vec<f64>, f64), Failure> {
-        let Attempt { target, constraint, first, iterate, load, .. } = attempt;
-        match constraint {
+        let Attempt { target, path_constraint, first, iterate, load, .. } = attempt;
+        match path_constraint {
             None => Ok((self.correction(iterate).map_err(|error| Failure::Attempt(error.to_string()))?, 0.0)),
-            Some(constraint) => {
-                self.correction_on_path(constraint, iterate, first, *load, target - self.stage_fraction)
+            Some(path_constraint) => {
+                self.correction_on_path(path_constraint, iterate, first, *load, target - self.stage_fraction)
             }
         }
     }

@@ -15,7 +15,7 @@ const LOAD_CHANGE: f64 = 1e-6;
 
 /// The constraint of a stage.
 #[derive(Clone, Debug)]
-pub(in crate::solve) enum Constraint {
+pub(in crate::solve) enum PathConstraint {
     /// `|w du| = length`.
     Length {
         /// 1 for the components that count, 0 for the others.
@@ -32,7 +32,7 @@ pub(in crate::solve) enum Constraint {
     },
 }
 
-impl Constraint {
+impl PathConstraint {
     /// That of a stage; `None` for load control.
     ///
     /// # Errors
@@ -108,7 +108,7 @@ impl Solver<'_> {
     /// constraint wants it. `first` is the first iterate of the attempt.
     pub(in crate::solve) fn correction_on_path(
         &mut self,
-        constraint: &Constraint,
+        constraint: &PathConstraint,
         iterate: &[f64],
         first: &[f64],
         load: f64,
@@ -134,10 +134,10 @@ impl Solver<'_> {
     }
 
     /// The right-hand side of the constraint for a step of this size.
-    fn goal(&self, constraint: &Constraint, size: f64) -> f64 {
+    fn goal(&self, constraint: &PathConstraint, size: f64) -> f64 {
         match constraint {
-            Constraint::Functional { growth, .. } => growth * size,
-            Constraint::Length { .. } => {
+            PathConstraint::Functional { growth, .. } => growth * size,
+            PathConstraint::Length { .. } => {
                 let length = self.arc_length.expect("the first prediction has set it");
                 length * size * self.stage().control.increments as f64
             }
@@ -147,7 +147,7 @@ impl Solver<'_> {
     /// First iterate and its load factor: the last step again, or along the tangent.
     pub(in crate::solve) fn predict_path(
         &mut self,
-        constraint: &Constraint,
+        constraint: &PathConstraint,
         size: f64,
     ) -> Result<(Vec<f64>, f64), Failure> {
         let last = self.last_step.clone();
@@ -166,7 +166,7 @@ impl Solver<'_> {
         }
         let direction = self.load_direction(&still, self.load).map_err(fail)?;
         if self.arc_length.is_none()
-            && let Constraint::Length { weights, first_load } = constraint
+            && let PathConstraint::Length { weights, first_load } = constraint
         {
             let moved: Vec<f64> = direction.iter().zip(weights).map(|(value, weight)| value * weight).collect();
             self.arc_length = Some(norm(&moved) * first_load.abs());

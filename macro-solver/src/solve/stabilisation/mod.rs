@@ -77,7 +77,7 @@ impl Solver<'_> {
         control
             .stabilisation
             .filter(|settings| is_smallest || is_soon(settings))
-            .filter(|_| self.constraint.is_none() && method.can_be_stabilised())
+            .filter(|_| self.path_constraint.is_none() && method.can_be_stabilised())
     }
 
     /// Takes a step to the share `target` of the path by viscous stabilisation, after attempts of which the last failed for

@@ -3,7 +3,7 @@
 use super::*;
 use crate::formulation::Formulation;
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, Platen, Predictor, SecantGates};
+use crate::problem::{Amplitude, Applied, Platen, Predictor, SecantSettings};
 use protocol::{RveError, Tensor2};
 use std::cell::Cell;
 use std::rc::Rc;
@@ -51,7 +51,7 @@ fn predictor_and_secant_change_the_path_but_not_the_answer() {
     let mut problem = compression(-0.4);
     let (_, plain) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     problem.stages[0].strategy.predictor = Predictor::Tangent;
-    problem.stages[0].strategy.secant = Some(SecantGates::default());
+    problem.stages[0].strategy.secant = Some(SecantSettings::default());
     let (finished, other) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     assert!(finished.statistics.secant_corrections > 0);

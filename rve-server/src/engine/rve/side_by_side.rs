@@ -3,7 +3,7 @@
 use super::{GrainRve, Stretch, checked_target, nanoseconds_since};
 use crate::cell::GrainState;
 use crate::engine::snapshot::opened;
-use crate::solver::{End, Job, SolverFor};
+use crate::solver::{End, SolveJob, SolverFor};
 use crate::space::Space;
 use protocol::{
     DefinitionId, Observables, RveError, RveSolver, TrialOptions, TrialRequest, TrialResult, solve_alone,
@@ -74,9 +74,9 @@ impl<S: SolverFor> GrainRve<S> {
     /// Answers several requests whose states have been read and whose targets are stretches, side by side.
     fn solve_side_by_side(&mut self, opened: Vec<PreparedTrial<S>>) -> Vec<TrialOutcome> {
         let started = Instant::now();
-        let jobs: Vec<Job<'_, S>> = opened
+        let jobs: Vec<SolveJob<'_, S>> = opened
             .iter()
-            .map(|one| Job {
+            .map(|one| SolveJob {
                 state: &one.state,
                 strain: one.stretch.polar.strain,
                 ramp_steps: one.stretch.ramp_steps,

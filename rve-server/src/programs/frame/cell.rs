@@ -1,5 +1,6 @@
 //! A frame as an RVE: trials, commits and snapshots like those of a periodic cell.
 
+use super::geometry::FrameGeometry;
 use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
@@ -8,7 +9,6 @@ use crate::definition::{GrainDefinition, PackingFile};
 use crate::error::DefinitionError;
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
-use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Grain};
 use crate::simd::Tuple;
 use crate::solver::chosen_ramp_steps;

@@ -1,7 +1,7 @@
 //! Constraints between the boundary grains of a frame and the deformation, and the loads that are left to move them.
 
+use super::geometry::FrameGeometry;
 use crate::definition::FrameConstraint;
-use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::Load;
 use crate::simd::Tuple;
 use crate::space::Discs;

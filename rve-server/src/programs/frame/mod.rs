@@ -2,6 +2,7 @@
 
 pub mod cell;
 mod constraint;
+pub mod geometry;
 mod motion;
 pub mod options;
 mod relaxation;

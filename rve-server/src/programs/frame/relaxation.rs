@@ -5,11 +5,11 @@
 //! grains go back to `F X_q` without rotation in every increment, which throws away the fluctuations found before.
 
 use super::constraint::project;
+use super::geometry::FrameGeometry;
 use super::motion::{FireMixing, KickAndMove, PowerAndSquares};
 use super::options::{FrameDamping, FrameOptions};
 use crate::contact::{ContactLaw, Rotations};
 use crate::definition::{FrameConstraint, FrameControl};
-use crate::programs::frame_geometry::FrameGeometry;
 use crate::programs::specimen::{Body, ContactSums, Load, bound};
 use crate::simd::{Tuple, dispatch};
 use crate::solver::{Advice, ConvergenceMonitor, Imbalance, descent_share};

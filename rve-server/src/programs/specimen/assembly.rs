@@ -8,7 +8,7 @@ use super::contact::Grain;
 use super::test_file::Cut;
 use crate::cell::{Cell, ContactRecord, PairKey};
 use crate::definition::{PackingError, PackingFile};
-use crate::programs::frame_geometry::FrameGeometry;
+use crate::programs::frame::geometry::FrameGeometry;
 use crate::simd::Tuple;
 use crate::space::{Axial, Components, Discs, Space, Tensor};
 use std::collections::BTreeMap;

@@ -6,7 +6,7 @@ use super::dynamics::{Dynamics, Motion};
 use super::wall::{Wall, WallDrive};
 use crate::contact::{
     ContactLaw, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, PlainLinear, RollingSpring,
-    Unloading,
+    TangentialUnloading,
 };
 use crate::space::Spheres;
 
@@ -76,7 +76,7 @@ fn hertzian_dashpot_has_one_restitution_at_every_speed() {
         springs: HertzSprings { shear_modulus: 1e9, poisson_ratio: 0.2 },
         friction: 0.0,
         cohesion: 0.0,
-        unloading: Unloading::Rescaled,
+        unloading: TangentialUnloading::Rescaled,
         rolling: RollingSpring::default(),
         viscosity: 0.0,
     };

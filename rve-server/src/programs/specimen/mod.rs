@@ -4,6 +4,9 @@ pub mod assembly;
 mod axes;
 mod block;
 pub mod body;
+mod checkpoint;
+#[cfg(test)]
+mod checkpoint_tests;
 #[cfg(test)]
 mod collision_tests;
 #[cfg(test)]
@@ -22,9 +25,6 @@ mod gas;
 mod numbering;
 mod profile;
 mod removal;
-mod restart;
-#[cfg(test)]
-mod restart_tests;
 mod results;
 mod rows;
 pub mod run;
@@ -44,6 +44,7 @@ pub mod wall;
 mod wave_tests;
 
 pub use body::Body;
+pub use checkpoint::Checkpoints;
 pub(crate) use contact::bound;
 pub use contact::{ContactSums, Grain, Load, OwnStiffness};
 pub use csv_table::SpecimenCsv;
@@ -52,7 +53,6 @@ pub use error::SpecimenError;
 pub use fluctuation::less_linear_field;
 pub use profile::{Interface, Layers, ProfileTable};
 pub use removal::{Region, RegionUnit};
-pub use restart::Checkpoints;
 pub use results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
 pub use run::{SpecimenFor, run_specimen, run_specimen_from};
 pub use stage::{AxisTable, ShearTable, Sheared, Stage};

@@ -2,11 +2,11 @@
 
 use super::assembly::{Joinable, assembled, straightened};
 use super::body::Body;
+use super::checkpoint::{Checkpoints, Place};
 use super::dynamics::{Dynamics, GrainSums, Motion};
 use super::error::SpecimenError;
 use super::numbering::numbered_by_position;
 use super::removal::weakened;
-use super::restart::{Checkpoints, Place};
 use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
 use super::stage::{Sheared, Stage};
 use super::test_file::SpecimenTest;

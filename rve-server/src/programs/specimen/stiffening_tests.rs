@@ -5,7 +5,7 @@ use super::contact::Grain;
 use super::dynamics::{Dynamics, Motion};
 use super::tests::still;
 use super::wall::{Wall, WallDrive};
-use crate::contact::{HertzSprings, PlainHertzMindlin, RollingSpring, Unloading};
+use crate::contact::{HertzSprings, PlainHertzMindlin, RollingSpring, TangentialUnloading};
 use crate::space::Spheres;
 
 const RADIUS: f64 = 0.01;
@@ -20,7 +20,7 @@ fn missing_after_compression(overlap: f64, scaled_masses: bool) -> f64 {
         springs: HertzSprings { shear_modulus: 2.9e10, poisson_ratio: 0.15 },
         friction: 0.5,
         cohesion: 0.0,
-        unloading: Unloading::Rescaled,
+        unloading: TangentialUnloading::Rescaled,
         rolling: RollingSpring::default(),
         viscosity: 0.0,
     };

@@ -13,7 +13,7 @@ use crate::cell::{ContactRecord, GrainState, PairFinder, StoredResponse};
 use crate::contact::{PlainLinear, Rotations};
 use crate::definition::GrainModel;
 use crate::solver::course::Course;
-use crate::solver::grain_solver::{End, Job, Solved};
+use crate::solver::grain_solver::{End, SolveJob, Solved};
 use crate::solver::linear::{DiscMotions, LinearResponses};
 use crate::solver::relaxation::Imbalance;
 use crate::space::{Discs, Tensor, norm, rotated, transpose};
@@ -67,7 +67,7 @@ pub(super) fn attempt(
     responses: &mut dyn LinearResponses,
     model: &GrainModel,
     law: &PlainLinear,
-    job: &Job<'_, Discs>,
+    job: &SolveJob<'_, Discs>,
     spent: &mut Spent,
 ) -> Result<Answered, GivenUp> {
     let stored = job.state.events.as_deref().and_then(|events| events.response.as_ref());
@@ -98,7 +98,7 @@ enum Stopped {
 
 struct Trial<'a> {
     model: &'a GrainModel,
-    job: &'a Job<'a, Discs>,
+    job: &'a SolveJob<'a, Discs>,
     start: Start<'a>,
     reach: f64,
 }
@@ -107,7 +107,7 @@ impl<'a> Trial<'a> {
     fn new(
         model: &'a GrainModel,
         law: &'a PlainLinear,
-        job: &'a Job<'a, Discs>,
+        job: &'a SolveJob<'a, Discs>,
         near: Arc<NearPairs>,
         reach: f64,
     ) -> Self {

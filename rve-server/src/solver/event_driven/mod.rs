@@ -13,7 +13,7 @@ mod evaluation;
 mod near_pairs;
 
 use super::course::Course;
-use super::grain_solver::{End, GrainSolver, Job};
+use super::grain_solver::{End, GrainSolver, SolveJob};
 use super::linear::LinearResponses;
 use super::relaxation;
 use crate::cell::{ContactNetwork, EventMemory, GrainState};
@@ -65,12 +65,12 @@ pub(super) fn for_others<S: Space<Kernel: ContactLaws>>(
 }
 
 /// Whether a job asks for a motion; others are mere evaluations.
-fn moves<S: Space>(job: &Job<'_, S>) -> bool {
+fn moves<S: Space>(job: &SolveJob<'_, S>) -> bool {
     job.ramp_steps > 0
 }
 
 /// Marks an answer of relaxation.
-fn handed_over<S: Space>(job: &Job<'_, S>, end: Result<End<S>, RveError>) -> Result<End<S>, RveError> {
+fn handed_over<S: Space>(job: &SolveJob<'_, S>, end: Result<End<S>, RveError>) -> Result<End<S>, RveError> {
     end.map(|mut end| {
         if moves(job) {
             end.solved.course = Course::HandedOver;
@@ -80,7 +80,7 @@ fn handed_over<S: Space>(job: &Job<'_, S>, end: Result<End<S>, RveError>) -> Res
 }
 
 impl<S: Space> GrainSolver<S> for EventDriven<S> {
-    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>> {
+    fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, S>]) -> Vec<Result<End<S>, RveError>> {
         let ends = self.relaxation.solve(model, jobs);
         jobs.iter().zip(ends).map(|(job, end)| handed_over(job, end)).collect()
     }
@@ -107,7 +107,7 @@ impl<S: Space> GrainSolver<S> for EventDriven<S> {
 }
 
 impl GrainSolver<Discs> for EventDrivenDiscs {
-    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, Discs>]) -> Vec<Result<End<Discs>, RveError>> {
+    fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, Discs>]) -> Vec<Result<End<Discs>, RveError>> {
         let mut ends: Vec<Option<Result<End<Discs>, RveError>>> = Vec::with_capacity(jobs.len());
         let (mut rest, mut memories) = (Vec::new(), Vec::new());
         for job in jobs {
@@ -171,7 +171,7 @@ impl EventDrivenDiscs {
     fn answer(
         &mut self,
         model: &GrainModel,
-        job: &Job<'_, Discs>,
+        job: &SolveJob<'_, Discs>,
         memory: &mut EventMemory<Discs>,
         spent: &mut Spent,
     ) -> Option<End<Discs>> {

@@ -22,7 +22,7 @@ mod stiffness;
 #[cfg(test)]
 mod tests;
 
-use super::grain_solver::{End, GrainSolver, Job, Solved};
+use super::grain_solver::{End, GrainSolver, SolveJob, Solved};
 use super::kernel::backend::Backend;
 use super::kernel::{Contact, Grain, Steering, StepSums, Wanted};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact};
@@ -91,7 +91,7 @@ impl<S: Space> LawVisitor<S::Kernel> for ForLaw<S> {
 }
 
 impl<S: Space, C: ContactLaw<S::Kernel>> GrainSolver<S> for RelaxationSolver<S, C> {
-    fn solve(&mut self, model: &GrainModel, jobs: &[Job<'_, S>]) -> Vec<Result<End<S>, RveError>> {
+    fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, S>]) -> Vec<Result<End<S>, RveError>> {
         let law = self.law;
         self.solve_in(&Setting::of(model, &law), jobs)
     }
@@ -146,7 +146,7 @@ struct LaneJob<S: Space, C: ContactLaw<S::Kernel>> {
 
 /// All jobs: those that wait, and the ends of the others.
 struct Jobs<'a, S: Space, C: ContactLaw<S::Kernel>> {
-    given: &'a [Job<'a, S>],
+    given: &'a [SolveJob<'a, S>],
     /// Numbers of those that have not begun.
     waiting: VecDeque<usize>,
     /// Those that have left the lanes before their end.
@@ -157,7 +157,7 @@ struct Jobs<'a, S: Space, C: ContactLaw<S::Kernel>> {
 }
 
 impl<'a, S: Space, C: ContactLaw<S::Kernel>> Jobs<'a, S, C> {
-    fn new(given: &'a [Job<'a, S>]) -> Self {
+    fn new(given: &'a [SolveJob<'a, S>]) -> Self {
         // The longest first: what is short fills the gaps at the end.
         let mut order: Vec<usize> = (0..given.len()).collect();
         order.sort_by_key(|job| std::cmp::Reverse(given[*job].ramp_steps));
@@ -191,7 +191,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>> RelaxationSolver<S, C> {
     pub(crate) fn solve_in(
         &mut self,
         setting: &Setting<'_, C>,
-        jobs: &[Job<'_, S>],
+        jobs: &[SolveJob<'_, S>],
     ) -> Vec<Result<End<S>, RveError>> {
         let mut setting = Setting { counts_energies: self.counts_energies, ..*setting };
         if let Some(skin) = self.skin_in_radii {

@@ -11,7 +11,7 @@ use crate::cell::Cell;
 use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
 use crate::solver::course::Course;
-use crate::solver::grain_solver::{Job, PathEnergies, Solved};
+use crate::solver::grain_solver::{PathEnergies, SolveJob, Solved};
 use crate::solver::kernel::StepSums;
 use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
 use protocol::RveError;
@@ -96,8 +96,8 @@ pub(crate) struct Move<S: Space> {
 
 impl<S: Space> Run<S> {
     /// At the start of a run. Without any ramp step the cell is only evaluated: nothing moves.
-    pub(crate) fn new(job: &Job<'_, S>) -> Self {
-        let Job { state, strain, ramp_steps, counts_work } = *job;
+    pub(crate) fn new(job: &SolveJob<'_, S>) -> Self {
+        let SolveJob { state, strain, ramp_steps, counts_work } = *job;
         let grains = state.positions.len();
         Self {
             start: state.cell,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::contact::{
     ExtendedHertzMindlin, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, PlainLinear,
-    RollingSpring, Unloading,
+    RollingSpring, TangentialUnloading,
 };
 use crate::definition::{Criterion, Damping, GrainDefinition, PackingFile, RveOptions};
 use crate::solver::kernel::backend::Backend;
@@ -48,7 +48,7 @@ fn solved<S: Space, L: ContactLaw<S::Kernel>>(
     strain: S::Tensor,
     ramp_steps: u32,
 ) -> End<S> {
-    solver.solve(model, &[Job { state, strain, ramp_steps, counts_work: false }]).pop().unwrap().unwrap()
+    solver.solve(model, &[SolveJob { state, strain, ramp_steps, counts_work: false }]).pop().unwrap().unwrap()
 }
 
 /// Whatever the skin, and so however often the pair list is renewed, the end state has the same bits.
@@ -103,7 +103,7 @@ fn ends(
     backend: Backend,
 ) -> Ends {
     let jobs: Vec<_> =
-        ways.iter().map(|&(strain, ramp_steps)| Job { state, strain, ramp_steps, counts_work: false }).collect();
+        ways.iter().map(|&(strain, ramp_steps)| SolveJob { state, strain, ramp_steps, counts_work: false }).collect();
     let setting = Setting { backend, ..Setting::of(model, &LAW) };
     solver.solve_in(&setting, &jobs)
 }
@@ -157,7 +157,7 @@ fn lanes_that_drift_apart_keep_their_bits() {
     let far: Vec<_> = expected.iter().map(|end| end.as_ref().unwrap().state.clone()).collect();
     let back: Vec<_> = far
         .iter()
-        .map(|state| Job { state, strain: [[2e-4, 0.0], [0.0, 1e-4]], ramp_steps: 30, counts_work: false })
+        .map(|state| SolveJob { state, strain: [[2e-4, 0.0], [0.0, 1e-4]], ramp_steps: 30, counts_work: false })
         .collect();
     let setting = Setting::of(&model, &LAW);
     let together = solver.solve_in(&setting, &back);
@@ -191,9 +191,9 @@ fn broken_cell_does_not_harm_its_mates() {
     broken.positions[17][0] = f64::NAN;
     let mut jobs: Vec<_> = ways
         .iter()
-        .map(|&(strain, ramp_steps)| Job { state: &state, strain, ramp_steps, counts_work: false })
+        .map(|&(strain, ramp_steps)| SolveJob { state: &state, strain, ramp_steps, counts_work: false })
         .collect();
-    jobs.insert(2, Job { state: &broken, ..jobs[0] });
+    jobs.insert(2, SolveJob { state: &broken, ..jobs[0] });
     let mut found = Solver::new(LAW).solve_in(&Setting::of(&model, &LAW), &jobs);
     assert!(matches!(found.remove(2), Err(RveError::NotFinite { .. })));
     assert!(found == expected);
@@ -238,8 +238,10 @@ fn check_lanes_in_space<L: ContactLaw<<Spheres as Space>::Kernel>>(law: L, is_vi
             [[a, b, 0.0], [b, -2e-3, a], [0.0, a, -b]]
         })
         .collect();
-    let jobs: Vec<_> =
-        strains.iter().map(|&strain| Job { state: &state, strain, ramp_steps: 40, counts_work: false }).collect();
+    let jobs: Vec<_> = strains
+        .iter()
+        .map(|&strain| SolveJob { state: &state, strain, ramp_steps: 40, counts_work: false })
+        .collect();
     let mut together = RelaxationSolver::new(law);
     let found = together.solve(&model, &jobs);
     let mut alone = RelaxationSolver::new(law);
@@ -247,8 +249,10 @@ fn check_lanes_in_space<L: ContactLaw<<Spheres as Space>::Kernel>>(law: L, is_vi
     assert!(alone.solve(&model, &jobs) == found);
     let states: Vec<_> = found.iter().map(|end| &end.as_ref().unwrap().state).collect();
     assert!(states[0].contacts.len() > 100);
-    let jobs: Vec<_> =
-        states.iter().map(|state| Job { state, strain: strains[3], ramp_steps: 20, counts_work: false }).collect();
+    let jobs: Vec<_> = states
+        .iter()
+        .map(|state| SolveJob { state, strain: strains[3], ramp_steps: 20, counts_work: false })
+        .collect();
     assert!(alone.solve(&model, &jobs) == together.solve(&model, &jobs));
 }
 
@@ -256,7 +260,7 @@ fn check_lanes_in_space<L: ContactLaw<<Spheres as Space>::Kernel>>(law: L, is_vi
 fn lanes_of_spheres_have_the_bits_of_single_cells() {
     let springs = HertzSprings { shear_modulus: 1e9, poisson_ratio: 0.2 };
     let rolling = RollingSpring { stiffness: 0.3, friction: 0.1 };
-    let unloading = Unloading::Rescaled;
+    let unloading = TangentialUnloading::Rescaled;
     check_lanes_in_space(
         PlainHertzMindlin { springs, friction: 0.5, cohesion: 0.0, unloading, rolling, viscosity: 0.0 },
         false,

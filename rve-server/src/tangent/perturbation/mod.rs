@@ -13,7 +13,7 @@ mod tests;
 use crate::cell::{ContactNetwork, GrainState};
 use crate::contact::ContactTable;
 use crate::definition::{Criterion, GrainModel, RveOptions};
-use crate::solver::{GrainSolver, Job, SolverFor};
+use crate::solver::{GrainSolver, SolveJob, SolverFor};
 use crate::space::{Space, Tensor, add_scaled, product, rotated};
 use crate::tangent::calibration::stiffness_factors;
 use crate::tangent::evaluate::{calibrated, calibration, evaluate};
@@ -151,14 +151,15 @@ fn stress_after<S: Space>(
     spent: &mut u64,
 ) -> Option<S::Tensor> {
     let polar = S::polar(h);
-    let end =
-        match solver.solve_one(model, Job { state: start, strain: polar.strain, ramp_steps, counts_work: false }) {
-            Ok(end) => end,
-            Err(error) => {
-                *spent += error.force_evaluations();
-                return None;
-            }
-        };
+    let end = match solver
+        .solve_one(model, SolveJob { state: start, strain: polar.strain, ramp_steps, counts_work: false })
+    {
+        Ok(end) => end,
+        Err(error) => {
+            *spent += error.force_evaluations();
+            return None;
+        }
+    };
     *spent += end.solved.force_evaluations;
     let stress = solver.network(model, &end).stress();
     end.solved.equilibrated.then(|| rotated(&stress, &S::rotation_matrix(polar.turn)))

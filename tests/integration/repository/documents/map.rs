@@ -1,6 +1,6 @@
 //! The map of ARCHITECTURE.md and the guide for contributors against the sources.
 
-use super::text::{files, lines, no_faults, normalised, read, root, section, spans};
+use super::text::{files, no_faults, normalised, read, root, section, spans};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
@@ -158,39 +158,6 @@ fn no_three_rooms_import_each_other_in_a_circle() {
     let circles = members().into_iter().map(|member| (largest_circle(&arrows(&member, &files)), member));
     let faults = circles.filter(|(circle, _)| circle.len() > 2);
     no_faults(&faults.map(|(circle, member)| format!("{member}: {circle:?} import each other")).collect::<Vec<_>>());
-}
-
-/// The table of imports in ARCHITECTURE.md with the figures of the sources.
-fn table_of_imports(text: &str, files: &[String]) -> String {
-    let counted = |line: &str| {
-        let member = line.strip_prefix("| `")?.split_once('`')?.0;
-        let rooms = arrows(if member == "src" { "." } else { member }, files);
-        let circle = largest_circle(&rooms);
-        let circle =
-            if circle.is_empty() { "none".to_owned() } else { circle.into_iter().collect::<Vec<_>>().join(", ") };
-        let between: usize = rooms.values().map(BTreeSet::len).sum();
-        Some(format!("| `{member}` | {} | {between} | {circle} |", rooms.len()))
-    };
-    let begin = text.find("\n## Imports between folders\n").expect("there is a section of imports");
-    let lines = text[begin..].split('\n').map(|line| counted(line).unwrap_or_else(|| line.to_owned()));
-    text[..begin].to_owned() + &lines.collect::<Vec<_>>().join("\n")
-}
-
-#[test]
-fn the_table_of_imports_has_the_figures_of_the_sources() {
-    let text = read("ARCHITECTURE.md");
-    let updated = table_of_imports(&text, &files());
-    if std::env::var_os("GRAINSPAN_UPDATE_DOCUMENTS").is_some() {
-        fs::write(root().join("ARCHITECTURE.md"), &updated).unwrap();
-        return;
-    }
-    let rows = section(&text, "Imports between folders");
-    let listed = |member: &String| rows.contains(&format!("| `{}` |", if member == "." { "src" } else { member }));
-    let mut faults: Vec<String> = members().iter().filter(|member| !listed(member)).cloned().collect();
-    faults.iter_mut().for_each(|member| *member = format!("ARCHITECTURE.md: the table of imports lacks `{member}`"));
-    let differing = lines(&text).into_iter().zip(updated.lines()).filter(|((_, old, _), new)| old != new);
-    faults.extend(differing.map(|((number, _, _), new)| format!("ARCHITECTURE.md:{number}: should be {new}")));
-    no_faults(&faults);
 }
 
 #[test]

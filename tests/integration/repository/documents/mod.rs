@@ -1,6 +1,6 @@
 //! Documents against the repository: paths, links, headings, folders, seams, ids and words that a document uses exist or are allowed.
 //!
-//! The last column of the verification catalogue and the table of imports in ARCHITECTURE.md are written by
+//! The last column of the verification catalogue is written by
 //! `GRAINSPAN_UPDATE_DOCUMENTS=1 cargo test --release --test integration documents`.
 
 mod catalogue;

@@ -13,7 +13,7 @@ use macro_solver::problem::{Amplitude, Applied, Condition, ConstraintTerm, Direc
 
 /// The tables of one place.
 #[derive(Clone, Copy)]
-pub(super) struct LinkTables<'a> {
+pub(super) struct ConstraintTables<'a> {
     pub(super) tilting_platen: &'a [Located<TiltingPlatenTable>],
     pub(super) normal_displacement: &'a [Located<NormalDisplacementTable>],
     pub(super) radial_displacement: &'a [Located<RadialDisplacementTable>],
@@ -22,19 +22,19 @@ pub(super) struct LinkTables<'a> {
     pub(super) sum: &'a [Located<SumTable>],
 }
 
-/// Names and conditions of all links.
+/// Names and conditions of all of them.
 ///
 /// # Errors
 /// A set that does not exist, or a history that is not usable.
-pub(super) fn links(
+pub(super) fn multi_point_constraints(
     document: &Document,
     sets: &Sets<'_>,
-    tables: &LinkTables<'_>,
+    tables: &ConstraintTables<'_>,
 ) -> Result<Vec<(String, Applied)>, InputError> {
     let mut found = Vec::new();
-    let mut push = |name: String, link, given: &Option<Located<History>>| {
+    let mut push = |name: String, constraint, given: &Option<Located<History>>| {
         let history = history(document, given, Amplitude::RAMP)?;
-        found.push((name, Applied::new(Condition::MultiPointConstraint(link), history)));
+        found.push((name, Applied::new(Condition::MultiPointConstraint(constraint), history)));
         Ok(())
     };
     let called = |name: &Option<String>, set: &str| name.clone().unwrap_or_else(|| set.to_owned());

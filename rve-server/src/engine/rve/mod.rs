@@ -10,7 +10,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
-use crate::solver::{Course, End, GrainSolver, Job, PathEnergies, Solved, SolverFor, chosen_ramp_steps};
+use crate::solver::{Course, End, GrainSolver, PathEnergies, SolveJob, Solved, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
@@ -275,7 +275,7 @@ impl<S: SolverFor> GrainRve<S> {
     fn solve(&mut self, h: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
         let stretch = self.stretch(h, options)?;
-        let job = Job {
+        let job = SolveJob {
             state: &self.committed,
             strain: stretch.polar.strain,
             ramp_steps: stretch.ramp_steps,

@@ -6,7 +6,7 @@ import sys
 import pytest
 from conftest import ROOT
 
-sys.path.insert(0, str(ROOT / "python" / "examples" / "hosts"))
+sys.path.insert(0, str(ROOT / "python" / "examples" / "finite_element_codes"))
 import compare  # noqa: E402
 
 #: Hosts that must be there, by name.

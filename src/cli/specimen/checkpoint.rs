@@ -69,7 +69,7 @@ pub(super) struct Now<'a> {
 }
 
 /// Where checkpoints of this run go.
-pub(super) struct Restart {
+pub(super) struct SpecimenCheckpoint {
     folder: PathBuf,
     file: CheckpointFile,
     /// What is the same in every checkpoint.
@@ -80,7 +80,7 @@ pub(super) struct Restart {
     _lock: File,
 }
 
-impl Restart {
+impl SpecimenCheckpoint {
     /// Checkpoints in `folder` of the test `test` with the packing in `packing`.
     ///
     /// # Errors

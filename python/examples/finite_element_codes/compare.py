@@ -3,7 +3,7 @@
 python compare.py [HOST ...] [--workers N] [--out FOLDER]
 
 Every host gets an environment of its own in target/hosts, from the usual package index. A host that cannot be had here is named with the
-reason. With --out: hosts.csv and hosts.svg.
+reason. With --out: finite-element-codes.csv and finite-element-codes.svg.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 import biaxial
 
 HERE = Path(__file__).resolve().parent
-PLACE = biaxial.ROOT / "target" / "hosts"
+PLACE = biaxial.ROOT / "target" / "finite-element-codes"
 WHEELS = biaxial.ROOT / "target" / "python-wheels"
 
 
@@ -183,7 +183,7 @@ def write(curves: list[biaxial.Curve], folder: Path) -> None:
     import matplotlib.pyplot as plt
 
     reference = curves[0]
-    with (folder / "hosts.csv").open("w", newline="", encoding="utf-8") as room:
+    with (folder / "finite-element-codes.csv").open("w", newline="", encoding="utf-8") as room:
         rows = csv.writer(room, lineterminator="\n")
         rows.writerow(["axial_compression", *(f"{one.host} {one.version} top_force_N_per_m" for one in curves)])
         rows.writerows(zip(reference.axial_compression, *(one.top_force for one in curves)))
@@ -199,7 +199,7 @@ def write(curves: list[biaxial.Curve], folder: Path) -> None:
     left.set(xlabel="axial compression, %", ylabel="force of the platen, kN per m")
     right.set(xlabel="axial compression, %", ylabel="relative difference from Grainspan", ylim=(1e-16, 1e-3))
     left.legend(), right.legend(ncols=2, loc="upper left")
-    figure.savefig(folder / "hosts.svg", metadata={"Date": None})
+    figure.savefig(folder / "finite-element-codes.svg", metadata={"Date": None})
 
 
 def main() -> None:
