@@ -74,20 +74,32 @@ fn brought<S: SolverFor>(
     stress: &Matrix,
 ) -> Result<(PackingFile<S>, bool), PackingError> {
     let GrainDefinition { packing, contact, .. } = definition;
-    let [first, second] = [packing.periodicity[0], packing.periodicity[1]];
-    let is_level = |vector: S::Vector| (2..S::DIMENSION).all(|axis| vector[axis].abs() <= ALIGNED * vector.norm());
-    if !is_level(first) || !is_level(second) {
+    if !has_level_vectors(packing) {
         return Err(PackingError::Content(
             "its vectors Y1 and Y2 point out of the plane of axes 1 and 2; turn the packing so that they lie in it"
                 .into(),
         ));
     }
+    let first = packing.periodicity[0];
     let angle = first[1].atan2(first[0]);
     let (sine, cosine) = angle.sin_cos();
     let turned_axes = [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]];
     let turned_stress = if angle == 0.0 { *stress } else { symmetric(&turned_in(stress, &turned_axes)) };
-    let (prepared, in_smaller_steps) = along_axis(&rotated(packing, -angle)?, contact, &turned_stress)?;
+    let along_first_axis = rotated(packing, -angle)?;
+    if along_first_axis.periodicity[1][1] < 0.0 {
+        return Err(PackingError::Content(
+            "its vector Y2 lies on the other side of Y1 than axis 2 lies of axis 1; give -Y2 and -Y3 for Y2 and Y3, which make the same images"
+                .into(),
+        ));
+    }
+    let (prepared, in_smaller_steps) = along_axis(&along_first_axis, contact, &turned_stress)?;
     Ok((rotated(&prepared, angle)?, in_smaller_steps))
+}
+
+/// Whether Y1 and Y2 lie in the plane of axes 1 and 2, as those of the packings that [`Compaction`] writes.
+pub(super) fn has_level_vectors<S: Space>(packing: &PackingFile<S>) -> bool {
+    let is_level = |vector: &S::Vector| (2..S::DIMENSION).all(|axis| vector[axis].abs() <= ALIGNED * vector.norm());
+    is_level(&packing.periodicity[0]) && is_level(&packing.periodicity[1])
 }
 
 /// As [`brought`], of a packing whose vector Y1 points along axis 1.
@@ -100,7 +112,13 @@ fn along_axis<S: SolverFor>(
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
     let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| cell.observe(Observables::NONE));
     let own = symmetric(&rows(&answer.map_err(content)?.stress));
-    let (begin, end) = (target::<S>(&own)?, target::<S>(stress)?);
+    let end = target::<S>(stress)?;
+    let begin = target::<S>(&own).map_err(|error| {
+        PackingError::Content(format!(
+            "the stress of the packing itself under this contact law is no start for the way to the target: {error}; a packing that was \
+             prepared with this law, its cohesion included, bears pressure"
+        ))
+    })?;
     let strides = strides(&begin, &end);
     let at_once = along(packing, contact, &begin, &end, strides);
     // A cell that snaps across its target on one way may reach it on another.

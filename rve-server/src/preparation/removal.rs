@@ -1,5 +1,6 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
+use super::at_stress::has_level_vectors;
 use super::compaction::{Compaction, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::random_placement::chosen;
@@ -10,7 +11,7 @@ use crate::definition::{GrainDefinition, ListedContact, Packing, PackingError, P
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::Space;
-use protocol::Observables;
+use protocol::{Observables, RveSolver, TrialOptions};
 
 /// How far from its stress before, and from rest, a weakened packing may end.
 const TOLERANCES: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
@@ -52,9 +53,24 @@ fn at_its_stress<S: SolverFor>(
             "grains can only be removed from a packing whose vector Y1 points along the first axis".into(),
         );
     }
+    if !has_level_vectors(packing) || packing.periodicity[1][1] < 0.0 {
+        return refuse(
+            "grains can only be removed from a packing whose vector Y2 lies in the plane of axes 1 and 2, on the side of axis 2; turn the packing"
+                .into(),
+        );
+    }
     let definition =
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
-    let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| cell.observe(Observables::NONE));
+    // Under another law than that of its preparation a packing is not at rest, and its stress as read is none that its neighbours keep.
+    let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| {
+        let as_read = cell.observe(Observables::ALL)?;
+        if !cell.is_far_from_rest(&as_read) {
+            return Ok(as_read);
+        }
+        cell.settle(&TrialOptions::default())?;
+        cell.commit()?;
+        cell.observe(Observables::NONE)
+    });
     let stress = rows(&answer.map_err(content)?.stress);
     let symmetric: Vec<Vec<f64>> =
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();

@@ -13,7 +13,9 @@ mod relaxation;
 pub use course::Course;
 pub use grain_solver::{End, GrainSolver, PathEnergies, SolveJob, Solved};
 pub use linear::{DiscMotions, DiscPair, LinearResponses};
-pub(crate) use relaxation::{Advice, ConvergenceMonitor, Imbalance, descent_share, is_far_from_rest, side_by_side};
+pub(crate) use relaxation::{
+    Advice, ConvergenceMonitor, Imbalance, LEAST_LOAD, descent_share, is_far_from_rest, side_by_side,
+};
 
 use crate::contact::{ContactLaws, ContactTable};
 use crate::definition::{DefinedSpace, SolverName};

@@ -130,12 +130,17 @@ impl FrameRve {
             ));
         }
         let law = contact.plain_linear().map_err(|error| refuse(error.to_string()))?;
+        let mut contacts = listed_contacts(&packing, &geometry);
+        if !contact.has_tangential_springs() {
+            // Nothing would let go of these forces; they would drive grains round for ever.
+            contacts.iter_mut().for_each(|contact| contact.tangential_force = 0.0);
+        }
         let reference = Cell { rows: packing.periodicity };
         let committed = GrainState {
             cell: reference,
             positions: geometry.positions.clone(),
             rotations: vec![0.0; geometry.places.len()],
-            contacts: listed_contacts(&packing, &geometry),
+            contacts,
             rolling_moments: Vec::new(),
             operators: Default::default(),
             dissipation: 0.0,
@@ -209,7 +214,7 @@ impl FrameRve {
         );
         let (geometry, options) = (&self.geometry, &self.options);
         let constraint = options.constraint;
-        FrameRelaxation::new(geometry, options, constraint, self.turning, body, state.rotations.clone())
+        FrameRelaxation::new(geometry, options, constraint, self.turning, body, state)
     }
 
     /// Whether the committed state is the answer to an increment of zero. As it was cut out of a packing it is not: strained trials relax,
@@ -370,6 +375,7 @@ impl FrameRelaxation<'_, PlainLinear> {
             rotations: self.rotations.clone(),
             contacts: contacts.collect(),
             unbalanced,
+            largest_load: start.largest_load.max(self.load_at_rest()),
             ..start.clone()
         }
     }

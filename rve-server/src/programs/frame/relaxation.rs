@@ -8,11 +8,12 @@ use super::constraint::project;
 use super::geometry::FrameGeometry;
 use super::motion::{FireMixing, KickAndMove, PowerAndSquares};
 use super::options::{FrameDamping, FrameOptions};
+use crate::cell::GrainState;
 use crate::contact::{ContactLaw, Rotations};
 use crate::definition::{FrameConstraint, FrameControl};
 use crate::programs::specimen::{Body, ContactSums, Load, bound};
 use crate::simd::{Tuple, dispatch};
-use crate::solver::{Advice, ConvergenceMonitor, Imbalance, descent_share};
+use crate::solver::{Advice, ConvergenceMonitor, Imbalance, LEAST_LOAD, descent_share};
 use crate::space::Discs;
 use crate::space::plane::{self, Plane};
 
@@ -66,6 +67,8 @@ pub(crate) struct FrameRelaxation<'a, C: ContactLaw<Discs>> {
     /// Rotations added up, rad.
     pub(crate) rotations: Vec<f64>,
     loads: Vec<Load<Discs>>,
+    /// Largest sum of normal forces that the frame has carried at rest, N.
+    largest_load: f64,
     inertias: Vec<f64>,
     /// Largest share of one contact in the stability bound of a grain, N/m, whether grains touch or not.
     stiffest: f64,
@@ -89,7 +92,7 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         constraint: FrameConstraint,
         turning: Rotations,
         body: Body<Discs, C>,
-        rotations: Vec<f64>,
+        state: &GrainState<Discs>,
     ) -> Self {
         let inertias = geometry.radii.iter().map(|radius| INERTIA * radius * radius).collect();
         let law = body.law();
@@ -102,7 +105,8 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
             turning,
             loads: body.loads.clone(),
             body,
-            rotations,
+            rotations: state.rotations.clone(),
+            largest_load: state.largest_load,
             inertias,
             stiffest,
             mass: 0.0,
@@ -339,8 +343,16 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         self.contacts
     }
 
+    /// Sum of normal forces, N, if the frame has come to rest; 0 otherwise.
+    pub(crate) fn load_at_rest(&self) -> f64 {
+        if self.relaxed.equilibrated { self.contacts.normal_force } else { 0.0 }
+    }
+
+    /// Mean normal force of a contact, N, by which forces out of balance are measured. Grains that only graze each other any more are measured by
+    /// a share of what the frame once carried, see [`LEAST_LOAD`].
     fn mean_force(&self) -> f64 {
-        self.contacts.normal_force / (self.contacts.contacts.max(1)) as f64
+        let present = self.contacts.normal_force / (self.contacts.contacts.max(1)) as f64;
+        present.max(LEAST_LOAD * self.largest_load / self.body.grains.len() as f64)
     }
 
     /// Largest load left on a grain over the mean normal contact force; 0 without contacts.

@@ -67,6 +67,24 @@ fn periodic_frame_with_shared_sides_is_the_periodic_cell() {
     }
 }
 
+/// Without tangential springs nothing would let go of the tangential forces that a packing lists: they would drive its grains round.
+#[test]
+fn frames_without_tangential_springs_drop_the_forces_of_the_file() {
+    let contact = ContactTable { stiffness_ratio: Some(0.0), ..sand() };
+    let of = |packing: PackingFile| {
+        let frame = FrameOptions::new(FrameConstraint::Periodic);
+        FrameRve::new(&FrameDefinition { packing, contact: contact.clone(), frame }).unwrap()
+    };
+    let mut bare = packing();
+    bare.contacts.clear();
+    let h = [[0.0, 0.0], [0.0, -1e-4]];
+    let (listed, unlisted) = (trial(&mut of(packing()), h), trial(&mut of(bare), h));
+    assert!(!listed.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+    let error = worst(&listed.stress.plane(), &unlisted.stress.plane());
+    assert!(error < 1e-9 * 1e5, "{:?} {:?}", listed.stress.plane(), unlisted.stress.plane());
+    assert!(listed.stress.plane()[1][1] < -5e4, "{:?}", listed.stress.plane());
+}
+
 /// The two forms of the stress agree, moments of the boundary cancel and the stress is symmetric.
 #[test]
 fn boundary_forces_give_the_stress_of_the_contacts() {

@@ -333,6 +333,10 @@ impl<S: SolverFor> Run<S> {
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);
+        if self.summary.begins_with_motion == 1 && self.stress_level == 0.0 {
+            // The first stress at rest of a packing that began far from it.
+            self.stress_level = raised_level(0.0, &flat(&self.stress));
+        }
         self.work.advance(self.deformation, self.stress, energies);
     }
 

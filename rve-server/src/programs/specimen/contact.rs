@@ -64,7 +64,7 @@ pub struct ContactSums {
     pub viscous_work: f64,
     /// Stored energy, J.
     pub elastic_energy: f64,
-    /// Contacts at their friction limit.
+    /// Contacts between grains at their friction limit.
     pub sliding: u64,
     /// Largest overlap over the smaller radius.
     pub largest_overlap: f64,

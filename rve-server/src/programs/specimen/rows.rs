@@ -91,7 +91,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             void_ratio: (volume - self.solid) / self.solid,
             coordination_number: 2.0 * inside / body.grains.len() as f64,
             fabric_anisotropy: crate::preparation::anisotropy_of_fabric(&body.fabric(), S::DIMENSION),
-            sliding_fraction: contacts.sliding as f64 / contacts.contacts.max(1) as f64,
+            sliding_fraction: contacts.sliding as f64 / inside.max(1.0),
             unbalanced_force_ratio: self.unbalanced(),
             kinetic_energy: self.last.kinetic_energy,
             elastic_energy: contacts.elastic_energy,

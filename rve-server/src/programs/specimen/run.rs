@@ -425,12 +425,14 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
         let stress = std::array::from_fn(|axis| self.wall_stress(axis));
-        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit && !self.is_in_free_flight()
+        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit && !self.is_in_free_flight(limit)
     }
 
-    /// Whether forces accelerate grains while no contact bears anything: no ratio to a mean contact force tells of that.
-    fn is_in_free_flight(&self) -> bool {
-        self.dynamics.contacts.normal_force == 0.0 && self.last.largest_force > 0.0
+    /// Whether grains fly while no contact bears anything, with forces or without: no ratio to a mean contact force tells of that. Kinetic energy
+    /// is quadratic in what the limit bounds.
+    fn is_in_free_flight(&self, limit: f64) -> bool {
+        let coasts = || self.last.kinetic_energy > limit * limit * self.dynamics.energy_turnover();
+        self.dynamics.contacts.normal_force == 0.0 && (self.last.largest_force > 0.0 || coasts())
     }
 
     /// Rate of the period of an axis, m/s, in the homogeneous strain of the stage: strains along the periodic axes and shears across them

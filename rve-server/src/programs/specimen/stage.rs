@@ -16,7 +16,7 @@ pub struct Stage {
     #[schemars(range(min = 1))]
     pub steps: u64,
     /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
-    /// targets over the mean target, are below this.
+    /// targets over the mean target, are below this. Not in a stage that strains or shears.
     #[serde(default)]
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub until_balance: Option<f64>,
@@ -141,6 +141,15 @@ impl Stage {
         }
         if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
             return Err(DefinitionError("until_balance must be a positive number".into()));
+        }
+        let strains = self.strain.values().into_iter().flatten();
+        let shears = (0..dimension).flat_map(|axis| self.shear.of_side(axis));
+        if self.until_balance.is_some() && strains.chain(shears).any(|strain| strain != 0.0) {
+            return Err(DefinitionError(
+                "until_balance would end the stage before it has strained as far as it should; strain in a stage without it, and let the \
+                 grains come to balance in the next one"
+                    .into(),
+            ));
         }
         if self.friction.is_some_and(|value| !(value.is_finite() && value >= 0.0)) {
             return Err(DefinitionError("friction must be zero or positive".into()));

@@ -171,7 +171,8 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.travelled >= 0.5 * skin
     }
 
-    /// Adds the loads of all contacts with this wall, in grain order.
+    /// Adds the loads of all contacts with this wall, in grain order. Sliding along a wall is not counted: a smooth one has no friction that
+    /// could hold.
     pub(crate) fn press(
         &mut self,
         grains: &[Grain<S>],
@@ -183,6 +184,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.force = Tuple::zero();
         self.stiffness = 0.0;
         let velocity = self.motion();
+        let sliding_grains = sums.sliding;
         for &index in &self.near {
             let grain = &grains[index as usize];
             let overlap = grain.radius - grain.position.minus(self.point).dot(self.normal);
@@ -204,6 +206,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
             total.force = total.force.plus(load.force);
             total.moment = total.moment.plus(load.moments[0]);
         }
+        sums.sliding = sliding_grains;
     }
 
     /// Contribution of each grain's contact with this wall to its stability bound.

@@ -318,11 +318,14 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
 
     /// Makes sure that the common list holds the list of a lane.
     fn include(&mut self, setting: &Setting<'_, C>, lane: usize) {
-        let occupied = || self.lanes.iter().flatten();
-        let longest = occupied().map(|other| other.listing.keys.len()).max().unwrap_or(0);
+        let longest = self.lanes.iter().flatten().map(|other| other.listing.keys.len()).max().unwrap_or(0);
         let own = &self.lanes[lane].as_ref().expect("the lane is occupied").listing.keys;
         let union = if self.keys.len() as f64 > SLACK * longest as f64 {
-            occupied().fold(Vec::new(), |union, other| merged(&union, &other.listing.keys))
+            self.unpack();
+            // A contact that has come apart by more than the skin is in no list of its own any more, but its end has to be booked.
+            let touching: Vec<PairKey<S>> =
+                self.keys.iter().zip(&self.live).filter(|(_, live)| **live).map(|(key, _)| *key).collect();
+            self.lanes.iter().flatten().fold(touching, |union, other| merged(&union, &other.listing.keys))
         } else if is_subset(own, &self.keys) {
             return self.set_images(lane);
         } else {

@@ -79,6 +79,12 @@ impl Imbalance {
         Self { measure, of_present, ratio }
     }
 
+    /// Of forces, as a measure of energy: that is quadratic in them.
+    pub(crate) fn squared(self) -> Self {
+        let square = |value: f64| value * value;
+        Self { measure: square(self.measure), of_present: square(self.of_present), ratio: square(self.ratio) }
+    }
+
     /// Whether a cell that carries `load` and is at rest bears it: forces that are small by what the cell once carried and in
     /// no balance with each other are on their way to nothing.
     pub(crate) fn bears(&self, load: f64, largest_load: f64, tolerance: f64) -> bool {

@@ -33,6 +33,9 @@ const STIFFNESS_INTERVAL: u64 = 64;
 /// Growth of the normal forces that calls for a new check: contacts stiffen with them in some laws, at most in proportion.
 const PRESSED: f64 = 1.05;
 
+/// Growth of the number of contacts of a gas since the last look at the stiffness, as a share of it, with which it is looked at again.
+const CONTACT_GROWTH: f64 = 0.1;
+
 /// Fewest relaxation steps after the ramp: the moment at which the ramp ends says little about equilibrium.
 const FEWEST_HOLD_STEPS: u32 = 10;
 
@@ -64,6 +67,8 @@ pub(crate) struct Run<S: Space> {
     is_stiffer: bool,
     /// Sum of the normal forces at that check, N.
     looked_at: f64,
+    /// Contacts then.
+    looked_at_contacts: f64,
     damper: Damper,
     sums: StepSums<f64>,
     old_power: f64,
@@ -111,6 +116,7 @@ impl<S: Space> Run<S> {
             mass: 0.0,
             is_stiffer: true,
             looked_at: 0.0,
+            looked_at_contacts: 0.0,
             damper: Damper::new(safety::<S>()),
             sums: StepSums::default(),
             old_power: 0.0,
@@ -130,11 +136,18 @@ impl<S: Space> Run<S> {
 
     /// Whether the stiffness of the contacts has to be looked at before the next step.
     pub(crate) fn needs_stiffness<C: ContactLaw<S::Kernel>>(&self, setting: &Setting<'_, C>) -> bool {
-        // In a gas of grains whose contacts stiffen as they are pressed, a step that is too long throws them away for good.
+        // In a gas of grains the first contacts say little about how stiff the next ones make a grain, and a step that is too long makes
+        // energy and throws grains away.
+        let (grains, contacts) = (setting.radii.len(), self.sums.contacts);
+        let stiffens = || {
+            contacts < grains as f64
+                || contacts > (1.0 + CONTACT_GROWTH) * self.looked_at_contacts
+                || setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0
+        };
         let is_due = || {
             self.mass == 0.0
                 || self.evaluations.is_multiple_of(STIFFNESS_INTERVAL)
-                || self.is_gas(setting.radii.len()) && setting.first_touch_stiffness::<S>(f64::EPSILON) > 0.0
+                || self.is_gas(grains) && stiffens()
         };
         self.is_stiffer && !matches!(self.phase, Phase::Fresh | Phase::Rest) && is_due()
     }
@@ -322,7 +335,12 @@ impl<S: Space> Run<S> {
     }
 
     fn imbalance<C>(&self, setting: &Setting<'_, C>) -> Imbalance {
-        Imbalance::by(setting.options.criterion, setting.radii.len(), self.mass, &self.sums, self.largest_load)
+        let by = |criterion| Imbalance::by(criterion, setting.radii.len(), self.mass, &self.sums, self.largest_load);
+        match (setting.options.criterion, self.phase) {
+            // Grains are held while forces are taken without viscosity: their kinetic energy says nothing, but forces do.
+            (Criterion::Energy, Phase::Rest) => by(Criterion::MaxForce).squared(),
+            (criterion, _) => by(criterion),
+        }
     }
 
     /// Raises the mass if the contacts have become stiffer; never lowers it within a run. `stiffness` is the largest own stiffness of
@@ -334,6 +352,6 @@ impl<S: Space> Run<S> {
         let safety = safety::<S>();
         self.mass = self.mass.max(factor * stiffness / (2.0 * safety * safety));
         self.is_stiffer = false;
-        self.looked_at = self.sums.normal_force;
+        (self.looked_at, self.looked_at_contacts) = (self.sums.normal_force, self.sums.contacts);
     }
 }
