@@ -5,7 +5,7 @@ use super::input_error::InputError;
 use super::tables::{ProcedureKeyword, SceneFile};
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::problem::ErrorControl;
-use rve_server::definition::{RveOptions, SolverName};
+use rve_server::definition::{Accuracy, RveOptions, SolverName};
 
 /// Error of the stress over the pressure that a scene keeps to which names no accuracy; the reasons are in
 /// docs/lab-book/error-estimate.md.
@@ -29,6 +29,14 @@ pub(super) fn choose(document: &Document, file: &mut SceneFile) -> Result<bool, 
         file.rve.error = Some(DEFAULT_ERROR);
     }
     Ok(is_open)
+}
+
+/// The error of the stresses that the tolerances of implicit stages follow: the one that the run keeps to, and that of drafts, whose cells are
+/// solved as they are at the start of a run that keeps to the default one. Steps that balance more closely than their cells do stagnate.
+pub(super) fn error_of_stresses(document: &Document, file: &SceneFile) -> Option<f64> {
+    let is_draft = file.rve.accuracy == Accuracy::Draft
+        && !["strain_per_step", "tolerance"].iter().any(|key| document.is_written(&["rve", key]));
+    file.rve.error.or(is_draft.then_some(DEFAULT_ERROR))
 }
 
 /// The table `[error_estimate]`.
@@ -101,6 +109,9 @@ mod tests {
         let stages = "stage=[{ name = 'a', solver = { criteria = ['force'] } }, { name = 'b' }]";
         assert_eq!(of(&["rve.error=2e-3", stages]), [[1e-3, 1e-2], [4e-3, 2e-2]], "other measures in one stage");
         assert_eq!(of(&["rve.accuracy=default"]), [[1e-3, 1e-2]]);
+        assert_eq!(of(&["rve.accuracy=draft"]), [[1e-2, 5e-2]]);
+        assert_eq!(of(&["rve.accuracy=draft", "rve.tolerance=1e-4"]), [[1e-3, 1e-2]]);
+        assert_eq!(of(&["rve.accuracy=draft", "solver.displacement_tolerance=3e-3"]), [[1e-2, 3e-3]]);
         let mut given_up = brick(&[]);
         given_up.give_up_default_error();
         assert_eq!(tolerances(&given_up), [[1e-3, 1e-2]]);

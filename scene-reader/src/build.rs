@@ -1,7 +1,7 @@
 //! From the keys of a scene file to what the solver and the workers need. Everything is checked here, before any
 //! folder is made or any process started.
 
-use super::accuracy::{choose, error_control, error_estimate};
+use super::accuracy::{choose, error_control, error_estimate, error_of_stresses};
 use super::document::{Document, Kind};
 use super::engines::EnginePlan;
 use super::initial::{find_equilibrium, initial_state};
@@ -115,8 +115,11 @@ impl Scene {
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
         let densities = materials.densities(&mesh);
-        let given =
-            Given { densities: &densities, cell_dimension: materials.cell_dimension(), error: file.rve.error };
+        let given = Given {
+            densities: &densities,
+            cell_dimension: materials.cell_dimension(),
+            error: error_of_stresses(&document, &file),
+        };
         let (mut stages, outputs) = read_stages(&document, &sets, &file, &given)?;
         let without_error = if keeps_default_error {
             read_stages(&document, &sets, &file, &Given { error: None, ..given })?.0

@@ -76,6 +76,20 @@ enum Table {
     Linked,
 }
 
+impl Table {
+    /// Its name in input files.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Boundary => "boundary",
+            Self::Pressure => "pressure",
+            Self::Traction => "traction",
+            Self::BodyForce => "body_force",
+            Self::Friction => "friction",
+            Self::Linked => "links between displacements",
+        }
+    }
+}
+
 /// A condition that acts, and how it is called.
 #[derive(Clone, Debug, PartialEq)]
 struct Acting {
@@ -134,7 +148,7 @@ impl Conditions {
     /// Ends the conditions of these names.
     ///
     /// # Errors
-    /// There is none of that name.
+    /// There is none of that name, or conditions of several tables are called so.
     pub(super) fn remove(&mut self, document: &Document, names: &[Located<String>]) -> Result<(), InputError> {
         for name in names {
             if !self.0.iter().any(|acting| acting.name == *name.get_ref()) {
@@ -146,6 +160,22 @@ impl Conditions {
                         "these act: {}; without `name` a condition is called as its set",
                         known.join(", ")
                     )));
+            }
+            let mut tables: Vec<&str> = Vec::new();
+            for acting in self.0.iter().filter(|acting| acting.name == *name.get_ref()) {
+                if !tables.contains(&acting.table.name()) {
+                    tables.push(acting.table.name());
+                }
+            }
+            if tables.len() > 1 {
+                return Err(document
+                    .error_at(
+                        name.span(),
+                        format!("several conditions are called '{}': of {}", name.get_ref(), tables.join(" and of ")),
+                    )
+                    .hint(
+                        "give each a `name` of its own where it is written, and remove the one that is meant by it",
+                    ));
             }
             self.0.retain(|acting| acting.name != *name.get_ref());
         }

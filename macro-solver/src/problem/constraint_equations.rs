@@ -93,9 +93,12 @@ impl<'a> Writer<'a, '_> {
         self.equations.push(equation);
     }
 
+    /// Middle of the extent of a set: unlike the mean of its nodes, it does not depend on how finely a mesh is divided where.
     fn middle(&self, nodes: &[usize]) -> [f64; 3] {
-        let count = nodes.len() as f64;
-        std::array::from_fn(|axis| nodes.iter().map(|&node| self.positions[node][axis]).sum::<f64>() / count)
+        std::array::from_fn(|axis| {
+            let along = nodes.iter().map(|&node| self.positions[node][axis]);
+            0.5 * (along.clone().fold(f64::INFINITY, f64::min) + along.fold(f64::NEG_INFINITY, f64::max))
+        })
     }
 
     fn rigid_body(

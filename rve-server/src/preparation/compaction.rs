@@ -57,6 +57,10 @@ const FAR_STRAIN: f64 = 2e-4;
 /// Most increments of either stage.
 const MOST_INCREMENTS: u32 = 5_000;
 
+/// Largest strain of the servo from the first load on. Packings take some per cent to their stress; grains that cannot carry it flow until a few of
+/// them bridge a flat cell.
+const MOST_STRAIN_OF_SERVO: f64 = 0.5;
+
 /// Tangential over normal stiffness that the servo assumes of contacts without tangential springs, and of stiffer ones without friction.
 const ASSUMED_SPRINGS: f64 = 0.5;
 
@@ -100,7 +104,8 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             // The servo of spheres learns from its steps and reaches more targets with what their own operator says.
             cell.assume_springs_in_operators(ASSUMED_SPRINGS);
         }
-        let limits = ServoLimits::increments(MOST_INCREMENTS);
+        let limits =
+            ServoLimits::increments_and_strain(MOST_INCREMENTS, cell.committed().cell.rows, MOST_STRAIN_OF_SERVO);
         Ok(Self { cell, target, tolerances, limits, log })
     }
 
@@ -149,6 +154,9 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             self.cell.commit().map_err(content)?;
             self.report("compression", increment, &answer);
             if share > HANDOVER[0] {
+                // The strain of the servo counts from here.
+                let rows = self.cell.committed().cell.rows;
+                self.limits = ServoLimits::increments_and_strain(self.limits.increments, rows, MOST_STRAIN_OF_SERVO);
                 return Ok(());
             }
             compression = compression.max(CREEPING_COMPRESSION);
@@ -196,7 +204,12 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             self.cell.commit().map_err(content)?;
             self.report("servo", increment, &answer);
             if self.limits.are_passed_by(&self.cell.committed().cell.rows) {
-                return Err(PackingError::Content("the grains flow without reaching the target".into()));
+                let [smallest, largest] = self.target.principal_pressures();
+                return Err(PackingError::Content(format!(
+                    "the grains flow without reaching the target, whose smallest principal stress is {:.2} of the largest: more than the \
+                     friction of the preparation bears; ask for stresses that differ less, or raise that friction",
+                    smallest / largest
+                )));
             }
             let error = self.stress_error(&answer.stress);
             if refined

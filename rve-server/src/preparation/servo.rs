@@ -37,31 +37,25 @@ pub(crate) fn pressure(stress: &Tensor2, dimension: usize) -> f64 {
 pub(crate) struct ServoLimits<S: Space> {
     /// Most servo steps.
     pub(crate) increments: u32,
-    /// The vectors of the cell at the start, m, by rows, and how far a component of the deformation since then may be from the identity.
-    strain: Option<(S::Tensor, f64)>,
+    /// The vectors of the cell at the start, m, by rows.
+    start: S::Tensor,
+    /// How far a component of the deformation since then may be from the identity.
+    most_strain: f64,
 }
 
 impl<S: Space> ServoLimits<S> {
-    /// So many steps, however far they lead.
-    pub(crate) fn increments(increments: u32) -> Self {
-        Self { increments, strain: None }
-    }
-
     /// So many steps, and so much strain of a cell that has these vectors.
     pub(crate) fn increments_and_strain(increments: u32, rows: S::Tensor, most: f64) -> Self {
-        Self { increments, strain: Some((rows, most)) }
+        Self { increments, start: rows, most_strain: most }
     }
 
     /// Whether a cell with these vectors has been strained by more than the limit.
     pub(crate) fn are_passed_by(&self, rows: &S::Tensor) -> bool {
-        self.strain.as_ref().is_some_and(|(before, most)| {
-            // A cell whose vectors lean far is described by shorter ones from its first trial on: that is no strain.
-            let deformation = cell_deformation::<S>(before, rows, &S::Tensor::IDENTITY);
-            deformation
-                .components()
-                .zip(S::Tensor::IDENTITY.components())
-                .any(|(now, then)| (now - then).abs() > *most)
-        })
+        // A cell whose vectors lean far is described by shorter ones from its first trial on: that is no strain.
+        let deformation = cell_deformation::<S>(&self.start, rows, &S::Tensor::IDENTITY);
+        let identity = S::Tensor::IDENTITY;
+        let mut components = deformation.components().zip(identity.components());
+        components.any(|(now, then)| (now - then).abs() > self.most_strain)
     }
 }
 

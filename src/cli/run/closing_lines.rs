@@ -115,8 +115,9 @@ fn warnings(summary: &Summary) -> String {
     let open = (residual > LARGEST_RESIDUAL).then(|| {
         let percent = 100.0 * residual;
         format!(
-            "energy balance open by {percent:.0} %: the load steps are large where stresses change or turn fast; smaller ones close it \
-             (what engines from outside damp stays open)"
+            "energy balance open by {percent:.0} %: load steps are large where stresses change or turn fast (smaller ones close it), or \
+             grains answer above equilibrium while they are strained, which damping takes (smaller rve.strain_per_step and \
+             rve.tolerance close that); what engines from outside damp stays open"
         )
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();

@@ -131,6 +131,7 @@ fn run_in_space<S: SolverFor>(
         is_far_from_rest: false,
         work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
         network: None,
+        missed: [None; COMPONENTS],
         last_change: None,
         sound: None,
         spent: Spent::default(),
@@ -185,6 +186,8 @@ struct Run<S: SolverFor> {
     work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
     network: Option<ContactNetwork<S>>,
+    /// Targets of the last segment if its last increment missed them, Pa.
+    missed: [Option<f64>; COMPONENTS],
     /// Change of G in the last increment of the same segment.
     last_change: Option<Matrix>,
     /// Elastic operator of the last state that a search started from and that carried a load; for cells that carry none.
@@ -256,7 +259,11 @@ impl<S: SolverFor> Run<S> {
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, ElementError> {
         let kinematics_at_start = self.deformation;
-        let start_stress = flat(&self.stress);
+        // A stress that was missed across a snap is made up for at once: the next segment goes on from what was wanted.
+        let mut start_stress = flat(&self.stress);
+        for (start, missed) in start_stress.iter_mut().zip(std::mem::take(&mut self.missed)) {
+            *start = missed.unwrap_or(*start);
+        }
         let mut committed_gradient = Matrix::ZERO;
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
@@ -315,6 +322,9 @@ impl<S: SolverFor> Run<S> {
             if self.spent.relaxed > 0 {
                 self.summary.relaxed_increments += 1;
                 control = control.max(StressControl::Relaxed);
+            }
+            if accepted.control == StressControl::Jump && increment == segment.increments {
+                self.missed = segment.stress.values();
             }
             if self.accept(&accepted, control, operator, on_row).is_break() {
                 return Ok(ControlFlow::Break(()));

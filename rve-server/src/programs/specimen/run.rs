@@ -18,7 +18,7 @@ use crate::space::{Components, Discs, Spheres};
 use std::ops::ControlFlow;
 
 /// Default speed of the servo per missing force, relative to the walls' stiffness.
-const SERVO_GAIN: f64 = 0.02;
+const SERVO_GAIN: f64 = 0.3;
 
 /// Default largest strain of one step of a servo-controlled wall.
 const LARGEST_STRAIN_PER_STEP: f64 = 1e-5;

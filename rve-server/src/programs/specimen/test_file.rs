@@ -92,7 +92,7 @@ pub struct WallTable {
     #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub friction: f64,
     /// Speed of the servo per missing force, relative to the walls' stiffness.
-    #[schemars(extend("x-unit" = "-", "x-default" = "0.02"))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "0.3"))]
     pub servo_gain: Option<f64>,
     /// Largest strain of one step of a servo-controlled wall.
     #[schemars(extend("x-unit" = "-", "x-default" = "1e-5"))]
