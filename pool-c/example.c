@@ -84,7 +84,7 @@ static void beyond_the_plane(void) {
 /* Integrates a vertical strain, or for finite strains a vertical stretch; `variables` are those at the begin and at the end. */
 static int behaviour(int is_finite, double from, double to, double variables[2][6], double stress[4], double operator[20]) {
     double one = is_finite ? 1.0 : 0.0, factor = 1.0, forces[4] = {0};
-    double gradients[2][5] = {{one, from, one}, {one, to, one}};
+    double gradients[2][6] = {{one, from, one}, {one, to, one}};
     char message[512];
     PointView view = {message, 1.0, operator, &factor, NULL, {gradients[0], forces, NULL, NULL, variables[0], NULL, NULL, NULL},
                       {gradients[1], stress, NULL, NULL, variables[1], NULL, NULL, NULL}};
@@ -126,11 +126,20 @@ static void behaviours(const GrainspanPool *pool) {
     operator[0] = -4.0;
     expect(behaviour(0, -2e-4, -9e-4, variables, stress, operator) == 1 && operator[5] > 1e7, "an operator without a step");
     expect(memcmp(second, variables[1], sizeof second) == 0, "which changes nothing else");
+    /* From the iteration before the operator, which the pool has no trial of any more. */
+    done(grainspan_commit(pool, 1, &state));
+    step[4] = -6e-4 - -5e-4;
+    done(grainspan_trial(pool, 1, &state, step, 0, 0, wanted, NULL, NULL, NULL));
     variables[0][0] = second[0];
     operator[0] = 0.0;
-    expect(behaviour(0, -5e-4, -6e-4, variables, stress, operator) == 1, "the third step");
+    expect(behaviour(0, -5e-4, -6e-4, variables, stress, operator) == 1 && stress[1] == wanted[4], "the third step");
+    /* A refusal, after which the host goes on from the iteration before it. */
+    expect(behaviour(0, -5e-4, -3.0, variables, stress, operator) == -1, "a refusal of a later step");
+    done(grainspan_commit(pool, 1, &state));
+    step[4] = -7e-4 - -6e-4;
+    done(grainspan_trial(pool, 1, &state, step, 0, 0, wanted, NULL, NULL, NULL));
     variables[0][0] = variables[1][0];
-    expect(behaviour(0, -6e-4, -7e-4, variables, stress, operator) == 1, "the fourth step");
+    expect(behaviour(0, -6e-4, -7e-4, variables, stress, operator) == 1 && stress[1] == wanted[4], "the fourth step");
     variables[0][0] = second[0];
     expect(behaviour(0, -5e-4, -6e-4, variables, stress, operator) == -1, "older states are gone");
     variables[0][0] = 0.0;

@@ -45,8 +45,11 @@ pub enum JoinError {
     /// Nobody listens there, or the way is blocked.
     #[error("{0}")]
     Unreachable(String),
-    /// Whoever listens there does not know our secret, or does not accept it.
-    #[error("{0}: the secret is not that of the run, or the port is not that of a run ({1})")]
+    /// Whoever listens there shows another key than ours. Keys follow from the secret, and how they do may differ between builds.
+    #[error(
+        "{0}: the secret is not that of the run, or the run is of another build of grainspan, or the port is not that of a run ({1}); give \
+         both sides one secret and one program"
+    )]
     Untrusted(String, String),
 }
 

@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use hosts::agent::{Agent, AgentEnd, AgentOptions};
 use hosts::{DoorOptions, JoinError, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
-use macro_solver::pool::{Interrupt, JoiningWorkers};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::in_process::{InProcessDoor, channel};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, WorkerEvent, WorkerId, WorkerPort};
@@ -149,10 +149,43 @@ fn worker(door: &InProcessDoor, answers: Receiver<()>) {
     });
 }
 
+/// Workers that join from elsewhere; tells when the agent has noticed that one is gone.
+struct Noticed(Sender<()>);
+
+impl WorkerSupply for Noticed {
+    fn joined(&mut self, _: u32) {}
+
+    fn refused(&mut self, _: u32, _: &str) {}
+
+    fn lost(&mut self, _: u32, _: bool) {
+        // The test listens to the first loss only.
+        let _ = self.0.send(());
+    }
+
+    fn tend(&mut self) -> Outlook {
+        JoiningWorkers.tend()
+    }
+
+    fn restarts(&self) -> u64 {
+        0
+    }
+
+    fn finish(&mut self) {}
+}
+
 /// An agent with two workers in a thread of its own. Returns where it looks for its run, what makes its workers answer, and its end.
 fn agent(
     target: Target,
     state_bytes: u64,
+) -> (Arc<Mutex<Target>>, [Sender<()>; 2], std::thread::JoinHandle<(AgentEnd, hosts::agent::AgentFigures)>) {
+    agent_with(target, state_bytes, JoiningWorkers)
+}
+
+/// The same with a supply.
+fn agent_with(
+    target: Target,
+    state_bytes: u64,
+    mut supply: impl WorkerSupply + Send + 'static,
 ) -> (Arc<Mutex<Target>>, [Sender<()>; 2], std::thread::JoinHandle<(AgentEnd, hosts::agent::AgentFigures)>) {
     let place = Arc::new(Mutex::new(target));
     let ((one, first), (two, second)) = (wire(), wire());
@@ -162,7 +195,6 @@ fn agent(
         worker(&door, first);
         worker(&door, second);
         let options = AgentOptions { limits: Limits::default(), state_bytes, timeout: PATIENCE };
-        let mut supply = JoiningWorkers;
         let target = move || Ok(looked_up.lock().unwrap().clone());
         let mut agent = Agent::new(local, &mut supply, target, options, Interrupt::new());
         let end = agent.serve().unwrap();
@@ -215,13 +247,14 @@ fn a_state_travels_to_a_host_once_whichever_of_its_workers_needs_it() {
 #[test]
 fn a_state_that_was_sent_to_a_worker_that_has_just_ended_is_kept_for_the_others() {
     let (mut port, target) = listen(this_program());
-    let (_, [first, second], thread) = agent(target, 1000);
+    let (noticed, loss) = wire();
+    let (_, [first, second], thread) = agent_with(target, 1000, Noticed(noticed));
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| heard.hellos.len() == 2);
-    // The first worker ends with its next job, and the agent notices.
+    // The first worker ends with its next job, and the agent notices. The macro has not listened yet.
     drop(first);
     port.send_jobs(WorkerId(0), &[LoadedJob { job: job(0, b""), state: b"" }]).unwrap();
-    std::thread::sleep(Duration::from_millis(200));
+    loss.recv_timeout(PATIENCE).unwrap();
     for (number, worker) in [(1, 0), (2, 1)] {
         port.send_jobs(WorkerId(worker), &[LoadedJob { job: job(number, b"state"), state: b"state" }]).unwrap();
     }

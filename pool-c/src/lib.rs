@@ -11,6 +11,7 @@ mod ffi_boundary;
 mod functions;
 mod gather;
 mod material;
+mod measures;
 mod mgis;
 mod umat;
 

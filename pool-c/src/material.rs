@@ -16,7 +16,7 @@ const CELL: &str = "GRAINSPAN_CELL";
 const WORKERS: &str = "GRAINSPAN_WORKERS";
 /// Name of the variable with the increments in which a cell applies each deformation; without it the cell chooses.
 const RAMP_STEPS: &str = "GRAINSPAN_RAMP_STEPS";
-/// Name of the variable that tells what the strains of a host are: `finite` (usual) or `small`.
+/// Name of the variable that tells what the strains of a host are: `finite` (usual), `lagrange` or `small`.
 const STRAINS: &str = "GRAINSPAN_STRAINS";
 /// Name of the variable with the tangent operator of user materials, by its number.
 const TANGENT: &str = "GRAINSPAN_TANGENT";
@@ -24,8 +24,10 @@ const TANGENT: &str = "GRAINSPAN_TANGENT";
 /// What the strains of a host are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Strains {
-    /// Deformation gradients; equilibrium in the deformed body.
+    /// Deformation gradients; equilibrium in the deformed body, by Cauchy's stress.
     Finite,
+    /// Deformation gradients; equilibrium in the undeformed body, by the second Piola-Kirchhoff stress.
+    Lagrange,
     /// Symmetric gradients of displacements; equilibrium in the undeformed body.
     Small,
 }
@@ -105,9 +107,12 @@ fn open() -> Result<Material, Failure> {
     let ramp_steps = number(RAMP_STEPS)?;
     let strains = match std::env::var(STRAINS).as_deref() {
         Err(_) | Ok("finite") => Strains::Finite,
+        Ok("lagrange") => Strains::Lagrange,
         Ok("small") => Strains::Small,
         Ok(other) => {
-            return Err(Failure::input(format!("{STRAINS} = \"{other}\": \"finite\" and \"small\" are known")));
+            return Err(Failure::input(format!(
+                "{STRAINS} = \"{other}\": \"finite\", \"lagrange\" and \"small\" are known"
+            )));
         }
     };
     let tangent = match number(TANGENT)? {

@@ -113,16 +113,19 @@ class Coupling:
             increment += solve(*condense(matrix, imbalance, I=free))
         raise RuntimeError("no equilibrium; use more steps")
 
-    def divided(self, shortening: float, guess: np.ndarray | None, tolerance: float):
+    def divided(self, shortening: float, guess: np.ndarray | None, tolerance: float, halvings: int = 8):
         """A step, in halves if a cell refuses it. A refusal changes nothing, so the step is simply done again."""
         try:
             return self.step(shortening, guess, tolerance)
         except grainspan.TrialRefused as refused:
             if not refused.curable:
                 raise
+            if halvings == 0:
+                text = f"a cell refuses a shortening of {shortening:.1e} m, and smaller steps do not help: {refused}"
+                raise RuntimeError(text) from refused
         half = None if guess is None else 0.5 * guess
-        first, _ = self.divided(0.5 * shortening, half, tolerance)
-        second, force = self.divided(0.5 * shortening, first, tolerance)
+        first, _ = self.divided(0.5 * shortening, half, tolerance, halvings - 1)
+        second, force = self.divided(0.5 * shortening, first, tolerance, halvings - 1)
         return first + second, force
 
     def run(self, tolerance: float = 1e-4) -> np.ndarray:

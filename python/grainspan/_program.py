@@ -14,7 +14,8 @@ _VARIABLE = "GRAINSPAN_PROGRAM"
 def executable() -> Path:
     """Path of the program `grainspan`.
 
-    The environment variable ``GRAINSPAN_PROGRAM`` names another one, of the same version.
+    The environment variable ``GRAINSPAN_PROGRAM`` names another one, built from the same sources as the package: a pool refuses workers of
+    another build, whose results may differ.
 
     Raises
     ------

@@ -21,6 +21,27 @@ def test_a_coupled_finite_element_code_agrees_with_the_program(tmp_path):
     np.testing.assert_allclose(own, reference, rtol=1e-8, atol=1e-12)
 
 
+def test_a_step_that_every_cell_refuses_is_not_halved_for_ever(monkeypatch):
+    pytest.importorskip("skfem")
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    import coupled_biaxial
+
+    import grainspan
+
+    steps = []
+
+    def refuse(self, shortening, guess, tolerance):
+        steps.append(shortening)
+        raise grainspan.TrialRefused("inside out", 0, True)
+
+    monkeypatch.setattr(coupled_biaxial.Coupling, "step", refuse)
+    coupling = object.__new__(coupled_biaxial.Coupling)
+    with pytest.raises(RuntimeError, match="smaller steps do not help: inside out"):
+        coupling.divided(1.0, None, 1e-9)
+    # The whole step and eight halves of it.
+    assert steps == [0.5**number for number in range(9)]
+
+
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run(notebook: Path):
     nbformat = pytest.importorskip("nbformat")

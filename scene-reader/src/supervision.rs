@@ -56,6 +56,15 @@ mod tests {
         scene.pool.apply(&scene.document, &PoolSettings::new("test")).map_err(|error| error.to_string())
     }
 
+    /// What no key names passes through.
+    #[test]
+    fn versions_of_engines_stay_as_the_caller_gives_them() {
+        let scene = crate::weak_element(&["pool.window=3"]).unwrap();
+        let given = PoolSettings { versions: vec![("one".into(), "1+a".into())], ..PoolSettings::new("test") };
+        let found = scene.pool.apply(&scene.document, &given).unwrap();
+        assert_eq!((found.window.get(), found.versions), (3, given.versions));
+    }
+
     #[test]
     fn trials_per_message_and_messages_per_worker_are_read() {
         let sizes =

@@ -34,7 +34,7 @@ const MOST_LINES: usize = 30;
 /// Prints what is asked for.
 ///
 /// # Errors
-/// There is no such key (exit code 2).
+/// There is no such key (exit code 2). Several words are a search, which fails when no key mentions them.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let kind = |word: &Option<String>| word.as_deref().and_then(|word| word.parse::<Kind>().ok());
     let text = if let Some(kind) = kind(&arguments.markdown) {
@@ -60,17 +60,19 @@ fn explanation(kinds: &[Kind], key: &str) -> Result<String, Failure> {
     }
     // What is written like a key is a mistake in one, not words.
     let lines = if key.contains(['_', '.']) { Vec::new() } else { mentioned(kinds, key) };
-    if !lines.is_empty() {
-        let left = lines.len().saturating_sub(MOST_LINES);
-        let more = if left > 0 { format!("and {left} more\n") } else { String::new() };
-        return Ok(format!(
-            "no key is called '{key}'; these mention it:\n{}\n{more}",
-            lines[..lines.len() - left].join("\n")
-        ));
+    let left = lines.len().saturating_sub(MOST_LINES);
+    let more = if left > 0 { format!("and {left} more\n") } else { String::new() };
+    let listed = format!("these mention it:\n{}\n{more}", lines[..lines.len() - left].join("\n"));
+    if !lines.is_empty() && key.contains(char::is_whitespace) {
+        return Ok(format!("no key is called '{key}'; {listed}"));
     }
     let meant = nearest_key(key).map_or_else(String::new, |meant| format!("did you mean {meant}? "));
-    let hint = format!("hint: {meant}`grainspan explain` lists all tables");
-    Err(Failure::new(Exit::BadInput, format!("there is no key '{key}'\n{hint}")))
+    let hint = match lines.is_empty() {
+        true => format!("{meant}`grainspan explain` lists all tables"),
+        // One word may be a mistake in the name of a key as well as a search.
+        false => format!("{meant}{}", listed.trim_end()),
+    };
+    Err(Failure::new(Exit::BadInput, format!("there is no key '{key}'\nhint: {hint}")))
 }
 
 /// Arguments of the hidden command that completion scripts call.
@@ -94,4 +96,25 @@ pub(crate) fn complete(arguments: &CompleteArguments) -> Result<Exit, Failure> {
         completions(kind, &arguments.start).into_iter().map(|(candidate, _)| format!("{candidate}\n")).collect();
     print(lines.as_bytes())?;
     Ok(Exit::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_that_is_no_key_fails_with_the_keys_that_mention_it() {
+        let failure = explanation(&Kind::ALL, "against").unwrap_err();
+        assert_eq!(failure.exit, Exit::BadInput);
+        assert!(failure.message.starts_with("there is no key 'against'\nhint: "), "{failure}");
+        assert!(failure.message.contains("these mention it:\n"), "{failure}");
+        assert!(explanation(&Kind::ALL, "friction").unwrap().contains("friction"));
+    }
+
+    #[test]
+    fn several_words_are_a_search_and_what_looks_like_a_key_is_none() {
+        assert!(explanation(&Kind::ALL, "time step").unwrap().contains("these mention it"));
+        let failure = explanation(&Kind::ALL, "loading.grwoth").unwrap_err();
+        assert!(failure.message.contains("did you mean loading.growth?"), "{failure}");
+    }
 }

@@ -103,6 +103,12 @@ impl EngineAssignment {
         self.engines[self.engine_of[point]].engine.is_built_in()
     }
 
+    /// Engines inside this program with their versions, which workers must have: the first of another build would let in its like alone.
+    pub(crate) fn own_versions(&self) -> Vec<(String, String)> {
+        let own = self.engines.iter().filter(|assigned| built_in_engine(&assigned.engine.name).is_some());
+        own.map(|assigned| (assigned.capabilities.engine.clone(), assigned.capabilities.version.clone())).collect()
+    }
+
     /// What the pool serves: every pair of definition and engine that occurs, and for each point the index of its pair.
     pub(crate) fn pool_definitions(&self, materials: &Materials) -> PoolDefinitions {
         let mut kinds: Vec<(usize, usize)> = Vec::new();

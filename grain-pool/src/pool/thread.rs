@@ -4,9 +4,10 @@ use super::{PoolOptions, WorkerPool, failure};
 use crate::error::PoolError;
 use crate::processes::{Engine, LaunchPlan, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::pool::{Interrupt, Pool, PoolSettings};
-use protocol::Definition;
 use protocol::transport::Waker;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort};
+use protocol::{Definition, RveEngine};
+use rve_server::engine::GrainEngine;
 use scene_reader::{BUILT_IN_ENGINE, JOBS_A_MESSAGE};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -183,6 +184,10 @@ fn open(
     let plan = LaunchPlan { restarts: RESTARTS, ..LaunchPlan::for_run(&name, &engine, options.workers) };
     let supply = WorkerProcesses::start(plan, &interrupt).map_err(start("start the workers"))?;
     let mut settings = PoolSettings::new(name);
+    // The program may be of another build than this library, and would answer with other bits.
+    let own = GrainEngine.capabilities();
+    settings.engines = vec![own.engine.clone(); definitions.len()];
+    settings.versions = vec![(own.engine, own.version)];
     settings.jobs_per_message = JOBS_A_MESSAGE;
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     let mut pool = Pool::new(port, Box::new(supply), interrupt, settings, definitions, &[]);

@@ -85,6 +85,9 @@ pub struct PoolSettings {
     /// For each definition the engine whose workers solve it; empty = one engine for all, that of the first worker.
     #[schemars(skip)]
     pub engines: Vec<String>,
+    /// Engines whose version is known before their first worker comes, with it; of any other engine the first worker's version holds.
+    #[schemars(skip)]
+    pub versions: Vec<(String, String)>,
     /// Tangent kinds that every worker must serve.
     #[schemars(skip)]
     pub tangents: Vec<TangentKind>,
@@ -138,12 +141,18 @@ impl PoolSettings {
         if self.engines.is_empty() { Some(0) } else { self.engines.iter().position(|name| name == engine) }
     }
 
+    /// The version that workers of an engine must have, if it is known beforehand.
+    pub(super) fn version_of(&self, engine: &str) -> Option<&str> {
+        self.versions.iter().find(|(name, _)| name == engine).map(|(_, version)| version.as_str())
+    }
+
     /// The defaults for a plane problem of the run named `run`.
     pub fn new(run: impl Into<String>) -> Self {
         Self {
             run: run.into(),
             dimension: 2,
             engines: Vec::new(),
+            versions: Vec::new(),
             tangents: Vec::new(),
             jobs_per_message: NonZeroUsize::MIN,
             message_bytes: ChannelLimits::default().message_bytes as usize,

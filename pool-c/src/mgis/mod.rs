@@ -2,16 +2,16 @@
 //!
 //! A host finds the behaviours `GrainCell` (small strains) and `GrainCellFiniteStrain` in this library by the [`symbols`] that MGIS looks
 //! up, and calls one function per point and iteration with the state at the begin of the step. States are values ([`states`]): a host may
-//! repeat a step, with any length. Components and measures are those of MFront ([`measures`]). The layout of [`View`] is that of MGIS
+//! repeat a step, with any length. Components and measures are those of MFront ([`crate::measures`]). The layout of [`View`] is that of MGIS
 //! from 2.0 on.
 
-mod measures;
 mod states;
 mod symbols;
 
 use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
-use measures::{Components, End, Kind, Operator, Stress, UNIT};
+use crate::measures::{self, Components, End, Kind, Operator, Stress, UNIT};
+use grain_pool::State;
 use protocol::{TangentKind, Tensor2, Tensor4};
 use states::States;
 use std::ffi::{c_char, c_int};
@@ -106,8 +106,8 @@ fn wanted(kind: f64, usual: TangentKind) -> (TangentKind, bool) {
     (tangent, kind > -0.5)
 }
 
-fn known() -> &'static Mutex<States> {
-    static KNOWN: Mutex<States> = Mutex::new(States::new());
+fn known() -> &'static Mutex<States<State>> {
+    static KNOWN: Mutex<States<State>> = Mutex::new(States::new());
     &KNOWN
 }
 

@@ -12,6 +12,7 @@ mod voigt;
 use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
 use crate::material::{Material, Strains};
+use crate::measures::End;
 use grain_pool::{RvePool, State};
 use history::{Call, Points};
 use protocol::{Tensor2, Tensor4, TrialResult};
@@ -97,7 +98,7 @@ pub unsafe extern "C" fn umat_(
         };
         let material = crate::material::material()?;
         let target = match material.strains {
-            Strains::Finite => call.target(),
+            Strains::Finite | Strains::Lagrange => call.target(),
             Strains::Small => shape.strain(strain),
         };
         refuse_space(&target, &material.pool)?;
@@ -108,12 +109,21 @@ pub unsafe extern "C" fn umat_(
             (slice_mut(stress, components), slice_mut(statev, states), slice_mut(ddsdde, components * components))
         };
         let given = || Failure::input("STRESS and DDSDDE are needed");
-        shape.put_stress(&result.stress, stress.ok_or_else(given)?);
+        let (stress, ddsdde) = (stress.ok_or_else(given)?, ddsdde.ok_or_else(given)?);
         let tangent = result.tangent.as_deref().ok_or_else(given)?;
-        let ddsdde = ddsdde.ok_or_else(given)?;
         match material.strains {
-            Strains::Finite => shape.put_jacobian(tangent, &result.stress, ddsdde),
-            Strains::Small => shape.put_jacobian(&from_begin(tangent, &target), &Tensor2::ZERO, ddsdde),
+            Strains::Finite => {
+                shape.put_stress(&result.stress, stress);
+                shape.put_jacobian(tangent, &result.stress, ddsdde);
+            }
+            Strains::Lagrange => {
+                let end = End { before: call.before, after: call.after, stress: &result.stress, tangent };
+                shape.put_second_piola(&end, stress, ddsdde);
+            }
+            Strains::Small => {
+                shape.put_stress(&result.stress, stress);
+                shape.put_jacobian(&from_begin(tangent, &target), &Tensor2::ZERO, ddsdde);
+            }
         }
         if let Some(statev) = statev {
             statev.iter_mut().zip(scalars_of(&result)).for_each(|(place, value)| *place = value);

@@ -1,7 +1,9 @@
 //! Stress and tangent in the order of the host: 11, 22, 33, 12, 13, 23, shear strains doubled, matrices by columns.
 
 use crate::ffi_boundary::Failure;
+use crate::measures::{Components, End, Operator, Stress};
 use protocol::{Tensor2, Tensor4};
+use std::f64::consts::SQRT_2;
 use std::ffi::c_int;
 
 const DIRECT: [(usize, usize); 3] = [(0, 0), (1, 1), (2, 2)];
@@ -72,11 +74,30 @@ impl Voigt {
             }
         }
     }
+
+    /// STRESS and DDSDDE for equilibrium in the undeformed body: the second Piola-Kirchhoff stress and its change with the Green-Lagrange
+    /// strain, by columns.
+    pub(super) fn put_second_piola(&self, end: &End<'_>, stress: &mut [f64], jacobian: &mut [f64]) {
+        let rows = self.components();
+        let places = Components { in_space: rows == DIRECT.len() + SHEAR.len() };
+        // MFront's shears are times the square root of two; here stresses are as they are, and shear strains doubled.
+        let share = |component: usize| if component < DIRECT.len() { 1.0 } else { SQRT_2 };
+        for (row, value) in end.force(Stress::SecondPiola, places).into_iter().enumerate() {
+            stress[row] = value / share(row);
+        }
+        for (place, value) in end.operator(Operator::SecondPiolaByStrain, places).into_iter().enumerate() {
+            let (row, column) = (place / rows, place % rows);
+            jacobian[rows * column + row] = value / (share(row) * share(column));
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measures::closed_law::{LAME, SHEAR, cauchy, flat, second_piola, tangent};
+    use crate::measures::{Matrix, UNIT};
+    use rve_server::space::product;
 
     /// An objective isotropic law: the Jaumann rate of the Cauchy stress is Lame's.
     #[test]
@@ -103,6 +124,35 @@ mod tests {
         assert!((direct(0, 1) - (lame + 5.0)).abs() < 1e-14 && (direct(1, 0) - (lame - 2.0)).abs() < 1e-14);
         assert!((direct(3, 3) - shear).abs() < 1e-14 && direct(0, 3).abs() < 1e-14);
         assert!((direct(3, 0) - 1.0).abs() < 1e-14, "the shear stress is convected");
+    }
+
+    /// Saint Venant-Kirchhoff's law behind a rotation by 40 degrees, which second Piola-Kirchhoff stress and moduli do not see.
+    #[test]
+    fn second_piola_stress_and_moduli_do_not_see_a_rotation() {
+        let (sine, cosine) = 40.0_f64.to_radians().sin_cos();
+        let rotation: Matrix = [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]];
+        let stretch: Matrix = [[1.05, 0.04, 0.0], [0.04, 0.93, 0.0], [0.0, 0.0, 1.02]];
+        let after = product(&rotation, &stretch);
+        let (stress, tangent) = (flat(&cauchy(&after)), tangent(&after));
+        let end = End { before: UNIT, after, stress: &stress, tangent: &tangent };
+        let wanted = second_piola(&stretch);
+        for shears in [1, 3] {
+            let voigt = Voigt::new(3, shears).unwrap();
+            let rows = voigt.components();
+            let (mut found, mut moduli) = (vec![0.0; rows], vec![0.0; rows * rows]);
+            voigt.put_second_piola(&end, &mut found, &mut moduli);
+            for (row, &(i, j)) in voigt.pairs.iter().enumerate() {
+                assert!((found[row] - wanted[i][j]).abs() < 1e-12, "{row}: {found:?}");
+                for column in 0..rows {
+                    // The change of a shear stress with the doubled shear strain is the shear modulus.
+                    let own = if row < 3 { 2.0 * SHEAR } else { SHEAR };
+                    let expected =
+                        if row == column { own } else { 0.0 } + if row < 3 && column < 3 { LAME } else { 0.0 };
+                    let value = moduli[rows * column + row];
+                    assert!((value - expected).abs() < 1e-6, "{row} {column}: {value} {expected}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::listed_forces::ListedForces;
 use super::rve::{GrainRve, refused};
 use super::snapshot::ENGINE_NAME;
+use super::version::ENGINE_VERSION;
 use crate::contact::LawName;
 use crate::definition::AnyDefinition;
 use crate::solver;
@@ -16,7 +17,7 @@ impl RveEngine for GrainEngine {
     fn capabilities(&self) -> Capabilities {
         Capabilities {
             engine: ENGINE_NAME.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
+            version: ENGINE_VERSION.into(),
             dimensions: vec![2, 3],
             tangents: TangentKind::ALL.to_vec(),
             laws: LawName::ALL.map(|law| law.keyword().into()).to_vec(),

@@ -34,6 +34,21 @@ fn commands_in_the_files_are_commands_of_the_program() {
     takes("agent", &["--join", "--secret", "--workers", "--timeout", "--standing"]);
 }
 
+/// From Slurm 22.05 on `srun` does not take the number of cores of its job: without the option an agent would have one core.
+#[test]
+fn every_srun_says_how_many_cores_a_task_has() {
+    let guide = fs::read_to_string(root().join("docs/guide/cluster.md")).unwrap();
+    let mut found = 0;
+    for text in [read("slurm/grainspan.sbatch"), read("slurm/grainspan-hosts.sbatch"), guide] {
+        // In sentences its name stands in a code span.
+        for (_, call) in text.lines().filter_map(|line| line.split_once("srun ")) {
+            assert!(call.starts_with("--cpus-per-task="), "srun {call}");
+            found += 1;
+        }
+    }
+    assert_eq!(found, 4);
+}
+
 #[test]
 fn the_image_copies_what_there_is() {
     let text = read("container/Containerfile");

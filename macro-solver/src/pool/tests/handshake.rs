@@ -58,6 +58,20 @@ fn an_engine_of_another_version_may_not_join_the_first() {
     assert_eq!((statistics.workers_joined, statistics.workers_refused), (1, 1));
 }
 
+/// Otherwise the workers of an older program would agree with each other, and only with each other.
+#[test]
+fn a_first_worker_of_another_build_than_the_callers_is_refused() {
+    let mut stage = Stage::new(1).hire(8, &[]);
+    stage.settings.versions = vec![("other".into(), "1".into()), ("test".into(), "2".into())];
+    let mut pool = stage.open(2);
+    let error = pool.evaluate(&questions(2, 0)).unwrap_err().to_string();
+    assert!(error.contains("`test 1` is not `test 2`"), "{error}");
+    assert_eq!(pool.statistics().workers_refused, 1);
+    let mut stage = Stage::new(1).hire(8, &[]);
+    stage.settings.versions = vec![("test".into(), "1".into())];
+    stage.open(2).evaluate(&questions(2, 0)).unwrap();
+}
+
 #[test]
 fn a_second_hello_and_rubbish_are_counted_and_change_nothing() {
     let mut stage = Stage::new(1).hire(8, &[]);

@@ -296,6 +296,9 @@ impl WorkerTable {
             return Err(Refusal::Engine { engine, engines: settings.engines.join(", ") });
         };
         let offered = (engine, capabilities.version.clone());
+        if let Some(version) = settings.version_of(&offered.0).filter(|version| *version != offered.1) {
+            return Err(Refusal::Build { offered, expected: version.to_owned() });
+        }
         let expected = self.engines.entry(group).or_insert_with(|| offered.clone());
         if *expected != offered {
             return Err(Refusal::Version { offered, expected: expected.clone() });
@@ -349,6 +352,18 @@ pub(super) enum Refusal {
         engine: String,
         /// Engines of the run.
         engines: String,
+    },
+    /// The engine is another build of the one that the caller has.
+    #[error(
+        "the worker's engine `{} {}` is not `{} {expected}`, which this program was built with; results would depend on the worker; use \
+         a `grainspan` built from the same sources",
+        offered.0, offered.1, offered.0
+    )]
+    Build {
+        /// Engine and version of the worker.
+        offered: (String, String),
+        /// Version of this program's engine.
+        expected: String,
     },
     /// Bitwise equal answers need one version of an engine.
     #[error(

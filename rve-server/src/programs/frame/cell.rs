@@ -6,6 +6,7 @@ use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
 use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
 use crate::definition::{GrainDefinition, PackingFile};
+use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
 use crate::homogenization::fabric::anisotropy;
 use crate::homogenization::stress::first_piola;
@@ -74,7 +75,7 @@ impl RveEngine for FrameEngine {
     fn capabilities(&self) -> Capabilities {
         Capabilities {
             engine: FRAME_ENGINE_NAME.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
+            version: ENGINE_VERSION.into(),
             dimensions: vec![2],
             tangents: Vec::new(),
             laws: vec![LawName::Linear.keyword().into()],

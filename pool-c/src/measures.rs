@@ -1,4 +1,5 @@
-//! Strains, stresses and tangent operators in the order and the measures of MFront.
+//! Strains, stresses and tangent operators in the order and the measures of MFront; user materials that want another stress than Cauchy's
+//! take them from here too.
 //!
 //! Symmetric tensors are 11, 22, 33, then 12, 13, 23 times the square root of two; others 11, 22, 33, 12, 21, 13, 31, 23, 32. Plane and
 //! axially symmetric ones end after the plane components. Operators are row by row: a row for each component of the force.
@@ -239,31 +240,37 @@ fn determinant(tensor: &Matrix) -> f64 {
     tensor[0][0] * minor(1, 2) - tensor[0][1] * minor(0, 2) + tensor[0][2] * minor(0, 1)
 }
 
+/// An objective law in closed form for tests, in any units: Saint Venant-Kirchhoff's.
 #[cfg(test)]
-mod tests {
+pub(super) mod closed_law {
     use super::*;
 
-    const IN_SPACE: Components = Components { in_space: true };
-    const BEFORE: Matrix = [[1.02, 0.03, -0.01], [0.04, 0.97, 0.02], [0.0, -0.03, 1.01]];
-    const AFTER: Matrix = [[1.05, 0.06, -0.02], [0.02, 0.94, 0.05], [0.03, -0.01, 1.04]];
+    pub(crate) const LAME: f64 = 3.0;
+    pub(crate) const SHEAR: f64 = 2.0;
 
-    /// Cauchy stress of an objective law, in any units: Saint Venant-Kirchhoff's.
-    fn cauchy(gradient: &Matrix) -> Matrix {
-        let (lame, shear) = (3.0, 2.0);
+    /// Second Piola-Kirchhoff stress at a deformation gradient.
+    pub(crate) fn second_piola(gradient: &Matrix) -> Matrix {
         let mut strain = product(&transposed(gradient), gradient);
         add(&mut strain, -1.0, &UNIT);
         let trace = 0.5 * (strain[0][0] + strain[1][1] + strain[2][2]);
-        let mut piola = strain.map(|row| row.map(|value| shear * value));
-        add(&mut piola, lame * trace, &UNIT);
-        let ratio = determinant(gradient);
-        product(&product(gradient, &piola), &transposed(gradient)).map(|row| row.map(|value| value / ratio))
+        let mut piola = strain.map(|row| row.map(|value| SHEAR * value));
+        add(&mut piola, LAME * trace, &UNIT);
+        piola
     }
 
-    fn flat(tensor: &Matrix) -> Tensor2 {
+    /// Cauchy stress at a deformation gradient.
+    pub(crate) fn cauchy(gradient: &Matrix) -> Matrix {
+        let ratio = determinant(gradient);
+        product(&product(gradient, &second_piola(gradient)), &transposed(gradient))
+            .map(|row| row.map(|value| value / ratio))
+    }
+
+    pub(crate) fn flat(tensor: &Matrix) -> Tensor2 {
         Tensor2(std::array::from_fn(|place| tensor[place / 3][place % 3]))
     }
 
-    fn tangent(after: &Matrix) -> Tensor4 {
+    /// Change of the Cauchy stress with a further deformation gradient, by central differences.
+    pub(crate) fn tangent(after: &Matrix) -> Tensor4 {
         let mut found = Tensor4::ZERO;
         let size = 1e-6;
         for place in 0..9 {
@@ -281,6 +288,16 @@ mod tests {
         }
         found
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::closed_law::{cauchy, flat, tangent};
+    use super::*;
+
+    const IN_SPACE: Components = Components { in_space: true };
+    const BEFORE: Matrix = [[1.02, 0.03, -0.01], [0.04, 0.97, 0.02], [0.0, -0.03, 1.01]];
+    const AFTER: Matrix = [[1.05, 0.06, -0.02], [0.02, 0.94, 0.05], [0.03, -0.01, 1.04]];
 
     fn force_at(measure: Stress, after: &Matrix) -> Vec<f64> {
         let (stress, tangent) = (flat(&cauchy(after)), Tensor4::ZERO);
