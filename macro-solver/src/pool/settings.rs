@@ -1,7 +1,7 @@
 //! Settings of a pool, fixed at the start of a run.
 
-use protocol::TangentKind;
 use protocol::transport::shared_memory::ChannelLimits;
+use protocol::{OptionalResult, TangentKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
@@ -85,6 +85,10 @@ pub struct PoolSettings {
     /// For each definition the engine whose workers solve it; empty = one engine for all, that of the first worker.
     #[schemars(skip)]
     pub engines: Vec<String>,
+    /// For each definition the optional results that its engine does not deliver: NaN in the answers of its points. Empty = not known, and
+    /// answers are passed on as they come.
+    #[schemars(skip)]
+    pub lacking: Vec<Vec<OptionalResult>>,
     /// Tangent kinds that every worker must serve.
     #[schemars(skip)]
     pub tangents: Vec<TangentKind>,
@@ -144,6 +148,7 @@ impl PoolSettings {
             run: run.into(),
             dimension: 2,
             engines: Vec::new(),
+            lacking: Vec::new(),
             tangents: Vec::new(),
             jobs_per_message: NonZeroUsize::MIN,
             message_bytes: ChannelLimits::default().message_bytes as usize,

@@ -62,6 +62,7 @@ pub(super) fn run(
     // The assigned engines have been checked; workers that join by hand must have the same tangents.
     settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.requested_tangents() };
     settings.engines = served.engines;
+    settings.lacking = served.lacking;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.worker_timeout = ATTACHED_TIMEOUT;
         if !arguments.quiet {
