@@ -38,12 +38,25 @@ typedef struct grainspan_cell {
 typedef struct grainspan_trial_options {
     uint32_t tangent;              /* 0: none; others only if the engine declares tangents */
     uint32_t ramp_steps;           /* increments of the deformation; 0: the engine chooses */
-    uint32_t observables;          /* bits of optional results, see docs/reference/protocol.md; may be ignored */
+    uint32_t observables;          /* bits of optional results, see docs/reference/protocol.md */
     uint32_t reserved;
 } grainspan_trial_options;
 
 /* Former name, kept for one version. */
 typedef grainspan_trial_options grainspan_ask;
+
+/* Optional results. Those whose names are among the `observables` of the engine are read, where they were asked for. */
+typedef struct grainspan_observed {
+    double first_piola[9];         /* with respect to the committed configuration, Pa */
+    double fabric[9];              /* 1/C sum n x n over the contacts */
+    double fabric_anisotropy;      /* major over minor principal value, minus 1 */
+    double coordination_number_no_rattlers;
+    double sliding_fraction;       /* share of contacts at the Coulomb limit */
+    double elastic_energy;         /* per volume, J/m3 */
+    double frictional_dissipation; /* per volume since the initial state, J/m3 */
+    double damping_work;           /* of numerical damping, per volume since the initial state, J/m3 */
+    double mean_rotation[3];       /* of the grains since the initial state, rad; the third component in the plane */
+} grainspan_observed;
 
 /* The answer to a trial; all zero when trial is called. */
 typedef struct grainspan_answer {
@@ -58,6 +71,7 @@ typedef struct grainspan_answer {
     uint64_t ramp_steps;
     uint32_t flags;                /* shortcuts taken, see docs/reference/protocol.md */
     uint32_t reserved;
+    grainspan_observed observed;
 } grainspan_answer;
 
 /* GRAINSPAN_REFUSED ends the run. GRAINSPAN_TOO_LARGE, of trial only, is one that smaller steps cure: the run cuts its load step. */
@@ -89,6 +103,14 @@ typedef struct grainspan_engine {
     int (*restore)(void *rve, const uint8_t *bytes, size_t length, char *reason, size_t reason_length);
     /* Frees the RVE. */
     void (*release)(void *rve);
+
+    /* The two texts may be NULL, as they are where an initialiser leaves them out: then the engine delivers and follows none.
+     * Compile an engine again with the library that it is linked with: earlier versions had no such texts. */
+    /* Names of the fields of grainspan_observed that the engine delivers, separated by spaces; runs show the others as NaN. */
+    const char *observables;
+    /* Parts of definitions that not every engine follows and this one does, separated by spaces: see `features` in
+     * docs/reference/protocol.md. A scene that uses another one is refused. */
+    const char *features;
 } grainspan_engine;
 
 /* Serves the run of this name until dismissed. Returns an exit code: 0 done, 2 refused (the reason is on standard error),

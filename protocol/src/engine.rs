@@ -4,6 +4,7 @@
 //! does not change the committed state. The whole project relies on this.
 
 use crate::identity::{ContentId, DefinitionId};
+use crate::observed::{Observables, Observed, OptionalResult};
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
 use schemars::JsonSchema;
@@ -92,39 +93,6 @@ impl TangentKind {
     }
 }
 
-/// Optional results, one bit each; the cheap scalars of [`Scalars`] are always part of the result.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Observables(pub u32);
-
-impl Observables {
-    /// Nothing beyond the cheap scalars.
-    pub const NONE: Self = Self(0);
-    /// First Piola stress relative to the committed state.
-    pub const FIRST_PIOLA: Self = Self(1);
-    /// Coordination number without rattlers.
-    pub const COORDINATION_NO_RATTLERS: Self = Self(2);
-    /// Contact fabric tensor and its anisotropy.
-    pub const FABRIC: Self = Self(4);
-    /// Share of contacts at the Coulomb limit.
-    pub const SLIDING_FRACTION: Self = Self(8);
-    /// Elastic energy per volume, frictional dissipation per volume and work of numerical damping per volume since the initial state.
-    pub const ENERGY: Self = Self(16);
-    /// Mean grain rotation since the initial state.
-    pub const ROTATION: Self = Self(32);
-    /// Everything above.
-    pub const ALL: Self = Self(63);
-
-    /// Whether all bits of `other` are set.
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Both sets together.
-    pub fn union(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
-
 /// Options of a trial: results wanted in addition to the stress, and the number of increments, which must not vary within a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrialOptions {
@@ -154,38 +122,6 @@ pub struct Scalars {
     pub max_overlap_ratio: f64,
     /// Cell volume over initial cell volume.
     pub volume_ratio: f64,
-}
-
-/// Results that are computed only on request; NaN is not allowed in messages, so a result that was not requested is zero and the
-/// macro reads only those that it requested.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
-#[repr(C)]
-pub struct Observed {
-    /// First Piola stress relative to the committed state, Pa.
-    pub first_piola: Tensor2,
-    /// Contact fabric `1/C sum n x n`.
-    pub fabric: Tensor2,
-    /// Anisotropy of the fabric: major over minor principal value, minus 1.
-    pub fabric_anisotropy: f64,
-    /// 2 x contacts over non-rattlers, contacts of rattlers left out.
-    pub coordination_number_no_rattlers: f64,
-    /// Share of contacts at the Coulomb limit.
-    pub sliding_fraction: f64,
-    /// Stored contact energy per volume, J/m3.
-    pub elastic_energy: f64,
-    /// Energy lost to friction and contact viscosity per volume since the initial state, J/m3.
-    pub frictional_dissipation: f64,
-    /// Work that numerical damping has taken per volume since the initial state, J/m3; 0 of an engine that does not know.
-    pub damping_work: f64,
-    /// Mean over the grains of their spin added up since the initial state, a vector, rad. A plane cell has its
-    /// counter-clockwise angle in the third component and zeros before it.
-    pub mean_rotation: [f64; 3],
-}
-
-impl Default for Observed {
-    fn default() -> Self {
-        Self::zeroed()
-    }
 }
 
 /// What a trial cost. Counts are deterministic; times are not and never reach a result file.
@@ -421,6 +357,22 @@ pub struct Capabilities {
     /// Whether it follows [`TrialOptions::friction_reduction`].
     #[serde(default)]
     pub reduces_friction: bool,
+    /// Optional results that it delivers when they are requested, by the keywords of [`OptionalResult`]. Words that are not known stand for
+    /// results of later versions.
+    #[serde(default)]
+    pub observables: Vec<String>,
+    /// What it follows of the parts of definitions that not every engine follows, by their keys in scenes. The list of them belongs to
+    /// those who write definitions.
+    #[serde(default)]
+    pub features: Vec<String>,
+}
+
+impl Capabilities {
+    /// The optional results that the engine does not deliver.
+    pub fn lacking(&self) -> Vec<OptionalResult> {
+        let is_missing = |result: &OptionalResult| !self.observables.iter().any(|word| word == result.keyword());
+        OptionalResult::ALL.into_iter().filter(is_missing).collect()
+    }
 }
 
 /// One RVE with a committed and at most one trial state.

@@ -5,7 +5,8 @@
 //! unnoticed: a test compares the description that ships with the adapters with the one that this module makes.
 
 use crate::PROTOCOL_VERSION;
-use crate::engine::{Observables, TangentKind, TrialFlags};
+use crate::engine::{TangentKind, TrialFlags};
+use crate::observed::Observables;
 use crate::snapshot::SNAPSHOT_FORMAT;
 use crate::transport::frame::{FrameHeader, FrameKind, MAGIC};
 use crate::transport::shared_memory::ICEORYX2_VERSION;
@@ -127,6 +128,7 @@ pub fn wire_layout() -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observed::OptionalResult;
 
     /// No field is forgotten: the fields of each structure fill it without a gap.
     #[test]
@@ -146,6 +148,16 @@ mod tests {
             }
             assert_eq!(layout[name]["size"].as_u64().unwrap(), end, "{name}");
         }
+    }
+
+    /// The words of the optional results are the names of their fields, in order.
+    #[test]
+    fn optional_results_are_fields_of_replies() {
+        let layout = wire_layout();
+        let fields = layout["reply"]["fields"].as_array().unwrap();
+        let observed: Vec<&str> =
+            fields.iter().filter_map(|field| field[0].as_str()?.strip_prefix("observed.")).collect();
+        assert_eq!(observed, OptionalResult::ALL.map(OptionalResult::keyword));
     }
 
     /// The adapters ship the description of this very program. After a change of the wire types:

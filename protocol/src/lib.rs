@@ -3,6 +3,7 @@
 //! This crate knows neither grains nor finite elements. It fixes
 //!
 //! * the **contract** of an RVE engine ([`engine`]): trial, commit, rollback, snapshot, restore;
+//! * its **optional results** ([`observed`]): requested, declared, delivered;
 //! * the **wire types** ([`wire`]): fixed-layout jobs and replies that are loaned in shared memory;
 //! * the **control messages** ([`control`]): hello, welcome, define, drain, bye, encoded as MessagePack;
 //! * the **snapshot envelope** ([`snapshot`]) and the content identity of states and definitions ([`identity`]);
@@ -20,6 +21,7 @@ pub mod engine;
 pub mod identity;
 pub mod keyword;
 pub mod layout;
+pub mod observed;
 pub mod process;
 pub mod snapshot;
 pub mod tensor;
@@ -27,10 +29,11 @@ pub mod transport;
 pub mod wire;
 
 pub use engine::{
-    Capabilities, Cost, Definition, Observables, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
-    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, solve_alone,
+    Capabilities, Cost, Definition, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind, TrialFlags,
+    TrialOptions, TrialRequest, TrialResult, solve_alone,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
+pub use observed::{Observables, Observed, OptionalResult};
 pub use tensor::{Tensor2, Tensor4};
 
 /// Version of the conversation. A worker and a macro that differ refuse each other with a clear message.

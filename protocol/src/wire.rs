@@ -4,10 +4,9 @@
 //! solve several RVEs side by side. In a message, the array of [`TrialJob`] is followed by the snapshots it carries,
 //! in job order; likewise [`TrialReply`] by snapshots and error texts.
 
-use crate::engine::{
-    Cost, Observables, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult,
-};
+use crate::engine::{Cost, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 use crate::identity::{DefinitionId, StateId};
+use crate::observed::{Observables, Observed};
 use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
 use xxhash_rust::xxh3::Xxh3;

@@ -1,9 +1,9 @@
 //! The engines of one run, their capabilities, and the Gauss points of each.
 
-use super::{Catalogue, Compatibility, Engine, capabilities_of, compatibility};
+use super::{Catalogue, Compatibility, Engine, Requirements, capabilities_of, compatibility};
 use crate::exit::{Exit, Failure};
 use macro_solver::material::error_estimate::ReplicaPlan;
-use protocol::{Capabilities, Definition};
+use protocol::{Capabilities, Definition, OptionalResult};
 use rve_server::server::built_in_engine;
 use scene_reader::{Materials, Scene};
 use std::collections::BTreeMap;
@@ -26,6 +26,8 @@ pub(crate) struct PoolDefinitions {
     pub(crate) definitions: Vec<Definition>,
     /// Name of the engine of each definition.
     pub(crate) engines: Vec<String>,
+    /// Optional results that the engine of each definition does not deliver.
+    pub(crate) lacking: Vec<Vec<OptionalResult>>,
     /// For each Gauss point the index of its definition.
     pub(crate) made_of: Vec<usize>,
 }
@@ -39,6 +41,46 @@ pub(crate) struct EngineAssignment {
     pub(crate) engine_of: Vec<usize>,
 }
 
+impl AssignedEngine {
+    /// Whether it is one of the engines inside this program, by any of their names.
+    fn is_inside(&self) -> bool {
+        built_in_engine(&self.engine.name).is_some()
+    }
+
+    /// Remarks that the points of an engine outside this program do not keep to `rve.error`.
+    fn remark_on_error(&mut self) {
+        if !self.is_inside() {
+            self.compatibility.remarks.push(format!(
+                "engine `{}` does not follow rve.error: its points keep to rve.accuracy = \"default\"",
+                self.engine.name
+            ));
+        }
+    }
+}
+
+/// Refuses engines that are two for the scene and one for the pool, which knows workers by the name that their engine reports: their
+/// points would be mixed.
+///
+/// # Errors
+/// Names both. Several names of an engine inside this program are one program, and mix nothing.
+fn refuse_equal_names(engines: &[AssignedEngine]) -> Result<(), Failure> {
+    for (place, second) in engines.iter().enumerate() {
+        let reported = &second.capabilities.engine;
+        let equal = |first: &&AssignedEngine| {
+            first.capabilities.engine == *reported && !(first.is_inside() && second.is_inside())
+        };
+        if let Some(first) = engines[..place].iter().find(equal) {
+            let (one, other) = (&first.engine.name, &second.engine.name);
+            let problem = format!(
+                "engines '{one}' and '{other}' both report the name `{reported}`, by which their workers are told apart\nhint: give \
+                 the points of both to one of them, or have one report another name"
+            );
+            return Err(Failure::new(Exit::BadInput, problem));
+        }
+    }
+    Ok(())
+}
+
 impl PoolDefinitions {
     /// Adds a replica of each of these points, solved by the same engine with half the tolerance.
     pub(crate) fn add_replicas(&mut self, plans: &[ReplicaPlan], materials: &Materials) {
@@ -49,6 +91,7 @@ impl PoolDefinitions {
                 let finer = materials.definitions[materials.made_of[plan.point]].with_half_tolerance();
                 self.definitions.push(finer.to_protocol());
                 self.engines.push(self.engines[original].clone());
+                self.lacking.push(self.lacking[original].clone());
                 self.definitions.len() - 1
             });
             debug_assert_eq!(plan.replica, self.made_of.len());
@@ -84,17 +127,22 @@ impl EngineAssignment {
             true => Catalogue::default(),
             false => Catalogue::read().map_err(refuse)?,
         };
+        let problem = &scene.problem;
+        let requirements = Requirements {
+            definitions: &scene.materials.definitions,
+            tangents: &problem.requested_tangents(),
+            observables: problem.observables,
+            changes_friction: problem.changes_friction(),
+        };
         let mut engines = Vec::new();
         for name in &names {
             let engine = catalogue.find(name).map_err(refuse)?;
             let capabilities = capabilities_of(&engine).map_err(refuse)?;
-            let (definitions, problem) = (&scene.materials.definitions, &scene.problem);
-            let changes_friction = problem.changes_friction();
             let compatibility =
-                compatibility(&capabilities, definitions, &problem.requested_tangents(), changes_friction)
-                    .map_err(|error| Failure::new(Exit::BadInput, error))?;
+                compatibility(&capabilities, &requirements).map_err(|error| Failure::new(Exit::BadInput, error))?;
             engines.push(AssignedEngine { engine, capabilities, compatibility });
         }
+        refuse_equal_names(&engines)?;
         Ok(Self { engines, engine_of })
     }
 
@@ -121,19 +169,24 @@ impl EngineAssignment {
             made_of.push(place);
         }
         let definitions = kinds.iter().map(|&(_, material)| materials.definitions[material].to_protocol()).collect();
-        let engines = kinds.iter().map(|&(engine, _)| self.engines[engine].capabilities.engine.clone()).collect();
-        PoolDefinitions { definitions, engines, made_of }
+        let capabilities = |&(engine, _): &(usize, usize)| &self.engines[engine].capabilities;
+        let engines = kinds.iter().map(capabilities).map(|known| known.engine.clone()).collect();
+        let lacking = kinds.iter().map(capabilities).map(Capabilities::lacking).collect();
+        PoolDefinitions { definitions, engines, lacking, made_of }
     }
 
     /// As [`EngineAssignment::assemble`], for a run or what is told of it: a scene whose error cannot be estimated does not keep to one
-    /// by default.
+    /// by default, and in one that does there is a remark on points that cannot.
     ///
     /// # Errors
     /// As [`EngineAssignment::assemble`].
     pub(crate) fn of(mut scene: Scene, requested: Option<&str>) -> Result<(Scene, Self), Failure> {
-        let assignment = Self::assemble(&scene, requested)?;
+        let mut assignment = Self::assemble(&scene, requested)?;
         if assignment.replicated_kinds(&scene.materials).iter().all(Option::is_none) {
             scene.give_up_default_error();
+        }
+        if scene.materials.definitions.iter().any(|definition| definition.options().error.is_some()) {
+            assignment.engines.iter_mut().for_each(AssignedEngine::remark_on_error);
         }
         Ok((scene, assignment))
     }
@@ -185,5 +238,43 @@ impl EngineAssignment {
             })
             .collect();
         parts.join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rve_server::server::BUILT_IN_ENGINES;
+
+    fn assigned(name: &str, reported: &str) -> AssignedEngine {
+        AssignedEngine {
+            engine: Engine::built_in(name, "/bin/false".into()),
+            capabilities: Capabilities { engine: reported.into(), ..Capabilities::default() },
+            compatibility: Compatibility { needs_differences: false, remarks: Vec::new() },
+        }
+    }
+
+    /// Both got the points of the other: the pool tells workers apart by the name that they report.
+    #[test]
+    fn two_entries_of_a_catalogue_that_report_one_name_are_refused() {
+        let own = BUILT_IN_ENGINES[0].keyword;
+        let reported = (BUILT_IN_ENGINES[0].create)().capabilities().engine;
+        let refused = |engines: &[AssignedEngine]| refuse_equal_names(engines).map_err(|failure| failure.to_string());
+        let twins = [assigned("grains", &reported), assigned("one", "mine"), assigned("other", "mine")];
+        let text = refused(&twins).unwrap_err();
+        assert!(text.contains("'one' and 'other' both report the name `mine`"), "{text}");
+        // An engine outside this program that calls itself as the one inside.
+        let text = refused(&[assigned("grains", &reported), assigned("one", &reported)]).unwrap_err();
+        assert!(text.contains("'grains' and 'one'"), "{text}");
+        assert_eq!(refused(&[assigned("grains", &reported), assigned(own, &reported)]), Ok(()));
+        assert_eq!(refused(&[assigned("one", "mine"), assigned("other", "another")]), Ok(()));
+    }
+
+    #[test]
+    fn engines_outside_do_not_follow_the_error_of_a_run_and_say_so() {
+        let mut engines = [assigned("grains", "grainspan-grains"), assigned("one", "mine")];
+        engines.iter_mut().for_each(AssignedEngine::remark_on_error);
+        assert!(engines[0].compatibility.remarks.is_empty());
+        assert!(engines[1].compatibility.remarks[0].contains("engine `one` does not follow rve.error"));
     }
 }

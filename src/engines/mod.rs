@@ -9,7 +9,7 @@ mod compatibility;
 pub(crate) use assignment::EngineAssignment;
 pub(crate) use capabilities::capabilities_of;
 pub(crate) use catalogue::Catalogue;
-pub(crate) use compatibility::{Compatibility, compatibility};
+pub(crate) use compatibility::{Compatibility, Requirements, compatibility};
 pub(crate) use grain_pool::processes::Engine;
 
 /// Keyword of the engine inside this program, as scenes write it.

@@ -3,9 +3,10 @@
 
 use crate::table::{Answer, Cell, EngineTable, TrialOptions};
 use protocol::{
-    Capabilities, Cost, Definition, DefinitionId, Observed, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
-    TangentKind, Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
+    Capabilities, Cost, Definition, DefinitionId, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind,
+    Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
+use rve_server::definition::{EngineFeature, PackingFile};
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Instant;
@@ -44,6 +45,10 @@ pub(crate) struct ForeignEngine {
     dimensions: Vec<u32>,
     laws: Vec<String>,
     largest_target: f64,
+    /// Optional results that it delivers.
+    observables: Vec<String>,
+    /// What it follows of the parts of definitions that not every engine follows.
+    features: Vec<String>,
     functions: Functions,
 }
 
@@ -76,6 +81,10 @@ impl ForeignEngine {
             dimensions: dimensions.iter().filter(|(flag, _)| *flag != 0).map(|(_, dimension)| *dimension).collect(),
             laws: named(&[(table.linear, "linear"), (table.hertz_mindlin, "hertz_mindlin")]),
             largest_target: table.largest_target,
+            // SAFETY: as promised by the caller.
+            observables: list(unsafe { crate::text(table.observables) }),
+            // SAFETY: as promised by the caller.
+            features: list(unsafe { crate::text(table.features) }),
             functions,
         })
     }
@@ -93,11 +102,21 @@ impl RveEngine for ForeignEngine {
             deterministic: true,
             side_by_side: 1,
             reduces_friction: false,
+            observables: self.observables.clone(),
+            features: self.features.clone(),
         }
     }
 
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
         let parts = Parts::read(definition)?;
+        let (known, moments) = (PackingFile::VERSION, EngineFeature::RollingMoments.keyword());
+        if parts.version != u64::from(known) && !self.features.iter().any(|word| word == moments) {
+            let reason = format!(
+                "engine `{}` reads packings of version {known}, this one is of version {}: take a packing without rolling_moments",
+                self.name, parts.version
+            );
+            return Err(RveError::Definition(reason));
+        }
         if !self.dimensions.contains(&parts.dimension) {
             let reason = format!("engine `{}` does not serve {} dimensions", self.name, parts.dimension);
             return Err(RveError::Definition(reason));
@@ -117,6 +136,7 @@ impl RveEngine for ForeignEngine {
             rve,
             definition: definition.id(),
             dimension: parts.dimension,
+            largest_target: parts.largest_target.map_or(self.largest_target, |given| given.min(self.largest_target)),
             has_trial: false,
             engine: self.clone(),
         }))
@@ -128,6 +148,8 @@ struct ForeignRve {
     rve: *mut c_void,
     definition: DefinitionId,
     dimension: u32,
+    /// That of the engine, or a smaller one of the definition.
+    largest_target: f64,
     has_trial: bool,
     engine: ForeignEngine,
 }
@@ -162,8 +184,8 @@ impl ForeignRve {
             return Err(RveError::TargetInverted { determinant });
         }
         let norm = target.0.iter().map(|component| component * component).sum::<f64>().sqrt();
-        if norm > self.engine.largest_target {
-            return Err(RveError::TargetTooLarge { norm, limit: self.engine.largest_target });
+        if norm > self.largest_target {
+            return Err(RveError::TargetTooLarge { norm, limit: self.largest_target });
         }
         Ok(())
     }
@@ -211,7 +233,7 @@ impl RveSolver for ForeignRve {
                 max_overlap_ratio: answer.max_overlap_ratio,
                 volume_ratio: answer.volume_ratio,
             },
-            observed: Observed::default(),
+            observed: answer.observed,
             cost: Cost {
                 force_evaluations: answer.force_evaluations,
                 ramp_steps: answer.ramp_steps,
@@ -281,6 +303,7 @@ impl Drop for ForeignRve {
 
 /// A definition taken apart for C.
 struct Parts {
+    version: u64,
     dimension: u32,
     law: String,
     centres: Vec<f64>,
@@ -289,6 +312,7 @@ struct Parts {
     thickness: f64,
     contact: Value,
     accuracy: (f64, f64),
+    largest_target: Option<f64>,
     text: CString,
 }
 
@@ -299,6 +323,7 @@ impl Parts {
         let packing = &value["packing"];
         let lacks = |what: &str| RveError::Definition(format!("the definition has no {what}"));
         let dimension = packing["dimension"].as_u64().filter(|one| [2, 3].contains(one)).ok_or(lacks("dimension"))?;
+        let version = packing["version"].as_u64().ok_or(lacks("version"))?;
         let places = dimension as usize;
         let (mut centres, mut radii) = (Vec::new(), Vec::new());
         for grain in packing["grains"].as_array().ok_or(lacks("grains"))? {
@@ -328,6 +353,7 @@ impl Parts {
             options["tolerance"].as_f64().unwrap_or(named.1),
         );
         Ok(Self {
+            version,
             dimension: dimension as u32,
             law: value["contact"]["law"].as_str().unwrap_or("linear").to_owned(),
             centres,
@@ -336,6 +362,7 @@ impl Parts {
             thickness: packing["thickness"].as_f64().unwrap_or(1.0),
             contact: value["contact"].clone(),
             accuracy,
+            largest_target: options["largest_target"].as_f64(),
             text: CString::new(value.to_string())
                 .map_err(|_| RveError::Definition("the definition holds a null byte".into()))?,
         })
@@ -367,6 +394,11 @@ fn determinant(h: &Tensor2) -> f64 {
     let f = |i: usize, j: usize| h.get(i, j) + f64::from(u8::from(i == j));
     f(0, 0) * (f(1, 1) * f(2, 2) - f(1, 2) * f(2, 1)) - f(0, 1) * (f(1, 0) * f(2, 2) - f(1, 2) * f(2, 0))
         + f(0, 2) * (f(1, 0) * f(2, 1) - f(1, 1) * f(2, 0))
+}
+
+/// The words of a text that are separated by spaces; none of no text.
+fn list(text: Option<String>) -> Vec<String> {
+    text.unwrap_or_default().split_whitespace().map(str::to_owned).collect()
 }
 
 /// What C wrote into a buffer, up to its end.

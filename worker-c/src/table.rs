@@ -1,5 +1,6 @@
 //! The types of the header, field by field.
 
+use protocol::Observed;
 use std::ffi::{c_char, c_int, c_void};
 
 /// `grainspan_cell`.
@@ -34,7 +35,7 @@ pub struct TrialOptions {
     pub reserved: u32,
 }
 
-/// `grainspan_answer`.
+/// `grainspan_answer`. `observed` is `grainspan_observed`, which has the fields of replies.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 #[expect(missing_docs, reason = "the header explains every field")]
@@ -50,6 +51,7 @@ pub struct Answer {
     pub ramp_steps: u64,
     pub flags: u32,
     pub reserved: u32,
+    pub observed: Observed,
 }
 
 impl Answer {
@@ -67,6 +69,7 @@ impl Answer {
             ramp_steps: 0,
             flags: 0,
             reserved: 0,
+            observed: Observed::default(),
         }
     }
 }
@@ -92,6 +95,8 @@ pub struct EngineTable {
     pub snapshot: Option<unsafe extern "C" fn(*const c_void, c_int, *mut u8, usize) -> usize>,
     pub restore: Option<unsafe extern "C" fn(*mut c_void, *const u8, usize, *mut c_char, usize) -> c_int>,
     pub release: Option<unsafe extern "C" fn(*mut c_void)>,
+    pub observables: *const c_char,
+    pub features: *const c_char,
 }
 
 #[cfg(test)]
@@ -102,6 +107,6 @@ mod tests {
     #[test]
     fn types_have_the_sizes_of_the_header() {
         let sizes = [size_of::<Cell>(), size_of::<TrialOptions>(), size_of::<Answer>(), size_of::<EngineTable>()];
-        assert_eq!(sizes, [168, 16, 784, 96]);
+        assert_eq!(sizes, [168, 16, 1000, 112]);
     }
 }

@@ -43,7 +43,8 @@ class Answer:
     max_overlap_ratio: float = 0.0
     #: Cell volume over initial cell volume.
     volume_ratio: float = 1.0
-    #: Optional results by wire name (``fabric``, ``elastic_energy``, ...); only what was asked for need be there.
+    #: Optional results by wire name (``fabric``, ``elastic_energy``, ...); only what was asked for need be there, and only
+    #: what is among :attr:`Rve.observables` is read.
     observed: dict = field(default_factory=dict)
     #: Shortcuts taken, by name: see ``FLAGS``.
     flags: set = field(default_factory=set)

@@ -45,6 +45,11 @@ def _run(rve_class, chosen):
     from . import server
 
     if chosen.parent is not None and not _follow(chosen.parent):
+        print(
+            f"error: the process that started this worker is not PID {chosen.parent}: has it ended, or is the engine's command "
+            "a wrapper? let it `exec` the interpreter",
+            file=sys.stderr,
+        )
         return RUN_LOST
     options = server.Options(
         run=chosen.run,
@@ -65,7 +70,7 @@ def _run(rve_class, chosen):
     finally:
         port.close()
     if left.startswith("lost"):
-        print(f"error: the run has ended: {left[6:]}", file=sys.stderr)
+        print(f"error: the run is lost: {left[6:]}", file=sys.stderr)
         return RUN_LOST
     return DONE
 
@@ -87,7 +92,7 @@ def _port(chosen):
 
 
 def _follow(parent):
-    """Has the kernel end this process with its parent; False when the parent has already ended."""
+    """Has the kernel end this process with its parent; False when that is another process than ``parent``."""
     set_parent_death_signal = 1
     ctypes.CDLL(None, use_errno=True).prctl(set_parent_death_signal, signal.SIGTERM)
     return os.getppid() == parent

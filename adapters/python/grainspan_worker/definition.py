@@ -11,6 +11,9 @@ from .errors import DefinitionRefused
 #: Strain per ramp step and force tolerance of the named accuracies of ``docs/reference/scene.md``.
 ACCURACIES = {"draft": (5e-6, 1e-2), "default": (1e-6, 1e-3), "tight": (1e-7, 1e-7)}
 
+#: Version of packings that hold nothing but what every engine reads, and what engines say that read the next one too.
+PACKING_VERSION, ROLLING_MOMENTS = 1, "packing.rolling_moments"
+
 
 @dataclass(frozen=True)
 class Definition:
@@ -37,11 +40,17 @@ class Definition:
     options: dict
 
     @classmethod
-    def read(cls, content):
-        """Reads the bytes of a definition; raises :class:`DefinitionRefused`."""
+    def read(cls, content, features=()):
+        """Reads the bytes of a definition for an engine with these features; raises :class:`DefinitionRefused`."""
         try:
             parts = msgpack.unpackb(content, raw=False)
             packing = parts["packing"]
+            version = int(packing["version"])
+            if version != PACKING_VERSION and ROLLING_MOMENTS not in features:
+                raise DefinitionRefused(
+                    f"this engine reads packings of version {PACKING_VERSION}, this one is of version {version}: take a "
+                    "packing without rolling_moments"
+                )
             dimension = int(packing["dimension"])
             grains = numpy.array(packing["grains"], dtype=float)
             contacts = []
@@ -60,6 +69,8 @@ class Definition:
                 contact=parts["contact"],
                 options=parts.get("options") or {},
             )
+        except DefinitionRefused:
+            raise
         except Exception as error:
             raise DefinitionRefused(f"these bytes are not a definition of grains: {error!r}") from error
 
@@ -117,7 +128,7 @@ class Definition:
     @property
     def max_steps(self):
         """Most relaxation steps after the ramp."""
-        return self.options.get("max_steps") or 50_000
+        return self.options.get("max_steps") or 20_000
 
     @property
     def largest_target(self):

@@ -65,7 +65,7 @@ class JobRunner:
         name = name_of(content)
         if name in self._sources:
             return
-        definition = Definition.read(content)
+        definition = Definition.read(content, self._rve_class.features)
         if definition.dimension not in self._rve_class.dimensions:
             raise DefinitionRefused(
                 f"engine `{self._rve_class.engine}` does not serve {definition.dimension} dimensions"

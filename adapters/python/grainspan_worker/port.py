@@ -12,9 +12,10 @@ from collections import deque
 
 import iceoryx2
 
-from . import frames
+from . import frames, shared_memory
 from .errors import MessageTooLarge
 from .layout import CREDITS, SERVICES, WINDOW
+from .run_record import RunNotFound
 
 #: How long a port that closes waits for its last words to be read; the shorter time after a dismissal.
 FAREWELL, FAREWELL_DISMISSED = 5.0, 0.25
@@ -24,11 +25,16 @@ class SharedMemoryPort:
     """Joins the run of ``record`` (see :mod:`run_record`)."""
 
     def __init__(self, record):
+        short = shared_memory.shortage(shared_memory.WORKER_ROOM)
+        if short:
+            raise RunNotFound(short)
         self.sender = int.from_bytes(os.urandom(8), "little") or 1
         self.limit = record["limits"]["message_bytes"]
         self._open, self._outbox = deque(), deque()
         self._greeted = self._dismissed = self._told_lost = False
         self._lost = None
+        #: Length of the longest message so far: memory for one of that length has been there.
+        self._longest = 0
         self._node = _node(record)
         exchange = self._service(SERVICES["exchange"])
         self._exchange = exchange.request_response(
@@ -156,6 +162,8 @@ class SharedMemoryPort:
         self._grant()
 
     def _request(self, content):
+        if not self._has_room(len(content)):
+            return
         request = self._client.loan_slice_uninit(len(content))
         ctypes.memmove(request.payload().as_ptr(), content, len(content))
         pending = request.assume_init().send()
@@ -164,6 +172,16 @@ class SharedMemoryPort:
             return
         self._open.append(pending)
         self._to_macro.notify()
+
+    def _has_room(self, length):
+        """Whether shared memory can hold a message; where it cannot, the run is lost for this worker."""
+        if length > self._longest:
+            short = shared_memory.shortage(length)
+            if short:
+                self._lost = self._lost or short
+                return False
+            self._longest = length
+        return True
 
 
 def _node(record):

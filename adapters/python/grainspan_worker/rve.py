@@ -22,6 +22,11 @@ class Rve:
     laws = ("linear",)
     #: Tangent operators served beside "none", by keyword. Without one the run finds tangents by finite differences.
     tangents = ()
+    #: Optional results that :attr:`Answer.observed` holds where they are asked for, by name; runs show the others as NaN.
+    observables = ()
+    #: What it follows of the parts of definitions that not every engine follows, by their keys in scenes: see ``features`` in
+    #: ``docs/reference/protocol.md``. A scene that uses another one is refused.
+    features = ()
     #: Whether the same request has the same answer to the last bit in every worker.
     deterministic = True
 
@@ -72,4 +77,6 @@ class Rve:
             "laws": list(cls.laws),
             "snapshot": "path" if replay or not cls.has_snapshots() else "state",
             "deterministic": bool(cls.deterministic),
+            "observables": list(cls.observables),
+            "features": list(cls.features),
         }

@@ -45,10 +45,10 @@ impl EnergyLedger {
     }
 
     /// All entries by name. Work and balance count from the end of step 0. The rest of the work, `residual`, is the error of the
-    /// trapezium rule over the steps, and what engines other than that of this program damp; `relative_residual` is its size over the
-    /// largest entry. A run with dynamic stages has neither: its balance is among their figures. Without the energies of the grains, which
-    /// the observable `energy` asks for (`grains_observed`), only the work outside them is known, and there is no balance. So it is where
-    /// an engine reports none.
+    /// trapezium rule over the steps; `relative_residual` is its size over the largest entry. A run with dynamic stages has neither: its
+    /// balance is among their figures. Without the energies of the grains, which the observable `energy` asks for (`grains_observed`), only
+    /// the work outside them is known, and there is no balance. So it is where the engine of a point does not deliver one of them: the
+    /// others are entries still.
     pub fn entries(&self, grains_observed: bool) -> BTreeMap<String, f64> {
         let mut entries = BTreeMap::from([
             ("external_work".to_owned(), self.external_work),
@@ -61,14 +61,21 @@ impl EnergyLedger {
         if !grains_observed {
             return entries;
         }
-        entries.insert("elastic_initial".to_owned(), self.initial_elastic);
-        entries.insert("elastic".to_owned(), self.elastic);
-        entries.insert("frictional_dissipation".to_owned(), self.dissipation);
-        entries.insert("frictional_dissipation_initial".to_owned(), self.dissipated_before[0]);
-        entries.insert("damping_work".to_owned(), self.damping);
-        entries.insert("damping_work_initial".to_owned(), self.dissipated_before[1]);
+        let of_grains = [
+            (["elastic", "elastic_initial"], [self.elastic, self.initial_elastic]),
+            (
+                ["frictional_dissipation", "frictional_dissipation_initial"],
+                [self.dissipation, self.dissipated_before[0]],
+            ),
+            (["damping_work", "damping_work_initial"], [self.damping, self.dissipated_before[1]]),
+        ];
+        // NaN where the engine of a point does not deliver it.
+        let is_known = |energies: &[f64; 2]| energies.iter().all(|energy| energy.is_finite());
+        for (names, energies) in of_grains.iter().filter(|(_, energies)| is_known(energies)) {
+            entries.extend(names.iter().map(|name| (*name).to_owned()).zip(*energies));
+        }
         let is_reported = [self.initial_elastic, self.elastic, self.dissipation].iter().any(|energy| *energy != 0.0);
-        if self.dynamics.is_empty() && is_reported {
+        if self.dynamics.is_empty() && is_reported && of_grains.iter().all(|(_, energies)| is_known(energies)) {
             let change = self.elastic - self.initial_elastic;
             let [friction, damping, viscous] = self.dissipated_before;
             let consumed = [
@@ -167,6 +174,7 @@ mod tests {
     use crate::mesh::block::Block;
     use crate::observer::{DynamicsView, EnergyBalance, Statistics};
     use crate::output::probe::tests::{point, report};
+    use protocol::OptionalResult;
 
     /// Friction while step 0 brings cells to balance has no work to be compared with; it opened the balance.
     #[test]
@@ -201,6 +209,34 @@ mod tests {
         assert_eq!((entries["damping_work"], entries["damping_work_initial"]), (1.125, 1.0));
         assert_eq!(entries["pore_fluid"], 0.5625);
         assert_eq!((entries["residual"], entries["relative_residual"]), (0.0, 0.0));
+    }
+
+    /// The elastic energy of such a body is known, the work of friction and damping is not: it was written as zero, and the balance made up
+    /// with it. A summary cannot hold NaN either.
+    #[test]
+    fn energies_that_an_engine_does_not_deliver_are_no_entries_and_leave_no_balance() {
+        let lacking = [OptionalResult::FrictionalDissipation, OptionalResult::DampingWork];
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let still = vec![[0.0; 3]; mesh.nodes.len()];
+        let fields = point(1.0, [[0.0; 2]; 2], 1.0);
+        let unknown = PointFields { observed: fields.observed.without(&lacking), ..fields.clone() };
+        let mut ledger = EnergyLedger::default();
+        let view = FieldsView {
+            mesh: &mesh,
+            displacements: &still,
+            reactions: &still,
+            loads: &still,
+            hourglass_energy: 0.0,
+            fluid_energy: 0.0,
+            dynamics: None,
+            points: &[fields, unknown],
+            statistics: &Statistics::default(),
+        };
+        ledger.accepted(&report(0, 0, 0.0), &view).unwrap();
+        let entries = ledger.entries(true);
+        let names: Vec<&str> = entries.keys().map(String::as_str).collect();
+        assert_eq!(names, ["elastic", "elastic_initial", "external_work", "hourglass", "stabilisation"]);
+        assert_eq!(entries["elastic"], 6.0);
     }
 
     /// Between two reports a motion may swing many times; the ledger of the motion counts, from the beginning of each stage.

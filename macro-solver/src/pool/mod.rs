@@ -410,10 +410,14 @@ impl<P: MacroPort> Pool<P> {
             return Err(MaterialError::Point { point: trials[place].point, reason });
         }
         let mut answers = Vec::with_capacity(trials.len());
-        for (trial, (answer, state)) in trials.iter().zip(batch.into_answers()) {
+        for (trial, (mut answer, state)) in trials.iter().zip(batch.into_answers()) {
             let record = &mut self.coordinator.points.records[trial.point];
             record.cost_model.learn(trial, &answer.cost);
             record.trial = Some(state);
+            // Messages hold zeros in the place of what does not exist; from here on it is no number.
+            if let Some(lacking) = self.coordinator.settings.lacking.get(record.definition) {
+                answer.observed = answer.observed.without(lacking);
+            }
             answers.push(answer);
         }
         Ok(answers)

@@ -1,7 +1,7 @@
 //! Settings of a pool, fixed at the start of a run.
 
-use protocol::TangentKind;
 use protocol::transport::shared_memory::ChannelLimits;
+use protocol::{OptionalResult, TangentKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
@@ -88,6 +88,10 @@ pub struct PoolSettings {
     /// Engines whose version is known before their first worker comes, with it; of any other engine the first worker's version holds.
     #[schemars(skip)]
     pub versions: Vec<(String, String)>,
+    /// For each definition the optional results that its engine does not deliver: NaN in the answers of its points. Empty = not known, and
+    /// answers are passed on as they come.
+    #[schemars(skip)]
+    pub lacking: Vec<Vec<OptionalResult>>,
     /// Tangent kinds that every worker must serve.
     #[schemars(skip)]
     pub tangents: Vec<TangentKind>,
@@ -153,6 +157,7 @@ impl PoolSettings {
             dimension: 2,
             engines: Vec::new(),
             versions: Vec::new(),
+            lacking: Vec::new(),
             tangents: Vec::new(),
             jobs_per_message: NonZeroUsize::MIN,
             message_bytes: ChannelLimits::default().message_bytes as usize,

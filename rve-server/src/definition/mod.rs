@@ -1,5 +1,6 @@
 //! The definition of an RVE as workers receive it: packing, contact table, solver options.
 
+mod features;
 mod frame;
 mod listed_contact;
 mod model;
@@ -7,6 +8,7 @@ mod operator_options;
 mod options;
 pub mod packing_file;
 
+pub use features::EngineFeature;
 pub use frame::{CellFrame, FrameConstraint, FrameControl};
 pub use listed_contact::ListedContact;
 pub use model::GrainModel;
@@ -195,6 +197,14 @@ impl AnyDefinition {
         match self {
             Self::Discs(definition) => definition.packing.grains.len(),
             Self::Spheres(definition) => definition.packing.grains.len(),
+        }
+    }
+
+    /// Version of the packing's file, which tells whether it holds rolling moments.
+    pub fn packing_version(&self) -> u32 {
+        match self {
+            Self::Discs(definition) => definition.packing.version,
+            Self::Spheres(definition) => definition.packing.version,
         }
     }
 

@@ -5,9 +5,9 @@ use super::rve::{GrainRve, refused};
 use super::snapshot::ENGINE_NAME;
 use super::version::ENGINE_VERSION;
 use crate::contact::LawName;
-use crate::definition::AnyDefinition;
+use crate::definition::{AnyDefinition, EngineFeature};
 use crate::solver;
-use protocol::{Capabilities, Definition, RveEngine, RveError, RveSolver, SnapshotKind, TangentKind};
+use protocol::{Capabilities, Definition, OptionalResult, RveEngine, RveError, RveSolver, SnapshotKind, TangentKind};
 
 /// Builds cells of discs and of spheres.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,6 +25,8 @@ impl RveEngine for GrainEngine {
             deterministic: true,
             side_by_side: solver::side_by_side(),
             reduces_friction: true,
+            observables: OptionalResult::ALL.map(|result| result.keyword().into()).to_vec(),
+            features: EngineFeature::ALL.map(|feature| feature.keyword().into()).to_vec(),
         }
     }
 

@@ -25,7 +25,7 @@ use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summ
 use macro_solver::pool::{Interrupt, Pool};
 use macro_solver::solve::solve_with_checkpoints;
 use page::Controls;
-use protocol::engine::Observables;
+use protocol::Observables;
 use protocol::transport::MacroPort;
 use rve_server::definition::SolverName;
 use scene_reader::Scene;

@@ -63,6 +63,7 @@ pub(super) fn run(
     settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.requested_tangents() };
     settings.engines = served.engines;
     settings.versions = assignment.own_versions();
+    settings.lacking = served.lacking;
     let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
         settings.worker_timeout = ATTACHED_TIMEOUT;
         if !arguments.quiet {

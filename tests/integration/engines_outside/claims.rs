@@ -3,18 +3,24 @@
 use super::conversation::{Conversation, Partner, Said};
 use super::{foreign, native};
 use protocol::wire::{ReplyStatus, TrialJob};
-use protocol::{ContentId, Definition, RveError, StateId, TrialFlags};
+use protocol::{ContentId, Definition, Observables, OptionalResult, RveError, StateId, TrialFlags};
 use rve_server::contact::ContactTable;
-use rve_server::definition::{GrainDefinition, PackingFile};
+use rve_server::definition::{EngineFeature, GrainDefinition, PackingFile};
 use rve_server::space::Discs;
 use std::path::Path;
 
 /// 100 discs, draft accuracy.
 pub(crate) fn discs() -> Definition {
+    discs_of(|packing| packing)
+}
+
+/// The same with a changed packing.
+fn discs_of(change: impl FnOnce(PackingFile<Discs>) -> PackingFile<Discs>) -> Definition {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
     let contact = ContactTable { normal_stiffness: None, modulus: Some(1e8), ..ContactTable::linear(1.0, 0.5, 0.5) };
     let options = toml::from_str("accuracy = \"draft\"").unwrap();
-    GrainDefinition { packing: PackingFile::<Discs>::read(&path).unwrap(), contact, options }.to_protocol()
+    let packing = change(PackingFile::<Discs>::read(&path).unwrap());
+    GrainDefinition { packing, contact, options }.to_protocol()
 }
 
 const SHORTER: [[f64; 2]; 2] = [[5e-5, 0.0], [0.0, -1e-4]];
@@ -96,8 +102,10 @@ fn conforms(partner: Partner) {
     let made_of = discs();
     unknown_questions_are_told_apart(&mut talk, &made_of);
     definitions_that_make_no_cell_are_refused(&mut talk);
+    packings_with_rolling_moments_are_read_by_engines_that_say_so(&mut talk);
     let first = a_trial_leaves_the_committed_state_alone(&mut talk, &made_of);
     refusals_change_nothing(&mut talk, &made_of, &first);
+    optional_results_are_those_of_the_capabilities(&mut talk, &made_of);
     let second = a_state_is_the_same_with_and_without_its_bytes(&mut talk, &made_of, &first);
     a_null_target_answers_with_the_committed_state(&mut talk, &made_of, &first);
     a_fresh_worker_goes_on_to_the_same_bits(&mut talk, &made_of, &first, &second);
@@ -118,6 +126,59 @@ fn definitions_that_make_no_cell_are_refused(talk: &mut Conversation) {
     assert!(!talk.refusal_of(&nonsense).is_empty());
     let job = talk.job(&nonsense, StateId::NONE, SHORTER);
     assert_eq!(status(&talk.ask_one(job, b"")), ReplyStatus::NeedDefinition);
+}
+
+/// A worker that joins by hand has not been compared with the scene: it must not solve grains without the moments that they have.
+fn packings_with_rolling_moments_are_read_by_engines_that_say_so(talk: &mut Conversation) {
+    let made_of = discs_of(|packing| PackingFile {
+        version: PackingFile::VERSION_WITH_MOMENTS,
+        rolling_moments: vec![0.0; packing.contacts.len()],
+        ..packing
+    });
+    talk.define(&made_of);
+    let feature = EngineFeature::RollingMoments.keyword();
+    if talk.capabilities.features.iter().any(|word| word == feature) {
+        let job = talk.job(&made_of, StateId::NONE, SHORTER);
+        sound(&talk.ask_one(job, b""));
+    } else {
+        let reason = talk.refusal_of(&made_of);
+        assert!(reason.contains("version 2"), "{reason}");
+    }
+}
+
+/// The run takes the numbers of what an engine delivers, and shows what it does not deliver as NaN.
+fn optional_results_are_those_of_the_capabilities(talk: &mut Conversation, made_of: &Definition) {
+    let job = talk.job(made_of, StateId::NONE, SHORTER);
+    let said = talk.ask_one(TrialJob { observables: Observables::ALL.0, ..job }, b"");
+    sound(&said);
+    let observed = said.reply.observed;
+    let numbers = |result: OptionalResult| match result {
+        OptionalResult::FirstPiola => observed.first_piola.0.to_vec(),
+        OptionalResult::Fabric => observed.fabric.0.to_vec(),
+        OptionalResult::FabricAnisotropy => vec![observed.fabric_anisotropy],
+        OptionalResult::CoordinationNumberNoRattlers => vec![observed.coordination_number_no_rattlers],
+        OptionalResult::SlidingFraction => vec![observed.sliding_fraction],
+        OptionalResult::ElasticEnergy => vec![observed.elastic_energy],
+        OptionalResult::FrictionalDissipation => vec![observed.frictional_dissipation],
+        OptionalResult::DampingWork => vec![observed.damping_work],
+        OptionalResult::MeanRotation => observed.mean_rotation.to_vec(),
+    };
+    let lacking = talk.capabilities.lacking();
+    for result in OptionalResult::ALL {
+        let is_zero = numbers(result).iter().all(|number| *number == 0.0);
+        // In so small a trial no contact need slide.
+        let may_be_zero = [
+            OptionalResult::SlidingFraction,
+            OptionalResult::FrictionalDissipation,
+            OptionalResult::DampingWork,
+            OptionalResult::MeanRotation,
+        ];
+        if lacking.contains(&result) {
+            assert!(is_zero, "{} is delivered, and the capabilities do not say so", result.keyword());
+        } else if !may_be_zero.contains(&result) {
+            assert!(!is_zero, "the capabilities have {}, and it did not come", result.keyword());
+        }
+    }
 }
 
 /// Trial and rollback: whatever was tried before, the same question has the same answer. Duplicates likewise.

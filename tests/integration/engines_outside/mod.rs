@@ -12,3 +12,4 @@ mod foreign;
 mod native;
 mod pipe;
 mod runs;
+mod worker_endings;

@@ -128,6 +128,34 @@ fn a_step_that_an_engine_in_c_finds_too_large_is_cut() {
     assert!(!said.contains("energy balance") && summary["energy"]["residual"].is_null(), "{said}");
 }
 
+/// The example in C has no grains, and so no fabric and no energies: what it does not deliver was written as zero, in tables and summary.
+#[test]
+fn what_an_engine_does_not_deliver_is_no_number() {
+    if !native::is_there() {
+        return;
+    }
+    let site = Site::new();
+    let catalogue = site.path("elastic.toml");
+    std::fs::write(&catalogue, format!("[mine]\ncommand = [{:?}]\n", native::command().get_program())).unwrap();
+    let out = site.path("mine");
+    let arguments = ["run", "scenes/biaxial-small.toml", "--engine", "mine", "--set", "output.points=[0]"];
+    let mut command = site.program(&[&arguments[..], &SMALL, &["--out", out.to_str().unwrap()]].concat());
+    let ended = command.env("GRAINSPAN_ENGINES", catalogue).output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success(), "{said}");
+    assert!(said.contains("engine `elastic-c` does not deliver fabric, fabric_anisotropy,"), "{said}");
+    let table = std::fs::read_to_string(out.join("points/point-0000.csv")).unwrap();
+    for column in ["fabric_xx", "fabric_anisotropy", "coordination_number_no_rattlers", "damping_work"] {
+        let values = foreign::column(&table, column);
+        assert!(values.len() > 1 && values.iter().all(|value| value.is_nan()), "{column}: {values:?}");
+    }
+    assert!(foreign::column(&table, "sigma_yy").iter().all(|value| value.is_finite()));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    let energies: Vec<&String> = summary["energy"].as_object().unwrap().keys().collect();
+    assert_eq!(energies, ["external_work", "hourglass", "stabilisation"]);
+}
+
 #[test]
 fn what_an_engine_cannot_do_is_told_before_the_run() {
     let site = Site::new();
@@ -144,5 +172,11 @@ fn what_an_engine_cannot_do_is_told_before_the_run() {
     if foreign::is_there("reference") {
         let (code, text) = check(&["--engine", "reference-replay"]);
         assert!(code == 0 && text.contains("finite differences") && text.contains("has no snapshots"), "{text}");
+        assert!(text.contains("does not deliver damping_work: they are NaN at its points"), "{text}");
+        let (code, text) = check(&["--engine", "reference", "--set", "contact.damping=0.5"]);
+        assert!(code == 2 && text.contains("engine `reference` does not follow contact.damping"), "{text}");
+        let both = ["pool.points.reference=[0]", "pool.points.reference-replay=[1]"];
+        let (code, text) = check(&["--set", both[0], "--set", both[1]]);
+        assert!(code == 2 && text.contains("both report the name `reference`"), "{text}");
     }
 }

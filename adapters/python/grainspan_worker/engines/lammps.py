@@ -57,6 +57,7 @@ class LammpsRve(OpaqueStateRve):
 
     engine = "lammps"
     version = "2025.7.22"
+    observables = ("sliding_fraction", "elastic_energy")
 
     def __init__(self, definition):
         super().__init__(definition)

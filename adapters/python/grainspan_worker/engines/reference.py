@@ -57,6 +57,17 @@ class ReferenceRve(Rve):
 
     engine = "reference"
     version = "1"
+    #: The work of the damping is not counted.
+    observables = (
+        "first_piola",
+        "fabric",
+        "fabric_anisotropy",
+        "coordination_number_no_rattlers",
+        "sliding_fraction",
+        "elastic_energy",
+        "frictional_dissipation",
+        "mean_rotation",
+    )
 
     def __init__(self, definition):
         if not definition.rotations_free:

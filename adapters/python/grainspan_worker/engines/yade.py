@@ -65,6 +65,7 @@ class YadeRve(OpaqueStateRve):
 
     engine = "yade"
     version = "2023.02"
+    observables = ("fabric", "fabric_anisotropy", "sliding_fraction", "elastic_energy", "mean_rotation")
 
     def __init__(self, definition):
         super().__init__(definition)

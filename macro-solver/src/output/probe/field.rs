@@ -80,7 +80,7 @@ impl FieldProbe {
         Self { measure, part: Part::Body, statistic: Statistic::Mean, reference: None }
     }
 
-    /// Value after an accepted step; NaN over no points.
+    /// Value after an accepted step; NaN over no points, and over points of which one has no such value.
     pub fn value(&self, view: &FieldsView<'_>, references: &References) -> f64 {
         self.over(self.part.of(view.points), references.origin(self.reference))
     }
@@ -100,8 +100,8 @@ impl FieldProbe {
         let values = points.clone().map(|(number, point)| self.measure.at(number, point, origin));
         match self.statistic {
             Statistic::Mean => mean_of_part(&self.measure, points, origin),
-            Statistic::Minimum => values.reduce(f64::min).unwrap_or(f64::NAN),
-            Statistic::Maximum => values.reduce(f64::max).unwrap_or(f64::NAN),
+            Statistic::Minimum => extreme(values, f64::min),
+            Statistic::Maximum => extreme(values, f64::max),
             Statistic::StandardDeviation => {
                 let mean = mean(points.clone(), |number, point| self.measure.at(number, point, origin));
                 let square = |number, point: &PointFields| (self.measure.at(number, point, origin) - mean).powi(2);
@@ -109,6 +109,12 @@ impl FieldProbe {
             }
         }
     }
+}
+
+/// Smallest or largest value; NaN over no points, and where a point has no such value: the extreme of the others would be another's.
+fn extreme(values: impl Iterator<Item = f64>, of_two: fn(f64, f64) -> f64) -> f64 {
+    let known = |one: f64, other: f64| if one.is_nan() || other.is_nan() { f64::NAN } else { of_two(one, other) };
+    values.reduce(known).unwrap_or(f64::NAN)
 }
 
 /// The mean of a measure as the field means it, see [`Statistic::Mean`].

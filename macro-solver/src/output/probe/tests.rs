@@ -4,7 +4,7 @@ use super::*;
 use crate::mesh::ElementKind;
 use crate::mesh::block::Block;
 use crate::observer::{PointFields, Statistics, StepReport};
-use protocol::{Cost, Observed, Scalars, Tensor2, TrialFlags};
+use protocol::{Cost, Observed, OptionalResult, Scalars, Tensor2, TrialFlags};
 
 pub(crate) fn report(step: usize, stage: usize, load: f64) -> StepReport {
     StepReport {
@@ -179,6 +179,29 @@ fn strain_and_volume_change_count_from_the_start_of_a_stage() {
     // What was kept stays, also through a checkpoint.
     let text = serde_json::to_string(&references).unwrap();
     assert_eq!(serde_json::from_str::<References>(&text).unwrap(), references);
+}
+
+/// Engines that do not deliver a quantity left zeros in means, and the extremes were those of the other points.
+#[test]
+fn a_quantity_that_one_point_lacks_is_not_a_number_over_both() {
+    let whole = point(1.0, [[0.0; 2]; 2], 1.0);
+    let lacking = [OptionalResult::ElasticEnergy];
+    let points = [whole.clone(), PointFields { observed: whole.observed.without(&lacking), ..whole }];
+    let statistics = [Statistic::Mean, Statistic::Minimum, Statistic::Maximum, Statistic::StandardDeviation];
+    for order in [[0, 1], [1, 0]] {
+        let ordered = order.map(|place: usize| points[place].clone());
+        seen(&ordered, 0.0, |view| {
+            let over = |part: Part| {
+                statistics.map(|statistic| {
+                    let of_energy = FieldProbe::mean(Measure::ElasticEnergy);
+                    FieldProbe { statistic, part: part.clone(), ..of_energy }.value(view, &References::default())
+                })
+            };
+            assert!(over(Part::Body).iter().all(|value| value.is_nan()));
+            let known = order.iter().position(|place| *place == 0).unwrap();
+            assert_eq!(over(Part::Points(vec![known])), [3.0, 3.0, 3.0, 0.0]);
+        });
+    }
 }
 
 /// Two steps of shear, 0.1 and 0.25, the second one in a stage of its own: the increment is counted from step to step, and over the

@@ -1,9 +1,9 @@
 //! Who may take part.
 
-use super::scripted::{Stage, hello, questions};
+use super::scripted::{Stage, hello, hello_delivering, questions};
 use crate::material::{MaterialError, PointMaterial};
-use protocol::TangentKind;
 use protocol::control::{FromWorker, ToWorker};
+use protocol::{OptionalResult, TangentKind};
 
 /// A pool whose only worker says `greeting` ends with an error; returns what both sides were told.
 fn refusal_of(greeting: FromWorker, tangents: &[TangentKind]) -> (String, String) {
@@ -43,6 +43,26 @@ fn another_run_a_missing_tangent_or_dimension_is_refused() {
     solid.dimensions = vec![3];
     let greeting = FromWorker::Hello { protocol, run, pid, capabilities: solid, state_cache };
     assert!(refusal_of(greeting, &[]).0.contains("2 dimensions"));
+}
+
+/// A worker that joins by hand may be of a build that delivers less: its zeros would be numbers of the run.
+#[test]
+fn a_worker_that_delivers_less_than_the_engine_of_the_run_is_refused() {
+    let mut stage = Stage::new(1);
+    let delivered = [OptionalResult::Fabric, OptionalResult::ElasticEnergy];
+    let known = OptionalResult::ALL.into_iter().filter(|result| !delivered.contains(result)).collect::<Vec<_>>();
+    stage.settings.lacking = vec![known; 2];
+    for results in [&delivered[..1], &delivered[..]] {
+        stage.world.borrow_mut().hire_saying(hello_delivering(results), 8, &[], None);
+    }
+    let mut pool = stage.open(2);
+    pool.evaluate(&questions(2, 0)).unwrap();
+    let statistics = pool.statistics();
+    assert_eq!((statistics.workers_joined, statistics.workers_refused), (1, 1));
+    let sent = stage.world.borrow().sent.clone();
+    let refusal =
+        |message: &ToWorker| matches!(message, ToWorker::Refused { reason } if reason.contains("`elastic_energy`"));
+    assert!(sent.iter().any(|(_, message)| refusal(message)), "{sent:?}");
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! What comes out does not depend on who computed it, when, or how often.
 
-use super::scripted::{Fault, Stage, questions};
+use super::scripted::{Fault, Stage, hello_delivering, questions};
 use crate::checkpoint::Archive;
 use crate::material::{PointMaterial, PointTrial};
 use crate::pool::{Pool, PoolStatistics};
 use protocol::transport::MacroPort;
-use protocol::{StateId, Tensor2, TrialResult};
+use protocol::{OptionalResult, StateId, Tensor2, TrialResult};
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
@@ -42,6 +42,21 @@ fn answers_and_states_do_not_depend_on_workers_arrival_slices_or_caches() {
             assert_eq!(pool.statistics().evaluations, 8 * POINTS as u64);
         }
     }
+}
+
+/// The zeros of a message that stand for what an engine does not deliver are no numbers of its points; those of other points stay.
+#[test]
+fn what_an_engine_does_not_deliver_is_not_a_number_at_its_points() {
+    let lacking = [OptionalResult::FabricAnisotropy, OptionalResult::DampingWork];
+    let mut stage = Stage::new(3);
+    stage.settings.lacking = vec![Vec::new(), lacking.to_vec()];
+    stage.world.borrow_mut().hire_saying(hello_delivering(&OptionalResult::ALL), 64, &[], None);
+    let mut pool = stage.open(2);
+    let answers = pool.evaluate(&questions(2, 0)).unwrap();
+    let [first, second] = [0, 1].map(|point: usize| answers[point].observed);
+    assert_eq!((first.fabric_anisotropy, first.damping_work, second.elastic_energy), (0.0, 0.0, 0.0));
+    assert!(second.fabric_anisotropy.is_nan() && second.damping_work.is_nan());
+    assert!(answers.iter().all(|answer| answer.stress.is_finite()));
 }
 
 /// Steps that are taken back leave no trace, and workers that hold their states do not bring them in again.

@@ -7,8 +7,8 @@ use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{
-    Capabilities, Cost, Definition, DefinitionId, PROTOCOL_VERSION, RveError, StateId, TangentKind, Tensor2, Tensor4,
-    TrialOptions, TrialResult,
+    Capabilities, Cost, Definition, DefinitionId, OptionalResult, PROTOCOL_VERSION, RveError, StateId, TangentKind,
+    Tensor2, Tensor4, TrialOptions, TrialResult,
 };
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -285,6 +285,13 @@ pub(super) fn hello(state_cache: u32, pid: u32) -> FromWorker {
         ..Capabilities::default()
     };
     FromWorker::Hello { protocol: PROTOCOL_VERSION, run: "test".into(), pid, capabilities, state_cache }
+}
+
+/// The same of an engine that delivers these optional results.
+pub(super) fn hello_delivering(results: &[OptionalResult]) -> FromWorker {
+    let FromWorker::Hello { protocol, run, pid, capabilities, state_cache } = hello(8, 1) else { unreachable!() };
+    let observables = results.iter().map(|result| result.keyword().to_owned()).collect();
+    FromWorker::Hello { protocol, run, pid, capabilities: Capabilities { observables, ..capabilities }, state_cache }
 }
 
 /// The port.

@@ -10,7 +10,7 @@ use load_index::{Entry, LoadIndex};
 use process_stats::ProcessHistory;
 use protocol::process::ProcessStat;
 use protocol::transport::WorkerId;
-use protocol::{Capabilities, PROTOCOL_VERSION, TangentKind};
+use protocol::{Capabilities, OptionalResult, PROTOCOL_VERSION, TangentKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 use thiserror::Error;
@@ -295,6 +295,12 @@ impl WorkerTable {
         let Some(group) = settings.group_of(&engine) else {
             return Err(Refusal::Engine { engine, engines: settings.engines.join(", ") });
         };
+        // What the run takes for a number of this engine must not be the zero of a worker that does not deliver it.
+        if let Some(known) = settings.lacking.get(group)
+            && let Some(result) = capabilities.lacking().into_iter().find(|result| !known.contains(result))
+        {
+            return Err(Refusal::Observable { engine, result });
+        }
         let offered = (engine, capabilities.version.clone());
         if let Some(version) = settings.version_of(&offered.0).filter(|version| *version != offered.1) {
             return Err(Refusal::Build { offered, expected: version.to_owned() });
@@ -364,6 +370,17 @@ pub(super) enum Refusal {
         offered: (String, String),
         /// Version of this program's engine.
         expected: String,
+    },
+    /// The worker delivers less than the engine of the run.
+    #[error(
+        "this worker of engine `{engine}` does not deliver `{}`, which the engine of the run does; start the same program",
+        result.keyword()
+    )]
+    Observable {
+        /// Engine of the worker.
+        engine: String,
+        /// What it lacks.
+        result: OptionalResult,
     },
     /// Bitwise equal answers need one version of an engine.
     #[error(

@@ -5,7 +5,7 @@ use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
 use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
-use crate::definition::{GrainDefinition, PackingFile};
+use crate::definition::{EngineFeature, GrainDefinition, PackingFile};
 use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
 use crate::homogenization::fabric::anisotropy;
@@ -16,8 +16,8 @@ use crate::solver::chosen_ramp_steps;
 use crate::space::plane::{self, Plane};
 use crate::space::{Discs, Space};
 use protocol::{
-    Capabilities, Cost, Definition, DefinitionId, Observables, Observed, RveEngine, RveError, RveSolver, Scalars,
-    SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult, snapshot,
+    Capabilities, Cost, Definition, DefinitionId, Observables, Observed, OptionalResult, RveEngine, RveError,
+    RveSolver, Scalars, SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult, snapshot,
 };
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -30,6 +30,14 @@ const LARGEST_TARGET: f64 = 0.2;
 
 /// Overlap over radius from which an answer is flagged.
 const LARGE_OVERLAP: f64 = 0.2;
+
+/// Parts of definitions that it follows. Rolling moments come to nothing without rolling resistance, as they do in periodic cells.
+const FOLLOWED: [EngineFeature; 4] = [
+    EngineFeature::RollingMoments,
+    EngineFeature::BlockedRotations,
+    EngineFeature::Criterion,
+    EngineFeature::Damping,
+];
 
 /// All that is needed to build a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,6 +91,13 @@ impl RveEngine for FrameEngine {
             deterministic: true,
             side_by_side: 1,
             reduces_friction: false,
+            // The work of its damping is not known.
+            observables: OptionalResult::ALL
+                .into_iter()
+                .filter(|result| *result != OptionalResult::DampingWork)
+                .map(|result| result.keyword().into())
+                .collect(),
+            features: FOLLOWED.map(|feature| feature.keyword().into()).to_vec(),
         }
     }
 
