@@ -345,7 +345,12 @@ impl<'a> Solver<'a> {
     pub(super) fn explained(&self, target: f64, reason: &str) -> String {
         let (size, stage) = (target - self.stage_fraction, self.of_stage());
         let smallest = if is_smallest(size, self.stage().control.min) { "the smallest" } else { "a" };
-        format!("at load {target:.6}{stage} with {smallest} step {size:.2e}: {reason}")
+        // Where the load factor is an unknown, the share of the path is no load.
+        let place = match &self.path_constraint {
+            Some(_) => format!("at {target:.6} of the path"),
+            None => format!("at load {target:.6}"),
+        };
+        format!("{place}{stage} with {smallest} step {size:.2e}: {reason}")
     }
 
     /// Moves the reference to the configuration after `increment`, which the material has committed; the displacement

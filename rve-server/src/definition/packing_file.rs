@@ -8,6 +8,7 @@ use super::listed_contact::ListedContact;
 use crate::cell::{Cell, ContactRecord, PairKey, shortened};
 use crate::space::{Components, Discs, Space, Spheres, Tensor};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 use std::path::Path;
 use thiserror::Error;
 
@@ -280,8 +281,27 @@ impl<S: Space> PackingFile<S> {
         }
         self.check_grains(&cell)?;
         let wraps = self.wrap_centres(&cell);
+        self.refuse_equal_centres()?;
         self.check_contacts(&wraps)?;
         Ok(self)
+    }
+
+    /// Two grains at one place have no direction to push each other in. Centres are in the cell.
+    fn refuse_equal_centres(&self) -> Result<(), PackingError> {
+        let centre = |number: &usize| S::centre(&self.grains[*number]);
+        let order = |one: S::Vector, other: S::Vector| {
+            let axes = (0..S::DIMENSION).map(|axis| one[axis].total_cmp(&other[axis]));
+            axes.fold(Ordering::Equal, Ordering::then)
+        };
+        let mut numbers: Vec<usize> = (0..self.grains.len()).collect();
+        numbers.sort_by(|one, other| order(centre(one), centre(other)));
+        match numbers.windows(2).find(|pair| order(centre(&pair[0]), centre(&pair[1])) == Ordering::Equal) {
+            Some(pair) => Err(PackingError::Content(format!(
+                "grains {} and {} have their centres at the same place, or at images of it; take one of them out",
+                pair[0], pair[1]
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// The listed contacts under their canonical names, in the order of the file, with their rolling moments if there are any.
@@ -472,6 +492,9 @@ mod tests {
         assert!(with(&|p| p.contacts[0] = listed(0, 0, [0, 0])).contains("cannot touch itself"));
         assert!(with(&|p| p.periodicity.swap(0, 1)).contains("swap the two rows"));
         assert!(with(&|p| p.grains.clear()).contains("at least one grain"));
+        assert!(
+            with(&|p| p.grains[1] = [0.5, 0.5, 0.4]).contains("grains 0 and 1 have their centres at the same place")
+        );
         assert!(with(&|p| p.dimension = 3).contains("dimension 3 was found"));
         assert!(with(&|p| p.thickness = 0.0).contains("thickness"));
         assert!(with(&|p| p.format = "yade".into()).contains("grainspan-packing"));

@@ -150,6 +150,15 @@ impl ElementTest {
         }
         for (number, segment) in self.path.iter().enumerate() {
             segment.validate(number + 1)?;
+            let pulled = [0, 4, 8].into_iter().find(|place| segment.stress.values()[*place] > Some(0.0));
+            if let Some(place) = pulled.filter(|_| self.contact.cohesion == 0.0) {
+                return refuse(format!(
+                    "path segment {}: stress.{} is positive, which is tension, and grains without cohesion bear none; compression is \
+                     negative",
+                    number + 1,
+                    COMPONENT_KEYS[place]
+                ));
+            }
         }
         Ok(self)
     }
