@@ -43,6 +43,8 @@ struct Study {
     name: &'static str,
     /// One line for `--list`.
     about: &'static str,
+    /// Parts and variants that `--only` may name with this effort.
+    parts: fn(&Effort) -> Vec<String>,
     /// Measures; must not depend on the order of studies or leave processes behind.
     run: fn(&Effort, &mut Report) -> anyhow::Result<()>,
     /// Draws the pictures of the tables in a folder again and counts them, for studies that can.
@@ -54,70 +56,86 @@ const STUDIES: &[Study] = &[
     Study {
         name: "self-test",
         about: "the measuring itself: resolution of the clock, cost of a wake-up, steadiness of the machine",
+        parts: no_parts,
         run: self_test::run,
         redraw: None,
     },
     Study {
         name: "channel",
         about: "round trip and throughput against payload, cost of a call without grains, wait modes",
+        parts: no_parts,
         run: channel::run,
         redraw: None,
     },
     Study {
         name: "schedule",
         about: "time of a batch of unequal jobs over the ideal: static split, in order, longest first; 2 to 4096 workers",
+        parts: schedule::parts,
         run: schedule::run,
         redraw: None,
     },
     Study {
         name: "scaling",
         about: "400 discs on 1, 2 and more workers: fixed work, work per worker, the serial part",
+        parts: no_parts,
         run: scaling::run,
         redraw: None,
     },
     Study {
         name: "rve",
         about: "stress error of one cell over time and force evaluations, for every setting, Yade and LAMMPS",
+        parts: rve::parts,
         run: rve::run,
         redraw: Some(rve::redraw),
     },
     Study {
         name: "error-estimate",
         about: "estimated against true error of the stresses over ten cells, and what it costs to keep to an error",
+        parts: error_estimate::parts,
         run: error_estimate::run,
         redraw: None,
     },
     Study {
         name: "femxdem",
         about: "a biaxial test with the open FEM x DEM code (Yade over escript) and with ours: time and error of both",
+        parts: no_parts,
         run: femxdem::run,
         redraw: None,
     },
     Study {
         name: "economy",
         about: "what each shortcut of a run saves, alone and together, and its error: specimen, wall, wave, cycles",
+        parts: economy::parts,
         run: economy::run,
         redraw: None,
     },
     Study {
         name: "instructions",
         about: "nothing asked, nothing paid: instructions of runs that are equal but for one thing",
+        parts: instructions::parts,
         run: instructions::run,
         redraw: None,
     },
     Study {
         name: "newton",
         about: "evaluations per step of every strategy and operator: one element over five packings, biaxial test",
+        parts: newton::parts,
         run: newton::run,
         redraw: None,
     },
     Study {
         name: "stability",
         about: "random cases outside everyday use: how they end, increments not at rest, work, work by damping",
+        parts: stability::parts,
         run: stability::run,
         redraw: None,
     },
 ];
+
+/// Of a study that measures everything at once.
+fn no_parts(_: &Effort) -> Vec<String> {
+    Vec::new()
+}
 
 /// The name that runs a microbenchmark instead of a study.
 const MICRO: &str = "micro";
@@ -236,6 +254,8 @@ fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Ok(failure) => failure,
         Err(error) => Failure::new(Exit::BadInput, format!("bench {}: {error:#}", study.name)),
     };
+    let refused = |problem| Failure::new(Exit::BadInput, format!("bench {}: {problem}", study.name));
+    effort.refuse_unknown(&(study.parts)(&effort)).map_err(refused)?;
     if arguments.redraw {
         let redraw = study.redraw.ok_or_else(|| anyhow::anyhow!("this study cannot draw without measuring"));
         let drawn = redraw.and_then(|redraw| redraw(&folder)).map_err(failed)?;

@@ -83,16 +83,15 @@ pub(crate) fn program() -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
-/// Runs a scene with some `--set KEY=VALUE` and two workers, into `folder`, whose content it replaces.
+/// Workers of a run, whatever the cores: other programs are measured with as many processes, and figures of several machines compare.
+pub(crate) const WORKERS: usize = 2;
+
+/// Runs a scene with some `--set KEY=VALUE` and [`WORKERS`] workers, into `folder`, whose content it replaces.
 ///
 /// # Errors
 /// The run fails or leaves no results.
 pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> anyhow::Result<ProgramRun> {
-    let mut command = Command::new(program()?);
-    command.arg("run").arg(scene).arg("--out").arg(folder);
-    for setting in settings {
-        command.args(["--set", setting]);
-    }
+    let mut command = run_command(&program()?, scene, settings, folder);
     let cost = timed(&mut command, &folder.with_extension("log"))?;
     let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
     let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
@@ -106,9 +105,28 @@ pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> any
     Ok(ProgramRun { cost, summary: serde_json::from_slice(&summary)?, columns })
 }
 
+fn run_command(program: &Path, scene: &Path, settings: &[String], folder: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.arg("run").arg(scene).arg("--out").arg(folder).args(["--workers", &WORKERS.to_string()]);
+    command.args(settings.iter().flat_map(|setting| ["--set", setting]));
+    command
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A run has one worker per core unless it is told: it was compared with two processes of another code.
+    #[test]
+    fn a_scene_runs_with_two_workers_on_any_machine() {
+        let settings = ["rve.error=1e-2".to_owned(), "loading.increments=1".to_owned()];
+        let command = run_command(Path::new("grainspan"), Path::new("a.toml"), &settings, Path::new("out"));
+        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
+        let expected = "run a.toml --out out --workers 2 --set rve.error=1e-2 --set loading.increments=1"
+            .split(' ')
+            .collect::<Vec<_>>();
+        assert_eq!(words, expected);
+    }
 
     #[test]
     fn processor_time_of_a_command_is_counted_and_a_failure_is_quoted() {

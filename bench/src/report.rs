@@ -7,14 +7,16 @@ use grainspan::exit::Failure;
 use grainspan::machine::Machine;
 use grainspan::stdout::print;
 use macro_solver::output::{OutputError, write_atomically};
-use std::fs;
+use std::fs::{self, File};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// An open report. What is handed in is on the screen and on the disk at once, so an interrupted study leaves what it has.
 #[derive(Debug)]
 pub(crate) struct Report {
     folder: PathBuf,
-    text: String,
+    /// `report.txt`, where every sentence is written at once.
+    text: File,
 }
 
 impl Report {
@@ -26,7 +28,9 @@ impl Report {
         fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
         let described = serde_json::to_vec_pretty(machine).expect("a machine is plain data");
         write_atomically(&folder.join("machine.json"), &described)?;
-        let mut report = Self { folder: folder.to_owned(), text: String::new() };
+        let path = folder.join(TEXT);
+        let text = File::create(&path).map_err(|source| OutputError::write(&path, source))?;
+        let mut report = Self { folder: folder.to_owned(), text };
         report.note(&format!("bench {study}: {}", machine.line()))?;
         if effort.quick {
             report.note("A quick look: the figures show that the study works, not what things cost.")?;
@@ -78,19 +82,39 @@ impl Report {
         }
     }
 
-    /// Ends the report.
+    /// Says where it lies.
     ///
     /// # Errors
-    /// The text cannot be written.
-    pub(super) fn close(mut self) -> Result<(), Failure> {
-        let place = format!("\nwritten to {}\n", self.folder.display());
-        print(place.as_bytes())?;
-        self.text.shrink_to_fit();
-        Ok(write_atomically(&self.folder.join("report.txt"), self.text.as_bytes())?)
+    /// Standard output cannot be written.
+    pub(super) fn close(self) -> Result<(), Failure> {
+        print(format!("\nwritten to {}\n", self.folder.display()).as_bytes())
     }
 
     fn say(&mut self, text: &str) -> Result<(), Failure> {
-        self.text.push_str(text);
+        let written = self.text.write_all(text.as_bytes());
+        written.map_err(|source| OutputError::write(&self.folder.join(TEXT), source))?;
         print(text.as_bytes())
+    }
+}
+
+/// What is on the screen, as a file.
+const TEXT: &str = "report.txt";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A study that failed left its tables without what had been said of them.
+    #[test]
+    fn what_is_said_is_on_the_disk_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut report = Report::open(folder.path(), "sample", &Machine::here(), &Effort::default()).unwrap();
+        report.note("one finding").unwrap();
+        let text = fs::read_to_string(folder.path().join(TEXT)).unwrap();
+        assert!(text.starts_with("bench sample: ") && text.ends_with("\none finding\n"), "{text}");
+        drop(report);
+        let again = Report::open(folder.path(), "sample", &Machine::here(), &Effort::default()).unwrap();
+        assert!(!fs::read_to_string(folder.path().join(TEXT)).unwrap().contains("one finding"));
+        again.close().unwrap();
     }
 }

@@ -29,24 +29,24 @@ impl Arrows {
     /// The picture. The longest arrow has four mean radii whatever its size, which the legend gives; grains without an arrow keep none.
     pub fn to_svg(&self) -> String {
         let view = View::of(&self.grains, &self.outline);
-        let mut svg = view.picture();
+        let size = |arrow: &[f64; 2]| arrow[0].hypot(arrow[1]);
+        let longest = self.arrows.iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
+        let mean_radius = self.grains.iter().map(|(_, radius)| radius).sum::<f64>() / self.grains.len().max(1) as f64;
+        let of_radius = if mean_radius > 0.0 { longest / mean_radius } else { 0.0 };
+        let legend =
+            format!("{}; longest arrow {} m, {} mean radii", self.quantity, short(longest), short(of_radius));
+        let mut svg = view.picture(&self.title, &legend);
         for &(centre, radius) in &self.grains {
             let style = "fill=\"#f2f2f2\" stroke=\"#b0b0b0\" stroke-width=\"0.5\"";
             svg.circle(view.place(centre), view.length(radius), style);
         }
         view.outline(&mut svg, &self.outline);
-        let size = |arrow: &[f64; 2]| arrow[0].hypot(arrow[1]);
-        let longest = self.arrows.iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
-        let mean_radius = self.grains.iter().map(|(_, radius)| radius).sum::<f64>() / self.grains.len().max(1) as f64;
         let unit = LONGEST * view.length(mean_radius) / longest;
         for (&(centre, _), arrow) in self.grains.iter().zip(&self.arrows) {
             if size(arrow) > 0.0 && size(arrow).is_finite() {
                 draw(&mut svg, view.place(centre), arrow.map(|component| component * unit));
             }
         }
-        let of_radius = if mean_radius > 0.0 { longest / mean_radius } else { 0.0 };
-        let legend =
-            format!("{}; longest arrow {} m, {} mean radii", self.quantity, short(longest), short(of_radius));
         view.words(&mut svg, &self.title, &legend);
         svg.finish()
     }

@@ -5,6 +5,7 @@ use crate::number::{logarithmic_ticks, tick, tick_within};
 use plotters::coord::Shift;
 use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use std::ops::Range;
 
@@ -47,6 +48,9 @@ enum Style {
 
 /// Most points of a curve that get dots.
 const MOST_DOTS: usize = 60;
+
+/// Lengths of dash and gap of curves whose colours were all taken once, twice, three times, px. All fit into the sample of the legend.
+const DASHES_OF_ROUNDS: [(u32, u32); 3] = [(8, 4), (2, 3), (3, 7)];
 
 /// Lengths of dash and gap of the references, one after the other, px.
 const DASHES: [(u32, u32); 3] = [(6, 4), (2, 3), (14, 4)];
@@ -213,17 +217,26 @@ impl Chart {
             .axis_desc_style(("sans-serif", 15))
             .light_line_style(WHITE)
             .draw()?;
-        let mut colours = COLOURS.iter().cycle();
+        let mut joined = 0;
         let mut dashes = DASHES.into_iter().cycle();
         for Curve { name, points, style } in &self.curves {
             let line = points.iter().map(|point| (point[0], point[1]));
             match style {
                 Style::Joined => {
-                    let colour = *colours.next().unwrap_or(&BLACK);
-                    chart
-                        .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
-                        .label(name)
-                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+                    let (colour, dashes) = look(joined);
+                    joined += 1;
+                    match dashes {
+                        None => chart
+                            .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
+                            .label(name)
+                            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2))),
+                        Some((dash, gap)) => chart
+                            .draw_series(DashedLineSeries::new(line.clone(), dash, gap, colour.stroke_width(2)))?
+                            .label(name)
+                            .legend(move |(x, y)| {
+                                DashedPathElement::new([(x, y), (x + 18, y)], dash, gap, colour.stroke_width(2))
+                            }),
+                    };
                     if points.len() <= MOST_DOTS {
                         chart.draw_series(line.map(|point| Circle::new(point, 3, colour.filled())))?;
                     }
@@ -252,6 +265,13 @@ impl Chart {
             .label_font(("sans-serif", 13))
             .draw()
     }
+}
+
+/// Colour of a curve, and dash and gap once all colours are taken: names in the legend would tell nothing apart.
+fn look(number: usize) -> (RGBColor, Option<(u32, u32)>) {
+    let dashes =
+        (number / COLOURS.len()).checked_sub(1).map(|round| DASHES_OF_ROUNDS[round % DASHES_OF_ROUNDS.len()]);
+    (COLOURS[number % COLOURS.len()], dashes)
 }
 
 /// A logarithmic axis with marks wherever it begins; those of the library begin with the first power of ten.
@@ -290,6 +310,27 @@ mod tests {
         for label in ["200", "300", "400", "0.02", "0.06"] {
             assert!(text.contains(&format!("\n{label}\n")), "{label} is missing");
         }
+    }
+
+    /// From the ninth on, curves had the look of those before.
+    #[test]
+    fn more_curves_than_colours_are_told_apart() {
+        let looks: std::collections::BTreeSet<_> =
+            (0..32).map(|number| (look(number).0.0, look(number).0.1, look(number).1)).collect();
+        assert_eq!(looks.len(), 32);
+        let strokes = |count: u32| {
+            let mut chart = Chart::new("", ("x", Scale::Linear), ("y", Scale::Linear));
+            for number in 0..count {
+                let height = f64::from(number);
+                chart.curve(&format!("curve {number}"), [[0.0, height], [1.0, height]]);
+            }
+            let text = chart.to_svg().unwrap();
+            let elements = text.split("<polyline").skip(1).filter_map(|rest| rest.split('>').next());
+            elements.filter(|element| element.contains("stroke=\"#005AA0\"")).count()
+        };
+        // The curve and its sample, one stroke each; those of the ninth curve are dashed.
+        assert_eq!(strokes(8), 2);
+        assert!(strokes(16) > 20, "{}", strokes(16));
     }
 
     #[test]

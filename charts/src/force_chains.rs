@@ -40,15 +40,15 @@ impl ForceChains {
     /// The picture: blue lines press, red ones attract, orange ones slide.
     pub fn to_svg(&self) -> String {
         let view = View::of(&self.grains, &self.outline);
-        let mut svg = view.picture();
+        let legend = format!("widest line {} N; {COLOURS}", short(self.largest()));
+        let mut svg = view.picture(&self.title, &legend);
         for &(centre, radius) in &self.grains {
             let style = "fill=\"#f2f2f2\" stroke=\"#b0b0b0\" stroke-width=\"0.5\"";
             svg.circle(view.place(centre), view.length(radius), style);
         }
         view.outline(&mut svg, &self.outline);
         let mean_radius = self.grains.iter().map(|(_, radius)| radius).sum::<f64>() / self.grains.len().max(1) as f64;
-        let largest = self.draw_lines(&mut svg, &view, mean_radius);
-        let legend = format!("widest line {} N; {COLOURS}", short(largest));
+        self.draw_lines(&mut svg, &view, mean_radius);
         view.words(&mut svg, &self.title, &legend);
         svg.finish()
     }
@@ -58,20 +58,24 @@ impl ForceChains {
         let corners = edges.iter().flatten().copied();
         let ends = self.lines.iter().flat_map(|line| [line.from, line.to]);
         let view = View::of(&[], &corners.chain(ends).collect::<Vec<_>>());
-        let mut svg = view.picture();
+        let legend = format!("contacts above the mean force, widest line {} N; {COLOURS}", short(self.largest()));
+        let mut svg = view.picture(&self.title, &legend);
         for [from, to] in edges {
             let style = "stroke=\"black\" stroke-dasharray=\"6 4\"";
             svg.line(view.place(*from), view.place(*to), 1.0, style);
         }
-        let largest = self.draw_lines(&mut svg, &view, mean_radius);
-        let legend = format!("contacts above the mean force, widest line {} N; {COLOURS}", short(largest));
+        self.draw_lines(&mut svg, &view, mean_radius);
         view.words(&mut svg, &self.title, &legend);
         svg.finish()
     }
 
-    /// Draws the lines and returns the largest force, N.
-    fn draw_lines(&self, svg: &mut Svg, view: &View, mean_radius: f64) -> f64 {
-        let largest = self.lines.iter().fold(0.0, |largest: f64, line| largest.max(line.force.abs()));
+    /// The largest force, N.
+    fn largest(&self) -> f64 {
+        self.lines.iter().fold(0.0, |largest: f64, line| largest.max(line.force.abs()))
+    }
+
+    fn draw_lines(&self, svg: &mut Svg, view: &View, mean_radius: f64) {
+        let largest = self.largest();
         for line in self.lines.iter().filter(|line| line.force != 0.0) {
             let colour = match (line.force < 0.0, line.is_sliding) {
                 (true, _) => "#c8142d",
@@ -82,7 +86,6 @@ impl ForceChains {
             let style = format!("stroke=\"{colour}\" stroke-linecap=\"round\"");
             svg.line(view.place(line.from), view.place(line.to), width, &style);
         }
-        largest
     }
 }
 
@@ -108,5 +111,18 @@ mod tests {
         assert_eq!((text.matches("<line").count(), text.matches("<circle").count()), (3, 2));
         assert!(text.contains("a &lt; b") && text.contains("widest line 4.000 N"));
         assert!(!ForceChains::default().to_svg().contains("NaN"));
+    }
+
+    /// At a column of grains the end of the legend lay outside the picture.
+    #[test]
+    fn the_picture_of_a_narrow_body_is_wide_enough_for_its_legend() {
+        let width = |right: f64| -> f64 {
+            let outline = vec![[0.0, 0.0], [right, 0.0], [right, 1.0], [0.0, 1.0]];
+            let text = ForceChains { title: "column".to_owned(), outline, ..ForceChains::default() }.to_svg();
+            text.split("width=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        // 720 px and the margins; the legend of 64 letters of 13 px takes about 7 px a letter.
+        assert_eq!(width(1.0), 800.0);
+        assert!(width(0.1) > 80.0 + 64.0 * 6.0 && width(0.1) < 800.0, "{}", width(0.1));
     }
 }

@@ -6,6 +6,9 @@ use crate::force_chains::{ForceChains, ForceLine};
 const TURN: f64 = 30.0;
 const HEIGHT: f64 = 20.0;
 
+/// Share by which the mean of equal forces may be larger than each of them, as a sum of many is rounded.
+const ROUNDING: f64 = 1e-12;
+
 /// A contact in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialLine {
@@ -33,14 +36,14 @@ pub struct SpatialChains {
 }
 
 impl SpatialChains {
-    /// The picture, a parallel projection with y upwards: contacts that bear more than the mean force, the nearest on top. All contacts of a
+    /// The picture, a parallel projection with y upwards: contacts that bear the mean force or more, the nearest on top. All contacts of a
     /// dense cell would hide each other; those above the mean are the ones that carry the deviator (Radjai et al. 1998).
     pub fn to_svg(&self) -> String {
         let mean = self.lines.iter().map(|line| line.force.abs()).sum::<f64>() / self.lines.len().max(1) as f64;
         let mut strong: Vec<(f64, &SpatialLine)> = self
             .lines
             .iter()
-            .filter(|line| line.force.abs() > mean)
+            .filter(|line| line.force.abs() >= mean * (1.0 - ROUNDING))
             .map(|line| (seen(line.from)[2] + seen(line.to)[2], line))
             .collect();
         strong.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -111,6 +114,10 @@ mod tests {
             line.split("stroke-width=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
         };
         assert!((width(widths[1]) / width(widths[0]) - 2.0).abs() < 0.01, "{widths:?}");
+        // No force is above the mean of equal ones.
+        let equal =
+            SpatialChains { lines: (0..10).map(|place| line(0.1 * f64::from(place), 1.0)).collect(), ..chains };
+        assert_eq!(equal.to_svg().matches("<line").count(), 12 + 10);
         assert!(!SpatialChains::default().to_svg().contains("NaN"));
     }
 }

@@ -5,6 +5,12 @@ use crate::svg::Svg;
 /// Longer side of the drawing, px.
 const SIDE: f64 = 720.0;
 
+/// Sizes of the letters of title and legend, px.
+const LETTERS: [u32; 2] = [18, 13];
+
+/// Width of a letter over its size, at most on average.
+const LETTER: f64 = 0.56;
+
 /// Margin around it, px; the title stands in the upper one.
 const MARGIN: f64 = 40.0;
 
@@ -34,9 +40,11 @@ impl View {
         Self { left, low, scale, size }
     }
 
-    /// An empty picture of this size.
-    pub(crate) fn picture(&self) -> Svg {
-        Svg::new(self.size[0] + 2.0 * MARGIN, self.size[1] + 2.5 * MARGIN)
+    /// An empty picture of this size, wide enough for the words at a narrow body as well.
+    pub(crate) fn picture(&self, title: &str, legend: &str) -> Svg {
+        let of_words = |(words, size): (&str, u32)| LETTER * f64::from(size) * words.chars().count() as f64;
+        let words = [title, legend].into_iter().zip(LETTERS).map(of_words).fold(0.0, f64::max);
+        Svg::new(self.size[0].max(words) + 2.0 * MARGIN, self.size[1] + 2.5 * MARGIN)
     }
 
     /// A place in pixels.
@@ -57,7 +65,7 @@ impl View {
 
     /// Title above and legend below the drawing.
     pub(crate) fn words(&self, svg: &mut Svg, title: &str, legend: &str) {
-        svg.words([MARGIN, self.size[1] + 1.9 * MARGIN], 18, "start", title);
-        svg.words([MARGIN, 0.35 * MARGIN], 13, "start", legend);
+        svg.words([MARGIN, self.size[1] + 1.9 * MARGIN], LETTERS[0], "start", title);
+        svg.words([MARGIN, 0.35 * MARGIN], LETTERS[1], "start", legend);
     }
 }

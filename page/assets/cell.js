@@ -180,7 +180,7 @@
     };
     context.save();
     if (outline.length) { around(); context.clip(); }
-    const largest = Math.max(...lines.map((one) => Math.abs(one.compression)), 1e-300);
+    const largest = Math.max(Grainspan.largest(lines.map((one) => one.compression)), 1e-300);
     const thick = Math.min(Math.max(zoom * (grains[0]?.r ?? 1) * (isSolid() ? 0.6 : 0.9), 3), isSolid() ? 9 : 14);
     const widthOf = (line) => Math.max((thick * Math.abs(line.compression)) / largest, 0.3);
     context.lineCap = "round";
@@ -280,6 +280,13 @@
       if (chosen === null && known.length) { await Grainspan.cell.choose(known[0]); return; }
       await load();
       await ask();
+    },
+    // Forgets the grains of a run that another one has replaced.
+    clear() {
+      cell = null;
+      note = "";
+      asked = null;
+      if (chosen !== null && chosen >= Grainspan.mesh.count()) { chosen = null; Grainspan.mesh.mark(null); }
     },
     follow() { if (chosen !== null) load(); },
     redraw: draw,

@@ -91,6 +91,9 @@ Grainspan.extent = (values) => {
   return low <= high ? [low, high] : null;
 };
 
+// The largest size of a value, 0 of none; an array may be too long for the arguments of Math.max.
+Grainspan.largest = (values) => values.reduce((largest, value) => (Math.abs(value) > largest ? Math.abs(value) : largest), 0);
+
 // Perceptually even colours from dark blue to yellow.
 const STOPS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
 Grainspan.colour = (share) => {
@@ -114,14 +117,15 @@ Grainspan.prepare = (canvas, height) => {
   return { context, width, height };
 };
 
-// Keeps the choice of a select while its options change; `options`: `[value, text]` pairs. Returns the value chosen.
-Grainspan.fill = (select, options, preferred) => {
+// Keeps the choice of a select while its options change; `options`: `[value, text]` pairs. `wished` comes back with its option, `preferred`
+// is taken without a choice. Returns the value chosen.
+Grainspan.fill = (select, options, preferred, wished = null) => {
   const before = select.value;
   const same = select.options.length === options.length && options.every(([value], place) => select.options[place].value === String(value));
   if (!same) {
     select.replaceChildren(...options.map(([value, text]) => Grainspan.make("option", text, { value })));
     const values = options.map(([value]) => String(value));
-    select.value = values.includes(before) ? before : values.includes(String(preferred)) ? String(preferred) : values[0] ?? "";
+    select.value = [wished, before, preferred].map(String).find((one) => values.includes(one)) ?? values[0] ?? "";
   }
   return select.value;
 };

@@ -189,7 +189,7 @@
     // Each bar is a line from the axis upwards and back.
     steps.forEach((step, i) => { bars.x.push(step, step, null); bars.y.push(0, evaluations[i], null); });
     const width = Math.max(1, Math.min(8, 0.6 * element("work").clientWidth / Math.max(steps.length, 1)));
-    const most = Math.max(...evaluations, 1), mostIterations = Math.max(...iterations, 1);
+    const most = Math.max(Grainspan.largest(evaluations), 1), mostIterations = Math.max(Grainspan.largest(iterations), 1);
     chart(element("work"), [
       { ...bars, colour: "#9db8dd", width },
       { x: steps, y: iterations.map((value) => (value * most) / mostIterations), colour: "#b35900", width: 2, dots: steps.length < 80 },

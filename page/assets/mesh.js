@@ -5,6 +5,10 @@
   const canvas = element("mesh");
   const turn = { yaw: 0.6, pitch: 0.35, moved: 0 };
   const frames = new Map();
+  // Counts the runs that have been shown: an answer about an earlier one comes too late.
+  let run = 0;
+  // The field that was chosen by hand: a frame that lacks it does not take it from the next.
+  let wished = null;
   let mesh = null, steps = [], follows = true, current = null, range = null, places = [], cells = new Set(), chosen = null;
 
   const isSolid = () => mesh?.dimension === 3;
@@ -44,7 +48,7 @@
   // The largest displacement drawn at an eighth of the body.
   const automatic = () => {
     const size = Math.max(...[0, 1, 2].map((axis) => { const found = extent(mesh.nodes.filter((_, i) => i % 3 === axis)); return found[1] - found[0]; }));
-    const largest = Math.max(...(current?.displacement ?? [0]).map((value) => Math.abs(value ?? 0)));
+    const largest = Grainspan.largest(current?.displacement ?? []);
     if (!(largest > 0)) return 1;
     const wanted = (0.125 * size) / largest;
     if (wanted <= 1) return 1;
@@ -160,14 +164,14 @@
   const load = async (index) => {
     const step = steps[index]?.step;
     if (step === undefined) { current = null; draw(); return; }
-    const field = element("field").value;
+    const field = element("field").value, of = run;
     const key = `${step} ${Grainspan.isLive ? field : ""}`;
     if (!frames.has(key)) {
       const query = { step };
       // Without a field the names of all come with the first answer.
       if (field) query.field = field;
       const found = await Grainspan.get("frame", query);
-      if (!found) return;
+      if (!found || of !== run) return;
       if (frames.size > 60) frames.clear();
       frames.set(key, found);
     }
@@ -175,7 +179,9 @@
     current = frames.get(key);
     const names = current.fields.map((one) => [one.name, words(one.name)]);
     const preferred = ["shear_strain", "q", "void_ratio"].find((name) => names.some(([known]) => known === name));
-    Grainspan.fill(element("field"), names, preferred);
+    const shown = Grainspan.fill(element("field"), names, preferred, wished);
+    // A server sends the values of the field that was asked for; the first answer has them all.
+    if (current.values[shown] === undefined && shown !== field) { await load(index); return; }
     element("step-text").textContent = `${current.step}, time ${number(current.time)} s`;
     draw();
     Grainspan.cell.follow(step);
@@ -196,6 +202,11 @@
   Grainspan.mesh = {
     async load() {
       mesh = await Grainspan.get("mesh");
+      // What is known of the run before does not belong to this one.
+      run += 1;
+      frames.clear();
+      steps = [];
+      current = range = null;
       facing = isSolid() && !mesh.problem ? faces() : [];
       draw();
     },
@@ -223,7 +234,10 @@
     follows = event.target.value === event.target.max;
     load(Number(event.target.value));
   });
-  element("field").addEventListener("change", () => load(Number(element("step").value)));
+  element("field").addEventListener("change", (event) => {
+    wished = event.target.value;
+    load(Number(element("step").value));
+  });
   for (const id of ["magnify", "fixed-range"]) element(id).addEventListener("change", draw);
   Grainspan.turnable(canvas, turn, isSolid, draw);
   canvas.addEventListener("click", pick);

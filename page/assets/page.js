@@ -2,29 +2,33 @@
 // Loads everything once, and again whatever has changed while a run goes on.
 {
   const { element, get, post } = Grainspan;
-  let version = null, isBusy = false;
+  let isBusy = false;
+  // What has been drawn in full: after an error everything that is new counts as new again.
+  let drawn = {};
 
   const update = async () => {
     if (isBusy) return;
     isBusy = true;
     try {
       const state = await get("state");
-      const isNew = state.version !== version;
-      const wasLive = Boolean(Grainspan.state?.live), scene = Grainspan.state?.scene;
+      const isNew = state.version !== drawn.version, isLive = Boolean(state.live);
       Grainspan.state = state;
       Grainspan.summary.state(state);
       if (isNew) {
-        version = state.version;
-        if (scene !== state.scene) await Grainspan.mesh.load();
+        if (state.run !== drawn.run) {
+          await Grainspan.mesh.load();
+          Grainspan.cell.clear();
+        }
         const [history, log] = await Promise.all([get("history"), get("log")]);
         Grainspan.curves.show(history);
         Grainspan.curves.log(log);
         Grainspan.summary.warnings(log);
       }
-      if (isNew || wasLive !== Boolean(state.live)) {
+      if (isNew || isLive !== drawn.isLive) {
         await Grainspan.mesh.update(state);
         await Grainspan.cell.update(state);
       }
+      drawn = { version: state.version, run: state.run, isLive };
       element("control-note").classList.remove("bad");
     } catch (error) {
       if (!Grainspan.isLive) document.body.dataset.error = String(error);

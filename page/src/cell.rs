@@ -91,7 +91,7 @@ pub(crate) fn available(folder: &RunFolder) -> BTreeMap<usize, Vec<u64>> {
     for name in names(folder, FOLDER) {
         let Some(point) = name.strip_prefix("point-").and_then(|rest| rest.strip_suffix(".json")) else { continue };
         let Ok(point) = point.parse() else { continue };
-        if let Some(step) = folder.json(&Cell::file(point)).and_then(|cell| cell.get("step")?.as_u64()) {
+        if let Some(step) = folder.step(&Cell::file(point)) {
             found.entry(point).or_default().push(step);
         }
     }
@@ -102,16 +102,23 @@ pub(crate) fn available(folder: &RunFolder) -> BTreeMap<usize, Vec<u64>> {
     found
 }
 
-/// The cell of a point at a step, or at the last one before it that is known, else the first after it.
+/// Of the steps of a point, in their order, the last one up to `step`, else the first after it.
+pub(crate) fn nearest(steps: &[u64], step: u64) -> Option<u64> {
+    steps.iter().rev().find(|known| **known <= step).or(steps.first()).copied()
+}
+
+/// The cell of a point at one of its [`available`] steps; `None` if its file is not whole.
 pub(crate) fn read(folder: &RunFolder, point: usize, step: u64) -> Option<Value> {
-    let steps = available(folder).remove(&point)?;
-    let nearest = steps.iter().rev().find(|known| **known <= step).or(steps.first()).copied()?;
-    let saved = folder.json(&Cell::file(point));
-    if let Some(saved) = saved.filter(|cell| cell.get("step").and_then(Value::as_u64) == Some(nearest)) {
-        return Some(saved);
+    let file = Cell::file(point);
+    if folder.step(&file) == Some(step) {
+        let saved = folder.json(&file);
+        // A live run may have replaced it since.
+        if let Some(saved) = saved.filter(|cell| cell.get("step").and_then(Value::as_u64) == Some(step)) {
+            return Some(saved);
+        }
     }
-    let path = |what: &str| folder.path().join(format!("grains/{what}-{point:04}-step-{nearest:04}.vtp"));
-    from_vtk(point, nearest, &path("point"), &path("contacts")).map(|cell| cell.to_json())
+    let path = |what: &str| folder.path().join(format!("grains/{what}-{point:04}-step-{step:04}.vtp"));
+    from_vtk(point, step, &path("point"), &path("contacts")).map(|cell| cell.to_json())
 }
 
 fn names(folder: &RunFolder, below: &str) -> impl Iterator<Item = String> {
@@ -209,9 +216,14 @@ mod tests {
         fs::create_dir(place.path().join("grains")).unwrap();
         fs::write(place.path().join("grains/point-0009-step-0002.vtp"), "<VTKFile").unwrap();
         assert_eq!(available(&folder), BTreeMap::from([(7, vec![4]), (9, vec![2])]));
-        for step in [0, 4, 9] {
-            assert_eq!(read(&folder, 7, step).unwrap()["contacts"].to_string(), "[[0.5,0.5,1,0,12,3,1]]");
-        }
-        assert_eq!((read(&folder, 8, 0), read(&folder, 9, 2)), (None, None));
+        assert_eq!([0, 4, 9].map(|step| nearest(&[4, 6], step)), [Some(4), Some(4), Some(6)]);
+        assert_eq!(nearest(&[], 1), None);
+        assert_eq!(read(&folder, 7, 4).unwrap()["contacts"].to_string(), "[[0.5,0.5,1,0,12,3,1]]");
+        assert_eq!((read(&folder, 7, 5), read(&folder, 8, 0), read(&folder, 9, 2)), (None, None, None));
+        // A live run replaces the file of a point by that of a later step.
+        let later = Cell { step: 11, ..cell };
+        fs::write(place.path().join(Cell::file(7)), later.to_json().to_string()).unwrap();
+        assert_eq!(available(&folder)[&7], [11]);
+        assert!(read(&folder, 7, 4).is_none() && read(&folder, 7, 11).is_some());
     }
 }

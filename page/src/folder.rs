@@ -1,13 +1,17 @@
 //! The output folder of a run: reading of files that may be missing or half written, and paths that stay inside.
 
 use crate::error::PageError;
+use crate::stamp::{Remembered, Stamp};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 /// The output folder of a run.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Steps that files of cells tell: a live page asks for them every second.
+    steps: Arc<Remembered<Option<u64>>>,
 }
 
 impl RunFolder {
@@ -18,7 +22,7 @@ impl RunFolder {
     pub fn open(path: &Path) -> Result<Self, PageError> {
         let whole = path.canonicalize().map_err(|error| PageError(format!("{}: {error}", path.display())))?;
         if ["scene.toml", "history.csv"].iter().any(|name| whole.join(name).is_file()) {
-            return Ok(Self { path: whole });
+            return Ok(Self { path: whole, steps: Arc::default() });
         }
         Err(PageError(format!(
             "{} is no run's output: it has neither scene.toml nor history.csv\nhint: give the folder that `grainspan run` \
@@ -52,6 +56,16 @@ impl RunFolder {
     /// The JSON of a file; `None` if it is missing or not whole.
     pub(crate) fn json(&self, name: &str) -> Option<serde_json::Value> {
         serde_json::from_str(&self.text(name)?).ok()
+    }
+
+    /// The entry `step` of a JSON file, which is read again only when it has changed; `None` if it is missing or not whole.
+    pub(crate) fn step(&self, name: &str) -> Option<u64> {
+        self.steps.of(&self.path.join(name), || self.json(name)?.get("step")?.as_u64()).flatten()
+    }
+
+    /// Tells one run into the folder from the next: a run that begins writes its scene again, one that continues leaves it.
+    pub(crate) fn run(&self) -> String {
+        Stamp::of(&self.path.join("scene.toml")).map_or_else(String::new, |stamp| format!("{stamp:?}"))
     }
 
     /// Length of a file in bytes, 0 if it is missing: tells whether it has changed.

@@ -14,6 +14,7 @@ mod numbers;
 mod program;
 mod report;
 mod server;
+mod stamp;
 
 pub use controls::{Action, Controls, NO_CHECKPOINTS, PAUSED};
 pub use error::PageError;

@@ -108,6 +108,9 @@ fn everything(folder: &RunFolder, program: &Program) -> Value {
         state.insert("cells_left_out".into(), (cell::available(folder).len() - cells.len()).into());
         state.insert("cells".into(), cells.iter().map(known).collect());
         state.insert("live".into(), Value::Null);
+        // A file does not change, and is the same whenever it is written.
+        state.insert("run".into(), Value::Null);
+        state.insert("version".into(), Value::Null);
     }
     json!({
         "state": state,
@@ -146,7 +149,7 @@ fn chosen_frames(folder: &RunFolder) -> Map<String, Value> {
 fn chosen_cells(folder: &RunFolder) -> Map<String, Value> {
     let mut found: Map<String, Value> = Map::new();
     let mut steps = cell::available(folder);
-    let first = steps.keys().next().and_then(|&point| cell::read(folder, point, u64::MAX));
+    let first = steps.iter().next().and_then(|(&point, steps)| cell::read(folder, point, *steps.last()?));
     let fitting = MOST_GRAINS / first.as_ref().map_or(1, grain_count).max(1);
     let stride = steps.len().div_ceil(fitting.max(1));
     let mut place = 0;

@@ -163,7 +163,7 @@ struct Site {
     folder: RunFolder,
     program: Program,
     key: String,
-    /// The mesh and the scene that it belongs to: a folder may get another run.
+    /// The mesh and the run that it belongs to: a folder may get another one.
     mesh: Mutex<Option<(String, Value)>>,
 }
 
@@ -200,8 +200,9 @@ impl Site {
             "frame" => number("step")
                 .and_then(|step| data::frame(&self.folder, step, query.get("field").map(String::as_str))),
             "cell" => number("point").and_then(|point| {
-                let step = number("step").unwrap_or(u64::MAX);
-                cell::read(&self.folder, usize::try_from(point).ok()?, step)
+                let point = usize::try_from(point).ok()?;
+                let steps = cell::available(&self.folder).remove(&point)?;
+                cell::read(&self.folder, point, cell::nearest(&steps, number("step").unwrap_or(u64::MAX))?)
             }),
             _ => return Answer::missing("no such data"),
         };
@@ -209,10 +210,10 @@ impl Site {
     }
 
     fn mesh(&self) -> Value {
-        let scene = self.folder.text("scene.toml").unwrap_or_default();
+        let run = self.folder.run();
         let mut known = self.mesh.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.as_ref().is_none_or(|(of, _)| *of != scene) {
-            *known = Some((scene, data::mesh(&self.folder)));
+        if known.as_ref().is_none_or(|(of, _)| *of != run) {
+            *known = Some((run, data::mesh(&self.folder)));
         }
         known.as_ref().map(|(_, mesh)| mesh.clone()).unwrap_or_default()
     }

@@ -5,6 +5,7 @@ use super::accuracy::{choose, error_control, error_estimate, error_of_stresses};
 use super::document::{Document, Kind};
 use super::engines::EnginePlan;
 use super::initial::{find_equilibrium, initial_state};
+use super::input_copy::InputCopy;
 use super::input_error::InputError;
 use super::materials::{Materials, materials};
 use super::mesh::mesh;
@@ -40,6 +41,8 @@ pub struct Scene {
     pub problem: Problem,
     /// Identity of the mesh that a file gives; `None` of a generated one, which the keys describe.
     pub mesh_identity: Option<ContentId>,
+    /// The file that gives the mesh; `None` of a generated one.
+    mesh_file: Option<InputCopy>,
     /// What the Gauss points are made of.
     pub materials: Materials,
     /// Where the packing was read.
@@ -97,8 +100,8 @@ impl Scene {
         let keeps_default_error = choose(&document, &mut file)?;
         file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
-        let mut mesh = mesh(&document, &file.mesh)?;
-        let mesh_identity = file.mesh.get_ref().file.is_some().then(|| mesh.identity());
+        let (mut mesh, mesh_file) = mesh(&document, &file.mesh)?;
+        let mesh_identity = mesh_file.is_some().then(|| mesh.identity());
         let mesh_dimension = mesh.dimension.count();
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &Sets { mesh: &mesh }, definition)?;
@@ -168,6 +171,7 @@ impl Scene {
             document,
             problem,
             mesh_identity,
+            mesh_file,
             materials,
             packing_path,
             engines,
@@ -185,6 +189,21 @@ impl Scene {
             remarks,
         };
         Ok(scene)
+    }
+
+    /// The files that the scene names, as they go along with a run: packings, and the mesh unless it is generated.
+    pub fn files(&self) -> Vec<&InputCopy> {
+        self.materials.files.iter().chain(&self.mesh_file).collect()
+    }
+
+    /// The scene as run, which names [`Scene::files`] where they lie in the output folder.
+    ///
+    /// # Errors
+    /// As [`Document::as_run`].
+    pub fn as_run(&self) -> Result<String, InputError> {
+        let names: Vec<(&str, &str)> =
+            self.files().into_iter().map(|file| (file.key.as_str(), file.name.as_str())).collect();
+        self.document.as_run(&names)
     }
 
     /// For runs that cannot estimate the error: an error that the scene does not name itself gives way to the accuracy

@@ -1,6 +1,7 @@
 //! The packing of each Gauss point: the packing of the scene, or that of the last `[[region]]` that holds its element.
 
 use super::document::Document;
+use super::input_copy::InputCopy;
 use super::input_error::InputError;
 use super::packing::{packing_at, read_packing};
 use super::sets::Sets;
@@ -23,22 +24,11 @@ pub struct Materials {
     /// For each Gauss point the number of its `[[region]]`, if any.
     pub region_of: Vec<Option<usize>>,
     /// Packing files behind them.
-    pub files: Vec<PackingCopy>,
+    pub(super) files: Vec<InputCopy>,
     /// Kinds of cells of each region.
     kinds: Vec<usize>,
     /// One line per region, for people.
     pub remarks: Vec<String>,
-}
-
-/// A packing file as it goes along with a run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PackingCopy {
-    /// Path to the key of the scene that names it, with dots.
-    pub key: String,
-    /// Where it lies in the output folder.
-    pub name: String,
-    /// Its text.
-    pub text: String,
 }
 
 impl Materials {
@@ -107,11 +97,6 @@ impl Materials {
         }
         elements
     }
-
-    /// Where the packing files go, and the scene's keys that name them: `(key, name)`.
-    pub fn renamed(&self) -> Vec<(&str, &str)> {
-        self.files.iter().map(|file| (file.key.as_str(), file.name.as_str())).collect()
-    }
 }
 
 /// Mass per volume of the body, voids included, kg/m3.
@@ -145,7 +130,7 @@ pub(super) fn materials(
     sets: &Sets<'_>,
     base: AnyDefinition,
 ) -> Result<Materials, InputError> {
-    let copy = PackingCopy { key: "packing".into(), name: "packing.json".into(), text: base.packing_json() };
+    let copy = InputCopy { key: "packing".into(), name: "packing.json".into(), text: base.packing_json() };
     let mut materials = Materials {
         made_of: vec![0; sets.mesh.point_count()],
         region_of: vec![None; sets.mesh.point_count()],
@@ -276,7 +261,7 @@ impl Region<'_> {
                 Packing::Spheres(packing) => packing.to_json(),
             };
             let (number, name) = (self.number, format!("packings/{}-{place}.json", self.number));
-            materials.files.push(PackingCopy { key: format!("region.{number}.packings.{place}"), name, text });
+            materials.files.push(InputCopy { key: format!("region.{number}.packings.{place}"), name, text });
             packings.push(packing);
         }
         Ok(packings)

@@ -1,6 +1,7 @@
 //! `[mesh]` becomes a mesh: generated, or read from a file of Gmsh.
 
 use super::document::Document;
+use super::input_copy::InputCopy;
 use super::input_error::InputError;
 use super::tables::{Generator, MeshTable};
 use keys::Located;
@@ -9,7 +10,7 @@ use macro_solver::mesh::geotechnical::{HalfFooting, RetainingWall, Section, Slop
 use macro_solver::mesh::ring::{Ring, RingPart};
 use macro_solver::mesh::{ElementKind, Mesh, gmsh};
 use std::fmt::Display;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Most elements that a generator makes: with grains behind their points they take hundreds of gigabytes.
 const MOST_ELEMENTS: f64 = 1e6;
@@ -17,15 +18,20 @@ const MOST_ELEMENTS: f64 = 1e6;
 /// Bytes that the states of an element take: four points, two states of 400 discs each.
 const STATE_OF_AN_ELEMENT: f64 = 4.0 * 2.0 * 6e4;
 
-/// The mesh of a scene.
+/// The mesh of a scene, and its file as it goes along with a run unless it is generated.
 ///
 /// # Errors
 /// A number that is missing, superfluous or impossible, a file that cannot be read or is not usable.
-pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<Mesh, InputError> {
+pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<(Mesh, Option<InputCopy>), InputError> {
     let keys = table.get_ref();
-    if let Some(file) = &keys.file {
-        return from_file(document, keys, file);
+    match &keys.file {
+        Some(file) => from_file(document, keys, file).map(|(mesh, copy)| (mesh, Some(copy))),
+        None => generated(document, table).map(|mesh| (mesh, None)),
     }
+}
+
+fn generated(document: &Document, table: &Located<MeshTable>) -> Result<Mesh, InputError> {
+    let keys = table.get_ref();
     let generator = keys.generator.as_ref().map_or(Generator::Block, |generator| *generator.get_ref());
     let numbers = Numbers { document, table, kind: keys.element.unwrap_or(ElementKind::Q8) };
     if let Some(run) = &keys.run
@@ -50,7 +56,11 @@ pub(super) fn mesh(document: &Document, table: &Located<MeshTable>) -> Result<Me
     mesh.map_err(|error| document.error_at(table.span(), error).hint("docs/reference/scene.md describes [mesh]"))
 }
 
-fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::PathBuf>) -> Result<Mesh, InputError> {
+fn from_file(
+    document: &Document,
+    keys: &MeshTable,
+    file: &Located<PathBuf>,
+) -> Result<(Mesh, InputCopy), InputError> {
     let spans = [
         ("generator", keys.generator.as_ref().map(Located::span)),
         ("size", keys.size.as_ref().map(Located::span)),
@@ -84,7 +94,8 @@ fn from_file(document: &Document, keys: &MeshTable, file: &Located<std::path::Pa
             "elements and nodes are counted from 0 in the order of the file; correct the mesh in Gmsh",
         )
     })?;
-    Ok(mesh)
+    let copy = InputCopy { key: "mesh.file".into(), name: "mesh.msh".into(), text: text.into_owned() };
+    Ok((mesh, copy))
 }
 
 fn place(path: &Path, line: usize, problem: &str) -> String {

@@ -104,6 +104,35 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     expect_place(common.out)?;
     check(common, sweeps, &combinations)?;
     let interrupt = SignalWatch::flag("the rows so far are written")?;
+    let results = run_side_by_side(common, sweeps, &combinations, &interrupt);
+    let found = Findings::of(sweeps, &combinations, results)?;
+    if !common.quiet && !found.fallbacks.is_empty() {
+        let all: Vec<String> = found.fallbacks.iter().map(|(what, rows)| format!("{what}: {rows} rows")).collect();
+        tell(format_args!("fallbacks: {}", all.join(", ")));
+    }
+    deliver(common.out, &found.table)?;
+    let stopped = &found.stopped;
+    if interrupt.is_raised() {
+        let kept = stopped.iter().map(|reason| format!("\n{reason}")).collect::<String>();
+        let text =
+            format!("interrupted; the rows of {} of {} tests are written{kept}", found.started, combinations.len());
+        return Err(Failure::new(Exit::Interrupted, text));
+    }
+    if stopped.is_empty() {
+        return Ok(Exit::Done);
+    }
+    let (count, all) = (stopped.len(), combinations.len());
+    let text = format!("{count} of {all} tests stopped before their end:\n{}", stopped.join("\n"));
+    Err(Failure::new(found.exit, text))
+}
+
+/// Runs the tests, as many at a time as there are jobs; `None` of those that a stop came before. Results in the order of the combinations.
+fn run_side_by_side(
+    common: &Common<'_>,
+    sweeps: &[Sweep],
+    combinations: &[Vec<&str>],
+    interrupt: &Interrupt,
+) -> Vec<Option<Result<Ended, Failure>>> {
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -114,7 +143,7 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
                 loop {
                     let place = next.fetch_add(1, Ordering::Relaxed);
                     let Some(values) = combinations.get(place) else { return };
-                    let ended = one(common, sweeps, values, &interrupt);
+                    let ended = one(common, sweeps, values, interrupt);
                     results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     if !common.quiet {
@@ -127,62 +156,75 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             });
         }
     });
-    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let mut table = csv::Writer::from_writer(Vec::new());
-    let mut stopped = Vec::new();
-    let mut fallbacks: BTreeMap<&str, u64> = BTreeMap::new();
-    let unwritable =
-        |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"));
-    let (mut has_header, mut started, mut exit) = (false, 0, Exit::NotConverged);
-    for (values, ended) in combinations.iter().zip(results) {
-        let ended = match ended {
-            None => continue,
-            Some(Ok(ended)) => ended,
-            // What the other tests have found is not lost with this one.
-            Some(Err(failure)) => {
-                exit = failure.exit;
-                stopped.push(format!("{}: {}", described(sweeps, values), failure.message));
-                continue;
-            }
+    results.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What all tests of a sweep have left.
+struct Findings {
+    /// One table as CSV: a column for each key, then those of the tests.
+    table: Vec<u8>,
+    /// Rows that fell short, by how.
+    fallbacks: BTreeMap<&'static str, u64>,
+    /// Which tests stopped before their end, and why.
+    stopped: Vec<String>,
+    /// Tests that have left their rows.
+    started: usize,
+    /// How the program ends if some stopped.
+    exit: Exit,
+}
+
+impl Findings {
+    /// Puts the rows of all tests together.
+    ///
+    /// # Errors
+    /// The table cannot be written.
+    fn of(
+        sweeps: &[Sweep],
+        combinations: &[Vec<&str>],
+        results: Vec<Option<Result<Ended, Failure>>>,
+    ) -> Result<Self, Failure> {
+        let unwritable = |error: &dyn std::fmt::Display| {
+            Failure::new(Exit::BadInput, format!("the table cannot be written: {error}"))
         };
-        started += 1;
-        ended.fallbacks.iter().for_each(|(what, rows)| *fallbacks.entry(*what).or_default() += rows);
-        if let Some(reason) = ended.stopped {
-            stopped.push(format!("{}: {reason}", described(sweeps, values)));
-        }
-        let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(&ended.csv[..]);
-        for (number, row) in rows.records().enumerate() {
-            let row = row.map_err(|error| unwritable(&error))?;
-            let keys: Vec<&str> = match number {
-                0 if has_header => continue,
-                0 => sweeps.iter().map(|sweep| sweep.key.as_str()).collect(),
-                _ => values.clone(),
+        let mut table = csv::Writer::from_writer(Vec::new());
+        let mut found = Self {
+            table: Vec::new(),
+            fallbacks: BTreeMap::new(),
+            stopped: Vec::new(),
+            started: 0,
+            exit: Exit::NotConverged,
+        };
+        let mut has_header = false;
+        for (values, ended) in combinations.iter().zip(results) {
+            let ended = match ended {
+                None => continue,
+                Some(Ok(ended)) => ended,
+                // What the other tests have found is not lost with this one.
+                Some(Err(failure)) => {
+                    found.exit = failure.exit;
+                    found.stopped.push(format!("{}: {}", described(sweeps, values), failure.message));
+                    continue;
+                }
             };
-            has_header = true;
-            table.write_record(keys.into_iter().chain(row.iter())).map_err(|error| unwritable(&error))?;
+            found.started += 1;
+            ended.fallbacks.iter().for_each(|(what, rows)| *found.fallbacks.entry(*what).or_default() += rows);
+            if let Some(reason) = ended.stopped {
+                found.stopped.push(format!("{}: {reason}", described(sweeps, values)));
+            }
+            let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(&ended.csv[..]);
+            for (number, row) in rows.records().enumerate() {
+                let row = row.map_err(|error| unwritable(&error))?;
+                let keys: Vec<&str> = match number {
+                    0 if has_header => continue,
+                    0 => sweeps.iter().map(|sweep| sweep.key.as_str()).collect(),
+                    _ => values.clone(),
+                };
+                has_header = true;
+                table.write_record(keys.into_iter().chain(row.iter())).map_err(|error| unwritable(&error))?;
+            }
         }
-    }
-    if !common.quiet && !fallbacks.is_empty() {
-        let all: Vec<String> = fallbacks.iter().map(|(what, rows)| format!("{what}: {rows} rows")).collect();
-        tell(format_args!("fallbacks: {}", all.join(", ")));
-    }
-    deliver(common.out, &table.into_inner().map_err(|error| unwritable(&error))?)?;
-    if interrupt.is_raised() {
-        let kept = stopped.iter().map(|reason| format!("\n{reason}")).collect::<String>();
-        let text = format!("interrupted; the rows of {started} of {} tests are written{kept}", combinations.len());
-        return Err(Failure::new(Exit::Interrupted, text));
-    }
-    match stopped.is_empty() {
-        true => Ok(Exit::Done),
-        false => Err(Failure::new(
-            exit,
-            format!(
-                "{} of {} tests stopped before their end:\n{}",
-                stopped.len(),
-                combinations.len(),
-                stopped.join("\n")
-            ),
-        )),
+        found.table = table.into_inner().map_err(|error| unwritable(&error))?;
+        Ok(found)
     }
 }
 

@@ -1,9 +1,10 @@
 //! One disturbed run, and what was done to it.
 
+use super::children::children_of;
 use super::compare::same;
 use super::draw::Draw;
 use super::fault::{Fault, State};
-use super::macros::{Macro, children_of, strike};
+use super::macros::{Macro, strike};
 use super::short_scenes::{SHORT_SCENES, ShortScene};
 use rustix::process::Signal;
 use std::collections::BTreeMap;

@@ -16,6 +16,8 @@
 #![allow(clippy::print_stdout, unreachable_pub, reason = "a program of its own that reports to people")]
 
 mod case;
+#[path = "../harness/children.rs"]
+mod children;
 mod compare;
 mod draw;
 mod fault;

@@ -2,8 +2,9 @@
 //! by turns; same bytes, and the wall and processor time of one over the other.
 
 use super::case::wait;
+use super::children::children_of;
 use super::compare::same;
-use super::macros::{Macro, children_of, strike};
+use super::macros::{Macro, strike};
 use rustix::process::Signal;
 use std::fs;
 use std::path::Path;

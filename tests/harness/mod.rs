@@ -1,7 +1,11 @@
 //! Runs the real program in a place of its own, under a watchdog. Not every test file uses all of it.
 #![allow(dead_code, unreachable_pub, missing_docs, reason = "each test file compiles its own copy")]
 
+mod children;
+pub mod commands;
 pub mod short_scenes;
+
+pub use children::children_of;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -220,22 +224,6 @@ pub fn signal(pid: u32, signal: rustix::process::Signal) {
     let pid = rustix::process::Pid::from_raw(pid as i32).unwrap();
     // The process may have ended in the meantime.
     let _ = rustix::process::kill_process(pid, signal);
-}
-
-/// Living processes whose parent is `pid`.
-pub fn children_of(pid: u32) -> Vec<u32> {
-    let mut children = Vec::new();
-    for entry in fs::read_dir("/proc").unwrap().flatten() {
-        let Some(candidate) = entry.file_name().to_str().and_then(|name| name.parse::<u32>().ok()) else { continue };
-        let Ok(text) = fs::read_to_string(format!("/proc/{candidate}/stat")) else { continue };
-        let Some((_, fields)) = text.rsplit_once(')') else { continue };
-        let fields: Vec<_> = fields.split_whitespace().collect();
-        if fields[0] != "Z" && fields[1] == pid.to_string() {
-            children.push(candidate);
-        }
-    }
-    children.sort_unstable();
-    children
 }
 
 /// Whether a process stands still, or has ended.

@@ -1,5 +1,6 @@
 //! One case: a run over three hosts, the faults that it meets, and the comparison with an undisturbed one.
 
+use crate::children::children_of;
 use crate::compare;
 use crate::draw::Draw;
 use crate::network::{HUB, Network, SPOKES};
@@ -392,9 +393,9 @@ impl Case<'_> {
                 self.after(100 + draw.below(3000), Later::Continue(spoke));
             }
             Kind::WorkerKilled => {
-                let agent = self.agents[spoke - 1].as_ref().map_or(0, |agent| agent.child.id());
-                for pid in children_of(agent) {
-                    if let Some(pid) = Pid::from_raw(pid) {
+                let workers = self.agents[spoke - 1].as_ref().map(|agent| children_of(agent.child.id()));
+                for pid in workers.into_iter().flatten() {
+                    if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
                         let _ = kill_process(pid, Signal::KILL);
                     }
                 }
@@ -489,10 +490,4 @@ impl Case<'_> {
         }
         Ok(())
     }
-}
-
-/// Living children of a process.
-fn children_of(pid: u32) -> Vec<i32> {
-    let text = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap_or_default();
-    text.split_whitespace().filter_map(|child| child.parse().ok()).collect()
 }

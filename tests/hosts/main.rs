@@ -11,6 +11,8 @@
 #![allow(clippy::print_stdout, unreachable_pub, dead_code, reason = "a program of its own that reports to people")]
 
 mod case;
+#[path = "../harness/children.rs"]
+mod children;
 #[path = "../faults/compare.rs"]
 mod compare;
 #[path = "../faults/draw.rs"]

@@ -54,6 +54,24 @@ const HELD_BACK: ([u64; 3], [u64; 2]) = ([11, 12, 13], [11, 12]);
 /// Friction and k_t / k_n of the cells in turn.
 const CONTACTS: [(f64, f64); 3] = [(0.5, 0.5), (0.3, 0.8), (0.8, 1.0)];
 
+fn discs_of_seed(seed: u64) -> String {
+    format!("discs-400 of seed {seed}")
+}
+
+fn spheres_of_seed(seed: u64) -> String {
+    format!("spheres-100 of seed {seed}")
+}
+
+/// Names of the [`cells`], without making them.
+pub(super) fn names(quick: bool) -> Vec<String> {
+    let shipped = SHIPPED.iter().map(|(name, ..)| (*name).to_owned());
+    if quick {
+        return shipped.take(1).collect();
+    }
+    let held_back = HELD_BACK.0.into_iter().map(discs_of_seed).chain(HELD_BACK.1.into_iter().map(spheres_of_seed));
+    shipped.chain(held_back).collect()
+}
+
 /// The cells: the shipped ones and some made from other seeds; only the first in a quick look.
 ///
 /// # Errors
@@ -72,12 +90,12 @@ pub(super) fn cells(quick: bool) -> anyhow::Result<Vec<Grains>> {
     for seed in HELD_BACK.0 {
         let recipe = PackingRecipe::from_toml(discs.2)?;
         let packing = Packing::Discs(packing_of_seed(seed)?);
-        cells.push(Grains::new(format!("discs-400 of seed {seed}"), packing, &recipe, cells.len())?);
+        cells.push(Grains::new(discs_of_seed(seed), packing, &recipe, cells.len())?);
     }
     for seed in HELD_BACK.1 {
         let recipe = PackingRecipe { seed, ..PackingRecipe::from_toml(spheres.2)? };
         let (packing, ..) = generate_any(&recipe, &mut |_| {}).with_context(|| format!("spheres of seed {seed}"))?;
-        cells.push(Grains::new(format!("spheres-100 of seed {seed}"), packing, &recipe, cells.len())?);
+        cells.push(Grains::new(spheres_of_seed(seed), packing, &recipe, cells.len())?);
     }
     Ok(cells)
 }

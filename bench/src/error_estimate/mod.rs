@@ -12,9 +12,10 @@ use super::report::Report;
 use super::table::Table;
 use crate::effort::Effort;
 use crate::newton::case::side_by_side;
-use case::{Grains, Loading, Mark, Solution, cells, solution};
+use case::{Grains, Loading, Mark, Solution, cells, names, solution};
 use protocol::Tensor2;
 use rve_server::definition::RveOptions;
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Load steps of 1e-3.
@@ -68,6 +69,11 @@ impl Setting {
     }
 }
 
+/// What `--only` may name.
+pub(super) fn parts(effort: &Effort) -> Vec<String> {
+    names(effort.quick)
+}
+
 /// Measures all cells, paths and settings, or the cells that the command line names. Tables are written again after each cell, so that
 /// a study that is interrupted leaves the cells it has finished.
 ///
@@ -75,11 +81,11 @@ impl Setting {
 /// A packing cannot be made, a worker ends early, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let (cells, steps) = (cells(effort.quick)?, effort.choose(STEPS, 5));
-    let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
+    let known: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
     let settings = Setting::all();
     let mut cases = Vec::new();
     let mut by_step = Table::new(["cell", "path", "setting", "step", "stress_ratio", "true", "estimated"]);
-    for cell in cells.iter().filter(|cell| effort.includes(&cell.name, &names)) {
+    for cell in cells.iter().filter(|cell| effort.includes(&cell.name, &known)) {
         let begin = Instant::now();
         let solved = side_by_side(Loading::ALL.len() * settings.len(), |piece| {
             let (loading, setting) = (Loading::ALL[piece / settings.len()], settings[piece % settings.len()]);
@@ -88,9 +94,11 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         let solved = solved.into_iter().collect::<anyhow::Result<Vec<Solution>>>()?;
         for (loading, solutions) in Loading::ALL.into_iter().zip(solved.chunks(settings.len())) {
             let peak = peak(&solutions[0]);
-            for (setting, solution) in settings.iter().zip(solutions).skip(1) {
-                let errors = errors(&solutions[0], solution);
-                for error in &errors {
+            let errors: Vec<Vec<StepError>> =
+                solutions.iter().skip(1).map(|found| errors(&solutions[0], found)).collect();
+            let shared = shared_steps(&errors);
+            for ((setting, solution), errors) in settings.iter().zip(solutions).skip(1).zip(&errors) {
+                for error in errors {
                     by_step.row([
                         cell.name.as_str().into(),
                         loading.name().into(),
@@ -102,10 +110,11 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
                     ]);
                 }
                 for part in Part::ALL {
-                    let errors: Vec<StepError> =
-                        errors.iter().copied().filter(|error| part == Part::of(error.step, peak)).collect();
-                    if !errors.is_empty() {
-                        cases.push(Case::new(cell, loading, part, *setting, &errors, solution));
+                    let of_part = |error: &&StepError| part == Part::of(error.step, peak);
+                    if errors.iter().any(|error| of_part(&error)) {
+                        let compared = errors.iter().filter(|error| of_part(error) && shared.contains(&error.step));
+                        let figures = Figures::of(&compared.copied().collect::<Vec<_>>());
+                        cases.push(Case::new(cell, loading, part, *setting, figures, solution));
                     }
                 }
             }
@@ -118,8 +127,9 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     report.table("cases", "true and estimated error of every cell, path and setting", &table(&cases))?;
     report.table("settings", "over all cells and paths, by setting", &by_setting(&cases, &settings))?;
     report.note(
-        "strains: prescribed, or found so that forces are in balance, whose tolerance is then part of the true error. part: up to the peak of the stress ratio of the reference, or past it. ratio: estimated over true error, root mean squares \
-         over the steps. work: force evaluations per load step of the whole path; replicas: those of the second solution over them. \
+        "strains: prescribed, or found so that forces are in balance, whose tolerance is then part of the true error. part: up to the peak of the stress ratio of the reference, or past it. true, estimated: root mean squares over the `steps` \
+         that all settings of the cell and path have, empty if there is none. ratio: estimated over true error, over those of them with an \
+         estimate. work: force evaluations per load step of the whole path; replicas: those of the second solution over them. \
          best_fixed: work over that of the cheapest fixed strain per step of the same cell, path and part whose true error is not \
          larger; empty if none is as accurate.",
     )?;
@@ -154,12 +164,31 @@ struct Case {
     loading: Loading,
     part: Part,
     setting: Setting,
-    truth: f64,
-    estimate: f64,
+    figures: Figures,
     work: f64,
     replicas: f64,
-    steps: usize,
     is_complete: bool,
+}
+
+/// Root mean squares over some load steps; NaN over none.
+#[derive(Clone, Copy, Debug)]
+struct Figures {
+    truth: f64,
+    /// Of the steps that have an estimate.
+    estimate: f64,
+    /// Estimated over true error, both of the steps that have an estimate.
+    ratio: f64,
+    /// Steps that `truth` is taken over.
+    steps: usize,
+}
+
+impl Figures {
+    fn of(errors: &[StepError]) -> Self {
+        let truth = |errors: &[StepError]| root_mean_square(errors.iter().map(|error| error.truth));
+        let estimated: Vec<StepError> = errors.iter().copied().filter(|error| error.estimate.is_finite()).collect();
+        let estimate = root_mean_square(estimated.iter().map(|error| error.estimate));
+        Self { truth: truth(errors), estimate, ratio: estimate / truth(&estimated), steps: errors.len() }
+    }
 }
 
 impl Case {
@@ -168,7 +197,7 @@ impl Case {
         loading: Loading,
         part: Part,
         setting: Setting,
-        errors: &[StepError],
+        figures: Figures,
         solution: &Solution,
     ) -> Self {
         let [own, replicas] = solution.force_evaluations.map(|count| count as f64);
@@ -177,11 +206,9 @@ impl Case {
             loading,
             part,
             setting,
-            truth: root_mean_square(errors.iter().map(|error| error.truth)),
-            estimate: root_mean_square(errors.iter().map(|error| error.estimate)),
+            figures,
             work: own / (solution.load * solution.steps as f64),
             replicas: replicas / own,
-            steps: errors.len(),
             is_complete: solution.is_complete,
         }
     }
@@ -191,7 +218,7 @@ impl Case {
         let rival = |other: &&Self| {
             matches!(other.setting, Setting::Fixed(_))
                 && (&other.cell, other.loading, other.part) == (&self.cell, self.loading, self.part)
-                && other.truth <= self.truth
+                && other.figures.truth <= self.figures.truth
         };
         let cheapest = all.iter().filter(rival).map(|other| other.work).fold(f64::INFINITY, f64::min);
         if cheapest.is_finite() { self.work / cheapest } else { f64::NAN }
@@ -239,6 +266,14 @@ fn errors(reference: &Solution, found: &Solution) -> Vec<StepError> {
     errors
 }
 
+/// Load steps that all settings have: a setting that broke off, or was cut back over the end of a step, has fewer, and errors over other
+/// steps are no comparison.
+fn shared_steps(errors: &[Vec<StepError>]) -> BTreeSet<usize> {
+    let has = |errors: &[StepError], step: usize| errors.iter().any(|error| error.step == step);
+    let first = errors.first().into_iter().flatten().map(|error| error.step);
+    first.filter(|&step| errors.iter().all(|errors| has(errors, step))).collect()
+}
+
 fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let known: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     // Nothing known is not nothing wrong.
@@ -267,13 +302,13 @@ fn table(cases: &[Case]) -> Table {
             case.loading.name().into(),
             case.part.name().into(),
             case.setting.name().into(),
-            case.truth.into(),
-            case.estimate.into(),
-            (case.estimate / case.truth).into(),
+            case.figures.truth.into(),
+            case.figures.estimate.into(),
+            case.figures.ratio.into(),
             case.work.into(),
             case.replicas.into(),
             case.over_best_fixed(cases).into(),
-            case.steps.into(),
+            case.figures.steps.into(),
             if case.is_complete { "completed" } else { "broke off" }.into(),
         ]);
     }
@@ -306,11 +341,11 @@ fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
             (case.loading.prescribes_strains(), case.part, case.setting) == (prescribed, part, *setting)
         };
         let chosen: Vec<&Case> = cases.iter().filter(belongs).collect();
-        let ratios = sorted(chosen.iter().map(|case| case.estimate / case.truth));
+        let ratios = sorted(chosen.iter().map(|case| case.figures.ratio));
         let within = |factor: f64| ratios.iter().filter(|ratio| (1.0 / factor..=factor).contains(*ratio)).count();
-        let errors = sorted(chosen.iter().map(|case| case.truth));
+        let errors = sorted(chosen.iter().map(|case| case.figures.truth));
         let work = sorted(chosen.iter().map(|case| case.work));
-        let best = sorted(chosen.iter().map(|case| case.over_best_fixed(cases)).filter(|ratio| ratio.is_finite()));
+        let best = sorted(chosen.iter().map(|case| case.over_best_fixed(cases)));
         table.row([
             if prescribed { "prescribed" } else { "in balance" }.into(),
             part.name().into(),
@@ -330,12 +365,47 @@ fn by_setting(cases: &[Case], settings: &[Setting]) -> Table {
     table
 }
 
+/// In their order, without those that are not known.
 fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.collect();
+    let mut values: Vec<f64> = values.filter(|value| !value.is_nan()).collect();
     values.sort_by(f64::total_cmp);
     values
 }
 
 fn middle(sorted: &[f64]) -> f64 {
     crate::repeat::median(sorted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(step: usize, truth: f64, estimate: f64) -> StepError {
+        StepError { step, ratio: 1.0, truth, estimate }
+    }
+
+    /// A setting that broke off before the cells snapped had the smallest error.
+    #[test]
+    fn errors_are_compared_over_the_steps_that_all_settings_have() {
+        let whole = vec![error(1, 1.0, 1.0), error(2, 1.0, 1.0), error(3, 9.0, 9.0)];
+        let cut_back = vec![error(1, 1.0, 1.0), error(3, 9.0, 9.0)];
+        let broken = vec![error(1, 1.0, 1.0), error(2, 1.0, 1.0)];
+        let steps = |errors: &[Vec<StepError>]| shared_steps(errors).into_iter().collect::<Vec<_>>();
+        assert_eq!(steps(&[whole.clone(), cut_back, broken]), [1]);
+        assert!(steps(&[whole.clone(), Vec::new()]).is_empty());
+        assert_eq!(steps(&[whole]), [1, 2, 3]);
+        assert!(steps(&[]).is_empty());
+    }
+
+    /// The estimate of one step was divided by the error of all.
+    #[test]
+    fn the_ratio_is_over_steps_that_have_truth_and_estimate() {
+        let figures = Figures::of(&[error(1, 1.0, 2.0), error(2, 7.0, f64::NAN)]);
+        assert_eq!((figures.truth, figures.estimate, figures.ratio, figures.steps), (5.0, 2.0, 2.0, 2));
+        let without = Figures::of(&[error(1, 1.0, f64::NAN)]);
+        assert!(without.truth == 1.0 && without.estimate.is_nan() && without.ratio.is_nan());
+        let nothing = Figures::of(&[]);
+        assert!(nothing.truth.is_nan() && nothing.ratio.is_nan() && nothing.steps == 0);
+        assert_eq!(sorted([3.0, f64::NAN, 1.0].into_iter()), [1.0, 3.0]);
+    }
 }

@@ -1,7 +1,7 @@
 //! The open FEM x DEM code: Yade's own modules over the finite elements of escript, both as Debian packages.
 
 use super::Specimen;
-use crate::program::{Cost, timed};
+use crate::program::{Cost, WORKERS, timed};
 use anyhow::{Context, bail};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl Incumbent {
     pub(super) fn run(&self, specimen: &Specimen, folder: &Path) -> anyhow::Result<IncumbentRun> {
         let options = serde_json::json!({
             "size": specimen.size, "elements": specimen.elements, "steps": specimen.steps, "pressure": specimen.pressure,
-            "strain_per_step": specimen.strain_per_step, "tolerance": 1e-2, "processes": 2,
+            "strain_per_step": specimen.strain_per_step, "tolerance": 1e-2, "processes": WORKERS,
         });
         fs::write(folder.join("incumbent.options.json"), options.to_string())?;
         fs::write(folder.join("incumbent.py"), include_str!("incumbent.py"))?;

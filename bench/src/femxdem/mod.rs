@@ -4,7 +4,7 @@
 mod incumbent;
 
 use crate::effort::Effort;
-use crate::program::{ProgramRun, run_scene};
+use crate::program::{ProgramRun, WORKERS, run_scene};
 use crate::repeat::median;
 use crate::report::Report;
 use crate::table::Table;
@@ -79,7 +79,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         pressure: 1e5,
     };
     report.note(&format!(
-        "{} x {} Q8 elements ({} cells of 400 discs), {} steps of {:.0e} axial strain, two processes. Errors of the mean vertical \
+        "{} x {} Q8 elements ({} cells of 400 discs), {} steps of {:.0e} axial strain, {WORKERS} processes. Errors of the mean vertical \
          stress after each step, relative to our tight run. Times from the start of the program to its end, medians.",
         specimen.elements[0],
         specimen.elements[1],

@@ -24,6 +24,11 @@ use std::path::Path;
 /// Role of the process that solves cells.
 pub(crate) const ROLE: &str = "trials";
 
+/// What `--only` may name.
+pub(super) fn parts(_: &Effort) -> Vec<String> {
+    GROUPS.map(str::to_owned).to_vec()
+}
+
 /// Counts all groups, or those that are named.
 ///
 /// # Errors

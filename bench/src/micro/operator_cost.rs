@@ -2,8 +2,12 @@
 //! their probes (least and median of five rounds):
 //! `grainspan bench micro operator_cost PACKING [strain before] [repeats] [operators]`;
 //! all operators if none is named. Discs have linear contacts, spheres Hertz-Mindlin contacts of glass.
+//!
+//! Each round makes a new cell for every operator. Within a round an operator that needs no grain solver is repeated (30 times), and all but
+//! the first find the order of elimination again, as at a point whose contacts stay; one repeat shows what a new network costs.
 
 use super::processor_time::processor_time;
+use crate::repeat::interleaved;
 use anyhow::Context;
 use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::ContactTable;
@@ -42,45 +46,41 @@ fn measure<S: SolverFor>(
     repeats: usize,
     kinds: &[TangentKind],
 ) -> anyhow::Result<()> {
-    let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options: RveOptions::default() })?;
+    let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
     let target = |size: f64| Tensor2::from_plane([[0.0, 0.0], [0.0, -size]]);
-    cell.trial(&target(strain), &TrialOptions::default())?;
-    cell.commit()?;
+    let mut strained = GrainRve::new(&definition)?;
+    strained.trial(&target(strain), &TrialOptions::default())?;
+    strained.commit()?;
+    let mut state = Vec::new();
+    strained.snapshot(&mut state);
     let mut increments = Vec::new();
+    let mut outcomes = vec![None; kinds.len()];
+    let mut counts = [0; 2];
     let mut evaluations = 0;
-    for _ in 0..3 {
+    // Rounds of all kinds in turn, so that a busy moment of the machine meets them all. The clock ticks in milliseconds:
+    // each round of a cheap operator is many evaluations.
+    let mut times = interleaved(ROUNDS, kinds.len(), |place| -> anyhow::Result<f64> {
+        let mut cell = GrainRve::new(&definition)?;
+        cell.restore(&state)?;
         let started = processor_time();
         let answer = cell.trial(&target(1e-3), &TrialOptions::default())?;
         increments.push((processor_time() - started) * 1e3);
         evaluations = answer.cost.force_evaluations;
-    }
-    let increment = least_and_median(&mut increments);
-    let network = cell.network().context("there is no trial")?.clone();
-    println!(
-        "{} grains, {} contacts; increment of 1e-3: {:.2} ms (median {:.2} ms), {evaluations} force evaluations",
-        network.radii.len(),
-        network.contacts.len(),
-        increment[0],
-        increment[1]
-    );
-    // Rounds of all kinds in turn, so that a busy moment of the machine meets them all. The clock ticks in milliseconds:
-    // each round of a cheap operator is many evaluations.
-    let mut times = vec![Vec::new(); kinds.len()];
-    let mut outcomes = vec![None; kinds.len()];
-    for round in 0..ROUNDS {
-        for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(&mut outcomes) {
-            let needs_grain_solver = needs_grain_solver(*kind);
-            if needs_grain_solver && round > 0 {
-                continue;
-            }
-            let repeats = if needs_grain_solver { 1 } else { repeats };
-            let started = processor_time();
-            for _ in 0..repeats {
-                *outcome = cell.operator(*kind);
-            }
-            times.push((processor_time() - started) * 1e3 / repeats as f64);
+        let network = cell.network().context("there is no trial")?;
+        counts = [network.radii.len(), network.contacts.len()];
+        let repeats = if needs_grain_solver(kinds[place]) { 1 } else { repeats.max(1) };
+        let started = processor_time();
+        for _ in 0..repeats {
+            outcomes[place] = cell.operator(kinds[place]);
         }
-    }
+        Ok((processor_time() - started) * 1e3 / repeats as f64)
+    })?;
+    let increment = least_and_median(&mut increments);
+    let [grains, contacts] = counts;
+    println!(
+        "{grains} grains, {contacts} contacts; increment of 1e-3: {:.2} ms (median {:.2} ms), {evaluations} force evaluations",
+        increment[0], increment[1]
+    );
     for ((kind, times), outcome) in kinds.iter().zip(&mut times).zip(outcomes) {
         let [least, median] = least_and_median(times);
         let perturbed = outcome.context("there is no trial")?;

@@ -1,21 +1,48 @@
-//! Cost of a preparation, stage by stage: `grainspan bench micro pack_cost RECIPE.toml [number of grains] [trace] [OUT.json]`. Prints increments and processor time of every stage, the report's figures, and
-//! with `trace` every increment.
+//! Cost of a preparation, stage by stage: `grainspan bench micro pack_cost RECIPE.toml [NUMBER] [trace] [OUT.json]`; without `NUMBER` as many
+//! grains as the recipe says. Prints increments and processor time of every stage, the report's figures, and with `trace` every increment.
 
 use super::processor_time::processor_time;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, generate_any};
 use std::collections::BTreeMap;
 
+const USAGE: &str = "usage: pack_cost RECIPE.toml [NUMBER] [trace] [OUT.json]";
+
+/// What follows the recipe, in any order.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Wanted {
+    number: Option<usize>,
+    traces: bool,
+    out: Option<String>,
+}
+
+impl Wanted {
+    fn read(arguments: &[String]) -> anyhow::Result<Self> {
+        let mut wanted = Self::default();
+        for argument in arguments {
+            match argument.as_str() {
+                "trace" => wanted.traces = true,
+                file if file.ends_with(".json") => wanted.out = Some(file.to_owned()),
+                number => match number.parse() {
+                    Ok(number) => wanted.number = Some(number),
+                    Err(_) => {
+                        bail!("`{argument}` is no number of grains, no `trace` and no file of packings; {USAGE}")
+                    }
+                },
+            }
+        }
+        Ok(wanted)
+    }
+}
+
 /// See the head of this file.
 #[expect(clippy::print_stdout, reason = "a program for people")]
 pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
-    let path = arguments.first().context("usage: pack_cost RECIPE.toml [NUMBER] [trace] [OUT.json]")?;
+    let (path, rest) = arguments.split_first().context(USAGE)?;
+    let Wanted { number, traces, out } = Wanted::read(rest)?;
     let mut recipe = PackingRecipe::from_toml(&std::fs::read_to_string(path)?)?;
-    if let Some(number) = arguments.get(1) {
-        recipe.number = number.parse()?;
-    }
-    let traces = arguments.iter().any(|word| word == "trace");
+    recipe.number = number.unwrap_or(recipe.number);
     let (begin, mut last) = (processor_time(), processor_time());
     let mut stages: BTreeMap<&'static str, (u32, f64)> = BTreeMap::new();
     let (packing, report) = generate_any(&recipe, &mut |progress| {
@@ -50,7 +77,7 @@ pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
         report.coordination_number_no_rattlers,
         report.fabric_anisotropy
     );
-    if let Some(out) = arguments.iter().find(|word| word.ends_with(".json")) {
+    if let Some(out) = out {
         let text = match &packing {
             Packing::Discs(packing) => packing.to_json(),
             Packing::Spheres(packing) => packing.to_json(),
@@ -58,4 +85,20 @@ pub(super) fn run(arguments: &[String]) -> anyhow::Result<()> {
         std::fs::write(out, text)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `trace` without a number was read as one.
+    #[test]
+    fn the_number_of_grains_may_be_left_out() {
+        let read = |words: &[&str]| Wanted::read(&words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>());
+        assert_eq!(read(&[]).unwrap(), Wanted::default());
+        assert_eq!(read(&["trace"]).unwrap(), Wanted { traces: true, ..Wanted::default() });
+        let all = Wanted { number: Some(200), traces: true, out: Some("a.json".into()) };
+        assert_eq!(read(&["200", "trace", "a.json"]).unwrap(), all);
+        assert!(read(&["tracing"]).unwrap_err().to_string().contains("usage: pack_cost"));
+    }
 }

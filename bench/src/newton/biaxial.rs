@@ -4,7 +4,7 @@
 use super::case::{
     STABILISATION, Step, StrategyRun, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains,
 };
-use super::strategies::{Variant, chosen, operators, own};
+use super::strategies::{Variant, operators, own};
 use crate::effort::Effort;
 use crate::report::Report;
 use crate::table::Table;
@@ -44,11 +44,16 @@ impl Grains {
     }
 }
 
-/// Measures all variants at the size that the effort allows: 8 x 16 elements in full, else 2 x 4.
+/// All that are compared here.
+pub(super) fn variants() -> Vec<Variant> {
+    [own(), operators()].concat()
+}
+
+/// Measures the variants at the size that the effort allows: 8 x 16 elements in full, else 2 x 4.
 ///
 /// # Errors
 /// The packing cannot be made, workers are lost, or the report cannot be written.
-pub(super) fn run(kind: Grains, effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+pub(super) fn run(kind: Grains, variants: &[Variant], effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let elements = if effort.full { [8, 16] } else { effort.choose([2, 4], [1, 1]) };
     let steps = effort.choose(20, 2);
     let packings = if effort.quick {
@@ -59,7 +64,6 @@ pub(super) fn run(kind: Grains, effort: &Effort, report: &mut Report) -> anyhow:
     let number = packings.len();
     let grains =
         packings.into_iter().map(|packing| definition(packing, ACCURACY)).collect::<anyhow::Result<Vec<_>>>()?;
-    let variants = chosen([own(), operators()].concat(), effort, kind.name());
     let points = (4 * elements[0] * elements[1]) as f64;
     let runs = side_by_side(variants.len(), |variant| {
         solve_on_grains(&problem(elements, steps, &variants[variant].strategy), &grains)

@@ -142,7 +142,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     report.note(
         "`after` is `commit_iterates_after`: 0 begins every iterate at the last accepted state. \
          `last_ratio` is the mean stress ratio of the last third of the paths, with the standard error of its difference over the pairs \
-         of runs: past a snap single runs part, means should not.",
+         of runs, both over the pairs that came there: past a snap single runs part, means should not.",
     )?;
     Ok(())
 }
@@ -190,11 +190,27 @@ impl Done {
         }
     }
 
-    /// Mean stress ratio over the last third of the path.
+    /// Mean stress ratio over the last third of the path; NaN if the run did not come there.
     fn last_ratio(&self) -> f64 {
-        let late = self.result.steps.iter().filter(|step| step.report.load > 2.0 / 3.0).map(|step| step.ratio);
-        late.clone().sum::<f64>() / late.count().max(1) as f64
+        mean_of_last_third(self.result.steps.iter().map(|step| (step.report.load, step.ratio)))
     }
+}
+
+/// Mean over loads above two thirds; NaN if there is none.
+fn mean_of_last_third(steps: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let late: Vec<f64> = steps.filter(|(load, _)| *load > 2.0 / 3.0).map(|(_, ratio)| ratio).collect();
+    mean(&late)
+}
+
+/// NaN of no value.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The pairs of runs that both came to the last third: their ratios without and with committed iterates.
+fn known_pairs(plain: &[f64], committed: &[f64]) -> [Vec<f64>; 2] {
+    let pairs = plain.iter().copied().zip(committed.iter().copied());
+    pairs.filter(|(one, other)| !one.is_nan() && !other.is_nan()).unzip::<f64, f64, Vec<f64>, Vec<f64>>().into()
 }
 
 fn each(runs: &[Done]) -> Table {
@@ -269,15 +285,18 @@ fn means(runs: &[Done]) -> Table {
                 runs.iter().filter(chosen).collect::<Vec<&Done>>()
             };
             let [plain, committed] = AFTER.map(of);
-            let differences: Vec<f64> =
-                plain.iter().zip(&committed).map(|(one, other)| other.last_ratio() - one.last_ratio()).collect();
-            for (after, chosen) in AFTER.into_iter().zip([&plain, &committed]).filter(|(_, runs)| !runs.is_empty()) {
-                let mean = |figure: &dyn Fn(&Done) -> f64| {
+            let ratios = |runs: &[&Done]| runs.iter().map(|run| run.last_ratio()).collect::<Vec<f64>>();
+            let known = known_pairs(&ratios(&plain), &ratios(&committed));
+            let differences: Vec<f64> = known[0].iter().zip(&known[1]).map(|(one, other)| other - one).collect();
+            for ((after, chosen), ratios) in AFTER.into_iter().zip([&plain, &committed]).zip(&known) {
+                if chosen.is_empty() {
+                    continue;
+                }
+                let geometric = |figure: &dyn Fn(&Done) -> f64| {
                     (chosen.iter().map(|run| figure(run).ln()).sum::<f64>() / chosen.len() as f64).exp()
                 };
                 let sum = |count: &dyn Fn(&Done) -> u64| chosen.iter().map(|run| count(run)).sum::<u64>();
-                let [first, second, third, last] = MARKS.map(|strain| mean(&|run| run.until(strain)).into());
-                let ratio = chosen.iter().map(|run| run.last_ratio()).sum::<f64>() / chosen.len() as f64;
+                let [first, second, third, last] = MARKS.map(|strain| geometric(&|run| run.until(strain)).into());
                 table.row([
                     test.name.into(),
                     if held_back { "held back" } else { "tuned on" }.into(),
@@ -286,11 +305,11 @@ fn means(runs: &[Done]) -> Table {
                     second,
                     third,
                     last,
-                    mean(&|run| run.result.run.statistics.evaluations as f64 / run.points).into(),
+                    geometric(&|run| run.result.run.statistics.evaluations as f64 / run.points).into(),
                     sum(&|run| run.result.run.statistics.cut_backs).into(),
                     sum(&|run| run.result.run.statistics.stabilised_steps).into(),
                     sum(&|run| run.result.run.statistics.cost.force_evaluations).into(),
-                    ratio.into(),
+                    mean(ratios).into(),
                     standard_error(&differences).into(),
                 ]);
             }
@@ -301,8 +320,7 @@ fn means(runs: &[Done]) -> Table {
 
 /// Standard error of a mean; NaN of fewer than two values.
 fn standard_error(values: &[f64]) -> f64 {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
+    let (count, mean) = (values.len() as f64, mean(values));
     let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
     (squares / (count - 1.0) / count).sqrt()
 }
@@ -315,5 +333,16 @@ mod tests {
     fn the_standard_error_is_that_of_a_mean() {
         assert!((standard_error(&[1.0, 2.0, 3.0, 4.0]) - (5.0_f64 / 3.0 / 4.0).sqrt()).abs() < 1e-15);
         assert!(standard_error(&[1.0]).is_nan());
+    }
+
+    /// A run that broke off early counted with a stress ratio of 0.
+    #[test]
+    fn a_run_that_did_not_reach_the_last_third_has_no_ratio_there() {
+        let steps = [(0.0, 1.0), (0.5, 3.0), (0.75, 2.0), (1.0, 1.0)];
+        assert_eq!(mean_of_last_third(steps.into_iter()), 1.5);
+        assert!(mean_of_last_third(steps[..2].iter().copied()).is_nan());
+        let known = known_pairs(&[1.0, f64::NAN, 3.0], &[2.0, 2.0, f64::NAN]);
+        assert_eq!(known, [vec![1.0], vec![2.0]]);
+        assert!(mean(&known_pairs(&[f64::NAN], &[1.0])[0]).is_nan());
     }
 }

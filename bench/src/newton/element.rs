@@ -4,7 +4,7 @@
 use super::case::{
     STABILISATION, StrategyRun, definition, packing_of_seed, side_by_side, small_packing, solve_on_grains,
 };
-use super::strategies::{Variant, chosen, operators, own, rounded};
+use super::strategies::{Variant, operators, own, rounded};
 use crate::effort::Effort;
 use crate::report::Report;
 use crate::table::{Cell, Table};
@@ -28,11 +28,17 @@ const TARGET: [f64; 4] = [30.0, 75.0, 150.0, 350.0];
 /// Seeds of the packings. Settings were fixed on the first.
 const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
 
-/// Measures all variants under both criteria over all packings.
+/// All that are compared here. Of the published operators only the ends of the ranking: this part is about strategies.
+pub(super) fn variants() -> Vec<Variant> {
+    let published = operators().into_iter().filter(|variant| ["UKO", "PSTLO"].contains(&variant.name.as_str()));
+    [own(), rounded(), published.collect()].concat()
+}
+
+/// Measures the variants under both criteria over all packings.
 ///
 /// # Errors
 /// A packing cannot be made, workers are lost, or the report cannot be written.
-pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
+pub(super) fn run(variants: &[Variant], effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let steps = effort.choose(STEPS, 3);
     let (packings, accuracy) = match effort.quick {
         true => (vec![small_packing()?], Accuracy::Draft),
@@ -45,9 +51,6 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         .into_iter()
         .map(|packing| definition(packing, accuracy))
         .collect::<anyhow::Result<Vec<Definition>>>()?;
-    // Of the published operators only the ends of the ranking: this part is about strategies.
-    let published = operators().into_iter().filter(|variant| ["UKO", "PSTLO"].contains(&variant.name.as_str()));
-    let variants = chosen([own(), rounded(), published.collect()].concat(), effort, "element");
     let criteria = criteria();
     let count = variants.len() * criteria.len() * grains.len();
     let place = |piece: usize| {

@@ -13,26 +13,96 @@ mod strategies;
 use super::report::Report;
 use crate::effort::Effort;
 use biaxial::Grains;
+use grainspan::exit::{Exit, Failure};
+use strategies::{Variant, chosen, operators, own, rounded};
 
 /// Parts that `--only` may name, besides strategies and operators.
 const PARTS: [&str; 4] = ["element", "biaxial", "mixed", "committed-iterates"];
 
-/// Measures the parts that were chosen, or all.
+/// What `--only` may name.
+pub(super) fn parts(_: &Effort) -> Vec<String> {
+    let variants = [own(), rounded(), operators()].concat().into_iter().map(|variant| variant.name);
+    PARTS.map(str::to_owned).into_iter().chain(variants).collect()
+}
+
+/// Measures the parts that were chosen, or all; where strategies or operators are named, those parts that have one of them.
 ///
 /// # Errors
-/// A packing cannot be made, workers are lost, or the report cannot be written.
+/// No part has a variant that is named, a packing cannot be made, workers are lost, or the report cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
-    if effort.includes("element", &PARTS) {
-        element::run(effort, report)?;
+    let wanted = Wanted::of(effort);
+    if wanted.is_empty() {
+        let text = "bench newton: no part that is chosen has a variant that --only names\nhint: `element` has all strategies, those with \
+                    rounded targets, UKO and PSTLO; `biaxial` and `mixed` have all strategies and operators";
+        return Err(Failure::new(Exit::BadInput, text).into());
     }
-    if effort.includes("biaxial", &PARTS) {
-        biaxial::run(Grains::Alike, effort, report)?;
+    if !wanted.element.is_empty() {
+        element::run(&wanted.element, effort, report)?;
     }
-    if effort.includes("mixed", &PARTS) {
-        biaxial::run(Grains::Mixed, effort, report)?;
+    for (kind, variants) in [(Grains::Alike, &wanted.biaxial), (Grains::Mixed, &wanted.mixed)] {
+        if !variants.is_empty() {
+            biaxial::run(kind, variants, effort, report)?;
+        }
     }
-    if effort.includes("committed-iterates", &PARTS) {
+    if wanted.committed_iterates {
         committed_iterates::run(effort, report)?;
     }
     Ok(())
+}
+
+/// The variants of each part; none of a part that is left out.
+struct Wanted {
+    element: Vec<Variant>,
+    biaxial: Vec<Variant>,
+    mixed: Vec<Variant>,
+    /// It has no variants.
+    committed_iterates: bool,
+}
+
+impl Wanted {
+    fn of(effort: &Effort) -> Self {
+        let of = |part: &str, variants: Vec<Variant>| match effort.includes(part, &PARTS) {
+            true => chosen(variants, effort, &PARTS),
+            false => Vec::new(),
+        };
+        Self {
+            element: of("element", element::variants()),
+            biaxial: of("biaxial", biaxial::variants()),
+            mixed: of("mixed", biaxial::variants()),
+            committed_iterates: effort.only.is_empty() || effort.names("committed-iterates"),
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        [&self.element, &self.biaxial, &self.mixed].iter().all(|variants| variants.is_empty())
+            && !self.committed_iterates
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A part without the variant that was named measured all of its own.
+    #[test]
+    fn parts_without_a_variant_that_is_named_are_left_out() {
+        let counts = |only: &[&str], quick: bool| {
+            let only = only.iter().map(|&name| name.to_owned()).collect();
+            let wanted = Wanted::of(&Effort { only, quick, ..Effort::default() });
+            let [element, biaxial, mixed] =
+                [&wanted.element, &wanted.biaxial, &wanted.mixed].map(|variants| variants.len());
+            assert_eq!(wanted.is_empty(), element + biaxial + mixed == 0 && !wanted.committed_iterates);
+            (element, biaxial, mixed, wanted.committed_iterates)
+        };
+        let all = (element::variants().len(), biaxial::variants().len(), biaxial::variants().len(), true);
+        assert_eq!(counts(&[], false), all);
+        assert_eq!(counts(&["element"], false), (all.0, 0, 0, false));
+        assert_eq!(counts(&["slip_secant_rounded"], false), (1, 0, 0, false));
+        assert_eq!(counts(&["mixed", "CTO", "slip_secant_rounded"], false), (0, 0, 1, false));
+        assert_eq!(counts(&["biaxial", "slip_secant_rounded"], false), (0, 0, 0, false));
+        assert_eq!(counts(&["committed-iterates"], false), (0, 0, 0, true));
+        // A quick look has few variants, unless others are named.
+        assert_eq!(counts(&[], true), (3, 2, 2, true));
+        assert_eq!(counts(&["CTO"], true), (0, 1, 1, false));
+    }
 }

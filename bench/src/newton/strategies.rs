@@ -52,16 +52,18 @@ pub(super) fn operators() -> Vec<Variant> {
     operators.into_iter().map(variant).collect()
 }
 
-/// Those that the command line names; all if it names none.
-pub(super) fn chosen(variants: Vec<Variant>, effort: &Effort, part: &str) -> Vec<Variant> {
-    let names_one = variants.iter().any(|variant| effort.names(&variant.name));
-    let named = |variant: &Variant| !names_one || effort.names(&variant.name);
-    let quick = ["slip_newton", "slip_secant_rounded", "PSTLO"];
-    let wanted =
-        |variant: &Variant| if effort.quick { quick.contains(&variant.name.as_str()) } else { named(variant) };
-    let found: Vec<Variant> = variants.into_iter().filter(wanted).collect();
-    debug_assert!(!found.is_empty(), "{part} has something to compare");
-    found
+/// Variants of a quick look.
+const QUICK: [&str; 3] = ["slip_newton", "slip_secant_rounded", "PSTLO"];
+
+/// Those that the command line names, which may be none of these; if it names nothing but `parts` of the study, all of them or those of a
+/// quick look.
+pub(super) fn chosen(variants: Vec<Variant>, effort: &Effort, parts: &[&str]) -> Vec<Variant> {
+    let names_variants = effort.only.iter().any(|only| !parts.contains(&only.as_str()));
+    let wanted = |variant: &Variant| match names_variants {
+        true => effort.names(&variant.name),
+        false => !effort.quick || QUICK.contains(&variant.name.as_str()),
+    };
+    variants.into_iter().filter(wanted).collect()
 }
 
 #[cfg(test)]
@@ -81,8 +83,8 @@ mod tests {
             stability: crate::stability_options::Options::default(),
             only: only.iter().map(|&name| name.to_owned()).collect(),
         };
-        assert_eq!(chosen(all(), &effort(&[], false), "x").len(), names.len());
-        assert_eq!(chosen(all(), &effort(&["element", "UKO", "newton"], false), "x").len(), 2);
-        assert_eq!(chosen(all(), &effort(&[], true), "x").len(), 3);
+        assert_eq!(chosen(all(), &effort(&[], false), &["element"]).len(), names.len());
+        assert_eq!(chosen(all(), &effort(&["element", "UKO", "newton"], false), &["element"]).len(), 2);
+        assert_eq!(chosen(all(), &effort(&[], true), &["element"]).len(), 3);
     }
 }

@@ -30,6 +30,16 @@ const PERTURBATION: f64 = 1e-10;
 /// Strain rates of the other programs, from the fastest; the slowest is their own reference.
 const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
 
+/// Cases that are measured with this effort.
+fn measured_cases(effort: &Effort) -> &'static [Case] {
+    effort.choose(CASES, &CASES[..1])
+}
+
+/// What `--only` may name.
+pub(super) fn parts(effort: &Effort) -> Vec<String> {
+    measured_cases(effort).iter().map(|case| case.name.to_owned()).collect()
+}
+
 /// Draws error over cost for all cases, or for those that `--only` names.
 ///
 /// # Errors
@@ -37,7 +47,7 @@ const PEER_RATES: [f64; 4] = [5e-3, 5e-4, 5e-5, 5e-6];
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let scratch = tempfile::tempdir().context("making a scratch folder")?;
     let names: Vec<&str> = CASES.iter().map(|case| case.name).collect();
-    for case in effort.choose(CASES, &CASES[..1]) {
+    for case in measured_cases(effort) {
         if effort.includes(case.name, &names) {
             study(case, effort, scratch.path(), report)?;
         }

@@ -49,6 +49,11 @@ const BETWEEN_HOSTS: MessageTimes =
 /// Points per worker of a run over many hosts.
 const MANY_POINTS: usize = 100;
 
+/// What `--only` may name.
+pub(super) fn parts(_: &Effort) -> Vec<String> {
+    PARTS.map(str::to_owned).to_vec()
+}
+
 /// Simulates, then lets processes sleep.
 ///
 /// # Errors

@@ -46,7 +46,7 @@ impl Campaign {
     /// Draws the cases that the command line asks for and makes their packings.
     ///
     /// # Errors
-    /// A kind that is not known, or filters that let nothing through.
+    /// Filters that let nothing through.
     pub(super) fn new(options: &Options, effort: &Effort) -> anyhow::Result<Self> {
         let seed = options.seed.unwrap_or(SEED);
         let slots = slots(seed)?;
@@ -91,12 +91,6 @@ impl Campaign {
 }
 
 fn chosen(seed: u64, slots: &[Slot], options: &Options, effort: &Effort) -> anyhow::Result<Vec<Case>> {
-    let names: Vec<&str> =
-        Kind::ALL.iter().map(|kind| kind.name()).chain(Range::ALL.iter().map(|range| range.name())).collect();
-    if let Some(unknown) = effort.only.iter().find(|only| !names.contains(&only.as_str())) {
-        let text = format!("--only {unknown}: cases are of the kinds {}", names.join(", "));
-        return Err(Failure::new(Exit::BadInput, text).into());
-    }
     let names_kind = Kind::ALL.iter().any(|kind| effort.names(kind.name()));
     let names_range = Range::ALL.iter().any(|range| effort.names(range.name()));
     let largest = options.largest.unwrap_or(effort.choose(usize::MAX, QUICK_GRAINS));

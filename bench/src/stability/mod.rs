@@ -6,7 +6,6 @@ mod check;
 mod dampings;
 mod groups;
 mod ledger;
-
 mod outcome;
 mod packings;
 mod path;
@@ -21,15 +20,26 @@ mod worst;
 use super::report::Report;
 use crate::effort::Effort;
 use campaign::Campaign;
-use case::Case;
+use case::{Case, Range};
 use check::{Checked, Subject};
 use indicatif::{ProgressBar, ProgressStyle};
 use outcome::{Class, Outcome};
+use path::Kind;
 use rayon::prelude::*;
 use rve_server::programs::rve_test::ElementTest;
 
 /// Small scenes, thorough and quick.
 const SCENES: [u64; 2] = [12, 2];
+
+/// What `--only` may name.
+pub(super) fn parts(_: &Effort) -> Vec<String> {
+    Kind::ALL
+        .iter()
+        .map(|kind| kind.name())
+        .chain(Range::ALL.iter().map(|range| range.name()))
+        .map(str::to_owned)
+        .collect()
+}
 
 /// Runs the campaign that the command line asks for.
 ///
@@ -63,10 +73,20 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let long = if options.long_cycles { " --long-cycles" } else { "" };
     let worst = worst::table(&campaign, &outcomes, &checks, &format!("{long}{overrides}"));
     report.table("worst", "the worst cases", &worst)?;
-    let count = options.small.unwrap_or(effort.choose(SCENES[0], SCENES[1]));
+    let count = options.small.unwrap_or_else(|| small_scenes(effort));
     let scenes = scenes::run(campaign.seed, count, &campaign.slots, !options.unchecked, report)?;
     let parts = [("How cases ended", classes), ("The worst cases", worst), ("How small scenes ended", scenes)];
     summary::write(&campaign, &outcomes, &checks, &parts, report)
+}
+
+/// Small scenes if the command line names no number: none where it filters or changes the cases of one cell, as scenes obey neither.
+fn small_scenes(effort: &Effort) -> u64 {
+    let options = &effort.stability;
+    let asks_for_cells = options.dimension.is_some()
+        || options.largest.is_some()
+        || !options.overrides.is_empty()
+        || !effort.only.is_empty();
+    if asks_for_cells { 0 } else { effort.choose(SCENES[0], SCENES[1]) }
 }
 
 /// Runs all cases and checks those that are to be checked.
@@ -133,4 +153,27 @@ fn over_cases<T: Send>(
 fn progress(count: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{elapsed} {wide_bar} {pos} of {len}, {eta} left");
     ProgressBar::new(count as u64).with_style(style.expect("the template is a constant"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stability_options::Options;
+
+    #[test]
+    fn filters_and_overrides_of_cases_leave_small_scenes_out() {
+        let effort = |stability: Options, only: &[&str]| Effort {
+            stability,
+            only: only.iter().map(|&name| name.to_owned()).collect(),
+            ..Effort::default()
+        };
+        assert_eq!(small_scenes(&effort(Options::default(), &[])), 12);
+        assert_eq!(small_scenes(&Effort { quick: true, ..Effort::default() }), 2);
+        assert_eq!(small_scenes(&effort(Options { seed: Some(7), cases: Some(500), ..Options::default() }, &[])), 12);
+        assert_eq!(small_scenes(&effort(Options::default(), &["everyday"])), 0);
+        assert_eq!(small_scenes(&effort(Options { dimension: Some(2), ..Options::default() }, &[])), 0);
+        assert_eq!(small_scenes(&effort(Options { largest: Some(100), ..Options::default() }, &[])), 0);
+        let overrides = vec!["rve.damping=viscous".to_owned()];
+        assert_eq!(small_scenes(&effort(Options { overrides, ..Options::default() }, &[])), 0);
+    }
 }

@@ -7,7 +7,7 @@ use super::outcome::{Class, Outcome};
 use super::path::Kind;
 use crate::report::Report;
 use crate::table::Table;
-use rve_server::contact::{ContactTable, LawName, Rotations};
+use rve_server::contact::{ContactTable, Rotations};
 use rve_server::definition::{Accuracy, RveOptions};
 
 /// Writes `cases.csv`: one row per case.
@@ -61,7 +61,7 @@ pub(super) fn cases(
             slot.name.as_str().into(),
             u64::from(slot.dimension).into(),
             slot.number.into(),
-            law(contact).into(),
+            contact.law.keyword().into(),
             ratio(contact).into(),
             contact.friction.into(),
             contact.rolling_friction.into(),
@@ -86,13 +86,6 @@ pub(super) fn cases(
         ]);
     }
     Ok(report.raw("cases", &table)?)
-}
-
-fn law(contact: &ContactTable) -> &'static str {
-    match contact.law {
-        LawName::Linear => "linear",
-        LawName::HertzMindlin => "hertz_mindlin",
-    }
 }
 
 /// k_t / k_n.

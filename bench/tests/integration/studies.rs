@@ -67,6 +67,27 @@ fn an_unknown_study_is_refused_with_the_way_to_the_list() {
     assert!(stderr(&ended).contains("bench --list"), "{}", stderr(&ended));
 }
 
+/// An unknown part measured everything, and one that a quick look leaves out nothing.
+#[test]
+fn an_unknown_part_is_refused_with_those_that_there_are() {
+    let site = Site::new();
+    for (arguments, said) in [
+        (&["rve", "--only", "spheres"][..], "spheres-1000"),
+        (&["rve", "--quick", "--only", "spheres-1000"], "discs-400"),
+        (&["error-estimate", "--only", "discs-400 of seed 1"], "discs-400 of seed 11"),
+        (&["stability", "--only", "every"], "everyday"),
+        (&["channel", "--only", "latency"], "has no parts"),
+        (&["newton", "--only", "slip_newtn"], "slip_newton"),
+        (&["newton", "--only", "biaxial", "--only", "slip_secant_rounded"], "no part that is chosen has a variant"),
+    ] {
+        let folder = site.path(arguments[0]);
+        let ended = bench(&[arguments, &["--out", folder.to_str().unwrap()]].concat());
+        let text = stderr(&ended);
+        assert_eq!(ended.status.code(), Some(2), "{arguments:?}: {text}");
+        assert!(text.contains(said) && text.contains("hint:"), "{arguments:?}: {text}");
+    }
+}
+
 #[test]
 fn microbenchmarks_are_listed_and_print() {
     let listed = bench(&["micro"]);

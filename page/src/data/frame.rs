@@ -51,6 +51,7 @@ pub(crate) fn frame(folder: &RunFolder, step: u64, wanted: Option<&str>) -> Opti
         _ => None,
     })?;
     let units = folder.json("units.json").unwrap_or_default();
+    let is_plane = grid.points.clone().cast_into::<f64>()?.iter().skip(2).step_by(3).all(|height| *height == 0.0);
     let elements = grid.cells.types.len();
     let mut values = Map::new();
     let mut fields = Vec::new();
@@ -58,7 +59,7 @@ pub(crate) fn frame(folder: &RunFolder, step: u64, wanted: Option<&str>) -> Opti
         let Attribute::DataArray(array) = attribute else { continue };
         let Some(numbers) = array.data.cast_into::<f64>() else { continue };
         let unit = units.get("fields").and_then(|fields| fields.get(&array.name)).cloned().unwrap_or(Value::Null);
-        for (name, part) in scalars(&array.name, &numbers, elements) {
+        for (name, part) in scalars(&array.name, &numbers, elements, is_plane) {
             fields.push(json!({"name": name, "unit": unit}));
             if wanted.is_none_or(|wanted| wanted == name) {
                 values.insert(name, shorts(part));
@@ -74,13 +75,18 @@ pub(crate) fn frame(folder: &RunFolder, step: u64, wanted: Option<&str>) -> Opti
     }))
 }
 
-/// A field as numbers, one an element each: components of tensors (the upper ones) and vectors that are not zero everywhere.
-fn scalars(name: &str, numbers: &[f64], elements: usize) -> Vec<(String, Vec<f64>)> {
+/// A field as numbers, one an element each: components of tensors (the upper ones) and vectors. In a plane body those out of its plane are
+/// left out where they are zero everywhere. Others stay, so that every frame has them: cells at rest have no shear and no rotation.
+fn scalars(name: &str, numbers: &[f64], elements: usize, is_plane: bool) -> Vec<(String, Vec<f64>)> {
+    // Bodies in the plane turn about the axis that they do not extend along.
+    let is_axial = name.ends_with("rotation");
+    let is_out_of_plane = |axes: &str| is_plane && (axes.contains('z') != is_axial);
     let components = numbers.len().checked_div(elements).unwrap_or(0);
     let part = |place: usize| -> Vec<f64> { numbers.iter().skip(place).step_by(components).copied().collect() };
     let of_places = |places: Vec<(usize, String)>| {
-        let named = places.into_iter().map(|(place, ending)| (format!("{name}_{ending}"), part(place)));
-        named.filter(|(_, values)| values.iter().any(|value| *value != 0.0)).collect()
+        let parts = places.into_iter().map(|(place, axes)| (part(place), axes));
+        let shown = parts.filter(|(values, axes)| !is_out_of_plane(axes) || values.iter().any(|value| *value != 0.0));
+        shown.map(|(values, axes)| (format!("{name}_{axes}"), values)).collect()
     };
     match components {
         0 => Vec::new(),
@@ -130,6 +136,22 @@ mod tests {
             fs::write(&path, &whole[..end]).unwrap();
             let _ = frame(&folder, 4, None);
         }
+    }
+
+    /// At step 0 a shear stress is zero, and the page lost it as the field that was chosen.
+    #[test]
+    fn every_frame_has_the_components_that_a_body_may_have() {
+        let names = |name: &str, numbers: &[f64], is_plane: bool| -> Vec<String> {
+            scalars(name, numbers, 1, is_plane).into_iter().map(|(name, _)| name).collect()
+        };
+        assert_eq!(names("s", &[0.0; 9], true), ["s_xx", "s_yy", "s_xy"]);
+        assert_eq!(names("s", &[0.0; 9], false), ["s_xx", "s_yy", "s_zz", "s_xy", "s_xz", "s_yz"]);
+        // Spheres behind a plane mesh.
+        let of_spheres = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0];
+        assert_eq!(names("s", &of_spheres, true), ["s_xx", "s_yy", "s_zz", "s_xy"]);
+        assert_eq!(names("grain_rotation", &[0.0; 3], true), ["grain_rotation_z"]);
+        assert_eq!(names("grain_rotation", &[0.0; 3], false).len(), 3);
+        assert_eq!(names("u", &[0.0; 3], true), ["u_x", "u_y"]);
     }
 
     fn protocol_stress() -> Field {

@@ -5,7 +5,7 @@
 //! | `state` | `summary.json`, the live run, names of files |
 //! | `history` | `history.csv`, `probe_errors.csv`, `units.json`, `scene.toml` |
 //! | `log` | `run.jsonl` |
-//! | `mesh` | the first of `fields/*.vtu`, or the scene |
+//! | `mesh` | `scene.toml` and the files that it names |
 //! | `frame` | one of `fields/*.vtu` |
 //! | `cell` | `cells/`, `grains/` |
 

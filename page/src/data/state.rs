@@ -8,7 +8,7 @@ use crate::program::Program;
 use serde_json::{Map, Value, json};
 
 /// Parts of `summary.json` that the page shows as they are.
-const SHOWN: [&str; 9] = [
+const SHOWN: [&str; 10] = [
     "steps",
     "gauss_points",
     "newton_iterations",
@@ -17,11 +17,12 @@ const SHOWN: [&str; 9] = [
     "workers",
     "time",
     "accuracy",
+    "balance",
     "energy",
 ];
 
-/// Status, reason, progress and workers of a live run, figures of one that has ended, counters, frames, cells, and `version`: a text
-/// that changes whenever another part of the data may have changed.
+/// Status, reason, progress and workers of a live run, figures of one that has ended, counters, frames, cells, `run`: a text that changes
+/// when another run begins in the folder, and `version`: one that changes whenever another part of the data may have changed.
 pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
     let live = (program.live)(folder.path());
     // A run that continues finds the summary of the process before.
@@ -40,7 +41,8 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
     let of_frames = frames(folder);
     let cells = cell::available(folder);
     let lengths = ["history.csv", "run.jsonl", "summary.json"].map(|name| folder.length(name));
-    let version = format!("{lengths:?} {} {cells:?}", of_frames.len());
+    let run = folder.run();
+    let version = format!("{run} {lengths:?} {} {cells:?}", of_frames.len());
     let figures: Map<String, Value> =
         SHOWN.into_iter().filter_map(|key| Some((key.to_owned(), summary.as_ref()?.get(key)?.clone()))).collect();
     json!({
@@ -56,6 +58,7 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
         "frames": of_frames.iter().map(|frame| json!({"step": frame.step, "time": frame.time})).collect::<Value>(),
         "cells": cells.iter().map(|(point, steps)| json!({"point": point, "steps": steps})).collect::<Value>(),
         "scene": folder.text("scene.toml"),
+        "run": run,
         "version": version,
     })
 }
@@ -113,7 +116,8 @@ mod tests {
         assert_eq!(state(&folder, &PROGRAM)["requests"].to_string(), r#"["pause"]"#);
         fs::remove_file(place.path().join("alive")).unwrap();
         let summary = r#"{"status":"not_converged","reason":"no way","steps":3,"fallbacks":{"overlap":2,"old":1,"none":0,"x":1},
-            "skipped":{"y":4},"deprecated_names":{"fallbacks.old":"fallbacks.overlap"},"cutbacks":5}"#;
+            "skipped":{"y":4},"deprecated_names":{"fallbacks.old":"fallbacks.overlap"},"cutbacks":5,
+            "balance":{"error_of_mean":0.02}}"#;
         fs::write(place.path().join("summary.json"), summary).unwrap();
         let found = state(&folder, &PROGRAM);
         assert_eq!((status(), &found["reason"]), ("not_converged".to_owned(), &Value::from("no way")));
@@ -122,5 +126,23 @@ mod tests {
             found["counters"].as_array().unwrap().iter().map(|counter| counter["text"].as_str().unwrap()).collect();
         assert_eq!(texts, ["2 overlap", "1 x", "4 y", "5 cutbacks"]);
         assert_eq!(found["counters"][0]["harmless"], false);
+        assert_eq!(found["figures"]["balance"]["error_of_mean"], 0.02, "the page reads it");
+    }
+
+    /// A run into the folder of an earlier one, of the same scene and the same size: the page kept the fields of the earlier one.
+    #[test]
+    fn another_run_in_the_folder_is_told_from_the_one_before() {
+        let place = tempfile::tempdir().unwrap();
+        let scene = place.path().join("scene.toml");
+        fs::write(&scene, "name = 'a'").unwrap();
+        let folder = RunFolder::open(place.path()).unwrap();
+        let told = || ["run", "version"].map(|key| state(&folder, &PROGRAM)[key].clone());
+        let before = told();
+        assert_eq!(told(), before);
+        // As a run writes it.
+        let draft = place.path().join(".scene.toml.partial");
+        fs::write(&draft, "name = 'a'").unwrap();
+        fs::rename(&draft, &scene).unwrap();
+        assert!(told().iter().zip(&before).all(|(now, before)| now != before));
     }
 }

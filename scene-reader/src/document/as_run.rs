@@ -38,6 +38,10 @@ impl Document {
             }
         }
         edits.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+        // Of a table and a key within it, each in its turn: no text can take the place of both.
+        if edits.windows(2).any(|pair| pair[1].0.end > pair[0].0.start) {
+            return self.rewritten(&changes);
+        }
         let mut text = self.text.clone();
         for (span, value) in edits {
             text.replace_range(span, value);

@@ -352,4 +352,15 @@ mod tests {
             document(text, &["mesh={ kind = 'ring' }"]).unwrap().as_run(&[]).unwrap().parse().unwrap();
         assert_eq!(table["mesh"]["kind"].as_str(), Some("ring"));
     }
+
+    /// The key of a mesh file that goes along with a run is replaced within a table that was replaced itself.
+    #[test]
+    fn a_key_is_replaced_within_a_table_that_is_replaced() {
+        for text in ["mesh = { file = \"a-long-name-of-a-mesh.msh\" }", "[mesh]\nfile = \"a.msh\"\n"] {
+            let document = document(text, &["mesh={ file = 'b.msh', element = 'q4' }"]).unwrap();
+            let table: toml::Table = document.as_run(&[("mesh.file", "mesh.msh")]).unwrap().parse().unwrap();
+            assert_eq!(table["mesh"]["file"].as_str(), Some("mesh.msh"), "{table}");
+            assert_eq!(table["mesh"]["element"].as_str(), Some("q4"), "{table}");
+        }
+    }
 }

@@ -3,14 +3,14 @@
 use crate::exit::Failure;
 use crate::folder_lock::lock_folder;
 use macro_solver::output::{OutputError, write_atomically};
-use scene_reader::{InputError, PackingCopy};
+use scene_reader::{InputCopy, InputError};
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 17] = [
+const FILES: [&str; 18] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -23,6 +23,7 @@ const FILES: [&str; 17] = [
     "gauss_points.pvd",
     "run.jsonl",
     "packing.json",
+    "mesh.msh",
     "probe_errors.csv",
     "units.json",
     // Written by `--listen`, and removed when such a run ends.
@@ -44,17 +45,17 @@ pub(super) struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Makes the folder, or empties that of an earlier run, and writes the scene and its packings into it. A folder that
+    /// Makes the folder, or empties that of an earlier run, and writes the scene and the files that it names into it. A folder that
     /// cannot take even these is removed again if it was new.
     ///
     /// # Errors
     /// The path is a file, or a folder with files that are not a run's; the system refuses.
-    pub(super) fn prepare(path: &Path, scene: &str, packings: &[PackingCopy]) -> Result<Self, Failure> {
+    pub(super) fn prepare(path: &Path, scene: &str, files: &[&InputCopy]) -> Result<Self, Failure> {
         refuse_foreign(path)?;
         let is_new = !path.exists();
         fs::create_dir_all(path).map_err(|source| OutputError::write(path, source))?;
         let folder = Self { path: path.to_owned(), _lock: lock(path)? };
-        let filled = folder.fill(scene, packings);
+        let filled = folder.fill(scene, files);
         if filled.is_err() && is_new {
             // The error that is reported is the one that matters; what cannot be removed was never made.
             let _ = fs::remove_dir_all(path);
@@ -81,7 +82,7 @@ impl OutputFolder {
         &self.path
     }
 
-    fn fill(&self, scene: &str, packings: &[PackingCopy]) -> Result<(), OutputError> {
+    fn fill(&self, scene: &str, files: &[&InputCopy]) -> Result<(), OutputError> {
         for name in FILES {
             let file = self.path.join(name);
             absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
@@ -91,12 +92,12 @@ impl OutputFolder {
             absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
         }
         remove_drafts(&self.path)?;
-        for packing in packings {
-            let file = self.path.join(&packing.name);
+        for copy in files {
+            let file = self.path.join(&copy.name);
             if let Some(parent) = file.parent() {
                 fs::create_dir_all(parent).map_err(|source| OutputError::write(parent, source))?;
             }
-            write_atomically(&file, packing.text.as_bytes())?;
+            write_atomically(&file, copy.text.as_bytes())?;
         }
         write_atomically(&self.path.join("scene.toml"), scene.as_bytes())
     }
@@ -157,17 +158,18 @@ mod tests {
         OutputFolder::prepare(&path, "a = 1", &[]).unwrap();
         fs::write(path.join("history.csv"), "old").unwrap();
         fs::write(path.join("report.html"), "old").unwrap();
+        fs::write(path.join("mesh.msh"), "old").unwrap();
         fs::create_dir(path.join("fields")).unwrap();
         fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
         fs::write(path.join(".history.csv.99.partial"), "cut short").unwrap();
-        let packing = PackingCopy { key: "packing".into(), name: "packings/a.json".into(), text: "{}".into() };
-        let second = OutputFolder::prepare(&path, "a = 2", &[packing]).unwrap();
+        let packing = InputCopy { key: "packing".into(), name: "packings/a.json".into(), text: "{}".into() };
+        let second = OutputFolder::prepare(&path, "a = 2", &[&packing]).unwrap();
         assert!(!path.join(".history.csv.99.partial").exists());
         let taken = OutputFolder::reopen(&path).unwrap_err();
         assert!(taken.message.contains("another run writes"), "{}", taken.message);
         drop(second);
         OutputFolder::reopen(&path).unwrap();
-        assert!(!path.join("report.html").exists());
+        assert!(!path.join("report.html").exists() && !path.join("mesh.msh").exists());
         assert!(!path.join("history.csv").exists() && !path.join("fields").exists());
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 

@@ -48,9 +48,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
     preparation::prepare_cells(&mut scene, arguments.quiet)?;
-    let as_run = scene.document.as_run(&scene.materials.renamed())?;
+    let as_run = scene.as_run()?;
     let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));
-    let start = if arguments.resume { resume::start(&path, &description)? } else { Start::Beginning };
+    let start = if arguments.resume { resume::start(&path, &description, &scene.files())? } else { Start::Beginning };
     let (folder, continued) = match start {
         Start::Complete => {
             print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
                     &format!("no checkpoint in {}: starting from the beginning", path.display()),
                 );
             }
-            (OutputFolder::prepare(&path, &as_run, &scene.materials.files)?, None)
+            (OutputFolder::prepare(&path, &as_run, &scene.files())?, None)
         }
     };
     let description = description.of(continued.as_ref());

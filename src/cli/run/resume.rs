@@ -7,7 +7,7 @@ use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
 };
 use macro_solver::output::{RunStatus, Summary, write_atomically};
-use scene_reader::{Scene, changes};
+use scene_reader::{InputCopy, Scene, changes};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -125,11 +125,11 @@ pub(super) enum Start {
     Complete,
 }
 
-/// Finds where a run of this scene starts, from the files that an earlier process of it left in `folder`.
+/// Finds where a run of this scene, which names these files, starts, from what an earlier process of it left in `folder`.
 ///
 /// # Errors
 /// The folder belongs to a run of another scene, or its checkpoint cannot be used.
-pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start, Failure> {
+pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&InputCopy]) -> Result<Start, Failure> {
     match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
         StoredCheckpoint::Archive(archive, damage) => {
             let mut earlier: RunDescription = archive.get(SECTION, VERSION).map_err(unusable)?;
@@ -171,6 +171,7 @@ pub(super) fn start(folder: &Path, description: &RunDescription) -> Result<Start
         StoredCheckpoint::Nothing => {
             let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Beginning) };
             refuse_changes(folder, &before, description, true)?;
+            refuse_other_files(folder, files)?;
             let summary = fs::read(folder.join("summary.json")).ok();
             let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
             let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
@@ -185,6 +186,18 @@ fn refuse_changes(folder: &Path, before: &str, description: &RunDescription, dou
         [] => Ok(()),
         found => Err(refusal(folder, found, doubtful)),
     }
+}
+
+/// Without a checkpoint nothing but the copies in the folder tells what the files of the run held: the scene as run names the copies.
+fn refuse_other_files(folder: &Path, files: &[&InputCopy]) -> Result<(), Failure> {
+    let is_same =
+        |file: &InputCopy| fs::read(folder.join(&file.name)).is_ok_and(|bytes| bytes == file.text.as_bytes());
+    let found: Vec<String> = files
+        .iter()
+        .filter(|file| !is_same(file))
+        .map(|file| format!("{}: the content is not that of {} in the folder", file.key, file.name))
+        .collect();
+    if found.is_empty() { Ok(()) } else { Err(refusal(folder, &found, false)) }
 }
 
 fn refusal(folder: &Path, found: &[String], doubtful: bool) -> Failure {
@@ -245,7 +258,9 @@ mod tests {
     #[test]
     fn a_damaged_scene_is_restored_from_the_checkpoint() {
         let folder = damaged();
-        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
+            panic!("not continued")
+        };
         assert!(continued.remarks.iter().any(|remark| remark.contains("restored from")), "{:?}", continued.remarks);
         assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
     }
@@ -254,7 +269,7 @@ mod tests {
     #[test]
     fn a_refusal_does_not_name_a_scene_that_is_not_the_one_of_the_run() {
         let folder = damaged();
-        let refused = |folder: &Path| match start(folder, &note("b = 1")) {
+        let refused = |folder: &Path| match start(folder, &note("b = 1"), &[]) {
             Err(failure) => failure.message,
             Ok(_) => panic!("continued with another scene"),
         };
@@ -278,7 +293,7 @@ mod tests {
             "no checkpoint, but longer than the header of one would have to be",
         )
         .unwrap();
-        let failure = start(folder.path(), &note("a = 1")).err().expect("it is refused");
+        let failure = start(folder.path(), &note("a = 1"), &[]).err().expect("it is refused");
         assert!(failure.message.contains("hint: no whole checkpoint is left"), "{}", failure.message);
     }
 
@@ -289,7 +304,7 @@ mod tests {
         let refused = |change: fn(&mut Contents)| {
             let mut description = note("a = 1");
             change(&mut description.contents);
-            start(folder.path(), &description).err().expect("it is refused").message
+            start(folder.path(), &description, &[]).err().expect("it is refused").message
         };
         let text = refused(|contents| contents.mesh = "b".into());
         assert!(text.contains("mesh.file: the content is not the same"), "{text}");
@@ -302,6 +317,20 @@ mod tests {
         assert!(text.contains("packing: the content of the packing file is not the same"), "{text}");
     }
 
+    /// A run that has ended has no checkpoint: its copies of the files tell whether it was the same run.
+    #[test]
+    fn another_file_of_a_run_without_a_checkpoint_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let mesh = |text: &str| InputCopy { key: "mesh.file".into(), name: "mesh.msh".into(), text: text.into() };
+        let started = |text: &str| start(folder.path(), &note("a = 1"), &[&mesh(text)]);
+        let refused = |text: &str| started(text).err().expect("it is refused").message;
+        assert!(refused("one").contains("mesh.file: the content is not that of mesh.msh"));
+        fs::write(folder.path().join("mesh.msh"), "one").unwrap();
+        assert!(matches!(started("one"), Ok(Start::Beginning)));
+        assert!(refused("two").contains("mesh.file: the content is not that of mesh.msh"));
+    }
+
     /// A was continued by B, and B by B: the run is not one of a single build.
     #[test]
     fn a_change_of_the_build_is_remembered_at_the_next_continuation() {
@@ -310,7 +339,7 @@ mod tests {
         let mark = Progress { step: 1, stage: 0, load: 0.5 };
         let continued = |program: &str| {
             let now = RunDescription { program: program.to_owned(), ..note("a = 1") };
-            let Start::From(continued) = start(folder.path(), &now).unwrap() else { panic!("not continued") };
+            let Start::From(continued) = start(folder.path(), &now, &[]).unwrap() else { panic!("not continued") };
             let mut archive = Archive::new();
             now.of(Some(&continued)).put(&mut archive, mark, 1.0, &CheckpointFigures::default());
             CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
@@ -325,7 +354,9 @@ mod tests {
     fn keys_that_may_change_between_processes_are_no_damage() {
         let folder = damaged();
         fs::write(folder.path().join("scene.toml"), "a = 1\n[pool]\nslice = 2").unwrap();
-        let Start::From(continued) = start(folder.path(), &note("a = 1")).unwrap() else { panic!("not continued") };
+        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
+            panic!("not continued")
+        };
         assert!(continued.remarks.is_empty(), "{:?}", continued.remarks);
     }
 }

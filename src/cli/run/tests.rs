@@ -18,8 +18,8 @@ use std::time::Instant;
 
 /// Runs a scene with a number of worker threads.
 fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer) -> Result<Exit, Failure> {
-    let as_run = scene.document.as_run(&scene.materials.renamed()).unwrap();
-    let folder = OutputFolder::prepare(place, &as_run, &scene.materials.files).unwrap();
+    let as_run = scene.as_run().unwrap();
+    let folder = OutputFolder::prepare(place, &as_run, &scene.files()).unwrap();
     let (port, connector) = channel();
     let threads: Vec<_> = (0..workers)
         .map(|_| {
@@ -170,6 +170,24 @@ $Elements
 6 3 2 0 1 1 2 3 4
 $EndElements
 ";
+
+/// The page found no body: the scene in the output folder named the mesh relative to the folder that the scene came from.
+#[test]
+fn a_mesh_file_goes_along_with_the_run() {
+    let place = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let [inputs, out, again] = ["inputs", "out", "again"].map(|name| place.path().join(name));
+    fs::create_dir(&inputs).unwrap();
+    fs::write(inputs.join("body.msh"), ONE_ELEMENT).unwrap();
+    fs::copy(root.join("scenes/biaxial-small.toml"), inputs.join("scene.toml")).unwrap();
+    let packing = format!("packing='{}'", root.join("packings/discs-100.json").display());
+    let overrides = [packing, "mesh={ file = 'body.msh' }".into(), "loading.increments=1".into()];
+    run(&Scene::load(&inputs.join("scene.toml"), &overrides).unwrap(), &out, 1, &mut Silent).unwrap();
+    fs::remove_dir_all(&inputs).unwrap();
+    assert_eq!(fs::read_to_string(out.join("mesh.msh")).unwrap(), ONE_ELEMENT);
+    run(&Scene::load(&out.join("scene.toml"), &[]).unwrap(), &again, 1, &mut Silent).unwrap();
+    assert_eq!(fs::read(out.join("history.csv")).unwrap(), fs::read(again.join("history.csv")).unwrap());
+}
 
 /// Another mesh file under the same name, and other engines, were taken for the same run.
 #[test]

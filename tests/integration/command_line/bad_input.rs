@@ -1,6 +1,7 @@
 //! Whatever is wrong with an input ends in one error that names the place and the remedy, exit code 2, and nothing on
 //! the disk that was not there before.
 
+use crate::harness::commands::grainspan_in;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -36,11 +37,7 @@ impl InputFolder {
     }
 
     fn grainspan(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_grainspan"))
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .output()
-            .expect("the binary starts")
+        grainspan_in(self.folder.path(), arguments)
     }
 
     /// Runs a command that has to be refused: exit code 2, one error with all of `parts`, no new files.

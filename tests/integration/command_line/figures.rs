@@ -1,9 +1,9 @@
 //! Probes of parts, profiles, tables of Gauss points and files of cells, as one short run writes them.
 
+use crate::harness::commands::succeeded;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use vtkio::Vtk;
 use vtkio::model::DataSet;
 
@@ -111,15 +111,6 @@ fn columns(path: &Path) -> BTreeMap<String, Vec<f64>> {
     columns
 }
 
-fn grainspan(arguments: &[&str]) {
-    let output = Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(arguments)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .expect("the binary starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-}
-
 /// The increment of point 3 as probe and column is the norm of the change of its deformation gradient from row to row, and elements have
 /// the mean over their points.
 fn increments_are_those_of_the_deformation(out: &Path, probe: &[f64]) {
@@ -164,7 +155,7 @@ fn a_short_run_writes_what_figures_are_drawn_from() {
     let path = place.path().join("figures.toml");
     fs::write(&path, format!("{head}{MORE}")).unwrap();
     let out = place.path().join("out");
-    grainspan(&["run", path.to_str().unwrap(), "--workers", "1", "--out", out.to_str().unwrap(), "--quiet"]);
+    succeeded(&["run", path.to_str().unwrap(), "--workers", "1", "--out", out.to_str().unwrap(), "--quiet"]);
 
     let history = columns(&out.join("history.csv"));
     let last = |name: &str| *history[name].last().unwrap();

@@ -1,22 +1,8 @@
 //! `grainspan reproduce`: the list, and one figure from its runs to its tables.
 
+use crate::harness::commands::{grainspan, succeeded};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::process::{Command, Output};
-
-fn grainspan(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(arguments)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .expect("the binary starts")
-}
-
-fn succeeded(arguments: &[&str]) -> Output {
-    let output = grainspan(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
 
 #[test]
 fn the_list_names_figures_with_their_papers_and_run_times() {

@@ -1,25 +1,12 @@
 //! The commands beside `run`: element, pack, check, completions, help.
 
+use crate::harness::commands::{grainspan, succeeded};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use vtkio::Vtk;
 use vtkio::model::{Attribute, DataSet};
-
-fn grainspan(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(arguments)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .expect("the binary starts")
-}
-
-fn succeeded(arguments: &[&str]) -> Output {
-    let output = grainspan(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
 
 /// Writes an element test that names the small packing of the repository.
 fn element_test(folder: &Path) -> String {

@@ -93,112 +93,131 @@ fn growth(run: &Finished) -> Result<Vec<[f64; 2]>, ReproduceError> {
 }
 
 fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
-    let x = ("shear angle of the layer", Scale::Linear);
-    let mut stress = Chart::new("[Liu2015] Fig. 10: layer in simple shear", x, ("shear stress, kPa", Scale::Linear));
-    let mut mean = Chart::new("[Liu2015] Fig. 11: layer in simple shear", x, ("mean pressure, kPa", Scale::Linear));
-    let mut voids = Chart::new("[Liu2015] Fig. 12: layer in simple shear", x, ("mean void ratio", Scale::Linear));
-    let mut contacts =
-        Chart::new("[Liu2015] Fig. 13: layer in simple shear", x, ("contacts per grain", Scale::Linear));
-    let mut rows = Chart::new(
-        "[Liu2015] Fig. 14: rows of the layer at the end",
-        ("void ratio", Scale::Linear),
-        ("height, mm", Scale::Linear),
-    );
-    let mut layers = Chart::new(
-        "[Liu2015] section 3.4: where the layer shears, at the end",
-        ("shear strain", Scale::Linear),
-        ("height over that of the layer", Scale::Linear),
-    );
+    let mut charts = Charts::new();
     let mut comparisons = Vec::new();
     let mut multiscale = Vec::new();
     for name in ["local", "nonlocal"] {
-        let run = results.run(name)?;
-        let table = run.table()?;
-        let angle: Vec<f64> = table.column("shear_displacement")?.iter().map(|way| way / HEIGHT).collect();
-        let over = |values: Vec<f64>, factor: f64| -> Curve {
-            angle.iter().zip(values).map(|(x, y)| [*x, factor * y]).collect()
-        };
-        let shear = over(table.column("shear_stress")?, 1e-3);
-        let top = peak(&shear)?;
-        let end = shear[shear.len() - 1];
-        let late = mean_between(&shear, 0.8 * end[0], end[0]);
-        let band = width(&growth(run)?);
-        comparisons.push(Comparison::reported(format!("{name}: largest shear stress"), "kPa", top[1]));
-        comparisons.push(Comparison::new(
-            format!("{name}: drop from the largest shear stress to the last fifth of the run, over the largest"),
-            "-",
-            Theirs::Between(0.06, 0.08),
-            "[Liu2015] section 3.4",
-            1.0 - late / top[1],
-            Tolerance::Absolute(0.05),
-        ));
-        comparisons.push(Comparison::new(
-            format!("{name}: width of the band at the end"),
-            "mm",
-            Theirs::Between(13.0, 16.0),
-            "[Liu2015] section 3.4, at 12 %",
-            1e3 * band,
-            Tolerance::Relative(0.2),
-        ));
-        comparisons.push(Comparison::reported(format!("{name}: width of the band over a row"), "-", band / ROW));
-        comparisons.push(Comparison::reported(
-            format!("{name}: width of the band at the end, as probes have it"),
-            "mm",
-            1e3 * fitted(&growth(run)?),
-        ));
-        let void = over(table.column("void_ratio")?, 1.0);
-        comparisons.push(Comparison::holds(
-            format!("{name}: void ratio grows over the run"),
-            "[Liu2015] section 3.4",
-            void[void.len() - 1][1] > void[0][1],
-        ));
-        let residual = table.column("energy_residual")?.iter().map(|value| value.abs()).fold(0.0, f64::max);
-        comparisons.push(Comparison::reported(format!("{name}: residual of the energy balance"), "-", residual));
-        let forces: Vec<f64> = table.column("top_force")?.iter().map(|force| force / AREA / 1e3).collect();
-        multiscale.push((name, shear.clone()));
-        stress.curve(&format!("{name}, mean of the cells"), shear);
-        stress.curve(&format!("{name}, force on the head"), over(forces, 1.0));
-        mean.curve(name, over(table.column("mean_pressure")?, 1e-3));
-        voids.curve(name, void);
-        contacts.curve(name, over(table.column("coordination_number")?, 1.0));
-        let last = Fields::steps(run).last().copied().unwrap_or(0);
-        let profile = Fields::read(run, last)?.profile("void_ratio", 1)?;
-        rows.curve(name, profile.into_iter().map(|[height, value]| [value, 1e3 * height]));
-        let shear = Fields::read(run, last)?.profile("shear_strain", 1)?;
-        layers.curve(name, shear.into_iter().map(|[height, value]| [value, height / HEIGHT]));
+        multiscale.push((name, cells(name, results.run(name)?, &mut charts, &mut comparisons)?));
     }
-    layers.curve("all grains", layers_of_grains(results.run("grains")?)?);
-    let [width, quality] = band_of_grains(results.run("grains")?)?;
-    comparisons.push(Comparison::new(
-        "all grains: width of the band, 10 to 14 % of shear",
-        "mm",
-        Theirs::Between(13.0, 16.0),
-        "[Liu2015] section 3.4, at 12 %",
-        1e3 * width,
-        Tolerance::Relative(0.2),
-    ));
+    all_grains(results.run("grains")?, &multiscale, &mut charts, &mut comparisons)?;
+    Ok(Outcome { charts: charts.in_order(), comparisons, notes: results.notes(), ..Outcome::default() })
+}
+
+/// The pictures of the figure.
+struct Charts {
+    stress: Chart,
+    mean: Chart,
+    voids: Chart,
+    contacts: Chart,
+    rows: Chart,
+    layers: Chart,
+}
+
+impl Charts {
+    fn new() -> Self {
+        let over_angle = |number: u32, what: &str| {
+            let title = format!("[Liu2015] Fig. {number}: layer in simple shear");
+            Chart::new(&title, ("shear angle of the layer", Scale::Linear), (what, Scale::Linear))
+        };
+        Self {
+            stress: over_angle(10, "shear stress, kPa"),
+            mean: over_angle(11, "mean pressure, kPa"),
+            voids: over_angle(12, "mean void ratio"),
+            contacts: over_angle(13, "contacts per grain"),
+            rows: Chart::new(
+                "[Liu2015] Fig. 14: rows of the layer at the end",
+                ("void ratio", Scale::Linear),
+                ("height, mm", Scale::Linear),
+            ),
+            layers: Chart::new(
+                "[Liu2015] section 3.4: where the layer shears, at the end",
+                ("shear strain", Scale::Linear),
+                ("height over that of the layer", Scale::Linear),
+            ),
+        }
+    }
+
+    fn in_order(self) -> Vec<(&'static str, Chart)> {
+        vec![
+            ("", self.stress),
+            ("mean-pressure", self.mean),
+            ("voids", self.voids),
+            ("contacts", self.contacts),
+            ("profile", self.rows),
+            ("layers", self.layers),
+        ]
+    }
+}
+
+/// Adds what the run of cells has; returns its shear stress over the angle, kPa.
+fn cells(
+    name: &str,
+    run: &Finished,
+    charts: &mut Charts,
+    comparisons: &mut Vec<Comparison>,
+) -> Result<Curve, ReproduceError> {
+    let table = run.table()?;
+    let angle: Vec<f64> = table.column("shear_displacement")?.iter().map(|way| way / HEIGHT).collect();
+    let over = |values: Vec<f64>, factor: f64| -> Curve {
+        angle.iter().zip(values).map(|(x, y)| [*x, factor * y]).collect()
+    };
+    let shear = over(table.column("shear_stress")?, 1e-3);
+    let growth = growth(run)?;
+    let band = width(&growth);
+    comparisons.push(largest(name, &shear)?);
+    comparisons.push(drop_past_the_largest(name, &shear)?);
+    comparisons.push(band_width(format!("{name}: width of the band at the end"), band));
+    comparisons.push(Comparison::reported(format!("{name}: width of the band over a row"), "-", band / ROW));
     comparisons.push(Comparison::reported(
-        "all grains: share of the growth of the layers that the band explains",
+        format!("{name}: width of the band at the end, as probes have it"),
+        "mm",
+        1e3 * fitted(&growth),
+    ));
+    let void = over(table.column("void_ratio")?, 1.0);
+    comparisons.push(void_ratio_grows(name, &void));
+    let residual = table.column("energy_residual")?.iter().map(|value| value.abs()).fold(0.0, f64::max);
+    comparisons.push(Comparison::reported(format!("{name}: residual of the energy balance"), "-", residual));
+    let forces: Vec<f64> = table.column("top_force")?.iter().map(|force| force / AREA / 1e3).collect();
+    charts.stress.curve(&format!("{name}, mean of the cells"), shear.clone());
+    charts.stress.curve(&format!("{name}, force on the head"), over(forces, 1.0));
+    charts.mean.curve(name, over(table.column("mean_pressure")?, 1e-3));
+    charts.voids.curve(name, void);
+    charts.contacts.curve(name, over(table.column("coordination_number")?, 1.0));
+    let last = Fields::steps(run).last().copied().unwrap_or(0);
+    let profile = Fields::read(run, last)?.profile("void_ratio", 1)?;
+    charts.rows.curve(name, profile.into_iter().map(|[height, value]| [value, 1e3 * height]));
+    let sheared = Fields::read(run, last)?.profile("shear_strain", 1)?;
+    charts.layers.curve(name, sheared.into_iter().map(|[height, value]| [value, height / HEIGHT]));
+    Ok(shear)
+}
+
+/// Adds what the run of all grains has, next to the shear stresses of those of cells.
+fn all_grains(
+    run: &Finished,
+    multiscale: &[(&str, Curve)],
+    charts: &mut Charts,
+    comparisons: &mut Vec<Comparison>,
+) -> Result<(), ReproduceError> {
+    let name = "all grains";
+    let [width, quality] = band_of_grains(run)?;
+    comparisons.push(band_width(format!("{name}: width of the band, 10 to 14 % of shear"), width));
+    comparisons.push(Comparison::reported(
+        format!("{name}: share of the growth of the layers that the band explains"),
         "-",
         quality,
     ));
-    let grains = Grains::read(results.run("grains")?)?;
-    let top = peak(&grains.shear)?;
-    let end = grains.shear[grains.shear.len() - 1];
-    let late = mean_between(&grains.shear, 0.8 * end[0], end[0]);
-    comparisons.push(Comparison::reported("all grains: largest shear stress", "kPa", top[1]));
-    comparisons.push(Comparison::reported("all grains: shear angle at the largest shear stress", "-", top[0]));
-    comparisons.push(Comparison::new(
-        "all grains: drop from the largest shear stress to the last fifth of the run, over the largest",
+    let grains = Grains::read(run)?;
+    comparisons.push(largest(name, &grains.shear)?);
+    comparisons.push(Comparison::reported(
+        format!("{name}: shear angle at the largest shear stress"),
         "-",
-        Theirs::Between(0.06, 0.08),
-        "[Liu2015] section 3.4",
-        1.0 - late / top[1],
-        Tolerance::Absolute(0.05),
+        peak(&grains.shear)?[0],
     ));
-    for (name, shear) in &multiscale {
+    comparisons.push(drop_past_the_largest(name, &grains.shear)?);
+    let end = grains.shear[grains.shear.len() - 1][0];
+    for (name, shear) in multiscale {
         // Both at the same angles, where both have rows.
-        let last = end[0].min(shear[shear.len() - 1][0]);
+        let last = end.min(shear[shear.len() - 1][0]);
         let mean = |curve: &Curve| mean_between(curve, 0.2 * last, last);
         comparisons.push(Comparison::reported(
             format!("{name}: mean shear stress past a fifth of the run, over that of all grains"),
@@ -206,25 +225,47 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             mean(shear) / mean(&grains.shear),
         ));
     }
-    let void = &grains.void;
-    comparisons.push(Comparison::holds(
-        "all grains: void ratio grows over the run",
+    comparisons.push(void_ratio_grows(name, &grains.void));
+    charts.layers.curve(name, layers_of_grains(run)?);
+    charts.stress.curve(&format!("{name}, force on the walls"), grains.shear);
+    charts.mean.curve(name, grains.pressure);
+    charts.voids.curve(name, grains.void);
+    charts.contacts.curve(name, grains.contacts);
+    Ok(())
+}
+
+fn largest(name: &str, shear: &[[f64; 2]]) -> Result<Comparison, ReproduceError> {
+    Ok(Comparison::reported(format!("{name}: largest shear stress"), "kPa", peak(shear)?[1]))
+}
+
+fn drop_past_the_largest(name: &str, shear: &[[f64; 2]]) -> Result<Comparison, ReproduceError> {
+    let (top, end) = (peak(shear)?, shear[shear.len() - 1]);
+    let late = mean_between(shear, 0.8 * end[0], end[0]);
+    Ok(Comparison::new(
+        format!("{name}: drop from the largest shear stress to the last fifth of the run, over the largest"),
+        "-",
+        Theirs::Between(0.06, 0.08),
         "[Liu2015] section 3.4",
-        void[void.len() - 1][1] > void[0][1],
-    ));
-    stress.curve("all grains, force on the walls", grains.shear);
-    mean.curve("all grains", grains.pressure);
-    voids.curve("all grains", grains.void);
-    contacts.curve("all grains", grains.contacts);
-    let charts = vec![
-        ("", stress),
-        ("mean-pressure", mean),
-        ("voids", voids),
-        ("contacts", contacts),
-        ("profile", rows),
-        ("layers", layers),
-    ];
-    Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
+        1.0 - late / top[1],
+        Tolerance::Absolute(0.05),
+    ))
+}
+
+/// Of a width in m.
+fn band_width(what: String, width: f64) -> Comparison {
+    Comparison::new(
+        what,
+        "mm",
+        Theirs::Between(13.0, 16.0),
+        "[Liu2015] section 3.4, at 12 %",
+        1e3 * width,
+        Tolerance::Relative(0.2),
+    )
+}
+
+fn void_ratio_grows(name: &str, void: &[[f64; 2]]) -> Comparison {
+    let what = format!("{name}: void ratio grows over the run");
+    Comparison::holds(what, "[Liu2015] section 3.4", void[void.len() - 1][1] > void[0][1])
 }
 
 /// Curves of the layer of grains over its shear angle.
