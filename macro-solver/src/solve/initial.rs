@@ -57,8 +57,8 @@ impl Solver<'_> {
         )
     }
 
-    /// Elastic force of an element of mean size, one side of which is moved by [`NEGLIGIBLE`] of the extent of the body, N, in the plane per
-    /// metre.
+    /// Elastic force of an element of mean size, one side of which is moved by [`NEGLIGIBLE`] of the extent of the body, N, in the plane
+    /// per metre.
     fn negligible_force(&self) -> f64 {
         let (mesh, formulation) = (self.body.mesh(), self.problem.formulation);
         let volume: f64 = self.body.settled_geometry().iter().map(|geometry| geometry.volume).sum();

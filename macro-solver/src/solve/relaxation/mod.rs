@@ -194,8 +194,8 @@ impl Solver<'_> {
         iterate
     }
 
-    /// Fixes the ramps: by the first iterate if it repeats the last step, or all alike by the mean strain that the supports impose, since it
-    /// then strains their neighbourhood alone, or by that of the loads if it is larger.
+    /// Fixes the ramps: by the first iterate if it repeats the last step, or all alike by the mean strain that the supports impose, since
+    /// it then strains their neighbourhood alone, or by that of the loads if it is larger.
     fn fix_relaxation_ramps(&mut self, iterate: &[f64], load: f64, repeats: bool) {
         let gradients = self.body.gradients(iterate);
         if repeats {

@@ -98,8 +98,8 @@ fn a_load_that_begins_after_slow_steps_acts_in_as_many_ramp_steps_as_its_strain_
     }
 }
 
-/// A first iterate that leaves the free nodes where they are, or repeats a much slower step, strains those next to the moving support alone:
-/// the others took their strain in one ramp step, or in far too few.
+/// A first iterate that leaves the free nodes where they are, or repeats a much slower step, strains those next to the moving support
+/// alone: the others took their strain in one ramp step, or in far too few.
 #[test]
 fn relaxation_ramps_every_point_alike_where_the_step_repeats_none() {
     let kinked = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.1], [1.0, 1.0]]);
