@@ -12,6 +12,7 @@
 //! | `"x-most-inverse-of" = "other"` | a number that is at most 1 / `other`, a number of the same table |
 //! | `"x-procedures" = "implicit"` | procedures that use the key, separated by blanks; all if left out |
 //! | `"x-nonzero" = true` | any number but 0 |
+//! | `"x-without" = "word"` | a word of the type that this key does not take |
 //! | `"x-when-written" = true` | value if the table is written without this key, whatever held before |
 //! | `"x-folded" = true` | of a table: its keys are listed with the key that holds it |
 //! | `"x-scope" = "run"` | holds for the whole run and cannot be given in a stage |

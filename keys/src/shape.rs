@@ -311,6 +311,9 @@ fn key(name: &str, schema: &Json, required: bool) -> Key {
         run_wide: schema.get("x-scope").and_then(Json::as_str) == Some("run"),
         when_written: schema.get("x-when-written").and_then(Json::as_bool),
     };
+    if let (Shape::Words(words), without) = (&mut key.shape, text(schema, "x-without")) {
+        words.retain(|word| word.word != without);
+    }
     inherit_unit(&mut key.shape, &key.unit);
     key
 }

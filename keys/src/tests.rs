@@ -218,6 +218,37 @@ fn numbers_keep_their_bits_on_the_way() {
     assert_eq!(node.get("factor").map(|node| &node.value), Some(&Value::Number(third)));
 }
 
+/// A choice with fewer words than its type has.
+#[derive(Deserialize, JsonSchema)]
+struct Choice {
+    /// Colour.
+    #[schemars(extend("x-without" = "none"))]
+    #[allow(dead_code, reason = "read by the test as part of the schema")]
+    colour: Colour,
+}
+
+/// Colours.
+#[derive(Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Colour {
+    /// Without colour.
+    None,
+    /// Red.
+    Red,
+    /// Blue.
+    Blue,
+}
+
+#[test]
+fn a_word_of_a_type_can_be_left_out_of_a_key() {
+    let table = Table::of::<Choice>();
+    assert!(check(&node("colour = 'red'"), &table, &[]).is_ok());
+    let fault = check(&node("colour = 'none'"), &table, &[]).unwrap_err();
+    assert_eq!(fault.problem, "colour = \"none\" is unknown");
+    assert!(fault.hint.unwrap().ends_with("one of \"red\", \"blue\""));
+    assert!(!explain("colour", table.key("colour").unwrap()).contains("none"));
+}
+
 /// Steps.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]

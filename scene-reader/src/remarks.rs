@@ -1,7 +1,7 @@
 //! Remarks on keys that are allowed but probably not what was meant.
 
 use macro_solver::mesh::{ElementKind, Seam, SeamKind};
-use macro_solver::problem::{Amplitude, Applied, PathControl, Problem, Procedure, Stage, Tolerances};
+use macro_solver::problem::{Amplitude, Applied, Problem, Procedure, Stage, Tolerances};
 use std::collections::BTreeMap;
 
 /// Tolerances above this are reported.
@@ -128,7 +128,7 @@ fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
 
 /// Histories whose extremes lie where no step ends.
 fn turns_between_steps(problem: &Problem, stage: &Stage) -> Vec<String> {
-    if matches!(stage.procedure, Procedure::Dynamic(_)) || stage.control.path != PathControl::Load {
+    if matches!(stage.procedure, Procedure::Dynamic(_)) || stage.finds_load_factor() {
         return Vec::new();
     }
     let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };

@@ -5,7 +5,6 @@ use super::input_error::InputError;
 use super::tables::SolverTable;
 use keys::{Given, Table};
 use macro_solver::problem::{EquationSettings, LoadingSettings, NamedStrategy, PathControl, Problem, Stage};
-use protocol::TangentKind;
 
 /// Sets what holds for the whole run.
 ///
@@ -76,27 +75,17 @@ pub(super) fn loading(
     Ok(())
 }
 
-/// Changes what the written keys of `[solver]` say; the table stands below `place`.
+/// Changes what the written keys of `[solver]` say.
 ///
 /// # Errors
-/// An operator with which the solver cannot work.
-pub(super) fn solver(
-    document: &Document,
-    stage: &mut Stage,
-    place: &[&str],
-    given: &Given<SolverTable>,
-) -> Result<(), InputError> {
+/// A value that does not fit, which the check of the document excludes.
+pub(super) fn solver(document: &Document, stage: &mut Stage, given: &Given<SolverTable>) -> Result<(), InputError> {
     let named: Option<NamedStrategy> = given.get("strategy").map_err(|fault| document.fault(&fault))?;
     if let Some(named) = named {
         stage.strategy = named.preset();
     }
     stage.tolerances = given.over(&stage.tolerances).map_err(|fault| document.fault(&fault))?;
     stage.strategy = given.over(&stage.strategy).map_err(|fault| document.fault(&fault))?;
-    if stage.strategy.tangent == TangentKind::None {
-        return Err(document
-            .error_at_key(&[place, &["solver", "tangent"]].concat(), "the solver cannot work without a tangent operator")
-            .hint("use \"truss_like_slip\", \"truss_like\" or another operator; `grainspan explain solver.tangent` lists them"));
-    }
     Ok(())
 }
 
@@ -154,7 +143,7 @@ mod tests {
     fn defects_of_operators_name_their_key() {
         let reason = |more: &str| scene(&[more]).err().unwrap_or_else(|| panic!("{more} was accepted"));
         let refused = reason("solver.tangent=none");
-        assert!(refused.contains("without a tangent") && refused.contains("truss_like_slip"), "{refused}");
+        assert!(refused.contains("\"none\" is unknown") && refused.contains("truss_like_slip"), "{refused}");
         let refused = reason("solver.tangent=trusslike");
         assert!(refused.contains("trusslike") && refused.contains("truss_like"), "{refused}");
         for (defect, said) in [

@@ -12,9 +12,7 @@ use super::tables::{NonlocalTable, ProcedureKeyword, SceneFile, SolverTable, Sta
 use keys::{Key, Located, Table};
 use macro_solver::nonlocal::NonlocalSettings;
 use macro_solver::output::StageOutput;
-use macro_solver::problem::{
-    Amplitude, LoadingSettings, NamedStrategy, PathControl, Procedure, Stabilisation, Stage, Tolerances,
-};
+use macro_solver::problem::{Amplitude, LoadingSettings, NamedStrategy, Procedure, Stabilisation, Stage, Tolerances};
 
 /// Name of the only stage of a scene without `[[stage]]`.
 const ONLY: &str = "loading";
@@ -90,8 +88,7 @@ pub(super) fn stages(
 
 /// Refuses a stage after one whose load factor is an unknown: what its loads have reached is not known when the scene is read.
 fn refuse_to_follow(document: &Document, before: &Stage, number: &str) -> Result<(), InputError> {
-    let ends_at_one = before.control.path == PathControl::Load;
-    if ends_at_one || before.conditions.iter().all(|applied| applied.history == Amplitude::Constant) {
+    if !before.finds_load_factor() || before.conditions.iter().all(|applied| applied.history == Amplitude::Constant) {
         return Ok(());
     }
     let problem = format!(
@@ -155,7 +152,7 @@ fn base(
         stage.strategy = NamedStrategy::default_of(given.cell_dimension).preset();
     }
     loading(document, &mut stage, &[], &file.loading)?;
-    solver(document, &mut stage, &[], &file.solver)?;
+    solver(document, &mut stage, &file.solver)?;
     Ok(stage)
 }
 
@@ -191,7 +188,7 @@ fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
 fn change(document: &Document, stage: &mut Stage, place: &[&str], table: &StageTable) -> Result<(), InputError> {
     refuse_equations(document, place, &table.solver)?;
     loading(document, stage, place, &table.loading)?;
-    solver(document, stage, place, &table.solver)
+    solver(document, stage, &table.solver)
 }
 
 fn name(document: &Document, given: &Located<String>, before: &[Stage]) -> Result<String, InputError> {
@@ -308,6 +305,8 @@ mod tests {
         let error = stages(&[control]).unwrap_err();
         assert!(error.contains("no stage can follow 'compression'"), "{error}");
         assert_eq!(stages(&[&control.replace("stage.0", "stage.1")]).unwrap().len(), 2);
+        // For all stages, of which the first cannot find a load factor.
+        assert_eq!(stages(&[&control.replace("stage.0.", ""), "stage.0.procedure=relaxation"]).unwrap().len(), 2);
     }
 
     #[test]

@@ -152,7 +152,7 @@ impl PackingState {
 }
 
 /// A description of the difference between the stress at the start and the loads of the first step. `None` if they match, or if
-/// the first stage is a motion.
+/// the first stage is a motion whose imbalance is not limited: loads may set it off.
 pub(crate) fn mismatch(scene: &Scene, packing: &PackingState) -> Option<String> {
     let imbalance = imbalance(scene)?;
     if imbalance <= MISMATCH {
@@ -207,11 +207,13 @@ pub(crate) fn remedy(scene: &Scene) -> &'static str {
 }
 
 /// Out-of-balance force of the stress at the start under the initial loads, over the loads or reactions; `None` where the
-/// first stage is a motion, or the mesh is too large to be assembled for a check.
+/// first stage is a motion without a limit of it, or the mesh is too large to be assembled for a check.
 fn imbalance(scene: &Scene) -> Option<f64> {
     let mut problem = scene.problem.clone();
     let first = problem.stages.first()?;
-    if matches!(first.procedure, Procedure::Dynamic(_)) || problem.point_count() > MOST_POINTS {
+    let may_move =
+        matches!(first.procedure, Procedure::Dynamic(_)) && problem.initial.limits.largest_imbalance.is_none();
+    if may_move || problem.point_count() > MOST_POINTS {
         return None;
     }
     let stresses = match (&problem.initial.expected, scene.preparation()) {

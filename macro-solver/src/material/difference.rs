@@ -5,7 +5,8 @@
 //! differences are the operator's columns, and the spin part follows exactly from objectivity. Probes are expensive, so
 //! they are made at a point's first evaluation after a commit or rollback and then again after every
 //! [`DifferencePlan::reuses`] evaluations; in between the operator is kept (and a secant correction, if the solver has
-//! one switched on, follows the point). It changes the path to the answer, never the answer: stresses and states are
+//! one switched on, follows the point). Where a probe is refused, the operator that the point had before serves: the
+//! plain trial need not be refused as well. It changes the path to the answer, never the answer: stresses and states are
 //! those of the plain trials.
 
 use crate::checkpoint::{Archive, CheckpointError};
@@ -14,6 +15,11 @@ use protocol::{Observables, TangentKind, Tensor2, Tensor4, TrialOptions, TrialRe
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+const SECTION: &str = "difference tangents";
+
+/// Counts changes of [`Record`].
+const VERSION: u32 = 1;
 
 /// How the differences are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -47,7 +53,7 @@ impl DifferencePlan {
 }
 
 /// What the differences cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DifferenceCounts {
     /// Operators made.
     pub operators: u64,
@@ -55,12 +61,24 @@ pub struct DifferenceCounts {
     pub probes: u64,
     /// Force evaluations of these.
     pub force_evaluations: u64,
+    /// Operators that were not made because a probe was refused: the point went on with the one before.
+    pub refused: u64,
 }
 
+/// The latest operator of a point.
 #[derive(Clone, Debug)]
 struct Kept {
     operator: Box<Tensor4>,
-    uses: u32,
+    /// Evaluations that it has served; `None` for one from before the last commit or rollback.
+    uses: Option<u32>,
+}
+
+/// What a checkpoint keeps.
+#[derive(Serialize, Deserialize)]
+struct Record {
+    counts: DifferenceCounts,
+    /// Points and the components of their operators.
+    operators: Vec<(u64, Vec<f64>)>,
 }
 
 /// A material whose points answer with tangents although its engine has none.
@@ -91,23 +109,61 @@ impl<'a> DifferenceTangents<'a> {
 
     /// Whether this trial needs a new operator.
     fn is_due(&self, trial: &PointTrial) -> bool {
-        self.is_ours(trial) && self.kept.get(&trial.point).is_none_or(|kept| kept.uses >= self.plan.reuses)
+        let is_worn = |kept: &Kept| kept.uses.is_none_or(|uses| uses >= self.plan.reuses);
+        self.is_ours(trial) && self.kept.get(&trial.point).is_none_or(is_worn)
+    }
+
+    /// Asks for the trials, each behind its probes.
+    fn ask(&mut self, trials: &[PointTrial], probes: &[Vec<Probe>]) -> Result<Vec<TrialResult>, MaterialError> {
+        let mut requests = Vec::new();
+        for (trial, probes) in trials.iter().zip(probes) {
+            requests.extend(probes.iter().map(|probe| probe.trial));
+            // The plain trial comes last: the latest trial of a point is the one that can be committed.
+            let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.options.tangent };
+            requests.push(PointTrial { options: TrialOptions { tangent, ..trial.options }, ..*trial });
+        }
+        self.material.evaluate(&requests)
+    }
+
+    /// Takes the probes of points that have an operator out of a request that was refused because of a target; returns how many points
+    /// those are, 0 if the request cannot do without them.
+    fn give_up(&self, error: &MaterialError, trials: &[PointTrial], probes: &mut [Vec<Probe>]) -> u64 {
+        let MaterialError::Point { point, .. } = error else { return 0 };
+        let mut given_up = 0;
+        let mut may_have_refused_a_probe = false;
+        for (trial, probes) in trials.iter().zip(probes) {
+            if !probes.is_empty() && self.kept.contains_key(&trial.point) {
+                probes.clear();
+                given_up += 1;
+                may_have_refused_a_probe |= trial.point == *point;
+            }
+        }
+        if may_have_refused_a_probe && error.is_curable_by_smaller_step() { given_up } else { 0 }
+    }
+
+    /// Operators of earlier states are not those of the coming ones; they serve where no other can be found.
+    fn age(&mut self) {
+        self.kept.values_mut().for_each(|kept| kept.uses = None);
     }
 }
 
 impl PointMaterial for DifferenceTangents<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        let mut requests = Vec::new();
-        let mut places = Vec::with_capacity(trials.len());
-        for trial in trials {
-            let probes = if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
-            requests.extend(probes.iter().map(|probe| probe.trial));
-            // The plain trial comes last: the latest trial of a point is the one that can be committed.
-            let tangent = if self.is_ours(trial) { TangentKind::None } else { trial.options.tangent };
-            requests.push(PointTrial { options: TrialOptions { tangent, ..trial.options }, ..*trial });
-            places.push(probes);
+        let of_trial = |trial| if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
+        let mut places: Vec<Vec<Probe>> = trials.iter().map(of_trial).collect();
+        let mut found = match self.ask(trials, &places) {
+            Ok(found) => found,
+            Err(error) => {
+                let given_up = self.give_up(&error, trials, &mut places);
+                if given_up == 0 {
+                    return Err(error);
+                }
+                let found = self.ask(trials, &places)?;
+                self.counts.refused += given_up;
+                found
+            }
         }
-        let mut found = self.material.evaluate(&requests)?.into_iter();
+        .into_iter();
         let mut answers = Vec::with_capacity(trials.len());
         for (trial, probes) in trials.iter().zip(places) {
             let probed: Vec<TrialResult> = found.by_ref().take(probes.len()).collect();
@@ -118,10 +174,10 @@ impl PointMaterial for DifferenceTangents<'_> {
                     self.counts.probes += probes.len() as u64;
                     self.counts.force_evaluations += probed.iter().map(|one| one.cost.force_evaluations).sum::<u64>();
                     let operator = Box::new(operator(&answer.stress, &probes, &probed, &self.plan));
-                    self.kept.insert(trial.point, Kept { operator, uses: 0 });
+                    self.kept.insert(trial.point, Kept { operator, uses: Some(0) });
                 }
                 let kept = self.kept.get_mut(&trial.point).expect("an operator that is missing is due");
-                kept.uses += 1;
+                kept.uses = kept.uses.map(|uses| uses + 1);
                 answer.tangent = Some(kept.operator.clone());
             }
             answers.push(answer);
@@ -130,12 +186,12 @@ impl PointMaterial for DifferenceTangents<'_> {
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
-        self.kept.clear();
+        self.age();
         self.material.commit()
     }
 
     fn rollback(&mut self) {
-        self.kept.clear();
+        self.age();
         self.material.rollback();
     }
 
@@ -144,16 +200,32 @@ impl PointMaterial for DifferenceTangents<'_> {
     }
 
     fn return_to_mark(&mut self) {
-        self.kept.clear();
+        self.age();
         self.material.return_to_mark();
     }
 
     fn save(&self, archive: &mut Archive) {
+        // Nothing of it where every engine has tangents.
+        if self.wanted.contains(&true) {
+            let operators = self.kept.iter().map(|(point, kept)| (*point as u64, kept.operator.0.to_vec())).collect();
+            archive.put(SECTION, VERSION, &Record { counts: self.counts, operators });
+        }
         self.material.save(archive);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         self.kept.clear();
+        if self.wanted.contains(&true) {
+            let record: Record = archive.get(SECTION, VERSION)?;
+            for (point, components) in record.operators {
+                let unfit = || CheckpointError::unfit(SECTION, "an operator is that of no point of this run");
+                let point =
+                    usize::try_from(point).ok().filter(|point| *point < self.wanted.len()).ok_or_else(unfit)?;
+                let components = components.try_into().map_err(|_: Vec<f64>| unfit())?;
+                self.kept.insert(point, Kept { operator: Box::new(Tensor4(components)), uses: None });
+            }
+            self.counts = record.counts;
+        }
         self.material.restore(archive)
     }
 }
@@ -230,6 +302,7 @@ fn operator(stress: &Tensor2, probes: &[Probe], probed: &[TrialResult], plan: &D
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::altered::{Altered, Timid};
     use crate::material::elastic::{ElasticLaw, ElasticMaterial};
 
     fn material() -> ElasticMaterial {
@@ -286,5 +359,51 @@ mod tests {
         let own = trial(0, [[0.0, 0.0], [0.0, -1e-3]]);
         assert_eq!(differences.evaluate(&[own]).unwrap(), material().evaluate(&[own]).unwrap());
         assert_eq!(differences.counts(), DifferenceCounts::default());
+    }
+
+    fn compressed(size: f64) -> PointTrial {
+        trial(0, [[0.0, 0.0], [0.0, -size]])
+    }
+
+    /// A target close to what the engine takes at most was refused for its probes, which lie beyond.
+    #[test]
+    fn a_refused_probe_leaves_the_trial_with_the_operator_before() {
+        let mut inner = Altered { material: material(), alteration: Timid::new(1.05e-3) };
+        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2), vec![true; 2]);
+        let first = differences.evaluate(&[compressed(1e-3)]);
+        assert!(matches!(first, Err(MaterialError::Point { point: 0, .. })), "there is no operator yet");
+        let before = differences.evaluate(&[compressed(5e-4)]).unwrap()[0].tangent.clone();
+        let both = [compressed(1e-3), trial(1, [[1e-5, 0.0], [0.0, 0.0]])];
+        differences.rollback();
+        assert_eq!(differences.evaluate(&both).unwrap()[0].tangent, before);
+        assert_eq!(
+            (differences.counts().refused, differences.counts().operators),
+            (1, 2),
+            "the other point has none yet"
+        );
+        differences.commit().unwrap();
+        assert_eq!(differences.evaluate(&both).unwrap()[0].tangent, before);
+        assert_eq!((differences.counts().refused, differences.counts().operators), (3, 2), "both have one");
+        assert!(differences.evaluate(&[compressed(1.1e-3)]).is_err(), "the trial itself");
+    }
+
+    #[test]
+    fn counts_and_operators_are_those_of_the_run_after_it_has_been_resumed() {
+        let mut inner = material();
+        let mut differences = DifferenceTangents::new(&mut inner, DifferencePlan::new(2), vec![true; 2]);
+        let tangent = differences.evaluate(&[compressed(1e-3)]).unwrap()[0].tangent.clone();
+        differences.commit().unwrap();
+        let (counts, mut archive) = (differences.counts(), Archive::new());
+        assert_eq!((counts.operators, counts.probes), (1, 3));
+        differences.save(&mut archive);
+        let mut later = Altered { material: material(), alteration: Timid::new(1.05e-3) };
+        let mut resumed = DifferenceTangents::new(&mut later, DifferencePlan::new(2), vec![true; 2]);
+        resumed.restore(&archive).unwrap();
+        assert_eq!(resumed.counts(), counts);
+        assert_eq!(resumed.evaluate(&[compressed(1e-3)]).unwrap()[0].tangent, tangent);
+        assert_eq!(resumed.counts().refused, 1);
+        let mut fewer = DifferenceTangents::new(&mut later, DifferencePlan::new(2), Vec::new());
+        fewer.restore(&archive).unwrap();
+        assert_eq!(fewer.counts(), DifferenceCounts::default());
     }
 }

@@ -107,6 +107,12 @@ impl Constraints {
         self.paths[dof].is_some()
     }
 
+    /// Whether the motion of a degree of freedom is given: it is prescribed, or links leave it nothing else to follow.
+    pub(crate) fn is_given(&self, dof: usize) -> bool {
+        let follows_nothing = |place: usize| self.followers[place].masters.is_empty();
+        self.is_prescribed(dof) || self.follower_of[dof].is_some_and(follows_nothing)
+    }
+
     /// Degrees of freedom that follow others, with the free ones that they follow and coefficients.
     pub(crate) fn followers(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
         self.followers.iter().map(|follower| (follower.dof, follower.masters.as_slice()))
@@ -125,6 +131,13 @@ impl Constraints {
 
     fn change(&self, path: Path, moment: Moment) -> f64 {
         path.change * self.histories[path.history].factor(moment)
+    }
+
+    /// Adds to a motion from one moment to another what links give to the components that follow others, m.
+    pub(crate) fn add_given_motion(&self, motion: &mut [f64], from: Moment, to: Moment) {
+        for Follower { dof, given, .. } in &self.followers {
+            motion[*dof] += given.iter().map(|&path| self.change(path, to) - self.change(path, from)).sum::<f64>();
+        }
     }
 
     /// Makes the dependent components of an increment from the displacements `before` it follow the free ones.

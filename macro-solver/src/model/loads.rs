@@ -112,15 +112,26 @@ impl Loads {
 
     /// Nodal forces at a moment of the stage with the nodes at `positions`, N.
     pub(crate) fn force(&self, positions: &[[f64; 3]], moment: Moment) -> Vec<f64> {
+        self.force_by(positions, |history| history.factor(moment))
+    }
+
+    /// Change of the nodal forces from one moment to another by their histories alone, with the nodes at `positions`, N. Loads that stay
+    /// as they are leave no rounding in it.
+    pub(crate) fn change(&self, positions: &[[f64; 3]], from: Moment, to: Moment) -> Vec<f64> {
+        self.force_by(positions, |history| history.factor(to) - history.factor(from))
+    }
+
+    /// Nodal forces with the factor `factor` on the loads of each history.
+    fn force_by(&self, positions: &[[f64; 3]], factor: impl Fn(&Amplitude) -> f64) -> Vec<f64> {
         let mut force = vec![0.0; self.degrees_of_freedom];
         for (history, forces) in &self.dead {
-            let factor = history.factor(moment);
+            let factor = factor(history);
             for (sum, value) in force.iter_mut().zip(forces) {
                 *sum += factor * value;
             }
         }
         for follower in &self.followers {
-            follower.add_force(positions, follower.history.factor(moment), &mut force);
+            follower.add_force(positions, factor(&follower.history), &mut force);
         }
         force
     }

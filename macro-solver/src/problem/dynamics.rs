@@ -260,8 +260,8 @@ pub struct DynamicSettings {
     #[serde(rename = "initial_velocity")]
     #[schemars(with = "Vec<InitialVelocityKeys>", extend("x-unit" = "m/s"))]
     pub initial_velocities: Vec<InitialVelocity>,
-    /// Side sets that let waves out (Lysmer and Kuhlemeyer 1969). Where a stage before had a support that this one does not have, the side
-    /// goes on bearing what the support bore.
+    /// Side sets that let waves out (Lysmer and Kuhlemeyer 1969). Where a stage before had a support or a link that this one does not
+    /// have, the side goes on bearing what that bore.
     pub absorbing: Vec<String>,
     /// When the state is reported.
     #[serde(flatten)]

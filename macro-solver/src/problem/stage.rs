@@ -84,6 +84,12 @@ impl Stage {
         does(Action::MovingSupport) && !does(Action::ChangingLoad)
     }
 
+    /// Whether its load factor is an unknown. Only Newton's method finds it; other procedures lead it from 0 to 1 whatever `control` says,
+    /// which they may have from the tables of the whole run.
+    pub fn finds_load_factor(&self) -> bool {
+        self.procedure == Procedure::Implicit && self.control.path != PathControl::Load
+    }
+
     /// The moment at a share of the stage.
     pub fn moment(&self, load: f64) -> Moment {
         Moment { load, time: load * self.duration }

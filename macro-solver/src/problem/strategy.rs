@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Predictor {
-    /// The last accepted step's displacements scaled by the ratio of step sizes; the tangent predictor where there
-    /// is no such step.
+    /// The last accepted step's displacements, as often as supports and links repeat their motion, or loads their change where none moves.
+    /// The tangent predictor where there is no such step, or where they go on more than four times as fast.
     #[default]
     Linear,
     /// One linear solve with the last tangent.
@@ -80,7 +80,7 @@ mod secant_keys {
 #[serde(default)]
 pub struct Strategy {
     /// Tangent operator asked of every point.
-    #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit"))]
+    #[schemars(extend("x-default" = "by `strategy`", "x-procedures" = "implicit", "x-without" = "none"))]
     pub tangent: TangentKind,
     /// First iterate of a step.
     #[schemars(extend("x-procedures" = "implicit relaxation"))]

@@ -3,8 +3,8 @@
 use super::elimination::dependents;
 use super::rigid_motion::check_rigid_motion;
 use super::{
-    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, LoadingSettings, Origin, PathControl,
-    Platen, Problem, ProblemError, Procedure, Stage,
+    Amplitude, Applied, Axis, Condition, EquationSettings, InitialStress, LoadingSettings, Origin, Platen, Problem,
+    ProblemError, Procedure, Stage,
 };
 use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
@@ -81,14 +81,11 @@ impl Problem {
             if let Some(reason) = applied.history.defect() {
                 return Err(ProblemError::History { reason });
             }
-            if stage.control.path != PathControl::Load && applied.history.may_begin_at_rest() {
+            if stage.finds_load_factor() && applied.history.may_begin_at_rest() {
                 return Err(ProblemError::HistoryAtRest);
             }
             // Steps move supports by what their histories change with the load factor, which tells no jump and rounds off a kink.
-            if stage.control.path != PathControl::Load
-                && applied.moves_support()
-                && !applied.history.is_proportional()
-            {
+            if stage.finds_load_factor() && applied.moves_support() && !applied.history.is_proportional() {
                 return Err(ProblemError::MotionOffRamp);
             }
             match &applied.condition {
@@ -102,7 +99,7 @@ impl Problem {
                     if !applied.history.stays_between_0_and_1() {
                         return Err(ProblemError::FrictionHistory);
                     }
-                    if from != to && stage.control.path != PathControl::Load {
+                    if from != to && stage.finds_load_factor() {
                         return Err(ProblemError::FrictionUnknownLoad);
                     }
                 }
@@ -349,8 +346,8 @@ mod tests {
     use super::*;
     use crate::mesh::ElementKind;
     use crate::mesh::block::Block;
-    use crate::problem::MultiPointConstraint;
     use crate::problem::dynamics::{DynamicSettings, InitialVelocity};
+    use crate::problem::{MultiPointConstraint, PathControl};
 
     fn problem(conditions: Vec<Condition>) -> Problem {
         let mesh = Block::plane([1.0, 2.0], [2, 2], ElementKind::Q4).mesh().unwrap();
@@ -384,6 +381,9 @@ mod tests {
         problem.validate().unwrap();
         problem.stages[0].conditions[1].history = Amplitude::SMOOTH;
         assert_eq!(problem.validate(), Err(ProblemError::HistoryAtRest));
+        // A path that the scene controls is none of a motion's.
+        problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(1e3)));
+        assert_eq!(problem.validate(), Ok(()));
     }
 
     /// A constant displacement was never imposed, and a kink left an error behind.

@@ -2,6 +2,7 @@
 
 use super::driver::{Session, Solver};
 use crate::checkpoint::NoCheckpoints;
+use crate::element::hourglass::HourglassControl;
 use crate::formulation::Formulation;
 use crate::material::frictional::FrictionalMaterial;
 use crate::observer::{Outcome, Silent};
@@ -86,8 +87,14 @@ fn start_of(problem: &Problem, procedure: Procedure) -> Problem {
         strategy: Strategy { tangent_floor: None, ..NamedStrategy::Newton.preset() },
         ..first
     };
+    // Dashpots hold nothing at rest.
+    let hourglass = match problem.hourglass {
+        HourglassControl::Viscous { .. } => HourglassControl::default(),
+        springs @ HourglassControl::Stiffness { .. } => springs,
+    };
     Problem {
         stages: vec![stage],
+        hourglass,
         initial: InitialState::default(),
         formulation: Formulation::SmallStrain,
         strain_per_step: 0.0,

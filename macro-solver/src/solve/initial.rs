@@ -20,20 +20,55 @@ pub(super) enum InitialStateDefect {
     /// Out of balance.
     #[error(
         "the initial stress is out of balance by {imbalance:.2e} of the loads and reactions; let the loads of the first \
-         step be those that the packings were prepared under, or allow more and let step 0 equilibrate it"
+         step be those that the packings were prepared under, or allow more and {otherwise}"
     )]
     Imbalance {
         /// Out-of-balance force over loads and reactions.
         imbalance: f64,
+        /// What becomes of an imbalance that is allowed.
+        otherwise: &'static str,
     },
 }
 
+/// Relative displacement whose elastic force keeps round-off from looking like imbalance.
+const NEGLIGIBLE: f64 = 1e-9;
+
 impl Solver<'_> {
-    /// Records how far the initial stress is from balance and from what is expected.
+    /// Records how far the initial stress is from balance and from what is expected, before step 0.
     ///
     /// # Errors
     /// A limit of the problem is exceeded.
     pub(super) fn check_initial_state(&mut self, start: &ResidualNorms) -> Result<(), InitialStateDefect> {
+        self.check_start(start, "let step 0 equilibrate it")
+    }
+
+    /// The same before a motion, when all points have been evaluated.
+    ///
+    /// # Errors
+    /// A limit of the problem is exceeded.
+    pub(super) fn check_start_of_motion(&mut self) -> Result<(), InitialStateDefect> {
+        // Forces alone: meshes of motions may be too large for a stiffness.
+        self.balance = self.forces_at(&self.body.zero(), self.load);
+        let mut start = self.residual_norms(0);
+        start.scale = start.scale.max(self.negligible_force());
+        self.check_start(
+            &start,
+            "let it set the body in motion, or begin with an implicit stage, which equilibrates it",
+        )
+    }
+
+    /// Elastic force of an element of mean size, one side of which is moved by [`NEGLIGIBLE`] of the extent of the body, N, in the plane
+    /// per metre.
+    fn negligible_force(&self) -> f64 {
+        let (mesh, formulation) = (self.body.mesh(), self.problem.formulation);
+        let volume: f64 = self.body.settled_geometry().iter().map(|geometry| geometry.volume).sum();
+        let axes = mesh.dimension.count() as i32;
+        let side = (volume / mesh.elements.len() as f64).powf(1.0 / f64::from(axes));
+        let moduli = self.points.all().iter().map(|point| point.total(formulation).moduli.amax());
+        NEGLIGIBLE * moduli.fold(0.0, f64::max) * side.powi(axes - 2) * self.body.extent()
+    }
+
+    fn check_start(&mut self, start: &ResidualNorms, otherwise: &'static str) -> Result<(), InitialStateDefect> {
         self.statistics.initial_imbalance = start.ratio(ForceMeasure::Largest);
         self.statistics.initial_deviation = self.initial_deviation();
         let InitialLimits { largest_deviation, largest_imbalance } = self.problem.initial.limits;
@@ -42,7 +77,7 @@ impl Solver<'_> {
             return Err(InitialStateDefect::Deviation { deviation });
         }
         if largest_imbalance.is_some_and(|limit| imbalance > limit) {
-            return Err(InitialStateDefect::Imbalance { imbalance });
+            return Err(InitialStateDefect::Imbalance { imbalance, otherwise });
         }
         Ok(())
     }

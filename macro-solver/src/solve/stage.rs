@@ -28,14 +28,16 @@ impl<'a> Solver<'a> {
         if self.stage + 1 == self.problem.stages.len() {
             return Ok(false);
         }
+        let loads = self.loads.force(&self.body.positions(&self.body.zero()), self.moment(self.load));
+        self.carried = Carried::after(self.integrator.take(), &self.constraints, loads);
         self.stage += 1;
         (self.load, self.stage_fraction) = (0.0, 0.0);
         (self.arc_length, self.last_load_change) = (None, 0.0);
         self.step_size = 1.0 / self.stage().control.increments as f64;
         (self.last_step, self.stabilised_in_vain) = (None, false);
-        self.carried = Carried::after(self.integrator.take(), &self.constraints);
         self.stage_start.clone_from(&self.body.displacements);
         self.tangent_kind = self.stage().strategy.tangent;
+        self.points.leave_stage(self.stage());
         let counted = self.linear.counts();
         self.set_up().map_err(Outcome::Refused)?;
         self.linear.go_on_counting(counted);

@@ -45,10 +45,21 @@ fn balance(balance: &BalanceSummary) -> String {
     )
 }
 
-/// A headline and one line per subject; `folder` is the output folder.
-pub(super) fn closing_lines(summary: &Summary, run: &Run, force_evaluations: u64, folder: &str) -> String {
+/// A headline and one line per subject; `folder` is the output folder. `starts_in_motion`: the first stage is dynamic.
+pub(super) fn closing_lines(
+    summary: &Summary,
+    run: &Run,
+    force_evaluations: u64,
+    starts_in_motion: bool,
+    folder: &str,
+) -> String {
     let per_step = summary.evaluations_per_gauss_point / (summary.steps.max(1) as f64);
     let slowest = &summary.slowest_trials;
+    let done = match (starts_in_motion, run.has_no_start()) {
+        (true, _) => "the motion begins with it",
+        (false, true) => "step 0 found no equilibrium",
+        (false, false) => "step 0 equilibrated it",
+    };
     let mut lines = vec![
         (
             "evaluations",
@@ -82,7 +93,7 @@ pub(super) fn closing_lines(summary: &Summary, run: &Run, force_evaluations: u64
             format!("assembly {:.2} s, linear solver {:.2} s", summary.time.assembly_s, summary.time.linear_solver_s),
         ),
         ("checkpoints", checkpoints(&summary.checkpoint)),
-        ("initial residual", initial_residual(summary.initial_imbalance, run.has_no_start())),
+        ("initial residual", initial_residual(summary.initial_imbalance, done)),
     ];
     if let Some(cells) = summary.prepared.get("cells") {
         let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
@@ -169,11 +180,11 @@ fn worker_time(summary: &Summary) -> String {
 }
 
 /// Out-of-balance force of the state that the run began with.
-fn initial_residual(imbalance: f64, has_no_start: bool) -> String {
+/// `done`: what became of it.
+fn initial_residual(imbalance: f64, done: &str) -> String {
     let text = format!("{imbalance:.1e} (relative to applied loads)");
     if imbalance > MISMATCH {
-        let done = if has_no_start { "found no equilibrium" } else { "equilibrated it" };
-        format!("{text}: the packing was not prepared under these loads; step 0 {done} (see `grainspan check`)")
+        format!("{text}: the packing was not prepared under these loads; {done} (see `grainspan check`)")
     } else {
         text
     }
@@ -195,8 +206,8 @@ mod tests {
 
     #[test]
     fn a_start_that_the_packing_was_not_prepared_for_is_named() {
-        assert_eq!(initial_residual(9.4e-7, false), "9.4e-7 (relative to applied loads)");
-        assert!(initial_residual(0.49, false).contains("not prepared under these loads; step 0 equilibrated it"));
-        assert!(initial_residual(0.49, true).contains("not prepared under these loads; step 0 found no equilibrium"));
+        assert_eq!(initial_residual(9.4e-7, ""), "9.4e-7 (relative to applied loads)");
+        let text = initial_residual(0.49, "step 0 equilibrated it");
+        assert!(text.contains("not prepared under these loads; step 0 equilibrated it"), "{text}");
     }
 }

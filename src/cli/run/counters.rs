@@ -37,7 +37,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 45] = [
+pub(crate) const COUNTERS: [Counter; 46] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -68,6 +68,7 @@ pub(crate) const COUNTERS: [Counter; 45] = [
     counter("equations_solved_directly", Harmless, "direct solve* in place of iterative ones"),
     counter("tangents_by_difference", Harmless, "tangent* by finite differences"),
     counter("difference_evaluations", Harmless, "evaluation* for finite differences"),
+    counter("differences_refused", Harmless, "refused finite difference*"),
     counter("replayed_trials", Harmless, "replayed trial*"),
     counter("workers_left", Harmless, "worker* left"),
     counter("workers_recycled", Harmless, "worker* recycled"),

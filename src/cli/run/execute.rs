@@ -23,6 +23,7 @@ use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, Rep
 use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically};
 use macro_solver::pool::{Interrupt, Pool};
+use macro_solver::problem::Procedure;
 use macro_solver::solve::solve_with_checkpoints;
 use page::Controls;
 use protocol::Observables;
@@ -100,7 +101,7 @@ pub(super) fn execute<P: MacroPort>(
         error: scene.problem.error_control.map(|control| control.error),
         energy: solved.energy.entries(scene.problem.observables.contains(Observables::ENERGY)),
         dynamics: solved.energy.dynamics(),
-        definition: description.contents.definition.clone(),
+        contents: description.contents.clone(),
         checkpoints: solved.checkpoints.clone(),
         other_build,
         allowed: allowed(scene),
@@ -113,7 +114,9 @@ pub(super) fn execute<P: MacroPort>(
     if !quiet {
         let force_evaluations = solved.run.statistics.cost.force_evaluations;
         let place = folder.path().display().to_string();
-        tell(closing_lines(&summary, &solved.run, force_evaluations, &place).trim_end());
+        let first = scene.problem.stages.first();
+        let starts_in_motion = first.is_some_and(|stage| matches!(stage.procedure, Procedure::Dynamic(_)));
+        tell(closing_lines(&summary, &solved.run, force_evaluations, starts_in_motion, &place).trim_end());
     }
     // The failure of the run itself matters more than that of a file.
     if let Some(failure) = failure {

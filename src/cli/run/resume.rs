@@ -9,6 +9,7 @@ use macro_solver::checkpoint::{
 use macro_solver::output::{RunStatus, Summary, write_atomically};
 use scene_reader::{InputCopy, Scene, changes};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -57,6 +58,22 @@ impl Contents {
             // In full: the display of an identity is a shortened one.
             mesh: scene.mesh_identity.map_or_else(String::new, |identity| format!("{identity:?}")),
             engines: assignment.by_points(),
+        }
+    }
+
+    /// The parts with their names in the `versions` of a summary; a mesh that the scene generates has none.
+    pub(super) fn recorded(&self) -> impl Iterator<Item = (String, String)> {
+        let parts = [("definition", &self.definition), ("mesh", &self.mesh), ("points", &self.engines)];
+        parts.into_iter().filter(|(_, part)| !part.is_empty()).map(|(name, part)| (name.to_owned(), part.clone()))
+    }
+
+    /// Those of a complete run, by the `versions` of its summary; what an earlier build has not recorded is taken to be the same.
+    fn of_summary(versions: &BTreeMap<String, String>, now: &Self) -> Self {
+        let part = |name: &str, now: &String| versions.get(name).unwrap_or(now).clone();
+        Self {
+            definition: part("definition", &now.definition),
+            mesh: part("mesh", &now.mesh),
+            engines: part("points", &now.engines),
         }
     }
 
@@ -174,8 +191,12 @@ pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&Input
             refuse_other_files(folder, files)?;
             let summary = fs::read(folder.join("summary.json")).ok();
             let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
-            let complete = summary.is_some_and(|summary| summary.status == RunStatus::Done);
-            Ok(if complete { Start::Complete } else { Start::Beginning })
+            let Some(summary) = summary.filter(|summary| summary.status == RunStatus::Done) else {
+                return Ok(Start::Beginning);
+            };
+            let contents = &description.contents;
+            let found = contents.changes(&Contents::of_summary(&summary.versions, contents));
+            if found.is_empty() { Ok(Start::Complete) } else { Err(refusal(folder, &found, false)) }
         }
     }
 }
@@ -329,6 +350,22 @@ mod tests {
         fs::write(folder.path().join("mesh.msh"), "one").unwrap();
         assert!(matches!(started("one"), Ok(Start::Beginning)));
         assert!(refused("two").contains("mesh.file: the content is not that of mesh.msh"));
+    }
+
+    /// A complete run has no checkpoint: its summary says what it was made of.
+    #[test]
+    fn a_summary_tells_what_a_complete_run_was_made_of() {
+        let now = note("a = 1").contents;
+        let changed = |versions: &BTreeMap<String, String>| now.changes(&Contents::of_summary(versions, &now));
+        assert!(changed(&now.recorded().collect()).is_empty());
+        assert!(changed(&BTreeMap::new()).is_empty(), "of an earlier build");
+        let before = Contents { mesh: "b".into(), engines: "yade (0 to 3)".into(), ..now.clone() };
+        let found = changed(&before.recorded().collect());
+        assert!(
+            found.len() == 2 && found[0].contains("mesh.file") && found[1].contains("yade (0 to 3)"),
+            "{found:?}"
+        );
+        assert!(Contents::default().recorded().next().is_none());
     }
 
     /// A was continued by B, and B by B: the run is not one of a single build.

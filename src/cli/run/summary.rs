@@ -2,6 +2,7 @@
 
 use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
 use super::packings::PackingCounts;
+use super::resume::Contents;
 use super::shortcuts::{Allowed, shortcuts};
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
@@ -37,8 +38,8 @@ pub(super) struct SummaryInputs {
     pub(super) energy: BTreeMap<String, f64>,
     /// Figures of dynamic stages.
     pub(super) dynamics: BTreeMap<String, f64>,
-    /// Content identity of the grains' definition.
-    pub(super) definition: String,
+    /// What decides the results and does not stand in the scene.
+    pub(super) contents: Contents,
     /// Cost of checkpoints.
     pub(super) checkpoints: CheckpointFigures,
     /// Whether a part of the run was made by another build of this program.
@@ -127,15 +128,20 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         energy: inputs.energy,
         dynamics: inputs.dynamics,
         hosts: inputs.hosts,
-        versions: BTreeMap::from([
-            ("grainspan".to_owned(), build_info::VERSION.to_owned()),
-            ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
-            ("engines".to_owned(), inputs.engines),
-            ("iceoryx2".to_owned(), ICEORYX2_VERSION.to_owned()),
-            ("compiler".to_owned(), build_info::COMPILER.to_owned()),
-            ("definition".to_owned(), inputs.definition),
-        ]),
+        versions: versions(inputs.engines, &inputs.contents),
     }
+}
+
+fn versions(engines: String, contents: &Contents) -> BTreeMap<String, String> {
+    let mut versions = BTreeMap::from([
+        ("grainspan".to_owned(), build_info::VERSION.to_owned()),
+        ("protocol".to_owned(), PROTOCOL_VERSION.to_string()),
+        ("engines".to_owned(), engines),
+        ("iceoryx2".to_owned(), ICEORYX2_VERSION.to_owned()),
+        ("compiler".to_owned(), build_info::COMPILER.to_owned()),
+    ]);
+    versions.extend(contents.recorded());
+    versions
 }
 
 fn status(outcome: &Outcome) -> RunStatus {
@@ -178,6 +184,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", inputs.differences.operators),
         ("difference_evaluations", inputs.differences.probes),
+        ("differences_refused", inputs.differences.refused),
         ("replayed_trials", pool.replayed_trials),
         ("workers_left", pool.workers_left),
         ("workers_recycled", pool.workers_recycled),
@@ -259,7 +266,7 @@ mod tests {
             error: None,
             energy: BTreeMap::new(),
             dynamics: BTreeMap::new(),
-            definition: String::new(),
+            contents: Contents::default(),
             checkpoints: CheckpointFigures::default(),
             other_build: false,
             allowed: Allowed::everything(1e-3),
@@ -269,7 +276,7 @@ mod tests {
         };
         let run = Run { outcome, stage: 0, load: 1.0, step: 2, statistics };
         let summary = summary(&run, pool, inputs);
-        let text = closing_lines(&summary, &run, 1, "out/a");
+        let text = closing_lines(&summary, &run, 1, false, "out/a");
         (summary, text)
     }
 

@@ -311,7 +311,7 @@ fn values_out_of_range_are_named_by_their_key() {
         ("probe.0.name=load", "cannot be named 'load'"),
         ("probe.0.component=z", "'z' is not a component"),
         ("probe.1.set=top", "has no meaning for a probe of kind \"stress_ratio\""),
-        ("solver.tangent=none", "cannot work without a tangent"),
+        ("solver.tangent=none", "solver.tangent = \"none\" is unknown"),
         ("name=../escape", "cannot name a folder"),
         ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves along its normal only"),
     ] {

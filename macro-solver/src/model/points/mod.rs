@@ -104,6 +104,14 @@ impl Points {
         }
     }
 
+    /// Prepares for the stage behind the present one. Corrections go on only where both carry them: others are those of tangents long past.
+    pub(crate) fn leave_stage(&mut self, next: &Stage) {
+        let carries = |secant: Option<SecantSettings>| secant.is_some_and(|secant| secant.carried);
+        if !(carries(self.secant) && carries(secant_of(next))) {
+            self.forget_corrections();
+        }
+    }
+
     /// Takes the settings of a stage of the problem, the number `number` from 0.
     pub(crate) fn choose(&mut self, problem: &Problem, number: usize) {
         let stage = &problem.stages[number];
@@ -242,7 +250,7 @@ impl Points {
         self.secants_hold = hold;
     }
 
-    /// Drops carried corrections: they have led an attempt astray.
+    /// Drops carried corrections, which have led an attempt astray or are those of another way of solving.
     pub(crate) fn forget_corrections(&mut self) {
         for point in &mut self.points {
             point.correction = None;
@@ -273,5 +281,42 @@ impl Points {
         let mut counts = FlagCounts::default();
         self.points.iter().filter_map(|point| point.answer.as_ref()).for_each(|answer| counts.add(answer.flags));
         counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::ElementKind;
+    use crate::mesh::block::Block;
+    use crate::problem::relaxation::RelaxationSettings;
+
+    fn stage(secant: Option<SecantSettings>, procedure: Procedure) -> Stage {
+        let mut stage = Stage::new("stage", Vec::new());
+        (stage.strategy.secant, stage.procedure) = (secant, procedure);
+        stage
+    }
+
+    /// Corrections that no stage carries were added to the moduli for good.
+    #[test]
+    fn corrections_go_on_from_one_stage_that_carries_them_to_the_next_alone() {
+        let carried = SecantSettings { carried: true, ..SecantSettings::default() };
+        let carrying = || stage(Some(carried), Procedure::Implicit);
+        let relaxed = || stage(Some(carried), Procedure::Relaxation(RelaxationSettings::default()));
+        let fresh = || stage(Some(SecantSettings::default()), Procedure::Implicit);
+        let goes_on = |from: Stage, to: Stage| {
+            let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+            let mut problem = Problem::new(mesh, Vec::new());
+            problem.stages = vec![from, to];
+            let mut points = Points::new(&problem);
+            points.points[0].correction = Some(Box::new(Operator::identity()));
+            points.leave_stage(&problem.stages[1]);
+            points.choose(&problem, 1);
+            points.points[0].correction.is_some()
+        };
+        assert!(goes_on(carrying(), carrying()));
+        assert!(!goes_on(carrying(), fresh()));
+        assert!(!goes_on(carrying(), relaxed()));
+        assert!(!goes_on(relaxed(), carrying()));
     }
 }

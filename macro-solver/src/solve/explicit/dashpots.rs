@@ -9,6 +9,7 @@ use crate::mesh::Side;
 use crate::model::assembly::isotropic::Isotropic;
 use crate::model::body::Body;
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeSet;
 
 /// Damper of every node, N s/m, in the plane per metre of thickness.
 #[derive(Clone, Debug)]
@@ -61,7 +62,10 @@ impl Dashpots {
     /// waves come with the impedance that the mass has.
     pub(super) fn of_stage(specimen: &Specimen<'_>, stiffness: &[Isotropic], scale_factors: &[f64]) -> Self {
         let sides_of = |name: &String| specimen.problem.sides(name).expect("checked before the run");
-        let sides: Vec<Side> = specimen.settings.absorbing.iter().flat_map(sides_of).copied().collect();
+        // A side that two sets share absorbs once.
+        let mut known = BTreeSet::new();
+        let sides = specimen.settings.absorbing.iter().flat_map(sides_of).copied();
+        let sides: Vec<Side> = sides.filter(|side| known.insert(*side)).collect();
         let first = |element: usize| stiffness[specimen.body.points_of(element).start];
         let density = |element: usize| specimen.settings.density_of(element) * scale_factors[element];
         Self::new(specimen.body, &sides, density, first)

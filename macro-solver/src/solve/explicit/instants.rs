@@ -36,10 +36,13 @@ impl Integrator {
         self.ahead.clone_from(&self.velocity);
         self.collect_forces(specimen);
         let axes = specimen.problem.mesh.dimension.count();
-        let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && specimen.constraints.is_unloaded(dof);
-        self.held = (0..self.velocity.len())
-            .map(|dof| if absorbs(dof) { carried.support(dof, -self.driving_force(dof)) } else { 0.0 })
-            .collect();
+        let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && !specimen.constraints.is_given(dof);
+        let is_linked_as_before = carried.linked_as_before(specimen.constraints);
+        let begun = carried.loads_begun(&self.forces.loads);
+        // Linked nodes too: each bears its own share, and links do no work.
+        let borne =
+            |dof: usize| carried.support(dof, -(self.driving_force(dof) - begun[dof]), is_linked_as_before[dof]);
+        self.held = (0..self.velocity.len()).map(|dof| if absorbs(dof) { borne(dof) } else { 0.0 }).collect();
         add(&mut self.forces.loads, &self.held);
         let rate = specimen.settings.damping.mass;
         for node in 0..self.masses.len() {

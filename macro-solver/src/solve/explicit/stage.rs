@@ -49,6 +49,8 @@ impl Solver<'_> {
         let carried = std::mem::take(&mut self.carried);
         let mut integrator = Integrator::start(&mut self.specimen(settings), carried, session.material)?;
         if self.stage == 0 {
+            self.check_start_of_motion()
+                .map_err(|defect| Outcome::DidNotConverge { reason: format!("initial state: {defect}") })?;
             integrator = self.report(integrator, 0, &counters, session)?;
             counters = Counters::of(&self.statistics);
             self.points.start_step();

@@ -7,7 +7,7 @@ use crate::solve::driver::Solver;
 use crate::solve::linear_solver::norm;
 
 /// A step repeats no more than so many times the share of the last one that goes with its size: supports that hardly moved in the last
-/// step predict nothing.
+/// step, or loads that hardly changed, predict nothing.
 const MOST_REPEATED: f64 = 4.0;
 
 /// The correction that the last step left is applied whole up to this share of its displacements, and cut down to it beyond: soft
@@ -20,12 +20,7 @@ impl Solver<'_> {
     pub(super) fn predict(&mut self, load: f64) -> Result<Vec<f64>, Failure> {
         let moment = self.moment(load);
         let mut increment = self.given(moment);
-        let linear = self.stage().strategy.predictor == Predictor::Linear;
-        let repeated = self.last_step.as_ref().filter(|_| linear).and_then(|last| {
-            let share = self.share_of_last_step(&increment, &last.increment, (load - self.load) / last.size)?;
-            Some((share, last.clone()))
-        });
-        match repeated {
+        match self.share_to_repeat(load).zip(self.last_step.clone()) {
             Some((share, last)) => {
                 if share < 0.0 {
                     self.tangents.turned();
@@ -64,19 +59,65 @@ impl Solver<'_> {
         (0..increment.len()).any(|dof| self.constraints.is_prescribed(dof) && increment[dof] != 0.0)
     }
 
-    /// Share of the last step that the coming one repeats: that of the motion of the supports, negative where they turn back, and
-    /// `share_of_load` where none has moved. `None` if they have moved too little to tell.
-    fn share_of_last_step(&self, given: &[f64], last: &[f64], share_of_load: f64) -> Option<f64> {
-        let supports = || (0..last.len()).filter(|&dof| self.constraints.is_prescribed(dof));
-        let moved: f64 = supports().map(|dof| last[dof] * last[dof]).sum();
-        if moved == 0.0 {
-            // Supports that begin to move are no repetition of a step in which they stood still.
-            return (!self.supports_moved(given)).then_some(share_of_load);
+    /// Share of the last step that the one to `load` repeats; `None` if it repeats none: there is no last step, or supports and links move,
+    /// or where none does loads change, at a pace of which the last step tells too little.
+    pub(in crate::solve) fn share_to_repeat(&self, load: f64) -> Option<f64> {
+        let repeats = self.stage().strategy.predictor == Predictor::Linear;
+        let last = self.last_step.as_ref().filter(|_| repeats)?;
+        let share_of_load = (load - self.load) / last.size;
+        let [before, now, then] = [(self.load - last.size).max(0.0), self.load, load].map(|load| self.moment(load));
+        let of_supports = |increment: &[f64]| -> Vec<f64> {
+            let moved = |dof: usize| if self.constraints.is_prescribed(dof) { increment[dof] } else { 0.0 };
+            (0..increment.len()).map(moved).collect()
+        };
+        let (mut moved, mut moves) = (of_supports(&last.increment), of_supports(&self.given(then)));
+        self.constraints.add_given_motion(&mut moved, before, now);
+        self.constraints.add_given_motion(&mut moves, now, then);
+        let pace = match Pace::of(&moved, &moves) {
+            Pace::Rest => {
+                let positions = self.body.positions(&self.body.zero());
+                let change = |from, to| self.loads.change(&positions, from, to);
+                Pace::of(&change(before, now), &change(now, then))
+            }
+            of_supports => of_supports,
+        };
+        pace.share(share_of_load)
+    }
+}
+
+/// How a change goes on that the last step has begun.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pace {
+    /// Nothing changes and nothing did.
+    Rest,
+    /// Something begins to change.
+    Begins,
+    /// By so much of the last change, negative where it turns back.
+    Share(f64),
+}
+
+impl Pace {
+    /// Of the change `next` after the change `last`.
+    fn of(last: &[f64], next: &[f64]) -> Self {
+        let size: f64 = last.iter().map(|value| value * value).sum();
+        if size == 0.0 {
+            return if next.iter().any(|value| *value != 0.0) { Self::Begins } else { Self::Rest };
         }
-        let share = supports().map(|dof| given[dof] * last[dof]).sum::<f64>() / moved;
-        // On a straight path they differ by rounding.
-        let share = if (share - share_of_load).abs() < 1e-9 { share_of_load } else { share };
-        (share.abs() <= MOST_REPEATED * share_of_load).then_some(share)
+        Self::Share(last.iter().zip(next).map(|(last, next)| next * last).sum::<f64>() / size)
+    }
+
+    /// Share of the last step that the next one repeats, whose size over that of the last one is `share_of_load`.
+    fn share(self, share_of_load: f64) -> Option<f64> {
+        match self {
+            Self::Rest => Some(share_of_load),
+            // What begins to change is no repetition of a step in which it stood still.
+            Self::Begins => None,
+            Self::Share(share) => {
+                // On a straight path they differ by rounding.
+                let share = if (share - share_of_load).abs() < 1e-9 { share_of_load } else { share };
+                (share.abs() <= MOST_REPEATED * share_of_load).then_some(share)
+            }
+        }
     }
 }
 
@@ -89,6 +130,17 @@ fn share_of_correction(last: &LastStep) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_step_repeats_what_goes_on_at_about_the_same_pace() {
+        let share = |last: &[f64], next: &[f64]| Pace::of(last, next).share(1.5);
+        assert_eq!(share(&[0.0, 0.0], &[0.0, 0.0]), Some(1.5));
+        assert_eq!(share(&[0.0, 0.0], &[0.0, 1e-6]), None, "it begins");
+        assert_eq!(share(&[0.1, -0.2], &[0.15, -0.3]), Some(1.5), "in every bit, whatever rounding does");
+        assert_eq!(share(&[0.5, 0.0], &[-0.25, 0.0]), Some(-0.5));
+        assert_eq!(share(&[0.5, 0.0], &[0.0, 0.0]), Some(0.0));
+        assert_eq!(share(&[1e-3, 0.0], &[1.0, 0.0]), None, "a kink");
+    }
 
     #[test]
     fn what_a_step_left_to_correct_is_carried_over_but_never_more_than_a_tenth_of_it() {

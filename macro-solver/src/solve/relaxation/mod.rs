@@ -17,8 +17,8 @@ use crate::model::assembly::viscosity::Viscosity;
 use crate::model::failure::Failure;
 use crate::model::stable_step::limits;
 use crate::observer::IterationReport;
+use crate::problem::ForceMeasure;
 use crate::problem::relaxation::{RelaxationForm, RelaxationSettings};
-use crate::problem::{ForceMeasure, Predictor};
 use motion::Relaxation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -58,8 +58,9 @@ impl Solver<'_> {
         let masses = self.masses_along_unknowns(masses);
         let is_free: Vec<bool> = (0..masses.len()).map(|dof| self.constraints.unknown(dof).is_some()).collect();
         let mut relaxation = Relaxation::new(settings, &masses, &is_free, highest);
-        let mut iterate = self.first_iterate(load);
-        self.fix_relaxation_ramps(&iterate, load);
+        let share = self.share_to_repeat(load);
+        let mut iterate = self.first_iterate(load, share);
+        self.fix_relaxation_ramps(&iterate, load, share.is_some());
         let tolerance = self.stage().tolerances.force;
         let mut last = String::new();
         let mut change = self.body.zero();
@@ -115,7 +116,7 @@ impl Solver<'_> {
 
     /// The step of a body of which nothing is free: no motion has to come to rest.
     fn follow_supports(&mut self, load: f64, session: &mut Session<'_>) -> Result<Converged, Failure> {
-        let increment = self.first_iterate(load);
+        let increment = self.first_iterate(load, None);
         self.points.fix_ramps(&self.body.gradients(&increment));
         self.statistics.iterations += 1;
         let norms = self.evaluate_forces(&increment, load, session)?;
@@ -179,27 +180,25 @@ impl Solver<'_> {
         forces
     }
 
-    /// Prescribed components are exact; the free ones repeat the last step, or stay where they are, and what is linked follows.
-    fn first_iterate(&self, load: f64) -> Vec<f64> {
+    /// Prescribed components are exact; the free ones repeat the share `share` of the last step, or stay where they are, and what is linked
+    /// follows.
+    fn first_iterate(&self, load: f64, share: Option<f64>) -> Vec<f64> {
         let moment = self.moment(load);
-        let repeats = self.stage().strategy.predictor == Predictor::Linear;
-        let last = self.last_step.as_ref().filter(|_| repeats);
-        let mut iterate: Vec<f64> = (0..self.body.displacements.len())
-            .map(|dof| match (self.constraints.prescribed(dof, moment), last) {
-                (Some(prescribed), _) => prescribed - self.body.displacements[dof],
-                (None, Some(last)) => last.increment[dof] * ((load - self.load) / last.size),
-                (None, None) => 0.0,
-            })
-            .collect();
-        self.constraints.complete(&mut iterate, &self.body.displacements, moment);
+        let mut iterate = self.given(moment);
+        if let Some((share, last)) = share.zip(self.last_step.as_ref()) {
+            for &dof in self.constraints.free() {
+                iterate[dof] = last.increment[dof] * share;
+            }
+            self.constraints.complete(&mut iterate, &self.body.displacements, moment);
+        }
         iterate
     }
 
-    /// Fixes the ramps: by the repeated step, or all alike by the mean strain that the supports impose, since the first
-    /// iterate then strains their neighbourhood alone, or by that of the loads if it is larger.
-    fn fix_relaxation_ramps(&mut self, iterate: &[f64], load: f64) {
+    /// Fixes the ramps: by the first iterate if it repeats the last step, or all alike by the mean strain that the supports impose, since
+    /// it then strains their neighbourhood alone, or by that of the loads if it is larger.
+    fn fix_relaxation_ramps(&mut self, iterate: &[f64], load: f64, repeats: bool) {
         let gradients = self.body.gradients(iterate);
-        if self.last_step.is_some() {
+        if repeats {
             self.points.fix_ramps(&gradients);
             return;
         }
@@ -236,7 +235,7 @@ impl Solver<'_> {
     }
 
     /// Forces at an iterate that the points have evaluated.
-    fn forces_at(&self, iterate: &[f64], load: f64) -> Balance {
+    pub(super) fn forces_at(&self, iterate: &[f64], load: f64) -> Balance {
         let positions = self.body.positions(iterate);
         let displacements = sum(&self.body.displacements, iterate);
         let forces = self.element_laws().forces(Motion {

@@ -1,8 +1,12 @@
 //! The stress of a body before its grains: closed forms of level ground and of a long slope.
 
 use super::*;
+use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
-use crate::problem::{Amplitude, Applied, EquilibriumSettings, InitialStress, MultiPointConstraint, PressureKind};
+use crate::problem::dynamics::DynamicSettings;
+use crate::problem::{
+    Amplitude, Applied, EquilibriumSettings, InitialStress, MultiPointConstraint, PressureKind, Procedure,
+};
 use crate::solve::{EquilibriumError, equilibrium_stress};
 
 const WEIGHT: f64 = 2.0e4;
@@ -34,6 +38,22 @@ fn level_ground_has_its_earth_pressure_at_rest() {
     let weak = EquilibriumSettings { rest_coefficient: 0.2, friction_angle: 30.0 };
     for stress in equilibrium_stress(&problem, &weak).unwrap() {
         assert!((stress[0][0] / stress[1][1] - 1.0 / 3.0).abs() < 1e-6, "{stress:?}");
+    }
+}
+
+/// Dashpots against hourglass modes are for motions; the equilibrium before them was refused.
+#[test]
+fn a_body_whose_hourglass_modes_are_damped_has_an_equilibrium() {
+    let mut problem = layer([0.0, -WEIGHT, 0.0], &[("bottom", Axis::Y), ("left", Axis::X), ("right", Axis::X)], 1e4);
+    problem.mesh = block(ElementKind::Q4Single, 3, 2);
+    problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(2e3)));
+    problem.hourglass = HourglassControl::Viscous { coefficient: 0.05 };
+    problem.validate().unwrap();
+    let settings = EquilibriumSettings { rest_coefficient: 0.4, friction_angle: 30.0 };
+    let rest = InitialStress::Geostatic { surface: 2.0, unit_weight: WEIGHT, rest_coefficient: 0.4, surcharge: 1e4 };
+    let found = equilibrium_stress(&problem, &settings).unwrap();
+    for (point, place) in point_places(&problem.mesh).into_iter().enumerate() {
+        assert!((found[point][1][1] - rest.at(point, place)[(1, 1)]).abs() < 1e-5 * 5e4, "{point}: {found:?}");
     }
 }
 

@@ -1,11 +1,11 @@
-//! Steps in which nothing changes, of a material whose stresses are known to a tolerance only.
+//! Steps in which nothing changes, of a material whose stresses are known to a tolerance only, and steps behind which the pace changes.
 
 use super::strategies::pressed;
 use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::relaxation::RelaxationSettings;
-use crate::problem::{Amplitude, Applied, Procedure, Stage};
+use crate::problem::{Amplitude, Applied, Moment, Predictor, Procedure, Stage};
 
 /// Changes every stress by up to this share at every evaluation, as grains do that are at rest within a tolerance.
 struct Unsteady {
@@ -68,29 +68,68 @@ fn a_history_that_is_met_at_its_zeros_moves_nothing() {
     assert!(record.displacements.iter().flatten().all(|value| value.abs() < 1e-12));
 }
 
-/// A step in which nothing moved tells nothing about the next one: all of it went in one ramp step where a load began to act.
+/// A step in which nothing moved, or hardly anything, tells nothing about the next one: all of it went in one ramp step where a load
+/// began to act.
 #[test]
-fn a_load_that_begins_after_idle_steps_acts_in_as_many_ramp_steps_as_its_strain_needs() {
+fn a_load_that_begins_after_slow_steps_acts_in_as_many_ramp_steps_as_its_strain_needs() {
     for procedure in [Procedure::Implicit, Procedure::Relaxation(RelaxationSettings::default())] {
-        let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 1.0e6, 0.0] };
-        let later = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.0], [1.0, 1.0]]);
+        for slow in [0.0, 1e-3] {
+            let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 1.0e6, 0.0] };
+            let later = Amplitude::Table(vec![[0.0, 0.0], [0.5, slow], [1.0, 1.0]]);
+            let mut problem = Problem::new(
+                block(ElementKind::Q4, 1, 1),
+                vec![Condition::fixed("left", Axis::X), Condition::fixed("bottom", Axis::Y), pulled],
+            );
+            problem.strain_per_step = 1e-3;
+            let stage = &mut problem.stages[0];
+            (stage.conditions[2].history, stage.duration, stage.control.increments) = (later, 1.0, 4);
+            (stage.tolerances, stage.procedure) = (Tolerances::both(1e-4, 1e-2), procedure.clone());
+            let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+            let (finished, record) = run(&problem, &mut spy);
+            assert!(matches!(finished.outcome, Outcome::Completed), "{procedure:?}: {:?}", finished.outcome);
+            assert_eq!(spy.commits, 4);
+            let ramps: Vec<u32> = spy.committed_trials(2).iter().map(|trial| trial.options.ramp_steps).collect();
+            // Half of the strain at the end, within a factor of three.
+            let strain = 0.5 * record.displacements[3][1];
+            let needed = strain / problem.strain_per_step;
+            let fits = |ramp: &u32| (needed / 3.0..3.0 * needed).contains(&f64::from(*ramp));
+            assert!(needed > 5.0 && ramps.iter().all(fits), "{procedure:?}, {slow}: {ramps:?} for {needed}");
+        }
+    }
+}
+
+/// A first iterate that leaves the free nodes where they are, or repeats a much slower step, strains those next to the moving support
+/// alone: the others took their strain in one ramp step, or in far too few.
+#[test]
+fn relaxation_ramps_every_point_alike_where_the_step_repeats_none() {
+    let kinked = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.1], [1.0, 1.0]]);
+    for (predictor, history) in [(Predictor::Linear, kinked), (Predictor::Tangent, Amplitude::RAMP)] {
+        let rows = 4;
+        let moved = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: -0.04 };
         let mut problem = Problem::new(
-            block(ElementKind::Q4, 1, 1),
-            vec![Condition::fixed("left", Axis::X), Condition::fixed("bottom", Axis::Y), pulled],
+            block(ElementKind::Q4, 1, rows),
+            vec![Condition::fixed("left", Axis::X), Condition::fixed("bottom", Axis::Y), moved],
         );
-        problem.strain_per_step = 1e-3;
+        problem.strain_per_step = 1e-4;
         let stage = &mut problem.stages[0];
-        (stage.conditions[2].history, stage.duration, stage.control.increments) = (later, 1.0, 4);
-        (stage.tolerances, stage.procedure) = (Tolerances::both(1e-4, 1e-2), procedure.clone());
+        (stage.conditions[2].history, stage.duration, stage.control.increments) = (history.clone(), 1.0, 4);
+        (stage.tolerances, stage.strategy.predictor) = (Tolerances::both(1e-4, 1e-2), predictor);
+        stage.procedure = Procedure::Relaxation(RelaxationSettings::default());
         let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
-        let (finished, record) = run(&problem, &mut spy);
-        assert!(matches!(finished.outcome, Outcome::Completed), "{procedure:?}: {:?}", finished.outcome);
+        let (finished, _) = run(&problem, &mut spy);
+        assert!(matches!(finished.outcome, Outcome::Completed), "{predictor:?}: {:?}", finished.outcome);
         assert_eq!(spy.commits, 4);
-        let ramps: Vec<u32> = spy.committed_trials(2).iter().map(|trial| trial.options.ramp_steps).collect();
-        // Half of the strain at the end, within a factor of three.
-        let strain = 0.5 * record.displacements[3][1];
-        let needed = strain / problem.strain_per_step;
-        let fits = |ramp: &u32| (needed / 3.0..3.0 * needed).contains(&f64::from(*ramp));
-        assert!(needed > 5.0 && ramps.iter().all(fits), "{procedure:?}: {ramps:?} for {needed}");
+        let reached = |step: usize| {
+            let load = 0.25 * step as f64;
+            history.factor(Moment { load, time: load })
+        };
+        for step in 0..4 {
+            let strain = 0.04 * (reached(step + 1) - reached(step)) / rows as f64;
+            let needed = strain / problem.strain_per_step;
+            let trials = spy.committed_trials(step);
+            let ramps: Vec<u32> = trials.iter().map(|trial| trial.options.ramp_steps).collect();
+            let fits = |ramp: &u32| (needed / 1.3..1.3 * needed).contains(&f64::from(*ramp));
+            assert!(ramps.iter().all(fits), "{predictor:?}, step {step}: {ramps:?} for {needed}");
+        }
     }
 }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, InitialLimits, InitialState, InitialStress};
+use crate::problem::dynamics::DynamicSettings;
+use crate::problem::{Amplitude, Applied, InitialLimits, InitialState, InitialStress, Procedure};
 
 const WEIGHT: f64 = 2.0e4;
 
@@ -64,5 +65,37 @@ fn what_is_out_of_balance_is_told_and_equilibrated_or_refused() {
     match refused.outcome {
         Outcome::DidNotConverge { reason } => assert!(reason.contains("what initial_stress expects"), "{reason}"),
         other => panic!("{other:?}"),
+    }
+}
+
+/// The limits of a run that begins with a motion were not looked at, and both figures were 0.
+#[test]
+fn the_start_of_a_motion_is_told_and_refused_like_that_of_load_steps() {
+    let (mut problem, rest) = layer(ElementKind::Q4);
+    let InitialStress::Geostatic { surface, rest_coefficient, surcharge, .. } = rest else { panic!("at rest") };
+    let light = InitialStress::Geostatic { surface, unit_weight: 0.5 * WEIGHT, rest_coefficient, surcharge };
+    problem.initial.expected = Some(rest.clone());
+    problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(2e3)));
+    problem.stages[0].duration = 0.02;
+    let (moved, record) = run(&problem, &mut start(&problem, &light));
+    assert!(matches!(moved.outcome, Outcome::Completed), "{:?}", moved.outcome);
+    let misfit = (moved.statistics.initial_imbalance, moved.statistics.initial_deviation);
+    assert!((0.1..1.0).contains(&misfit.0) && (misfit.1 - 0.5).abs() < 0.1, "{misfit:?}");
+    assert!(record.displacements.iter().any(|moved| moved[1] < -1e-6), "it sinks");
+    problem.initial.limits = InitialLimits { largest_deviation: Some(1e-9), largest_imbalance: Some(1e-9) };
+    let (still, _) = run(&problem, &mut start(&problem, &rest));
+    assert!(matches!(still.outcome, Outcome::Completed), "{:?}", still.outcome);
+    for limits in [
+        InitialLimits { largest_deviation: Some(0.1), largest_imbalance: None },
+        InitialLimits { largest_deviation: None, largest_imbalance: Some(0.05) },
+    ] {
+        problem.initial.limits = limits;
+        let (refused, record) = run(&problem, &mut start(&problem, &light));
+        let said = if limits.largest_imbalance.is_some() { "out of balance by" } else { "initial_stress expects" };
+        match refused.outcome {
+            Outcome::DidNotConverge { reason } => assert!(reason.contains(said), "{reason}"),
+            other => panic!("{other:?}"),
+        }
+        assert!(record.steps.is_empty());
     }
 }

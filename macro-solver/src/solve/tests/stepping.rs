@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::formulation::Formulation;
+use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, Platen, Predictor, SecantSettings};
+use crate::problem::{Amplitude, Applied, MultiPointConstraint, Platen, Predictor, SecantSettings};
 use protocol::{RveError, Tensor2};
 use std::cell::Cell;
 use std::rc::Rc;
@@ -233,4 +234,32 @@ fn the_predictor_follows_supports_that_turn_back() {
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     let iterations: Vec<usize> = record.steps.iter().skip(1).map(|step| step.iterations).collect();
     assert_eq!(iterations, [1; 10]);
+}
+
+/// A tilting platen prescribes no component of any node. Where it turned back, the step before was repeated forwards.
+#[test]
+fn a_link_that_turns_back_is_predicted_backwards() {
+    let platen = MultiPointConstraint::TiltingPlaten {
+        nodes: "top".into(),
+        axis: Axis::Y,
+        displacement: Some(-0.02),
+        rotation: [None; 3],
+    };
+    let mut problem = Problem::new(
+        block(ElementKind::Q4, 2, 2),
+        vec![
+            Condition::fixed("left", Axis::X),
+            Condition::fixed("bottom", Axis::Y),
+            Condition::MultiPointConstraint(platen),
+        ],
+    );
+    problem.formulation = Formulation::SmallStrain;
+    let stage = &mut problem.stages[0];
+    stage.conditions[2].history = Amplitude::Table(vec![[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]);
+    (stage.tolerances, stage.control.increments) = (TIGHT, 4);
+    let mut linear = DamageMaterial::new(vec![DamageLaw::elastic(2.0e7, 1.0e7); problem.point_count()]);
+    let (finished, record) = run(&problem, &mut linear);
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    let iterations: Vec<usize> = record.steps.iter().skip(1).map(|step| step.iterations).collect();
+    assert_eq!(iterations, [1; 4], "the first iterate of a linear body is its equilibrium");
 }

@@ -221,3 +221,20 @@ fn elements_have_densities_of_their_own() {
     assert!((stress(&film, 33, 38) / -speed - 4.0 / 3.0).abs() < 0.03, "{}", stress(&film, 33, 38));
     assert!((stress(&plain, 33, 38) / -speed - 1.0).abs() < 0.03, "{}", stress(&plain, 33, 38));
 }
+
+#[test]
+fn a_side_that_is_named_twice_absorbs_once() {
+    let ends = |absorbing: &[&str]| {
+        let mut settings = settings(DENSITY);
+        settings.absorbing = absorbing.iter().map(|&name| name.to_owned()).collect();
+        let push = moved("left", Axis::X, 1e-3, Amplitude::RAMP);
+        let mesh = strip(ElementKind::Q4, 8, SIDE);
+        // Twice as long as the wave takes to the other end.
+        let problem = problem(mesh, vec![push, held("all", Axis::Y)], 8.0, settings);
+        let film = completed(&problem, &mut elastic(&problem, LAMBDA, SHEAR));
+        film.last().displacements.clone()
+    };
+    let once = ends(&["right"]);
+    assert_eq!(ends(&["right", "right"]), once);
+    assert_ne!(ends(&[]), once);
+}
