@@ -22,7 +22,7 @@ pub(super) struct Given<'a> {
     pub(super) densities: &'a Densities,
     /// 2 for discs, 3 for spheres.
     pub(super) cell_dimension: usize,
-    /// Error of the stresses that the run keeps to, and what the tolerances of implicit stages follow.
+    /// Error of the stresses that the tolerances of implicit stages follow: the one that the run keeps to, or that of drafts.
     pub(super) error: Option<f64>,
 }
 

@@ -125,20 +125,19 @@ impl<'a> DifferenceTangents<'a> {
         self.material.evaluate(&requests)
     }
 
-    /// Takes the probes of points that have an operator out of a request that was refused because of a target; returns how many points
-    /// those are, 0 if the request cannot do without them.
-    fn give_up(&self, error: &MaterialError, trials: &[PointTrial], probes: &mut [Vec<Probe>]) -> u64 {
-        let MaterialError::Point { point, .. } = error else { return 0 };
-        let mut given_up = 0;
-        let mut may_have_refused_a_probe = false;
-        for (trial, probes) in trials.iter().zip(probes) {
-            if !probes.is_empty() && self.kept.contains_key(&trial.point) {
-                probes.clear();
-                given_up += 1;
-                may_have_refused_a_probe |= trial.point == *point;
-            }
-        }
-        if may_have_refused_a_probe && error.is_curable_by_smaller_step() { given_up } else { 0 }
+    /// Takes the probes of the point whose target was refused out of a request, if they may have been what was refused and the point has an
+    /// operator of its own, which then serves as a new one would; whether it did.
+    fn give_up(&mut self, error: &MaterialError, trials: &[PointTrial], probes: &mut [Vec<Probe>]) -> bool {
+        let MaterialError::Point { point, .. } = error else { return false };
+        let refused = trials.iter().position(|trial| trial.point == *point);
+        let Some(place) = refused.filter(|place| !probes[*place].is_empty() && error.is_curable_by_smaller_step())
+        else {
+            return false;
+        };
+        let Some(kept) = self.kept.get_mut(point) else { return false };
+        kept.uses = Some(0);
+        probes[place].clear();
+        true
     }
 
     /// Operators of earlier states are not those of the coming ones; they serve where no other can be found.
@@ -151,19 +150,16 @@ impl PointMaterial for DifferenceTangents<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let of_trial = |trial| if self.is_due(trial) { probes(trial, &self.plan) } else { Vec::new() };
         let mut places: Vec<Vec<Probe>> = trials.iter().map(of_trial).collect();
-        let mut found = match self.ask(trials, &places) {
-            Ok(found) => found,
-            Err(error) => {
-                let given_up = self.give_up(&error, trials, &mut places);
-                if given_up == 0 {
-                    return Err(error);
-                }
-                let found = self.ask(trials, &places)?;
-                self.counts.refused += given_up;
-                found
+        let mut given_up = 0;
+        let mut found = loop {
+            match self.ask(trials, &places) {
+                Ok(found) => break found,
+                Err(error) if self.give_up(&error, trials, &mut places) => given_up += 1,
+                Err(error) => return Err(error),
             }
         }
         .into_iter();
+        self.counts.refused += given_up;
         let mut answers = Vec::with_capacity(trials.len());
         for (trial, probes) in trials.iter().zip(places) {
             let probed: Vec<TrialResult> = found.by_ref().take(probes.len()).collect();
@@ -383,7 +379,11 @@ mod tests {
         );
         differences.commit().unwrap();
         assert_eq!(differences.evaluate(&both).unwrap()[0].tangent, before);
-        assert_eq!((differences.counts().refused, differences.counts().operators), (3, 2), "both have one");
+        assert_eq!(
+            (differences.counts().refused, differences.counts().operators),
+            (2, 3),
+            "the other point makes a new one"
+        );
         assert!(differences.evaluate(&[compressed(1.1e-3)]).is_err(), "the trial itself");
     }
 

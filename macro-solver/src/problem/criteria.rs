@@ -138,7 +138,7 @@ pub struct Tolerances {
         "x-unit" = "-",
         "exclusiveMinimum" = 0,
         "x-procedures" = "implicit relaxation",
-        "x-default" = "0.001; implicit stages that keep to `rve.error`: twice that error, at most 0.01"
+        "x-default" = "0.001; implicit stages that keep to `rve.error`: twice that error, at most 0.01; with `rve.accuracy = \"draft\"` 0.01"
     ))]
     pub force: f64,
     /// Largest correction that the accepted state would still get, over the displacement of a full step.
@@ -147,7 +147,7 @@ pub struct Tolerances {
         "x-unit" = "-",
         "exclusiveMinimum" = 0,
         "x-procedures" = "implicit",
-        "x-default" = "0.01; stages that keep to `rve.error`: ten times that error, at most 0.05"
+        "x-default" = "0.01; stages that keep to `rve.error`: ten times that error, at most 0.05; with `rve.accuracy = \"draft\"` 0.05"
     ))]
     pub displacement: f64,
     /// Out-of-balance force up to which a step is accepted whose iterations no longer make progress, as where cells snap and no state

@@ -10,7 +10,7 @@ pub enum MultiPointConstraint {
     RigidBody {
         /// Node set.
         nodes: String,
-        /// Displacement of the mean position of the set at factor 1, m.
+        /// Displacement of the middle of the extent of the set at factor 1, m.
         displacement: [Option<f64>; 3],
         /// Rotation vector at factor 1, rad; in the plane only the third component.
         rotation: [Option<f64>; 3],

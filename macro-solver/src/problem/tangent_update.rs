@@ -28,7 +28,7 @@ pub enum TangentUpdate {
         contraction: f64,
     },
     /// At the second iterate of every attempt if it has one, the first being judged and corrected by the tangents of the step before; at
-    /// the first one too after a failed attempt, after a step with a rejected iterate and where supports turn back.
+    /// the first one too after a failed attempt, after a step with a rejected iterate and where supports, links or loads turn back.
     SecondIterate,
     /// As [`Self::EachStepOrSlow`], from the second iterate of every attempt on: the first is judged and corrected by the tangents of the step before,
     /// unless that was slow or failed.
@@ -85,7 +85,7 @@ enum TangentUpdateWord {
     /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt.
     EachStepOrSlow,
     /// At the second iterate of every attempt if it has one; at the first one too after a failed attempt, after a step with a
-    /// rejected iterate and where supports turn back.
+    /// rejected iterate and where supports, links or loads turn back.
     SecondIterate,
     /// As `"each_step_or_slow"`, but from the second iterate on: the first is judged and corrected by the tangents of the step before,
     /// unless that was slow or failed.

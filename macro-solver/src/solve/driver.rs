@@ -101,7 +101,7 @@ pub(super) struct Solver<'a> {
     pub(super) load: f64,
     /// Share of the stage's path that is done; the load factor, unless that is an unknown.
     pub(super) stage_fraction: f64,
-    /// PathConstraint that is prescribed in place of the load factor.
+    /// Condition on the path that is prescribed in place of the load factor.
     pub(super) path_constraint: Option<PathConstraint>,
     /// Length of a full step under arc-length control.
     pub(super) arc_length: Option<f64>,
@@ -346,9 +346,10 @@ impl<'a> Solver<'a> {
         let (size, stage) = (target - self.stage_fraction, self.of_stage());
         let smallest = if is_smallest(size, self.stage().control.min) { "the smallest" } else { "a" };
         // Where the load factor is an unknown, the share of the path is no load.
-        let place = match &self.path_constraint {
-            Some(_) => format!("at {target:.6} of the path"),
-            None => format!("at load {target:.6}"),
+        let place = if self.stage().finds_load_factor() {
+            format!("at {target:.6} of the path")
+        } else {
+            format!("at load {target:.6}")
         };
         format!("{place}{stage} with {smallest} step {size:.2e}: {reason}")
     }

@@ -60,7 +60,8 @@ pub(crate) struct StageTable {
     /// Sums of displacements that are prescribed from this stage on.
     #[serde(default)]
     pub(crate) sum: Vec<Located<SumTable>>,
-    /// Names of conditions that end at once before this stage. A condition without a name has that of its set.
+    /// Names of conditions that end at once before this stage. A condition without a name has that of its set; where conditions of several
+    /// tables are called so, they need names of their own.
     #[serde(default)]
     pub(crate) remove: Vec<Located<String>>,
     /// Keys of `[loading]` that differ in this stage.

@@ -10,6 +10,12 @@ use crate::solve::linear_solver::norm;
 /// step, or loads that hardly changed, predict nothing.
 const MOST_REPEATED: f64 = 4.0;
 
+/// Share of a change, by squares, that may be of another kind than the last one: a load that stops while another begins repeats nothing.
+const MOST_NEW: f64 = 0.25;
+
+/// Share of the last motion of supports below which they stand still.
+const STOPPED: f64 = 1e-9;
+
 /// The correction that the last step left is applied whole up to this share of its displacements, and cut down to it beyond: soft
 /// tangents past a peak predict large corrections close to equilibrium.
 const LARGEST_CORRECTION: f64 = 0.1;
@@ -73,11 +79,13 @@ impl Solver<'_> {
         let (mut moved, mut moves) = (of_supports(&last.increment), of_supports(&self.given(then)));
         self.constraints.add_given_motion(&mut moved, before, now);
         self.constraints.add_given_motion(&mut moves, now, then);
+        let positions = self.body.positions(&self.body.zero());
+        let change = |from, to| self.loads.change(&positions, from, to);
         let pace = match Pace::of(&moved, &moves) {
-            Pace::Rest => {
-                let positions = self.body.positions(&self.body.zero());
-                let change = |from, to| self.loads.change(&positions, from, to);
-                Pace::of(&change(before, now), &change(now, then))
+            Pace::Rest => Pace::of(&change(before, now), &change(now, then)),
+            // The last step says nothing of what loads do to a body whose supports have stopped.
+            Pace::Share(share) if share.abs() < STOPPED && change(now, then).iter().any(|value| *value != 0.0) => {
+                Pace::Begins
             }
             of_supports => of_supports,
         };
@@ -90,7 +98,7 @@ impl Solver<'_> {
 enum Pace {
     /// Nothing changes and nothing did.
     Rest,
-    /// Something begins to change.
+    /// Something begins to change that did not, or less than the rest of it.
     Begins,
     /// By so much of the last change, negative where it turns back.
     Share(f64),
@@ -103,7 +111,10 @@ impl Pace {
         if size == 0.0 {
             return if next.iter().any(|value| *value != 0.0) { Self::Begins } else { Self::Rest };
         }
-        Self::Share(last.iter().zip(next).map(|(last, next)| next * last).sum::<f64>() / size)
+        let share = last.iter().zip(next).map(|(last, next)| next * last).sum::<f64>() / size;
+        let left: f64 = last.iter().zip(next).map(|(last, next)| (next - share * last).powi(2)).sum();
+        let whole: f64 = next.iter().map(|value| value * value).sum();
+        if left > MOST_NEW * whole { Self::Begins } else { Self::Share(share) }
     }
 
     /// Share of the last step that the next one repeats, whose size over that of the last one is `share_of_load`.
@@ -139,6 +150,8 @@ mod tests {
         assert_eq!(share(&[0.1, -0.2], &[0.15, -0.3]), Some(1.5), "in every bit, whatever rounding does");
         assert_eq!(share(&[0.5, 0.0], &[-0.25, 0.0]), Some(-0.5));
         assert_eq!(share(&[0.5, 0.0], &[0.0, 0.0]), Some(0.0));
+        assert_eq!(share(&[0.5, 0.0], &[0.0, 0.5]), None, "one stops as another begins");
+        assert_eq!(share(&[0.5, 0.0], &[0.05, 0.5]), None);
         assert_eq!(share(&[1e-3, 0.0], &[1.0, 0.0]), None, "a kink");
     }
 

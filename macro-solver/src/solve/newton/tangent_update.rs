@@ -97,7 +97,7 @@ impl TangentUpdater {
         };
     }
 
-    /// The supports turn back: tangents of the step before, in which contacts slid the other way, mislead.
+    /// Supports, links or loads turn back: tangents of the step before, in which contacts slid the other way, mislead.
     pub(in crate::solve) fn turned(&mut self) {
         self.due |= self.asks_where_slow() || self.tangent_update == TangentUpdate::SecondIterate;
     }
