@@ -42,7 +42,11 @@ fn sources(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         if path.is_dir() {
             sources(&path, files)?;
-        } else if name.ends_with(".rs") && name != "tests.rs" && !name.ends_with("_tests.rs") {
+        } else if name.ends_with(".rs")
+            && !name.starts_with('.')
+            && name != "tests.rs"
+            && !name.ends_with("_tests.rs")
+        {
             files.push(path);
         }
     }

@@ -2,7 +2,7 @@
 
 python compare.py [HOST ...] [--workers N] [--out FOLDER]
 
-Every host gets an environment of its own in target/hosts, from the usual package index. A host that cannot be had here is named with the
+Every host gets an environment of its own in target/finite-element-codes, from the usual package index. A host that cannot be had here is named with the
 reason. With --out: finite-element-codes.csv and finite-element-codes.svg.
 """
 

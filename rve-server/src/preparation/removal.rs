@@ -11,7 +11,7 @@ use crate::definition::{GrainDefinition, ListedContact, Packing, PackingError, P
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::Space;
-use protocol::{Observables, RveSolver, TrialOptions};
+use protocol::{Observables, RveError, RveSolver, TrialFlags, TrialOptions};
 
 /// How far from its stress before, and from rest, a weakened packing may end.
 const TOLERANCES: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
@@ -67,7 +67,12 @@ fn at_its_stress<S: SolverFor>(
         if !cell.is_far_from_rest(&as_read) {
             return Ok(as_read);
         }
-        cell.settle(&TrialOptions::default())?;
+        let at_rest = cell.settle(&TrialOptions::default())?;
+        if at_rest.flags.contains(TrialFlags::NOT_EQUILIBRATED) {
+            return Err(RveError::Definition(
+                "the packing does not come to rest under this contact law, so it has no stress to be brought back to; prepare it with this law".into(),
+            ));
+        }
         cell.commit()?;
         cell.observe(Observables::NONE)
     });

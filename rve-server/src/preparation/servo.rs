@@ -44,7 +44,8 @@ pub(crate) struct ServoLimits<S: Space> {
 }
 
 impl<S: Space> ServoLimits<S> {
-    /// So many steps, and so much strain of a cell that has these vectors.
+    /// So many steps, and so much strain, below a half, of a cell that has these vectors: from a half on the deformation of a lattice is told from
+    /// another choice of its vectors no more.
     pub(crate) fn increments_and_strain(increments: u32, rows: S::Tensor, most: f64) -> Self {
         Self { increments, start: rows, most_strain: most }
     }
@@ -55,7 +56,7 @@ impl<S: Space> ServoLimits<S> {
         let deformation = cell_deformation::<S>(&self.start, rows, &S::Tensor::IDENTITY);
         let identity = S::Tensor::IDENTITY;
         let mut components = deformation.components().zip(identity.components());
-        components.any(|(now, then)| (now - then).abs() > self.most_strain)
+        !components.all(|(now, then)| (now - then).abs() <= self.most_strain)
     }
 }
 
@@ -168,6 +169,22 @@ fn components(tensor: &Matrix, dimension: usize) -> DVector<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::Discs;
+
+    /// Grains that flow flatten their cell, which is caught on the way; vectors that describe the same lattice in another way are no strain.
+    #[test]
+    fn a_cell_that_flattens_passes_the_limit() {
+        let start = [[1.0, 0.1], [-0.2, 1.1]];
+        let limits = ServoLimits::<Discs>::increments_and_strain(10, start, 0.4);
+        let stretched = |stretch: f64| start.map(|row| [row[0] * stretch, row[1] / stretch]);
+        for step in 0..=44 {
+            let stretch = 1.0 + 0.01 * f64::from(step);
+            assert_eq!(limits.are_passed_by(&stretched(stretch)), step > 40, "{stretch}");
+        }
+        assert!(limits.are_passed_by(&stretched(1.0 / 1.45)));
+        let [first, second] = start;
+        assert!(!limits.are_passed_by(&[first, [second[0] - first[0], second[1] - first[1]]]));
+    }
 
     /// On a linear material that it does not know, the learning servo finds the target stress.
     #[test]

@@ -295,15 +295,15 @@ impl WorkerTable {
         let Some(group) = settings.group_of(&engine) else {
             return Err(Refusal::Engine { engine, engines: settings.engines.join(", ") });
         };
+        let offered = (engine, capabilities.version.clone());
+        if let Some(version) = settings.version_of(&offered.0).filter(|version| *version != offered.1) {
+            return Err(Refusal::Build { offered, expected: version.to_owned() });
+        }
         // What the run takes for a number of this engine must not be the zero of a worker that does not deliver it.
         if let Some(known) = settings.lacking.get(group)
             && let Some(result) = capabilities.lacking().into_iter().find(|result| !known.contains(result))
         {
-            return Err(Refusal::Observable { engine, result });
-        }
-        let offered = (engine, capabilities.version.clone());
-        if let Some(version) = settings.version_of(&offered.0).filter(|version| *version != offered.1) {
-            return Err(Refusal::Build { offered, expected: version.to_owned() });
+            return Err(Refusal::Observable { engine: offered.0, result });
         }
         let expected = self.engines.entry(group).or_insert_with(|| offered.clone());
         if *expected != offered {
