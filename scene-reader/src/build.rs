@@ -27,6 +27,7 @@ use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, Tolerances};
 use protocol::ContentId;
+use rve_server::contact::Rotations;
 use rve_server::definition::{AnyDefinition, RveOptions};
 use std::path::{Path, PathBuf};
 
@@ -138,6 +139,8 @@ impl Scene {
         problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.pore_fluid = pore_fluid;
         problem.observables = observables;
+        problem.symmetric_stresses =
+            materials.definitions.iter().all(|definition| definition.contact().rotations == Rotations::Free);
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();
         let error_estimate = error_estimate(&document, &file)?;
         problem.error_control = error_control(materials.definitions[0].options());

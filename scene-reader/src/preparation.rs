@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use rve_server::definition::PackingError;
 use rve_server::preparation::PreparedCell;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Stresses that differ by less than this share of the pressure differ by rounding only.
 const ROUNDING: f64 = 1e-9;
@@ -52,22 +52,25 @@ impl Scene {
     }
 
     /// Brings the cells to the stress of their points if the scene asks for it, on all cores; the result does not depend on their number.
-    /// `progress` is called from any thread with the number of cells done.
+    /// `progress` is called from any thread with the number of cells done and says whether to go on; false comes back, and nothing is changed,
+    /// if it said no.
     ///
     /// # Errors
     /// A stress that the grains of a point cannot carry, with its place and remedy.
-    pub fn prepare_cells(&mut self, progress: &(dyn Fn(usize) + Sync)) -> Result<(), InputError> {
-        let Some(preparation) = self.preparation() else { return Ok(()) };
+    pub fn prepare_cells(&mut self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Result<bool, InputError> {
+        let Some(preparation) = self.preparation() else { return Ok(true) };
         let planned = self.planned_cells();
         let done = AtomicUsize::new(0);
-        let first_to_fail = AtomicUsize::new(usize::MAX);
+        let (first_to_fail, is_stopped) = (AtomicUsize::new(usize::MAX), AtomicBool::new(false));
         let prepare = |(place, cell): (usize, &PlannedCell)| {
             // The error of the first cell in order is reported, so cells behind one that failed no longer matter.
-            if place > first_to_fail.load(Ordering::Relaxed) {
+            if place > first_to_fail.load(Ordering::Relaxed) || is_stopped.load(Ordering::Relaxed) {
                 return None;
             }
             let made = self.materials.definitions[cell.definition].at_stress(&cell.stress);
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+            if !progress(done.fetch_add(1, Ordering::Relaxed) + 1) {
+                is_stopped.store(true, Ordering::Relaxed);
+            }
             if made.is_err() {
                 first_to_fail.fetch_min(place, Ordering::Relaxed);
             }
@@ -75,6 +78,9 @@ impl Scene {
         };
         let made: Vec<Option<Result<PreparedCell, InputError>>> =
             planned.par_iter().enumerate().map(prepare).collect();
+        if is_stopped.into_inner() {
+            return Ok(false);
+        }
         // Cells that were left out stand behind the error that ends this.
         let made = made.into_iter().flatten().collect::<Result<Vec<_>, _>>()?;
         // The first definition stays: it is the packing of the scene itself.
@@ -87,7 +93,7 @@ impl Scene {
         let in_smaller_steps = made.iter().filter(|cell| cell.in_smaller_steps).count();
         self.materials.definitions.extend(made.into_iter().map(|cell| cell.definition));
         self.prepared = Some(CellPreparation { in_smaller_steps, ..preparation });
-        Ok(())
+        Ok(true)
     }
 
     /// The cells to prepare, in the order of their first points.

@@ -29,11 +29,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 /// its own.
 const BASH_SET: &str = r#"--set)
                     compopt -o nospace
-                    if [[ "${cur}" == "=" || "${prev}" == "=" ]]; then
-                        COMPREPLY=()
-                    else
-                        COMPREPLY=($(compgen -W "$(grainspan complete-key "${words[1]:-run}" "${cur}" 2>/dev/null)" -- "${cur}"))
-                    fi
+                    COMPREPLY=($(compgen -W "$(grainspan complete-key "${COMP_WORDS[1]:-run}" "${cur}" 2>/dev/null)" -- "${cur}"))
                     return 0"#;
 
 const ZSH_KEYS: &str = r#"
@@ -59,7 +55,11 @@ fn with_keys(shell: Shell, script: &str) -> String {
                 text += BASH_SET;
                 rest = &after[end..];
             }
-            text + rest
+            text += rest;
+            // `=` ends a word in bash: behind it comes a value, of which nothing is known.
+            let behind = "    opts=\"\"\n";
+            let value = "    if [[ \"${prev}\" == \"=\" || \"${cur}\" == \"=\" ]]; then\n        return 0\n    fi\n";
+            text.replacen(behind, &format!("{behind}{value}"), 1)
         }
         Shell::Zsh => {
             let script = script.replace(":KEY.PATH=VALUE:_default", ":KEY.PATH=VALUE:_grainspan_keys");
@@ -85,7 +85,9 @@ mod tests {
 
     #[test]
     fn shells_ask_the_program_for_keys() {
-        assert!(script(Shell::Bash).matches("grainspan complete-key").count() >= 4);
+        let bash = script(Shell::Bash);
+        assert!(bash.matches("grainspan complete-key \"${COMP_WORDS[1]").count() >= 4);
+        assert_eq!(bash.matches("\"${prev}\" == \"=\"").count(), 1);
         let zsh = script(Shell::Zsh);
         assert!(zsh.starts_with("#compdef grainspan") && zsh.matches(":_grainspan_keys").count() >= 4, "{zsh}");
         assert!(script(Shell::Fish).contains("-l set -x -a"));

@@ -42,7 +42,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     document.expect(Kind::Recipe)?;
     let recipe: PackingRecipe = document.deserialize()?;
     recipe.validate().map_err(|error| document.table_error(error))?;
-    refuse_soft_grains(&document, &recipe)?;
+    if let Some(SoftGrains { problem, remedy }) = soft_grains(&recipe) {
+        return Err(document.error_at_key(&["contact"], problem).hint(remedy).into());
+    }
     expect_place(arguments.out.as_deref())?;
     let heartbeat = Heartbeat::start(arguments.quiet);
     let made = generate_any(&recipe, &mut |progress| heartbeat.set(stage(progress)));
@@ -63,12 +65,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Refuses grains so soft that the pressure would press them into one another: known before the first step.
-fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(), Failure> {
-    let Some(overlap) = expected_overlap(recipe) else { return Ok(()) };
-    if overlap <= LARGEST_OVERLAP {
-        return Ok(());
-    }
+/// Why the grains of a recipe are too soft for its pressure.
+pub(crate) struct SoftGrains {
+    pub(crate) problem: String,
+    pub(crate) remedy: String,
+}
+
+/// Grains so soft that the pressure would press them into one another, which is known before the first step.
+pub(crate) fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
+    let overlap = expected_overlap(recipe).filter(|overlap| *overlap > LARGEST_OVERLAP)?;
     let remedy = if recipe.dimension == 2 {
         let diameter = mean_diameter(recipe);
         format!(
@@ -82,7 +87,7 @@ fn refuse_soft_grains(document: &Document, recipe: &PackingRecipe) -> Result<(),
     let problem = format!(
         "grains would overlap by about {overlap:.2} of a diameter under this pressure (a packing may have 0.1)"
     );
-    Err(document.error_at_key(&["contact"], problem).hint(remedy).into())
+    Some(SoftGrains { problem, remedy })
 }
 
 /// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says

@@ -6,7 +6,7 @@ mod capabilities;
 mod catalogue;
 mod compatibility;
 
-pub(crate) use assignment::EngineAssignment;
+pub(crate) use assignment::{EngineAssignment, PoolDefinitions};
 pub(crate) use capabilities::capabilities_of;
 pub(crate) use catalogue::Catalogue;
 pub(crate) use compatibility::{Compatibility, Requirements, compatibility};

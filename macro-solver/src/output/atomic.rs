@@ -2,7 +2,7 @@
 
 use super::OutputError;
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes `bytes` to `path` so that the file is either complete or as it was before: a temporary file beside it is
@@ -48,6 +48,29 @@ fn write_and_rename(temporary: &Path, path: &Path, bytes: &[u8], flush: bool) ->
         file.sync_data()?;
     }
     fs::rename(temporary, path)
+}
+
+/// Removes what a process left in a folder that ended while it wrote a file.
+///
+/// # Errors
+/// [`OutputError::Write`].
+pub fn remove_drafts(folder: &Path) -> Result<(), OutputError> {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if is_draft(&entry.file_name().to_string_lossy()) {
+            match fs::remove_file(entry.path()) {
+                Err(error) if error.kind() != ErrorKind::NotFound => {
+                    return Err(OutputError::write(&entry.path(), error));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether files have such names while they are written, see [`write_atomically`].
+pub fn is_draft(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".partial")
 }
 
 /// `.NAME.PID.partial` in the same folder: renaming is atomic only within one file system.

@@ -20,7 +20,7 @@ pub(super) struct ControlledRun<'a> {
 }
 
 impl<'a> ControlledRun<'a> {
-    /// A run without requests; those of an earlier one are removed. `keeps_checkpoints` as the scene says.
+    /// A run that begins; requests made since its folder was taken wait for its first step. `keeps_checkpoints` as the scene says.
     pub(super) fn new(
         checkpoints: PeriodicCheckpoints<'a>,
         cells: CellWriter<'a>,
@@ -28,7 +28,6 @@ impl<'a> ControlledRun<'a> {
         interrupt: Interrupt,
         keeps_checkpoints: bool,
     ) -> Self {
-        controls.clear();
         if !keeps_checkpoints && let Err(error) = controls.put(NO_CHECKPOINTS) {
             tracing::warn!(%error, "requests to this run find no folder");
         }

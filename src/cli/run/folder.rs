@@ -2,7 +2,8 @@
 
 use crate::exit::Failure;
 use crate::folder_lock::lock_folder;
-use macro_solver::output::{OutputError, write_atomically};
+use macro_solver::output::{OutputError, is_draft, remove_drafts, write_atomically};
+use page::Controls;
 use scene_reader::{InputCopy, InputError};
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// Everything that a run writes; these names are replaced in a folder of an earlier run, in this order: a folder that is
 /// half emptied when the system fails must not look complete.
-const FILES: [&str; 18] = [
+const FILES: [&str; 17] = [
     "summary.json",
     "scene.toml",
     "checkpoint.bin",
@@ -21,7 +22,6 @@ const FILES: [&str; 18] = [
     "history.svg",
     "fields.pvd",
     "gauss_points.pvd",
-    "run.jsonl",
     "packing.json",
     "mesh.msh",
     "probe_errors.csv",
@@ -33,8 +33,22 @@ const FILES: [&str; 18] = [
     "report.html",
 ];
 
-/// Folders that a run fills.
-const FOLDERS: [&str; 7] = ["cells", "control", "fields", "grains", "packings", "points", "profiles"];
+/// The log, which every run begins with.
+const LOG: &str = "run.jsonl";
+
+/// Files of which a folder of a run holds one at least, whatever else in it may be called as those of a run are.
+const MARKS: [&str; 3] = [LOG, "summary.json", "checkpoint.bin"];
+
+/// Folders that a run fills, and the endings of what it writes there; none: files without ending.
+const FOLDERS: [(&str, &[&str]); 7] = [
+    ("cells", &["json"]),
+    ("control", &[]),
+    ("fields", &["vtu", "vtp"]),
+    ("grains", &["vtp"]),
+    ("packings", &["json"]),
+    ("points", &["csv"]),
+    ("profiles", &["csv"]),
+];
 
 /// A folder that is ready to be written to.
 #[derive(Debug)]
@@ -71,9 +85,10 @@ impl OutputFolder {
     pub(super) fn reopen(path: &Path) -> Result<Self, Failure> {
         let folder = Self { path: path.to_owned(), _lock: lock(path)? };
         remove_drafts(path)?;
-        for name in FOLDERS {
+        for (name, _) in FOLDERS {
             remove_drafts(&path.join(name))?;
         }
+        Controls::of(path).clear();
         Ok(folder)
     }
 
@@ -87,11 +102,14 @@ impl OutputFolder {
             let file = self.path.join(name);
             absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
         }
-        for name in FOLDERS {
+        for (name, _) in FOLDERS {
             let below = self.path.join(name);
             absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
         }
         remove_drafts(&self.path)?;
+        let log = self.path.join(LOG);
+        // What the run writes from here on stands next to a log.
+        File::create(&log).map_err(|source| OutputError::write(&log, source))?;
         for copy in files {
             let file = self.path.join(&copy.name);
             if let Some(parent) = file.parent() {
@@ -108,21 +126,6 @@ fn lock(path: &Path) -> Result<File, Failure> {
     lock_folder(path, "--out", "run", hint)
 }
 
-/// Removes what a process left that ended while it wrote a file.
-fn remove_drafts(folder: &Path) -> Result<(), OutputError> {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        if is_draft(&entry.file_name().to_string_lossy()) {
-            absent(fs::remove_file(entry.path())).map_err(|source| OutputError::write(&entry.path(), source))?;
-        }
-    }
-    Ok(())
-}
-
-/// Names that files have while they are written, see [`write_atomically`].
-fn is_draft(name: &str) -> bool {
-    name.starts_with('.') && name.ends_with(".partial")
-}
-
 /// A missing file need not be removed.
 fn absent(removed: std::io::Result<()>) -> std::io::Result<()> {
     match removed {
@@ -136,15 +139,37 @@ fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     if path.exists() && !path.is_dir() {
         return Err(unusable("this is a file, not a folder".to_owned()).hint("name a folder that may be created"));
     }
-    let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
-    for entry in entries.flatten() {
+    let has_run = MARKS.iter().any(|mark| path.join(mark).is_file());
+    for entry in fs::read_dir(path).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        if !FILES.contains(&name.as_str()) && !FOLDERS.contains(&name.as_str()) && !is_draft(&name) {
-            return Err(unusable(format!("the folder holds '{name}', which no run has written"))
+        let folder = FOLDERS.iter().find(|(folder, _)| *folder == name);
+        let foreign = match folder {
+            _ if is_draft(&name) => None,
+            Some((_, endings)) if has_run => {
+                foreign_within(&entry.path(), endings).map(|inside| format!("{name}/{inside}"))
+            }
+            None if has_run && (name == LOG || FILES.contains(&name.as_str())) => None,
+            _ => Some(name),
+        };
+        if let Some(foreign) = foreign {
+            return Err(unusable(format!("the folder holds '{foreign}', which no run has written"))
                 .hint("name an empty or new folder; an earlier run's files would be replaced, others never are"));
         }
     }
     Ok(())
+}
+
+/// The first entry of a folder of a run that no run has written.
+fn foreign_within(folder: &Path, endings: &[&str]) -> Option<String> {
+    fs::read_dir(folder).into_iter().flatten().flatten().find_map(|entry| {
+        let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
+        let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
+        let is_ours = match ending {
+            Some(ending) => endings.contains(&ending.as_str()) || is_draft(&name),
+            None => endings.is_empty(),
+        };
+        (path.is_dir() || !is_ours).then_some(name)
+    })
 }
 
 #[cfg(test)]
@@ -173,8 +198,37 @@ mod tests {
         assert!(!path.join("history.csv").exists() && !path.join("fields").exists());
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
 
-        fs::write(path.join("thesis.txt"), "mine").unwrap();
-        assert!(OutputFolder::prepare(&path, "a = 3", &[]).unwrap_err().message.contains("thesis.txt"));
+        let refused = || OutputFolder::prepare(&path, "a = 3", &[]).unwrap_err().message;
+        for (name, told) in [
+            ("fields/mine.txt", "fields/mine.txt"),
+            ("points/raw/lab.csv", "points/raw"),
+            ("thesis.txt", "thesis.txt"),
+        ] {
+            let file = path.join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(&file, "mine").unwrap();
+            assert!(refused().contains(told), "{name}: {}", refused());
+            fs::remove_file(&file).unwrap();
+        }
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
+    }
+
+    /// A project with names that a run uses too is no folder of a run.
+    #[test]
+    fn a_folder_that_no_run_has_made_is_not_emptied() {
+        let place = tempfile::tempdir().unwrap();
+        for name in ["scene.toml", "packings/mine.json"] {
+            let file = place.path().join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(&file, "mine").unwrap();
+            let refusal = OutputFolder::prepare(place.path(), "a = 1", &[]).unwrap_err().message;
+            assert!(refusal.contains("which no run has written"), "{refusal}");
+            assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
+            fs::remove_file(&file).unwrap();
+        }
+        assert!(
+            OutputFolder::prepare(place.path(), "a = 1", &[]).is_err(),
+            "an empty folder of packings is somebody's"
+        );
     }
 }

@@ -1,9 +1,9 @@
 //! `--listen`: the door through which agents of other hosts join a run.
 
 #[cfg(feature = "hosts")]
-pub(super) use with::open;
+pub(super) use with::{check, open};
 #[cfg(not(feature = "hosts"))]
-pub(super) use without::open;
+pub(super) use without::{check, open};
 
 #[cfg(feature = "hosts")]
 mod with {
@@ -37,6 +37,17 @@ mod with {
             let value = figures.and_then(|figures| serde_json::to_value(figures).ok());
             value.and_then(|value| serde_json::from_value(value).ok()).unwrap_or_default()
         }
+    }
+
+    /// What can be known to be wrong before anything is opened.
+    ///
+    /// # Errors
+    /// The secret cannot be read.
+    pub(in crate::cli::run) fn check(arguments: &Arguments) -> Result<(), Failure> {
+        let secret = arguments.secret.as_ref().filter(|_| arguments.listen.is_some());
+        secret
+            .map_or(Ok(()), |path| Secret::read(path).map(drop))
+            .map_err(|error| Failure::new(Exit::BadInput, error))
     }
 
     /// The port of the run: the workers of this host, and those of others if it listens.
@@ -108,8 +119,16 @@ mod without {
         _: &str,
         _: &Path,
     ) -> Result<(SharedMemoryMacroPort, Door), Failure> {
+        check(arguments).map(|()| (local, Door))
+    }
+
+    /// What this build cannot do.
+    ///
+    /// # Errors
+    /// The run is to listen for others.
+    pub(in crate::cli::run) fn check(arguments: &Arguments) -> Result<(), Failure> {
         match (&arguments.listen, &arguments.secret) {
-            (None, None) if arguments.advertise.is_empty() && arguments.silence >= 0.0 => Ok((local, Door)),
+            (None, None) if arguments.advertise.is_empty() && arguments.silence >= 0.0 => Ok(()),
             _ => Err(Failure::new(Exit::BadInput, crate::cli::agent::WITHOUT_HOSTS)),
         }
     }

@@ -5,7 +5,7 @@ use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
 use super::resume::{Continued, RunDescription};
-use crate::engines::EngineAssignment;
+use crate::engines::{EngineAssignment, PoolDefinitions};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::workers::{RunProgress, SignalWatch, StatusFile};
@@ -22,21 +22,43 @@ use std::time::{Duration, Instant};
 /// How long an attached run waits for workers, at the start and when all are gone: they are started by hand or by a supervisor.
 const ATTACHED_TIMEOUT: Duration = Duration::from_secs(3600);
 
-/// Runs the scene on a pool of worker processes of the assigned engines.
+/// Signals that ask for the end of a run, from its first moment on.
+pub(super) struct Watch {
+    /// Raised by the first of them.
+    pub(super) interrupt: Interrupt,
+    signals: SignalWatch,
+}
+
+impl Watch {
+    /// Starts to watch.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub(super) fn start() -> Result<Self, Failure> {
+        let interrupt = Interrupt::new();
+        let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
+        Ok(Self { interrupt, signals })
+    }
+}
+
+/// Channels of a run whose folder has not been touched yet: what they refuse must not cost an earlier run its results.
+pub(super) struct Channels {
+    begun: Instant,
+    name: String,
+    served: PoolDefinitions,
+    replicas: Vec<ReplicaPlan>,
+    limits: ChannelLimits,
+    port: SharedMemoryMacroPort,
+}
+
+/// Opens the channels.
 ///
 /// # Errors
-/// Channels or workers cannot be started; whatever ends the run before its time.
-pub(super) fn run(
-    scene: &Scene,
-    assignment: &EngineAssignment,
-    folder: &OutputFolder,
-    arguments: &Arguments,
-    description: &RunDescription,
-    continued: Option<Continued>,
-) -> Result<Exit, Failure> {
+/// A name that is none or that a living run has, an error that no point can estimate, `--listen` that this build does not know or whose
+/// secret cannot be read, shared memory that is full.
+pub(super) fn open(scene: &Scene, assignment: &EngineAssignment, arguments: &Arguments) -> Result<Channels, Failure> {
     let begun = Instant::now();
-    let interrupt = Interrupt::new();
-    let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
+    hosts::check(arguments)?;
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let requested = workers(arguments);
     let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
@@ -47,6 +69,25 @@ pub(super) fn run(
     let definitions = if arguments.listen.is_some() { &[] } else { &served.definitions[..] };
     let limits = ChannelLimits { waiting, ..channel_limits(requested, definitions) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
+    Ok(Channels { begun, name, served, replicas, limits, port })
+}
+
+/// Runs the scene on a pool of worker processes of the assigned engines.
+///
+/// # Errors
+/// Workers cannot be started; whatever ends the run before its time.
+pub(super) fn run(
+    scene: &Scene,
+    assignment: &EngineAssignment,
+    folder: &OutputFolder,
+    arguments: &Arguments,
+    (watch, channels): (Watch, Channels),
+    description: &RunDescription,
+    continued: Option<Continued>,
+) -> Result<Exit, Failure> {
+    let Watch { interrupt, signals } = watch;
+    let Channels { begun, name, served, replicas, limits, port } = channels;
+    let requested = workers(arguments);
     // The memory of a run that was killed before its first worker joined is removed by no one else. Failure harms no run.
     match RunDirectory::clean() {
         Ok(names) if !names.is_empty() => tracing::info!(?names, "removed the remains of dead runs"),

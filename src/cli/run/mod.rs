@@ -47,15 +47,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::BadInput, problem));
     }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
-    preparation::prepare_cells(&mut scene, arguments.quiet)?;
+    let watch = launch::Watch::start()?;
+    preparation::prepare_cells(&mut scene, arguments.quiet, &watch.interrupt)?;
     let as_run = scene.as_run()?;
     let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));
     let start = if arguments.resume { resume::start(&path, &description, &scene.files())? } else { Start::Beginning };
+    if matches!(start, Start::Complete) {
+        print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
+        return Ok(Exit::Done);
+    }
+    let channels = launch::open(&scene, &assignment, arguments)?;
     let (folder, continued) = match start {
-        Start::Complete => {
-            print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
-            return Ok(Exit::Done);
-        }
         Start::From(continued) => {
             let folder = OutputFolder::reopen(&path)?;
             let (step, load) = (continued.description.step, continued.description.load);
@@ -63,14 +65,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             continued.remarks.iter().for_each(|remark| tell(format_args!("warning: {remark}")));
             (folder, Some(*continued))
         }
-        Start::Beginning => {
+        Start::Beginning | Start::Complete => {
+            let prepared = OutputFolder::prepare(&path, &as_run, &scene.files())?;
             if arguments.resume {
                 print_unless_quiet(
                     arguments,
                     &format!("no checkpoint in {}: starting from the beginning", path.display()),
                 );
             }
-            (OutputFolder::prepare(&path, &as_run, &scene.files())?, None)
+            (prepared, None)
         }
     };
     let description = description.of(continued.as_ref());
@@ -86,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         tracing::warn!(remark, "scene");
         print_unless_quiet(arguments, &format!("warning: {remark}"));
     }
-    launch::run(&scene, &assignment, &folder, arguments, &description, continued)
+    launch::run(&scene, &assignment, &folder, arguments, (watch, channels), &description, continued)
 }
 
 fn print_unless_quiet(arguments: &Arguments, line: &str) {

@@ -11,7 +11,7 @@ use crate::stdout::{deliver, expect_place};
 use crate::workers::SignalWatch;
 use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
-use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
+use macro_solver::output::{Field, FieldSeries, OutputError, remove_drafts, write_atomically, write_particles};
 use rve_server::definition::Packing;
 use rve_server::programs::specimen::{
     Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary,
@@ -196,6 +196,7 @@ impl Output {
         self.csv = SpecimenCsv::resumed(earlier.table.clone(), arguments.units, test)
             .map_err(|error| Failure::new(Exit::BadInput, error))?;
         if let (Some(pictures), Some(folder)) = (&mut self.pictures, &arguments.pictures) {
+            remove_drafts(folder)?;
             if let Some((_, missing)) = earlier.frames.iter().find(|(_, file)| !folder.join(file).exists()) {
                 let problem =
                     format!("--pictures: {} does not hold {missing}, which was drawn before", folder.display());

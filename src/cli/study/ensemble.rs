@@ -3,6 +3,7 @@
 
 use super::curve::{Collector, Path, value};
 use super::statistics::{PowerFit, Statistics};
+use crate::cli::pack::{SoftGrains, soft_grains};
 use crate::exit::Failure;
 use protocol::TangentKind;
 use rve_server::preparation::{PackingRecipe, generate_any};
@@ -263,6 +264,9 @@ pub(super) fn check(study: &Study) -> Result<(), Failure> {
             return refuse(format!("test '{}': frames are not studied; remove the table [frame]", test.name));
         }
         for recipe in &study.recipes {
+            if let Some(SoftGrains { problem, remedy }) = soft_grains(&recipe.recipe) {
+                return refuse(format!("recipe '{}': {problem}; {remedy}", recipe.name));
+            }
             if let Err(error) = test.test.check_dimension(recipe.recipe.dimension as usize) {
                 return refuse(format!("test '{}' of '{}': {error}", test.name, recipe.name));
             }

@@ -172,7 +172,7 @@ impl Points {
         // What is left of the forces of grains that no longer bear anything is in balance with nothing.
         let bears = !answer.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
         let least = point.reference.as_ref().map_or(0.0, |reference| NEGLIGIBLE_STRAIN * reference.norm);
-        let asymmetric = bears && is_asymmetric(&matrix(&answer.stress), least);
+        let asymmetric = bears && self.symmetric_stresses && is_asymmetric(&matrix(&answer.stress), least);
         statistics.asymmetric_stresses += u64::from(asymmetric);
         // Secants correct the moduli by stresses alone, whether a tangent came with them or not.
         if trial.options.tangent == TangentKind::None && self.secant.is_none() {
