@@ -182,13 +182,6 @@ impl ContactTable {
                 "contact.rolling_stiffness and contact.rolling_friction need each other; give both or none".into(),
             ));
         }
-        if self.rolling_stiffness > 0.0 && !self.has_tangential_springs() {
-            return Err(DefinitionError(
-                "contact.rolling_stiffness is a share of the tangential stiffness, and stiffness_ratio = 0 leaves none; give a ratio, or \
-                 remove rolling_stiffness and rolling_friction"
-                    .into(),
-            ));
-        }
         if self.rolling_stiffness > 0.0 && self.rotations == Rotations::Blocked {
             return Err(DefinitionError(
                 "contact.rolling_stiffness has no effect with rotations = \"blocked\"; remove one of them".into(),
@@ -349,10 +342,6 @@ mod tests {
         assert!(refused("modulus = 1e8\ncohesion = -1").contains("contact.cohesion"));
         assert!(refused("modulus = 1e8\ndamping = -0.1").contains("contact.damping"));
         assert!(refused("modulus = 1e8\nrolling_friction = 0.1").contains("need each other"));
-        let rolling = "modulus = 1e8\nstiffness_ratio = 0\nrolling_stiffness = 1\nrolling_friction = 0.1";
-        assert!(
-            contact(&format!("friction = 0.5\n{rolling}")).unwrap_err().contains("stiffness_ratio = 0 leaves none")
-        );
         assert!(refused("modulus = 1e8\nfrictoin = 0.1").contains("frictoin"));
         assert!(refused("modulus = 1e8\nlaw = \"hertz_mindlin\"").contains("belongs to law = \"linear\""));
         assert!(refused("modulus = nan").contains("contact.modulus"));

@@ -44,7 +44,7 @@ const FOLDERS: [(&str, &[&str]); 7] = [
     ("cells", &["json"]),
     ("control", &[]),
     ("fields", &["vtu", "vtp"]),
-    ("grains", &["vtp"]),
+    ("grains", &["vtp", "pvd"]),
     ("packings", &["json"]),
     ("points", &["csv"]),
     ("profiles", &["csv"]),
@@ -209,6 +209,8 @@ mod tests {
             fs::write(&file, "mine").unwrap();
             assert!(refused().contains(told), "{name}: {}", refused());
             fs::remove_file(&file).unwrap();
+            // The folders `points` and `fields` are a run's, one within them is not.
+            let _ = fs::remove_dir(path.join("points/raw"));
         }
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
     }

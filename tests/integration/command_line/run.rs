@@ -116,7 +116,7 @@ fn check_summary(out: &Path) {
     assert!(time("rve_s") > 0.0 && time("tangent_s") > 0.0);
     let balance = |key: &str| summary["balance"][key].as_f64().unwrap();
     let ratio = balance("largest_force_ratio");
-    assert!(ratio > 0.0 && ratio <= 1e-3, "within the tolerance of forces: {ratio}");
+    assert!(ratio > 0.0 && ratio <= 1e-2, "within the tolerance of forces: {ratio}");
     assert!(balance("error_of_mean") <= balance("error") && balance("error") < 1e-2);
     let energy = |key: &str| summary["energy"][key].as_f64().unwrap();
     let balance = energy("external_work") - (energy("elastic") - energy("elastic_initial"));
@@ -213,7 +213,13 @@ fn stabilisation_without_an_instability_ends_where_newton_does() {
     let place = tempfile::tempdir().unwrap();
     let column_of = |name: &str, more: &[&str]| {
         let out = place.path().join(name);
-        let size = ["mesh.elements=[1, 8]", "boundary.2.displacement.y=-1e-4", "loading.increments=1"];
+        let size = [
+            "mesh.elements=[1, 8]",
+            "boundary.2.displacement.y=-1e-4",
+            "loading.increments=1",
+            "solver.force_tolerance=1e-3",
+            "solver.displacement_tolerance=1e-2",
+        ];
         let set: Vec<&str> = size.iter().chain(more).flat_map(|&set| ["--set", set]).collect();
         let output = run(&out, "2", &set);
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -386,7 +392,10 @@ fn arc_length_follows_grains_past_their_peak() {
         [("arc", &[][..]), ("indirect", &["--set", indirect][..]), ("moved", &moved[..]), ("raised", &moved[..2])];
     let [arc, indirect, moved, raised] = ways.map(|(name, changes)| {
         let out = place.path().join(name);
-        let output = run_scene("scenes/biaxial-arc-length.toml", &out, "1", &[&["--quiet"], changes].concat());
+        // Two ways along one path are compared, so each keeps close to it.
+        let closely =
+            ["--quiet", "--set", "solver.force_tolerance=1e-3", "--set", "solver.displacement_tolerance=1e-2"];
+        let output = run_scene("scenes/biaxial-arc-length.toml", &out, "1", &[&closely, changes].concat());
         assert_eq!(output.status.code(), Some(i32::from(name == "raised")), "{name}: {}", text(&output.stderr));
         out
     });

@@ -282,6 +282,8 @@ fn packings_that_are_not_at_rest_under_the_law_of_the_scene_are_named_before_and
         "contact.stiffness_ratio=0",
         "mesh.elements=[1, 1]",
         "loading.increments=1",
+        "solver.force_tolerance=1e-3",
+        "solver.displacement_tolerance=1e-2",
     ];
     let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
     let check = [&["check", "scenes/biaxial-small.toml"], &settings[..]].concat();

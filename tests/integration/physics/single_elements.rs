@@ -145,8 +145,8 @@ impl Observer for Ratios {
 /// Stress over strain of the cell, about, Pa.
 const STIFFNESS: f64 = 6e7;
 
-/// Two elements are pressed by half of what shortens them by about `strain` in one step, and the load stays in the next: its first
-/// iterate, the first step again, is far from balance. Returns the out-of-balance ratios from there.
+/// Two elements are pressed by half of what shortens them by about `strain` in one step, and the load stays in the next, while a larger one on the
+/// fixed side, which strains nothing, goes on: so the next step begins with the first one again, far from balance. Returns the out-of-balance ratios from there.
 fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
     let mesh = Block::plane([1.0, 1.0], [1, 2], ElementKind::Q4).mesh().unwrap();
     let pressure =
@@ -165,9 +165,10 @@ fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
     );
     problem.strain_per_step = RAMP;
     let stage = &mut problem.stages[0];
-    // A step without any change would be taken as it is.
-    let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.500_001]]);
+    let halt = Amplitude::Table(vec![[0.0, 0.0], [0.5, 0.5], [1.0, 0.5]]);
     stage.conditions.push(Applied::new(pressed, halt));
+    let idle = Condition::Traction { sides: "bottom".into(), value: [0.0, -4.0 * STIFFNESS * strain, 0.0] };
+    stage.conditions.push(Applied::new(idle, Amplitude::RAMP));
     stage.control.increments = 2;
     stage.control.max_iterations = 40;
     stage.tolerances.force = 1e-9;
