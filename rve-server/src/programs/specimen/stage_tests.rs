@@ -4,27 +4,6 @@ use super::{SpecimenEvent, SpecimenTest, run_specimen};
 use crate::definition::PackingFile;
 use crate::space::Discs;
 
-/// A disc springs off when the walls that press it open: without gravity nothing accelerates it then, it flies on, and is not in balance.
-#[test]
-fn a_disc_that_coasts_is_not_balanced() {
-    let packing = PackingFile::<Discs>::new([[0.05, 0.0], [0.0, 0.05]], vec![[0.02, 0.02, 0.01]]);
-    let text = "packing = \"\"\ntiles = [1, 1]\nperiodic = [\"x\"]\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1e9\n\
-                stiffness_ratio = 0.5\nfriction = 0.5\ndensity = 2000.0\n[motion]\nscaled_masses = false\n\
-                [[stage]]\nname = \"press\"\nsteps = 10\nstrain = { yy = -0.02 }\n\
-                [[stage]]\nname = \"open\"\nsteps = 10\nstrain = { yy = 0.2 }\n\
-                [[stage]]\nname = \"fly\"\nsteps = 1000\nuntil_balance = 1e-2\n";
-    let test: SpecimenTest = toml::from_str(text).unwrap();
-    let mut last = None;
-    let summary = run_specimen(&test, &packing, &mut |event| {
-        if let SpecimenEvent::Row(row, _) = event {
-            last = Some((*row).clone());
-        }
-    });
-    assert_eq!(summary.unwrap().unbalanced_stages, 1);
-    let last = last.unwrap();
-    assert!(last.step == 1020 && last.kinetic_energy > 0.0, "{last:?}");
-}
-
 /// A stage that strains would end before it has strained.
 #[test]
 fn balance_is_not_waited_for_while_a_stage_strains() {
