@@ -58,7 +58,7 @@ impl ForceChains {
         let corners = edges.iter().flatten().copied();
         let ends = self.lines.iter().flat_map(|line| [line.from, line.to]);
         let view = View::of(&[], &corners.chain(ends).collect::<Vec<_>>());
-        let legend = format!("contacts above the mean force, widest line {} N; {COLOURS}", short(self.largest()));
+        let legend = format!("contacts from the mean force on, widest line {} N; {COLOURS}", short(self.largest()));
         let mut svg = view.picture(&self.title, &legend);
         for [from, to] in edges {
             let style = "stroke=\"black\" stroke-dasharray=\"6 4\"";

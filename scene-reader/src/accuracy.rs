@@ -31,8 +31,8 @@ pub(super) fn choose(document: &Document, file: &mut SceneFile) -> Result<bool, 
     Ok(is_open)
 }
 
-/// The error of the stresses that the tolerances of implicit stages follow: the one that the run keeps to, and that of drafts, whose cells are
-/// solved as they are at the start of a run that keeps to the default one. Steps that balance more closely than their cells do stagnate.
+/// The error of the stresses that the tolerances of implicit stages follow: the one that the run keeps to, or the default one in drafts,
+/// whose cells are solved as at the start of a run that keeps to it. Steps that balance more closely than their cells do stagnate.
 pub(super) fn error_of_stresses(document: &Document, file: &SceneFile) -> Option<f64> {
     let is_draft = file.rve.accuracy == Accuracy::Draft
         && !["strain_per_step", "tolerance"].iter().any(|key| document.is_written(&["rve", key]));

@@ -77,7 +77,7 @@ enum Table {
 }
 
 impl Table {
-    /// Its name in input files.
+    /// Its name in messages: in input files too, except of multi-point constraints, which have several tables.
     fn name(self) -> &'static str {
         match self {
             Self::Boundary => "boundary",
@@ -85,7 +85,7 @@ impl Table {
             Self::Traction => "traction",
             Self::BodyForce => "body_force",
             Self::Friction => "friction",
-            Self::Linked => "links between displacements",
+            Self::Linked => "multi-point constraints",
         }
     }
 }

@@ -227,7 +227,16 @@ impl Region<'_> {
         let mut variants = Vec::new();
         for packing in self.packings(materials)? {
             let packing = match &table.removal {
-                Some(removal) => packing.weakened(contact, removal).map_err(|error| self.error(error))?,
+                Some(removal) => {
+                    let made = packing.weakened(contact, removal).map_err(|error| self.error(error))?;
+                    if made.came_to_rest_first {
+                        materials.remarks.push(format!(
+                            "region '{}': a packing is far from rest under its law; its stress is the one to which it came to rest",
+                            table.name
+                        ));
+                    }
+                    made.packing
+                }
                 None => packing,
             };
             for angle in &table.rotations {

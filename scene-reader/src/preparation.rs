@@ -52,7 +52,7 @@ impl Scene {
     }
 
     /// Brings the cells to the stress of their points if the scene asks for it, on all cores; the result does not depend on their number.
-    /// `progress` is called from any thread with the number of cells done and says whether to go on; false comes back, and nothing is changed,
+    /// `progress` is called from any thread with the number of cells done and says whether to go on. Returns `false`, with nothing changed,
     /// if it said no.
     ///
     /// # Errors

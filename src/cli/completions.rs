@@ -58,7 +58,8 @@ fn with_keys(shell: Shell, script: &str) -> String {
             text += rest;
             // `=` ends a word in bash: behind it comes a value, of which nothing is known.
             let behind = "    opts=\"\"\n";
-            let value = "    if [[ \"${prev}\" == \"=\" || \"${cur}\" == \"=\" ]]; then\n        return 0\n    fi\n";
+            // Right behind it bash hands over an empty word and the one before `=`; options such as `--wait=` have words of their own.
+            let value = "    if [[ \"${prev}\" == \"=\" || \"${COMP_WORDS[COMP_CWORD]}\" == \"=\" && \"${prev}\" != -* ]]; then\n        return 0\n    fi\n";
             text.replacen(behind, &format!("{behind}{value}"), 1)
         }
         Shell::Zsh => {

@@ -139,9 +139,6 @@ impl ClosedForm for DamageMaterial {
     }
 
     fn trial(&self, trial: &PointTrial) -> Result<(State, TrialResult), RveError> {
-        if !trial.target.is_finite() {
-            return Err(RveError::TargetNotFinite);
-        }
         let (law, committed) = (&self.laws[trial.point], &self.states.committed[trial.point]);
         let gradient = matrix(&trial.target);
         let strain = committed.strain + 0.5 * (gradient + gradient.transpose());

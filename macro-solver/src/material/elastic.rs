@@ -175,9 +175,6 @@ impl ClosedForm for ElasticMaterial {
     }
 
     fn trial(&self, trial: &PointTrial) -> Result<(Matrix3<f64>, TrialResult), RveError> {
-        if !trial.target.is_finite() {
-            return Err(RveError::TargetNotFinite);
-        }
         let gradient = matrix(&trial.target);
         let norm = gradient.amax();
         if let Some(limit) = self.largest_target.filter(|limit| norm > *limit) {

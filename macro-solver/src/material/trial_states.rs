@@ -63,7 +63,7 @@ pub(super) trait ClosedForm {
     /// States of all points.
     fn states(&mut self) -> &mut TrialStates<Self::State>;
 
-    /// State and answer after a trial.
+    /// State and answer after a trial, whose target is finite.
     ///
     /// # Errors
     /// A target that the law refuses.
@@ -84,7 +84,8 @@ pub(super) trait ClosedForm {
 impl<L: ClosedForm> PointMaterial for L {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let answer = |trial: &PointTrial| {
-            self.trial(trial).map_err(|reason| MaterialError::Point { point: trial.point, reason })
+            let answer = if trial.target.is_finite() { self.trial(trial) } else { Err(RveError::TargetNotFinite) };
+            answer.map_err(|reason| MaterialError::Point { point: trial.point, reason })
         };
         let answers = trials.iter().map(answer).collect::<Result<Vec<_>, _>>()?;
         Ok(self.states().keep(trials, answers))

@@ -90,7 +90,8 @@ pub struct Problem {
     /// Error that the strain per ramp increment is chosen for, step by step, starting with `strain_per_step`; `None`: it stays. Needs a
     /// material that estimates its error.
     pub error_control: Option<ErrorControl>,
-    /// Whether stresses are symmetric, because moments balance on every grain: not where rotations are blocked. Others count as defects of an engine.
+    /// Whether stresses are symmetric, because moments balance on every grain: not where rotations are blocked. Where they should be, others
+    /// count as defects of an engine.
     pub symmetric_stresses: bool,
     /// Fluid in the pores that cannot drain; `None`: pores are dry, or drain freely.
     pub pore_fluid: Option<PoreFluid>,

@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Predictor {
-    /// The last accepted step's displacements, as often as supports and links repeat their motion, or loads their change where none moves.
-    /// The tangent predictor where there is no such step, or where they go on more than four times as fast.
+    /// The last accepted step's displacements, scaled by the motion of supports and links in this step over that in the last, or by the change
+    /// of the loads where none moves. The tangent predictor where there is no such step, where that ratio is more than four times that of the
+    /// step sizes, or where the motion or change has another direction.
     #[default]
     Linear,
     /// One linear solve with the last tangent.

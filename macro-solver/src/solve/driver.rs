@@ -158,7 +158,7 @@ impl<'a> Solver<'a> {
             last_step: None,
             load: 0.0,
             stage_fraction: 0.0,
-            path_constraint: PathConstraint::new(problem, &first.control.path)?,
+            path_constraint: PathConstraint::new(problem, first)?,
             arc_length: None,
             last_load_change: 0.0,
             step: 0,
@@ -346,7 +346,7 @@ impl<'a> Solver<'a> {
         let (size, stage) = (target - self.stage_fraction, self.of_stage());
         let smallest = if is_smallest(size, self.stage().control.min) { "the smallest" } else { "a" };
         // Where the load factor is an unknown, the share of the path is no load.
-        let place = if self.stage().finds_load_factor() {
+        let place = if self.path_constraint.is_some() {
             format!("at {target:.6} of the path")
         } else {
             format!("at load {target:.6}")

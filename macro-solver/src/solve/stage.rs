@@ -56,7 +56,7 @@ impl<'a> Solver<'a> {
         self.statistics.unknowns = equations.constraints.free().len();
         (self.constraints, self.loads, self.linear) = (equations.constraints, equations.loads, equations.linear);
         self.frictions = equations.frictions;
-        self.path_constraint = PathConstraint::new(self.problem, &self.stage().control.path)?;
+        self.path_constraint = PathConstraint::new(self.problem, self.stage())?;
         let strategy = &self.stage().strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);

@@ -58,8 +58,8 @@ fn steps<S: Space>(cell: &mut Cell<S>) -> Vec<Step> {
     steps
 }
 
-/// A cell with the same tiling and the shortest vectors that it can have: in space, vectors that are short in pairs may still have shorter sums
-/// with two others. Vectors that differ by more than numbers can tell are given up on.
+/// A cell with the same tiling and the shortest vectors that it can have: in space, vectors that are short in pairs may still have shorter
+/// sums with two others. Vectors that differ by more than numbers can tell are given up on.
 pub(crate) fn shortened<S: Space>(mut cell: Cell<S>) -> Cell<S> {
     for _ in 0..MOST_STEPS {
         let Some(step) = next_step(&cell) else { break };

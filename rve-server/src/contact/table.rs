@@ -100,7 +100,7 @@ pub struct ContactTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-default" = "\"rescaled\""))]
     pub unloading: Option<TangentialUnloading>,
-    /// Rolling stiffness over k_t R1 R2; 0 = none.
+    /// Rolling stiffness over k_t R1 R2; 0 = none. Without tangential stiffness there is no rolling moment.
     #[serde(default, skip_serializing_if = "is_zero")]
     #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub rolling_stiffness: f64,

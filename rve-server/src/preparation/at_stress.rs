@@ -88,7 +88,7 @@ fn brought<S: SolverFor>(
     let along_first_axis = rotated(packing, -angle)?;
     if along_first_axis.periodicity[1][1] < 0.0 {
         return Err(PackingError::Content(
-            "its vector Y2 lies on the other side of Y1 than axis 2 lies of axis 1; give -Y2 and -Y3 for Y2 and Y3, which make the same images"
+            "its vector Y2 lies clockwise of Y1 in the plane of axes 1 and 2; write -Y2 and -Y3 for Y2 and Y3, which make the same lattice"
                 .into(),
         ));
     }
@@ -115,7 +115,7 @@ fn along_axis<S: SolverFor>(
     let end = target::<S>(stress)?;
     let begin = target::<S>(&own).map_err(|error| {
         PackingError::Content(format!(
-            "the stress of the packing itself under this contact law is no start for the way to the target: {error}; a packing that was \
+            "the stress of the packing itself under this contact law cannot be used as the starting stress: {error}; a packing that was \
              prepared with this law, its cohesion included, bears pressure"
         ))
     })?;

@@ -57,8 +57,8 @@ const FAR_STRAIN: f64 = 2e-4;
 /// Most increments of either stage.
 const MOST_INCREMENTS: u32 = 5_000;
 
-/// Largest strain of the servo from the first load on. Packings take some per cent to their stress; grains that cannot carry it flow until a few of
-/// them bridge a flat cell.
+/// Largest strain of the servo from the first load on. Packings take some per cent to their stress; grains that cannot carry it flow until
+/// a few of them bridge a flat cell.
 const MOST_STRAIN_OF_SERVO: f64 = 0.4;
 
 /// Tangential over normal stiffness that the servo assumes of contacts without tangential springs, and of stiffer ones without friction.

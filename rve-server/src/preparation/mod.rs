@@ -25,6 +25,7 @@ pub use preshear::ShearAttempt;
 pub use progress::PackingProgress;
 pub(crate) use random_placement::chosen;
 pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
+pub use removal::WeakenedPacking;
 pub(crate) use report::anisotropy_of_fabric;
 pub use report::{PackingReport, Requirement, Searches};
 pub use stress_target::StressTarget;

@@ -19,6 +19,15 @@ const TOLERANCES: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
 /// Largest angle between Y1 and the first axis, rad, that is taken for none.
 const ALIGNED: f64 = 1e-9;
 
+/// A packing from which grains have been taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeakenedPacking {
+    /// The packing.
+    pub packing: Packing,
+    /// Whether its stress is that to which it came to rest, because the packing as read was far from rest under the law.
+    pub came_to_rest_first: bool,
+}
+
 impl Packing {
     /// The packing without `removal.number` random grains, brought back under this contact law to the stress that it had.
     /// Equal removals give equal bits.
@@ -26,11 +35,18 @@ impl Packing {
     /// # Errors
     /// [`PackingError::Content`] if too many grains are to be removed, the packing bears tension, its vector Y1 does not
     /// point along the first axis, or the stress is not reached.
-    pub fn weakened(&self, contact: &ContactTable, removal: &Removal) -> Result<Self, PackingError> {
-        Ok(match self {
-            Self::Discs(packing) => Self::Discs(at_its_stress(packing, contact, removal)?),
-            Self::Spheres(packing) => Self::Spheres(at_its_stress(packing, contact, removal)?),
-        })
+    pub fn weakened(&self, contact: &ContactTable, removal: &Removal) -> Result<WeakenedPacking, PackingError> {
+        let (packing, came_to_rest_first) = match self {
+            Self::Discs(packing) => {
+                let (packing, came_to_rest_first) = at_its_stress(packing, contact, removal)?;
+                (Self::Discs(packing), came_to_rest_first)
+            }
+            Self::Spheres(packing) => {
+                let (packing, came_to_rest_first) = at_its_stress(packing, contact, removal)?;
+                (Self::Spheres(packing), came_to_rest_first)
+            }
+        };
+        Ok(WeakenedPacking { packing, came_to_rest_first })
     }
 }
 
@@ -38,7 +54,7 @@ fn at_its_stress<S: SolverFor>(
     packing: &PackingFile<S>,
     contact: &ContactTable,
     removal: &Removal,
-) -> Result<PackingFile<S>, PackingError> {
+) -> Result<(PackingFile<S>, bool), PackingError> {
     let refuse = |reason: String| Err(PackingError::Content(reason));
     if removal.number == 0 || removal.number > packing.grains.len() / 4 {
         return refuse(format!(
@@ -55,13 +71,15 @@ fn at_its_stress<S: SolverFor>(
     }
     if !has_level_vectors(packing) || packing.periodicity[1][1] < 0.0 {
         return refuse(
-            "grains can only be removed from a packing whose vector Y2 lies in the plane of axes 1 and 2, on the side of axis 2; turn the packing"
+            "grains can only be removed from a packing whose vector Y2 lies in the plane of axes 1 and 2, counter-clockwise of Y1; turn the \
+             packing, or write -Y2 and -Y3 for Y2 and Y3, which make the same lattice"
                 .into(),
         );
     }
     let definition =
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
     // Under another law than that of its preparation a packing is not at rest, and its stress as read is none that its neighbours keep.
+    let mut came_to_rest_first = false;
     let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| {
         let as_read = cell.observe(Observables::ALL)?;
         if !cell.is_far_from_rest(&as_read) {
@@ -74,6 +92,7 @@ fn at_its_stress<S: SolverFor>(
             ));
         }
         cell.commit()?;
+        came_to_rest_first = true;
         cell.observe(Observables::NONE)
     });
     let stress = rows(&answer.map_err(content)?.stress);
@@ -81,7 +100,8 @@ fn at_its_stress<S: SolverFor>(
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
     let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;
     let mut ignore = |_: &_| {};
-    weakened(packing, contact, removal, target, TOLERANCES, &ProgressLog::new(&mut ignore))
+    let packing = weakened(packing, contact, removal, target, TOLERANCES, &ProgressLog::new(&mut ignore))?;
+    Ok((packing, came_to_rest_first))
 }
 
 /// The packing without some of its grains, brought to its target stress.
@@ -136,7 +156,9 @@ mod tests {
         let contact =
             ContactTable { modulus: Some(1e8), normal_stiffness: None, ..ContactTable::linear(1.0, 0.5, 0.5) };
         let removal = Removal { number: 6, seed: 3 };
-        let Packing::Discs(weak) = whole.weakened(&contact, &removal).unwrap() else { panic!("discs stay discs") };
+        let made = whole.weakened(&contact, &removal).unwrap();
+        assert!(!made.came_to_rest_first);
+        let Packing::Discs(weak) = made.packing.clone() else { panic!("discs stay discs") };
         assert_eq!(weak.grains.len(), 94);
         let stress = |packing: &PackingFile| {
             let definition = GrainDefinition {
@@ -152,7 +174,10 @@ mod tests {
             assert!((before[i][j] - after[i][j]).abs() < 2e-6 * 1e5, "{before:?} {after:?}");
         }
         assert!(weak.periodicity[0][0] < whole_discs.periodicity[0][0], "the holes have closed a little");
-        assert_eq!(whole.weakened(&contact, &removal).unwrap(), Packing::Discs(weak), "the same bits again");
+        assert_eq!(whole.weakened(&contact, &removal).unwrap(), made, "the same bits again");
+        // With half the modulus, listed tangential forces no longer fit: the packing comes to rest before its stress is taken.
+        let softer = ContactTable { modulus: Some(5e7), ..contact.clone() };
+        assert!(whole.weakened(&softer, &removal).unwrap().came_to_rest_first);
         let reason = |number| whole.weakened(&contact, &Removal { number, seed: 3 }).unwrap_err().to_string();
         assert!(reason(0).contains("at least 1") && reason(26).contains("a quarter of the 100"));
     }

@@ -44,8 +44,8 @@ pub(crate) struct ServoLimits<S: Space> {
 }
 
 impl<S: Space> ServoLimits<S> {
-    /// So many steps, and so much strain, below a half, of a cell that has these vectors: from a half on the deformation of a lattice is told from
-    /// another choice of its vectors no more.
+    /// So many steps, and so much strain of a cell that has these vectors. The strain is below a half: a larger deformation of a lattice cannot
+    /// be told from another choice of its vectors.
     pub(crate) fn increments_and_strain(increments: u32, rows: S::Tensor, most: f64) -> Self {
         Self { increments, start: rows, most_strain: most }
     }
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::space::Discs;
 
-    /// Grains that flow flatten their cell, which is caught on the way; vectors that describe the same lattice in another way are no strain.
+    /// Grains that flow flatten their cell, which is caught on the way; other vectors of the same lattice are no strain.
     #[test]
     fn a_cell_that_flattens_passes_the_limit() {
         let start = [[1.0, 0.1], [-0.2, 1.1]];

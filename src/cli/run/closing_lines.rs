@@ -128,7 +128,7 @@ fn warnings(summary: &Summary) -> String {
         format!(
             "energy balance open by {percent:.0} %: load steps are large where stresses change or turn fast (smaller ones close it), or \
              grains answer above equilibrium while they are strained, which damping takes (smaller rve.strain_per_step and \
-             rve.tolerance close that); what engines from outside damp stays open"
+             rve.tolerance close that)"
         )
     });
     let all: Vec<String> = counted.into_iter().chain(open).collect();

@@ -37,18 +37,25 @@ const FILES: [&str; 17] = [
 const LOG: &str = "run.jsonl";
 
 /// Files of which a folder of a run holds one at least, whatever else in it may be called as those of a run are.
-const MARKS: [&str; 3] = [LOG, "summary.json", "checkpoint.bin"];
+const MARKS: [&str; 2] = [LOG, "checkpoint.bin"];
 
-/// Folders that a run fills, and the endings of what it writes there; none: files without ending.
-const FOLDERS: [(&str, &[&str]); 7] = [
-    ("cells", &["json"]),
-    ("control", &[]),
-    ("fields", &["vtu", "vtp"]),
-    ("grains", &["vtp", "pvd"]),
-    ("packings", &["json"]),
-    ("points", &["csv"]),
-    ("profiles", &["csv"]),
-];
+/// Folders that a run fills.
+const FOLDERS: [&str; 7] = ["cells", "control", "fields", "grains", "packings", "points", "profiles"];
+
+/// Whether a run gives such names to files in one of its folders. Profiles are called as the scene says.
+fn is_of_a_run(folder: &str, name: &str) -> bool {
+    let named = |beginning: &str, ending: &str| name.starts_with(beginning) && name.ends_with(ending);
+    let is_number = |stem: &str| !stem.is_empty() && stem.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-');
+    match folder {
+        "cells" => named("point-", ".json"),
+        "fields" => named("step-", ".vtu") || named("gauss-points-", ".vtp"),
+        "grains" => ["point-", "contacts-"].iter().any(|what| named(what, ".vtp") || named(what, ".pvd")),
+        "packings" => name.strip_suffix(".json").is_some_and(is_number),
+        "points" => named("point-", ".csv"),
+        "profiles" => named("", ".csv"),
+        _ => !name.contains('.'),
+    }
+}
 
 /// A folder that is ready to be written to.
 #[derive(Debug)]
@@ -85,7 +92,7 @@ impl OutputFolder {
     pub(super) fn reopen(path: &Path) -> Result<Self, Failure> {
         let folder = Self { path: path.to_owned(), _lock: lock(path)? };
         remove_drafts(path)?;
-        for (name, _) in FOLDERS {
+        for name in FOLDERS {
             remove_drafts(&path.join(name))?;
         }
         Controls::of(path).clear();
@@ -102,7 +109,7 @@ impl OutputFolder {
             let file = self.path.join(name);
             absent(fs::remove_file(&file)).map_err(|source| OutputError::write(&file, source))?;
         }
-        for (name, _) in FOLDERS {
+        for name in FOLDERS {
             let below = self.path.join(name);
             absent(fs::remove_dir_all(&below)).map_err(|source| OutputError::write(&below, source))?;
         }
@@ -134,7 +141,11 @@ fn absent(removed: std::io::Result<()>) -> std::io::Result<()> {
     }
 }
 
-fn refuse_foreign(path: &Path) -> Result<(), InputError> {
+/// Refuses a folder that a run would have to empty of what no run has written.
+///
+/// # Errors
+/// The path is a file, or the folder holds something else than the files of an earlier run.
+pub(super) fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     let unusable = |problem: String| InputError::at(format!("--out {}", path.display()), problem);
     if path.exists() && !path.is_dir() {
         return Err(unusable("this is a file, not a folder".to_owned()).hint("name a folder that may be created"));
@@ -142,14 +153,14 @@ fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     let has_run = MARKS.iter().any(|mark| path.join(mark).is_file());
     for entry in fs::read_dir(path).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let folder = FOLDERS.iter().find(|(folder, _)| *folder == name);
-        let foreign = match folder {
-            _ if is_draft(&name) => None,
-            Some((_, endings)) if has_run => {
-                foreign_within(&entry.path(), endings).map(|inside| format!("{name}/{inside}"))
-            }
-            None if has_run && (name == LOG || FILES.contains(&name.as_str())) => None,
-            _ => Some(name),
+        let foreign = if !has_run {
+            Some(name)
+        } else if entry.path().is_dir() {
+            let is_known = FOLDERS.contains(&name.as_str());
+            if is_known { foreign_within(&entry.path(), &name) } else { Some(name) }
+        } else {
+            let is_known = name == LOG || FILES.contains(&name.as_str()) || is_draft(&name);
+            (!is_known).then_some(name)
         };
         if let Some(foreign) = foreign {
             return Err(unusable(format!("the folder holds '{foreign}', which no run has written"))
@@ -159,16 +170,12 @@ fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     Ok(())
 }
 
-/// The first entry of a folder of a run that no run has written.
-fn foreign_within(folder: &Path, endings: &[&str]) -> Option<String> {
-    fs::read_dir(folder).into_iter().flatten().flatten().find_map(|entry| {
-        let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
-        let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
-        let is_ours = match ending {
-            Some(ending) => endings.contains(&ending.as_str()) || is_draft(&name),
-            None => endings.is_empty(),
-        };
-        (path.is_dir() || !is_ours).then_some(name)
+/// The first entry of one of the folders of a run that no run has written.
+fn foreign_within(path: &Path, folder: &str) -> Option<String> {
+    fs::read_dir(path).into_iter().flatten().flatten().find_map(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_ours = !entry.path().is_dir() && (is_of_a_run(folder, &name) || is_draft(&name));
+        (!is_ours).then(|| format!("{folder}/{name}"))
     })
 }
 
@@ -201,7 +208,9 @@ mod tests {
         let refused = || OutputFolder::prepare(&path, "a = 3", &[]).unwrap_err().message;
         for (name, told) in [
             ("fields/mine.txt", "fields/mine.txt"),
-            ("points/raw/lab.csv", "points/raw"),
+            ("points/lab.csv", "points/lab.csv"),
+            ("packings/mine.json", "packings/mine.json"),
+            ("cells/raw/lab.csv", "cells/raw"),
             ("thesis.txt", "thesis.txt"),
         ] {
             let file = path.join(name);
@@ -209,8 +218,8 @@ mod tests {
             fs::write(&file, "mine").unwrap();
             assert!(refused().contains(told), "{name}: {}", refused());
             fs::remove_file(&file).unwrap();
-            // The folders `points` and `fields` are a run's, one within them is not.
-            let _ = fs::remove_dir(path.join("points/raw"));
+            // The folders `points`, `cells` and so on are a run's, one within them is not.
+            let _ = fs::remove_dir(path.join("cells/raw"));
         }
         assert_eq!(fs::read_to_string(path.join("scene.toml")).unwrap(), "a = 2");
     }

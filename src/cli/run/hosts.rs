@@ -1,9 +1,9 @@
 //! `--listen`: the door through which agents of other hosts join a run.
 
 #[cfg(feature = "hosts")]
-pub(super) use with::{check, open};
+pub(super) use with::{Listening, check, listen, open};
 #[cfg(not(feature = "hosts"))]
-pub(super) use without::{check, open};
+pub(super) use without::{Listening, check, listen, open};
 
 #[cfg(feature = "hosts")]
 mod with {
@@ -50,19 +50,15 @@ mod with {
             .map_err(|error| Failure::new(Exit::BadInput, error))
     }
 
-    /// The port of the run: the workers of this host, and those of others if it listens.
+    /// The endpoint at which agents may join, and what proves that they may; none if the run does not listen.
+    pub(in crate::cli::run) struct Listening(Option<(NetworkMacroPort, Secret)>);
+
+    /// Opens the endpoint.
     ///
     /// # Errors
-    /// The endpoint is taken, or the secret cannot be used.
-    pub(in crate::cli::run) fn open(
-        local: SharedMemoryMacroPort,
-        arguments: &Arguments,
-        run: &str,
-        folder: &Path,
-    ) -> Result<(JoinedPort<SharedMemoryMacroPort>, Door), Failure> {
-        let Some(endpoint) = &arguments.listen else {
-            return Ok((JoinedPort::new(local, None), Door { figures: None, _join_file: None }));
-        };
+    /// It is taken, or the secret cannot be used.
+    pub(in crate::cli::run) fn listen(arguments: &Arguments, run: &str) -> Result<Listening, Failure> {
+        let Some(endpoint) = &arguments.listen else { return Ok(Listening(None)) };
         let bad = |error: &dyn std::fmt::Display| Failure::new(Exit::BadInput, error);
         let secret = match &arguments.secret {
             Some(path) => Secret::read(path),
@@ -73,10 +69,26 @@ mod with {
         let options =
             DoorOptions { run: run.to_owned(), secret: secret.clone(), limits, program: this_program().to_owned() };
         let port = NetworkMacroPort::listen(endpoint, options).map_err(|error| bad(&error))?;
+        Ok(Listening(Some((port, secret))))
+    }
+
+    /// The port of the run: the workers of this host, and those of others if it listens.
+    ///
+    /// # Errors
+    /// The file that tells agents how to join cannot be written.
+    pub(in crate::cli::run) fn open(
+        local: SharedMemoryMacroPort,
+        listening: Listening,
+        arguments: &Arguments,
+        folder: &Path,
+    ) -> Result<(JoinedPort<SharedMemoryMacroPort>, Door), Failure> {
+        let Some((port, secret)) = listening.0 else {
+            return Ok((JoinedPort::new(local, None), Door { figures: None, _join_file: None }));
+        };
         let address = port.address();
         let path = folder.join(JOIN_FILE);
-        let join_file =
-            JoinFile::write(&path, address, &arguments.advertise, &secret).map_err(|error| bad(&error))?;
+        let join_file = JoinFile::write(&path, address, &arguments.advertise, &secret)
+            .map_err(|error| Failure::new(Exit::BadInput, error))?;
         if !arguments.quiet {
             tell(format_args!("listening at {address}; on other hosts: grainspan agent --join {}", path.display()));
         }
@@ -109,17 +121,28 @@ mod without {
         }
     }
 
+    /// No endpoint.
+    pub(in crate::cli::run) struct Listening;
+
+    /// Nobody can join from elsewhere.
+    ///
+    /// # Errors
+    /// Those of [`check`].
+    pub(in crate::cli::run) fn listen(arguments: &Arguments, _: &str) -> Result<Listening, Failure> {
+        check(arguments).map(|()| Listening)
+    }
+
     /// The port to the workers of this host.
     ///
     /// # Errors
-    /// The run is to listen for others.
+    /// None; there are some where hosts can join.
     pub(in crate::cli::run) fn open(
         local: SharedMemoryMacroPort,
-        arguments: &Arguments,
-        _: &str,
+        _: Listening,
+        _: &Arguments,
         _: &Path,
     ) -> Result<(SharedMemoryMacroPort, Door), Failure> {
-        check(arguments).map(|()| (local, Door))
+        Ok((local, Door))
     }
 
     /// What this build cannot do.

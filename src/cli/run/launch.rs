@@ -39,6 +39,20 @@ impl Watch {
         let signals = SignalWatch::start(interrupt.clone()).map_err(|error| failed("watch for signals", &error))?;
         Ok(Self { interrupt, signals })
     }
+
+    /// Ends a run that was asked to end before its folder was touched.
+    ///
+    /// # Errors
+    /// It was.
+    pub(super) fn go_on(&self) -> Result<(), Failure> {
+        if self.interrupt.is_raised() {
+            return Err(Failure::new(
+                Exit::Interrupted,
+                "interrupted before the run began; nothing has been written",
+            ));
+        }
+        Ok(())
+    }
 }
 
 /// Channels of a run whose folder has not been touched yet: what they refuse must not cost an earlier run its results.
@@ -49,16 +63,16 @@ pub(super) struct Channels {
     replicas: Vec<ReplicaPlan>,
     limits: ChannelLimits,
     port: SharedMemoryMacroPort,
+    listening: hosts::Listening,
 }
 
 /// Opens the channels.
 ///
 /// # Errors
-/// A name that is none or that a living run has, an error that no point can estimate, `--listen` that this build does not know or whose
-/// secret cannot be read, shared memory that is full.
+/// A name that is none or that a living run has, an error that no point can estimate, an endpoint that is taken, shared memory that is
+/// full.
 pub(super) fn open(scene: &Scene, assignment: &EngineAssignment, arguments: &Arguments) -> Result<Channels, Failure> {
     let begun = Instant::now();
-    hosts::check(arguments)?;
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let requested = workers(arguments);
     let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
@@ -69,7 +83,8 @@ pub(super) fn open(scene: &Scene, assignment: &EngineAssignment, arguments: &Arg
     let definitions = if arguments.listen.is_some() { &[] } else { &served.definitions[..] };
     let limits = ChannelLimits { waiting, ..channel_limits(requested, definitions) };
     let port = SharedMemoryMacroPort::create(&name, limits).map_err(|error| Failure::new(Exit::BadInput, error))?;
-    Ok(Channels { begun, name, served, replicas, limits, port })
+    let listening = hosts::listen(arguments, &name)?;
+    Ok(Channels { begun, name, served, replicas, limits, port, listening })
 }
 
 /// Runs the scene on a pool of worker processes of the assigned engines.
@@ -86,7 +101,7 @@ pub(super) fn run(
     continued: Option<Continued>,
 ) -> Result<Exit, Failure> {
     let Watch { interrupt, signals } = watch;
-    let Channels { begun, name, served, replicas, limits, port } = channels;
+    let Channels { begun, name, served, replicas, limits, port, listening } = channels;
     let requested = workers(arguments);
     // The memory of a run that was killed before its first worker joined is removed by no one else. Failure harms no run.
     match RunDirectory::clean() {
@@ -95,7 +110,7 @@ pub(super) fn run(
     }
     signals.wakes(port.waker());
     let mut status_file = StatusFile::create(port.record(), RunProgress::new(scene.document.path(), folder.path()));
-    let (port, hosts) = hosts::open(port, arguments, &name, folder.path())?;
+    let (port, hosts) = hosts::open(port, listening, arguments, folder.path())?;
 
     let workers = requested;
     let mut settings = PoolSettings::new(name.clone());

@@ -47,35 +47,37 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::BadInput, problem));
     }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
+    hosts::check(arguments)?;
+    if !arguments.resume {
+        folder::refuse_foreign(&path)?;
+    }
     let watch = launch::Watch::start()?;
     preparation::prepare_cells(&mut scene, arguments.quiet, &watch.interrupt)?;
+    watch.go_on()?;
     let as_run = scene.as_run()?;
     let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));
     let start = if arguments.resume { resume::start(&path, &description, &scene.files())? } else { Start::Beginning };
-    if matches!(start, Start::Complete) {
-        print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
-        return Ok(Exit::Done);
-    }
-    let channels = launch::open(&scene, &assignment, arguments)?;
-    let (folder, continued) = match start {
-        Start::From(continued) => {
-            let folder = OutputFolder::reopen(&path)?;
-            let (step, load) = (continued.description.step, continued.description.load);
-            print_unless_quiet(arguments, &format!("continuing after step {step} at load {load:.4}"));
-            continued.remarks.iter().for_each(|remark| tell(format_args!("warning: {remark}")));
-            (folder, Some(*continued))
+    let continued = match start {
+        Start::Complete => {
+            print_unless_quiet(arguments, &format!("the run in {} is complete: nothing to continue", path.display()));
+            return Ok(Exit::Done);
         }
-        Start::Beginning | Start::Complete => {
-            let prepared = OutputFolder::prepare(&path, &as_run, &scene.files())?;
-            if arguments.resume {
-                print_unless_quiet(
-                    arguments,
-                    &format!("no checkpoint in {}: starting from the beginning", path.display()),
-                );
-            }
-            (prepared, None)
-        }
+        Start::From(continued) => Some(*continued),
+        Start::Beginning => None,
     };
+    // What the channels refuse must not cost an earlier run its results.
+    let channels = launch::open(&scene, &assignment, arguments)?;
+    let folder = match &continued {
+        Some(_) => OutputFolder::reopen(&path)?,
+        None => OutputFolder::prepare(&path, &as_run, &scene.files())?,
+    };
+    if let Some(continued) = &continued {
+        let (step, load) = (continued.description.step, continued.description.load);
+        print_unless_quiet(arguments, &format!("continuing after step {step} at load {load:.4}"));
+        continued.remarks.iter().for_each(|remark| tell(format_args!("warning: {remark}")));
+    } else if arguments.resume {
+        print_unless_quiet(arguments, &format!("no checkpoint in {}: starting from the beginning", path.display()));
+    }
     let description = description.of(continued.as_ref());
     event_log::open(&folder.path().join("run.jsonl"))?;
     if !arguments.quiet {

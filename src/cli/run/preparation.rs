@@ -1,28 +1,27 @@
 //! Cells brought to the stress of their Gauss points before the run, with progress for people.
 
 use super::super::heartbeat::Heartbeat;
-use crate::exit::{Exit, Failure};
+use crate::exit::Failure;
 use crate::stderr::tell;
 use macro_solver::pool::Interrupt;
 use scene_reader::Scene;
 use std::time::Instant;
 
-/// Prepares the cells if `[initial_stress] prepare` asks for it.
+/// Prepares the cells if `[initial_stress] prepare` asks for it. If `interrupt` is raised meanwhile it ends early, with the scene as it was.
 ///
 /// # Errors
-/// A stress that the grains of a point cannot carry, or a signal that asks for the end: nothing has been written then.
+/// A stress that the grains of a point cannot carry.
 pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool, interrupt: &Interrupt) -> Result<(), Failure> {
     let Some(planned) = scene.preparation() else { return Ok(()) };
     let begun = Instant::now();
     let heartbeat = Heartbeat::start(quiet);
-    let prepared = scene.prepare_cells(&|done| {
+    let is_done = scene.prepare_cells(&|done| {
         heartbeat.set(format!("cell {done} of {} brought to its stress", planned.cells));
         !interrupt.is_raised()
     })?;
     drop(heartbeat);
-    if !prepared {
-        let text = "interrupted while cells were brought to their stresses; nothing has been written";
-        return Err(Failure::new(Exit::Interrupted, text));
+    if !is_done {
+        return Ok(());
     }
     let (cells, [lowest, highest], seconds) =
         (planned.cells, planned.vertical_pressure, begun.elapsed().as_secs_f64());

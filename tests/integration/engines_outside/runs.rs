@@ -77,7 +77,7 @@ fn how_states_travel_and_how_often_workers_change_leaves_no_trace() {
     let site = Site::new();
     run(&site, "plain", &["--engine", "reference"]);
     let replayed = run(&site, "replayed", &["--engine", "reference-replay"]);
-    let recycled = run(&site, "recycled", &["--engine", "reference-replay", "--set", "pool.recycle_jobs=5"]);
+    let recycled = run(&site, "recycled", &["--engine", "reference-replay", "--set", "pool.recycle_jobs=2"]);
     assert!(recycled["fallbacks"]["workers_left"].as_u64().unwrap() > 1, "{recycled}");
     assert_eq!(recycled["worker_restarts"].as_u64(), Some(0), "{recycled}");
     // Every fresh worker rebuilds states from paths, and the summary says so.

@@ -145,8 +145,9 @@ impl Observer for Ratios {
 /// Stress over strain of the cell, about, Pa.
 const STIFFNESS: f64 = 6e7;
 
-/// Two elements are pressed by half of what shortens them by about `strain` in one step, and the load stays in the next, while a larger one on the
-/// fixed side, which strains nothing, goes on: so the next step begins with the first one again, far from balance. Returns the out-of-balance ratios from there.
+/// Two elements are pressed by half of what shortens them by about `strain` in one step, and the load stays in the next. A larger load on
+/// the fixed side, which strains nothing, goes on, so the next step begins with the first one again, far from balance. Returns the
+/// out-of-balance ratios from there.
 fn way_to_balance(tangent: TangentKind, strain: f64) -> Vec<f64> {
     let mesh = Block::plane([1.0, 1.0], [1, 2], ElementKind::Q4).mesh().unwrap();
     let pressure =

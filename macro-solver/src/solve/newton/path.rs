@@ -5,7 +5,7 @@
 //! displacements as one vector, so that caps and backtracks act on both.
 
 use crate::model::failure::Failure;
-use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError};
+use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError, Stage};
 use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
 use crate::solve::linear_solver::{LinearSolverError, norm};
@@ -33,13 +33,16 @@ pub(in crate::solve) enum PathConstraint {
 }
 
 impl PathConstraint {
-    /// That of a stage; `None` for load control.
+    /// That of a stage; `None` where the load factor is known.
     ///
     /// # Errors
     /// A node set that the mesh lacks, or z in the plane.
-    pub(in crate::solve) fn new(problem: &Problem, control: &PathControl) -> Result<Option<Self>, ProblemError> {
+    pub(in crate::solve) fn new(problem: &Problem, stage: &Stage) -> Result<Option<Self>, ProblemError> {
+        if !stage.finds_load_factor() {
+            return Ok(None);
+        }
         let count = problem.mesh.degrees_of_freedom();
-        Ok(match control {
+        Ok(match &stage.control.path {
             PathControl::Load => None,
             PathControl::ArcLength { first_load, set, component } => {
                 let mut weights = vec![if set.is_some() { 0.0 } else { 1.0 }; count];

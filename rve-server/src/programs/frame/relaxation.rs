@@ -348,8 +348,8 @@ impl<'a, C: ContactLaw<Discs>> FrameRelaxation<'a, C> {
         if self.relaxed.equilibrated { self.contacts.normal_force } else { 0.0 }
     }
 
-    /// Mean normal force of a contact, N, by which forces out of balance are measured. Grains that only graze each other any more are measured by
-    /// a share of what the frame once carried, see [`LEAST_LOAD`].
+    /// Mean normal force of a contact, N, by which forces out of balance are measured. Where grains only graze each other any more, they are
+    /// measured by a share of what the frame once carried, see [`LEAST_LOAD`].
     fn mean_force(&self) -> f64 {
         let present = self.contacts.normal_force / (self.contacts.contacts.max(1)) as f64;
         present.max(LEAST_LOAD * self.largest_load / self.body.grains.len() as f64)

@@ -18,6 +18,7 @@ pub mod csv_table;
 mod damping_tests;
 pub mod dynamics;
 mod error;
+mod flight;
 mod fluctuation;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]

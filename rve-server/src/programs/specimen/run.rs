@@ -5,6 +5,7 @@ use super::body::Body;
 use super::checkpoint::{Checkpoints, Place};
 use super::dynamics::{Dynamics, GrainSums, Motion};
 use super::error::SpecimenError;
+use super::flight::Flight;
 use super::numbering::numbered_by_position;
 use super::removal::weakened;
 use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
@@ -425,14 +426,16 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
         let stress = std::array::from_fn(|axis| self.wall_stress(axis));
-        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit && !self.is_in_free_flight(limit)
+        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit && !self.flight().is_in_the_air(limit)
     }
 
-    /// Whether grains fly while no contact bears anything, with forces or without: no ratio to a mean contact force tells of that. Kinetic energy
-    /// is quadratic in what the limit bounds.
-    fn is_in_free_flight(&self, limit: f64) -> bool {
-        let coasts = || self.last.kinetic_energy > limit * limit * self.dynamics.energy_turnover();
-        self.dynamics.contacts.normal_force == 0.0 && (self.last.largest_force > 0.0 || coasts())
+    fn flight(&self) -> Flight {
+        Flight {
+            normal_force: self.dynamics.contacts.normal_force,
+            largest_force: self.last.largest_force,
+            kinetic_energy: self.last.kinetic_energy,
+            turnover: self.dynamics.energy_turnover(),
+        }
     }
 
     /// Rate of the period of an axis, m/s, in the homogeneous strain of the stage: strains along the periodic axes and shears across them

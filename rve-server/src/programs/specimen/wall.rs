@@ -171,8 +171,8 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.travelled >= 0.5 * skin
     }
 
-    /// Adds the loads of all contacts with this wall, in grain order. Sliding along a wall is not counted: a smooth one has no friction that
-    /// could hold.
+    /// Adds the loads of all contacts with this wall, in grain order. Sliding along a wall is not counted: a smooth one has no friction
+    /// that could hold.
     pub(crate) fn press(
         &mut self,
         grains: &[Grain<S>],

@@ -51,8 +51,10 @@ pub(super) fn finish_removals(base: &Path) {
         let (path, found) = (base.join(&name), look_at(base, &name));
         match &found.record {
             Some(record) if found.alive => {
-                // If its name is taken by now, it is left where it is.
-                let _ = fs::rename(&path, base.join(&record.name));
+                // If its name is taken by now, it is left where it is, and no command finds it by its name.
+                if let Err(error) = fs::rename(&path, base.join(&record.name)) {
+                    tracing::warn!(%error, run = record.name, place = %path.display(), "a living run could not get its name back");
+                }
             }
             _ => sweep(&path, prefix(&found)),
         }
