@@ -194,7 +194,7 @@ mod tests {
         fs::create_dir(path.join("fields")).unwrap();
         fs::write(path.join("fields/step-0001.vtu"), "old").unwrap();
         fs::write(path.join(".history.csv.99.partial"), "cut short").unwrap();
-        let packing = InputCopy { key: "packing".into(), name: "packings/a.json".into(), text: "{}".into() };
+        let packing = InputCopy { key: "packing".into(), name: "packings/0-0.json".into(), text: "{}".into() };
         let second = OutputFolder::prepare(&path, "a = 2", &[&packing]).unwrap();
         assert!(!path.join(".history.csv.99.partial").exists());
         let taken = OutputFolder::reopen(&path).unwrap_err();
