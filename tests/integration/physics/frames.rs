@@ -52,7 +52,14 @@ fn a_scene_chooses_its_frame_and_the_engine_follows() {
     let blocked = ["--set", &servo, "--set", "contact.rotations=inner_blocked"];
     let servo = last_ratio(&history(folder.path(), "servo", &["--set", &servo]));
     let blocked = last_ratio(&history(folder.path(), "blocked", &blocked));
+    // Uniform traction lets the boundary move as it likes: the softest of the three constraints [Liu2018].
+    let traction = last_ratio(&history(folder.path(), "traction", &["--set", &frame("{ constraint = 'traction' }")]));
     let periodic = last_ratio(&by_scene);
+    assert!(traction < periodic, "{traction} < {periodic}");
+    // No operator of contacts knows of a boundary: tangents of frames are those of perturbations, and are counted.
+    let summary = fs::read(folder.path().join("scene/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+    assert!(summary["fallbacks"]["tangents_by_difference"].as_u64().unwrap() > 0, "{summary}");
     assert!((servo / periodic - 1.0).abs() < 5e-2, "by servo {servo}, directly {periodic}");
     assert!(linear > periodic && blocked > servo, "{linear} > {periodic}, {blocked} > {servo}");
 }

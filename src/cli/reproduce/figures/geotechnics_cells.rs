@@ -1,4 +1,4 @@
-//! Element tests that geotechnics asks of a soil: strength, earth pressure at rest, shear at constant volume, cyclic shear. L-6, L-7.
+//! Element tests that geotechnics asks of a soil: strength, earth pressure at rest, shear at constant volume, cyclic shear. L-6, L-7, L-8.
 
 use super::geotechnics::{mobilised, strength, strength_run};
 use crate::cli::reproduce::prelude::*;
@@ -9,7 +9,7 @@ pub(super) const FIGURE: Figure = Figure {
     source: "Jaky; trends",
     shows: "one cell: strength, earth pressure at rest, shear at constant volume of dense and loose, cyclic shear",
     run_time: ("10 s", "5 min"),
-    entries: &[("L-6", "cell gains"), ("L-7", "earth pressure at rest")],
+    entries: &[("L-6", "cell gains"), ("L-7", "earth pressure at rest"), ("L-8", "rule of Masing")],
     runs,
     evaluate,
 };
@@ -38,6 +38,41 @@ fn path(run: &Finished) -> Result<Curve, ReproduceError> {
     let table = run.table()?;
     let [xx, yy, xy] = [table.column("sigma_xx")?, table.column("sigma_yy")?, table.column("sigma_xy")?];
     Ok((0..xx.len()).map(|row| [-(xx[row] + yy[row]) / 2e3, xy[row] / 1e3]).collect())
+}
+
+/// Work per volume that cycles of shear lose, J/m3.
+struct LostWork {
+    /// The first full cycle.
+    first: f64,
+    /// The last one.
+    last: f64,
+    /// A full cycle whose branches are the first loading, twice as large.
+    masing: f64,
+}
+
+/// Work of the cycles of a curve of shear stress over shear angle that begins with a quarter of a cycle and ends with a whole one.
+///
+/// # Errors
+/// The curve is too short.
+fn work_of_cycles(curve: &[[f64; 2]]) -> Result<LostWork, ReproduceError> {
+    let turns: Vec<usize> = (1..curve.len().saturating_sub(1))
+        .filter(|&row| (curve[row][0] - curve[row - 1][0]) * (curve[row + 1][0] - curve[row][0]) < 0.0)
+        .chain(curve.len().checked_sub(1))
+        .collect();
+    let (Some(&[start, _, back]), Some(&[before, _, end])) = (turns.first_chunk(), turns.last_chunk()) else {
+        return Err(ReproduceError::NotFound("cycles of shear have fewer than three turning points".to_owned()));
+    };
+    let work = |rows: &[[f64; 2]]| -> f64 {
+        rows.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
+    };
+    let loading = &curve[..=start];
+    let [angle, stress] = [curve[start][0] - curve[0][0], curve[start][1] - curve[0][1]];
+    let above_start = work(loading) - curve[0][1] * angle;
+    Ok(LostWork {
+        first: work(&curve[start..=back]),
+        last: work(&curve[before..=end]),
+        masing: 8.0 * (above_start - 0.5 * angle * stress),
+    })
 }
 
 fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
@@ -83,8 +118,9 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         ("shear angle", Scale::Linear),
         ("shear stress, kPa", Scale::Linear),
     );
-    let table = results.run("cyclic")?.table()?;
-    cyclic.curve("cell", table.curve("F_xy", "sigma_xy")?.into_iter().map(|[angle, stress]| [angle, stress / 1e3]));
+    let loops: Curve = results.run("cyclic")?.table()?.curve("F_xy", "sigma_xy")?;
+    let lost = work_of_cycles(&loops)?;
+    cyclic.curve("cell", loops.iter().map(|[angle, stress]| [*angle, stress / 1e3]));
     let comparisons = vec![
         Comparison::reported("friction angle, peak", "degrees", strength.peak.asin().to_degrees()),
         Comparison::reported("friction angle, 10 to 20 %", "degrees", strength.late.asin().to_degrees()),
@@ -99,7 +135,44 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         Comparison::holds("the loose cell gains less", "trend", loss < gain),
         Comparison::reported("change of pressure, loose", "kPa", loss),
         Comparison::reported("lowest pressure, loose", "kPa", least),
+        Comparison::new(
+            "work lost in the first cycle over that of the rule of Masing",
+            "-",
+            Theirs::Value(1.0),
+            "rule of Masing",
+            lost.first / lost.masing,
+            Tolerance::Relative(0.1),
+        ),
+        Comparison::reported("work lost in the last cycle over that in the first", "-", lost.last / lost.first),
     ];
     let charts = vec![("", mobilisation), ("rest", at_rest), ("constant-volume", undrained), ("cyclic", cyclic)];
     Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An elastic, ideally plastic body follows the rule: with three times the yield strain each cycle loses `4 x 2 x` the yield stress
+    /// times the yield strain.
+    #[test]
+    fn an_elastoplastic_cycle_loses_what_masing_says() {
+        let (mut curve, mut plastic) = (vec![[0.0, 0.0]], 0.0_f64);
+        let legs = [3.0, -3.0, 3.0, -3.0, 3.0];
+        let mut angle = 0.0;
+        for goal in legs {
+            let from = angle;
+            for step in 1..=600 {
+                angle = from + (goal - from) * f64::from(step) / 600.0;
+                let attempt: f64 = angle - plastic;
+                plastic += attempt - attempt.clamp(-1.0, 1.0);
+                curve.push([angle, angle - plastic]);
+            }
+        }
+        let lost = work_of_cycles(&curve).unwrap();
+        for work in [lost.first, lost.last, lost.masing] {
+            assert!((work - 8.0).abs() < 0.05, "{work}");
+        }
+        assert!(work_of_cycles(&curve[..700]).is_err());
+    }
 }

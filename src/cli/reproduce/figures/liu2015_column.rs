@@ -1,12 +1,13 @@
-//! [Liu2015] Fig. 8: shear wave in a column of bricks; stress and strain of element 9, porosity and contacts. J-4.
+//! [Liu2015] Fig. 8: shear wave in a column of bricks; loops of shear and compression of element 9, porosity and contacts. J-4.
 
 use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
+use crate::cli::reproduce::results::Finished;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-column",
     source: "[Liu2015] Figs. 7, 8",
-    shows: "shear wave of 10 kHz in a column: stress-strain loops, porosity and contacts of element 9",
+    shows: "shear wave of 10 kHz in a column: loops of shear and compression, porosity and contacts of element 9",
     run_time: ("10 s", "4 min"),
     entries: &[("J-4", "")],
     runs,
@@ -23,28 +24,73 @@ fn runs(size: Size) -> Vec<Run> {
     vec![Run::new("column", "scenes/liu2015/column.toml", Command::Scene, size)]
 }
 
+/// Compression along the column, of a Green-Lagrange strain, row by row. Nothing strains across the column, so that its volume changes
+/// as the length along it does: `1 - sqrt(det(I + 2 E))`. Shear leaves the volume as it is, but stretches the lines along the column.
+fn compression(strain: &[f64]) -> f64 {
+    let [along, sheared_y, sheared_z] = [strain[0], strain[1], strain[2]];
+    1.0 - (1.0 + 2.0 * along - (2.0 * sheared_y).powi(2) - (2.0 * sheared_z).powi(2)).max(0.0).sqrt()
+}
+
+/// Work that a stress takes over a curve of it, of straight lines between the points: the area of the loop.
+fn work(curve: &[[f64; 2]]) -> f64 {
+    curve.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
+}
+
+/// A picture of loops, the halves of the run apart.
+fn halves(title: &str, x: &str, y: &str, loops: &[[f64; 2]]) -> Chart {
+    let begun = loops.len() / 2;
+    let mut chart = Chart::new(title, (x, Scale::Linear), (y, Scale::Linear));
+    chart.curve("first half of the run", loops[..begun].iter().copied());
+    chart.curve("second half", loops[begun..].iter().copied());
+    chart
+}
+
+/// What the element that the paper plots does over the run.
+#[derive(Default)]
+struct Element {
+    /// Shear stress, kPa, over the shear angle.
+    shear: Curve,
+    /// Compressive stress over compression, both along the column, kPa.
+    compression: Curve,
+    /// Shear stress, kPa, over time, s.
+    stress: Curve,
+    /// Porosity and contacts per grain over time, ms.
+    porosity: Curve,
+    contacts: Curve,
+}
+
+impl Element {
+    fn read(run: &Finished) -> Result<Self, ReproduceError> {
+        let mut element = Self::default();
+        for [step, time] in run.table()?.curve("step", "time")? {
+            let fields = Fields::read(run, step as usize)?;
+            let of_element = |name: &str| -> Result<Vec<f64>, ReproduceError> {
+                Ok(fields.element_values(name)?[9 * ELEMENT..9 * (ELEMENT + 1)].to_vec())
+            };
+            let (stress, strain) = (of_element("stress")?, of_element("strain")?);
+            let void_ratio = fields.element_values("void_ratio")?[ELEMENT];
+            // The tensor component is half the shear angle.
+            element.shear.push([2.0 * strain[1], stress[1] / 1e3]);
+            element.compression.push([compression(&strain), -stress[0] / 1e3]);
+            element.stress.push([time, stress[1] / 1e3]);
+            element.porosity.push([1e3 * time, void_ratio / (1.0 + void_ratio)]);
+            element.contacts.push([1e3 * time, fields.element_values("coordination_number")?[ELEMENT]]);
+        }
+        Ok(element)
+    }
+}
+
 fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let run = results.run("column")?;
     let table = run.table()?;
-    let (time, steps) = (table.column("time")?, table.column("step")?);
-    let mut loops: Curve = Vec::new();
-    let (mut stress, mut porosity, mut contacts): (Curve, Curve, Curve) = Default::default();
-    for (row, time) in time.iter().enumerate() {
-        let fields = Fields::read(run, steps[row] as usize)?;
-        let shear = fields.element_values("stress")?[9 * ELEMENT + 1] / 1e3;
-        // The tensor component is half the shear angle.
-        let angle = 2.0 * fields.element_values("strain")?[9 * ELEMENT + 1];
-        let void_ratio = fields.element_values("void_ratio")?[ELEMENT];
-        loops.push([angle, shear]);
-        stress.push([*time, shear]);
-        porosity.push([1e3 * time, void_ratio / (1.0 + void_ratio)]);
-        contacts.push([1e3 * time, fields.element_values("coordination_number")?[ELEMENT]]);
-    }
-    let last = time.last().copied().unwrap_or(0.0);
+    let Element { shear, compression, stress, porosity, contacts } = Element::read(run)?;
+    let last = stress.last().map_or(0.0, |point| point[0]);
     let amplitude = stress.iter().map(|point| point[1].abs()).fold(0.0, f64::max);
     let in_last_period = stress.iter().filter(|point| point[0] > last - PERIOD);
     let open =
         in_last_period.map(|point| (point[1] - value_at(&stress, point[0] - PERIOD)).abs()).fold(0.0, f64::max);
+    let begun = stress.iter().position(|point| point[0] >= last - PERIOD).unwrap_or(0);
+    let taken = work(&shear[begun..]);
     let residual = table.column("energy_residual")?.iter().map(|value| value.abs()).fold(0.0, f64::max);
     let source = "band of J-4";
     let (first, end) = (porosity[0][1], porosity[porosity.len() - 1][1]);
@@ -67,22 +113,52 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             Tolerance::Absolute(0.01),
         ),
         Comparison::reported("amplitude of the shear stress", "kPa", amplitude),
+        Comparison::reported("largest compressive stress along the column", "kPa", peak(&compression)?[1]),
+        Comparison::reported("smallest compressive stress along the column", "kPa", trough(&compression)?[1]),
+        Comparison::reported("work of the shear stress over the last period", "kJ/m3", taken),
+        Comparison::holds("the shear stress loses work over the last period", "[Liu2015] section 3.3", taken > 0.0),
         Comparison::reported("change of porosity over the run", "-", end - first),
         Comparison::holds("contacts fall below the initial number", "[Liu2015] Fig. 8", fewer),
     ];
-    let begun = loops.len() / 2;
-    let mut first_picture = Chart::new(
-        "[Liu2015] Fig. 8a: element 9",
-        ("shear angle", Scale::Linear),
-        ("shear stress, kPa", Scale::Linear),
+    let shear_loops = halves("[Liu2015] Fig. 8a: element 9, shear", "shear angle", "shear stress, kPa", &shear);
+    let compressive_loops = halves(
+        "[Liu2015] Fig. 8a: element 9, compression",
+        "compression along the column",
+        "compressive stress along the column, kPa",
+        &compression,
     );
-    first_picture.curve("first half of the run", loops[..begun].iter().copied());
-    first_picture.curve("second half", loops[begun..].iter().copied());
-    let milliseconds = ("time, ms", Scale::Linear);
-    let mut second = Chart::new("[Liu2015] Fig. 8c: element 9", milliseconds, ("porosity", Scale::Linear));
-    second.curve("porosity", porosity);
-    let mut third = Chart::new("[Liu2015] Fig. 8d: element 9", milliseconds, ("contacts per grain", Scale::Linear));
-    third.curve("contacts per grain", contacts);
-    let charts = vec![("", first_picture), ("porosity", second), ("contacts", third)];
+    let over_time = |what: &str, curve: Curve| {
+        let x = ("time, ms", Scale::Linear);
+        let mut chart = Chart::new("[Liu2015] Fig. 8b: element 9", x, (what, Scale::Linear));
+        chart.curve(what, curve);
+        chart
+    };
+    let charts = vec![
+        ("", shear_loops),
+        ("compression", compressive_loops),
+        ("porosity", over_time("porosity", porosity)),
+        ("contacts", over_time("contacts per grain", contacts)),
+    ];
     Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Strain of a deformation with the columns along y and z unchanged.
+    #[test]
+    fn shear_does_not_count_as_compression() {
+        let (stretch, angle) = (0.99, 0.3);
+        let along = 0.5 * (stretch * stretch + angle * angle - 1.0);
+        let strain = [along, 0.5 * angle, 0.0, 0.5 * angle, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert!((compression(&strain) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_loop_takes_its_area_as_work() {
+        let square = [[0.0, 0.0], [0.0, 2.0], [3.0, 2.0], [3.0, 0.0], [0.0, 0.0]];
+        assert_eq!(work(&square), 6.0);
+        assert_eq!(work(&[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), 0.0);
+    }
 }

@@ -1,12 +1,12 @@
-//! [Liu2015] Table II: moduli of the cell of 4096 spheres, as secants over strain, and which number is which.
+//! [Liu2015] section 3.1 and Table II: the cell of 4096 spheres as given, its moduli as secants over strain, and which number is which.
 
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Table;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2015-moduli",
-    source: "[Liu2015] Table II",
-    shows: "bulk, shear and Young's modulus of 4096 spheres at 416 kPa as secants over strain",
+    source: "[Liu2015] section 3.1, Table II",
+    shows: "the cell of 4096 spheres as given; its bulk, shear and Young's modulus at 416 kPa as secants over strain",
     run_time: ("10 s", "2 min"),
     entries: &[],
     runs,
@@ -22,8 +22,20 @@ const SHEAR: f64 = 241.0;
 
 const SOURCE: &str = "[Liu2015] Table II";
 
+/// Where the cell is described.
+const SOURCE_OF_CELL: &str = "[Liu2015] section 3.1";
+
+/// How pictures of the packing as given are called.
+const GIVEN: &str = "increment-0000";
+
 fn runs(size: Size) -> Vec<Run> {
+    // All 4096 spheres in both sizes, under a shear that is nothing: only the packing as given is drawn.
+    let cell = Run::new("cell", "scenes/liu2015/cell-shear.toml", Command::Contacts, size)
+        .set("packing=\"../../packings/spheres-4096.json\"")
+        .set("path.0.increments=1")
+        .set("path.0.strain.xy=1e-6");
     vec![
+        cell,
         Run::new("shear", "scenes/liu2015/moduli-shear.toml", Command::Element(None), size),
         Run::new("triaxial", "scenes/liu2015/moduli-triaxial.toml", Command::Element(None), size),
     ]
@@ -39,12 +51,38 @@ fn secant(table: &Table, row: usize, stress: &str, deformation: &str) -> Result<
     Ok((row + 1..stress.len()).map(point).collect())
 }
 
+/// The cell as given, before anything is done to it.
+fn cell_as_given(table: &Table) -> Result<Vec<Comparison>, ReproduceError> {
+    let first = |column: &str| -> Result<f64, ReproduceError> { Ok(table.column(column)?[0]) };
+    let compare = |quantity: &str, unit, theirs, ours, tolerance| {
+        Comparison::new(quantity, unit, Theirs::Value(theirs), SOURCE_OF_CELL, ours, tolerance)
+    };
+    let void_ratio = first("void_ratio")?;
+    let pressure = -mean_stress(table)?[0] / 1e3;
+    let mut apart: f64 = 0.0;
+    for column in ["sigma_xx", "sigma_yy", "sigma_zz"] {
+        apart = apart.max((-first(column)? / 1e3 - pressure).abs() / pressure);
+    }
+    // Tolerances as those of the cells of [Liu2018].
+    Ok(vec![
+        compare("porosity of the cell", "-", 0.338, void_ratio / (1.0 + void_ratio), Tolerance::Absolute(0.01)),
+        compare("contacts per grain of the cell", "-", 5.6, first("coordination_number")?, Tolerance::Absolute(0.1)),
+        compare("mean pressure of the cell", "kPa", 416.0, pressure, Tolerance::Relative(0.01)),
+        Comparison::reported("largest difference of a normal stress from the mean pressure, over it", "-", apart),
+        Comparison::reported("anisotropy of the contacts of the cell", "-", first("fabric_anisotropy")?),
+    ])
+}
+
 fn mean_stress(table: &Table) -> Result<Vec<f64>, ReproduceError> {
     let [xx, yy, zz] = [table.column("sigma_xx")?, table.column("sigma_yy")?, table.column("sigma_zz")?];
     Ok((0..xx.len()).map(|row| (xx[row] + yy[row] + zz[row]) / 3.0).collect())
 }
 
 fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
+    let cell = results.run("cell")?;
+    // Of 4096 spheres the picture of the contact forces is a tangle of 4800 lines: the directions of the contacts are drawn alone.
+    let net = cell.picture("contacts/increment-0000-normals.svg")?;
+    let drawn = vec![("normals".to_owned(), net.replace(GIVEN, "[Liu2015] section 3.1"))];
     let sheared = results.run("shear")?.table()?;
     let compressed = results.run("triaxial")?.table()?;
     let mean = mean_stress(&sheared)?;
@@ -68,7 +106,8 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         Comparison::new(quantity, unit, Theirs::Value(theirs), SOURCE, ours, Tolerance::Relative(tolerance))
     };
     let from_their_k_g = 9.0 * BULK * SHEAR / (3.0 * BULK + SHEAR);
-    let comparisons = vec![
+    let mut comparisons = cell_as_given(&cell.table()?)?;
+    comparisons.extend([
         compare("K at an isotropic strain of 1e-6", "MPa", BULK, bulk, 0.1),
         compare("G, smallest strain (1e-5)", "MPa", SHEAR, first_shear, 0.1),
         compare("E, smallest strain (1e-5)", "MPa", YOUNG, first_young, 0.1),
@@ -91,8 +130,8 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
             effective_medium_bulk(),
             Tolerance::Relative(0.005),
         ),
-    ];
-    Ok(Outcome { charts: vec![("", chart)], comparisons, notes: results.notes(), ..Outcome::default() })
+    ]);
+    Ok(Outcome { charts: vec![("", chart)], drawn, comparisons, notes: results.notes(), ..Outcome::default() })
 }
 
 /// Bulk modulus of Hertzian spheres that all deform alike, MPa: `[C^2 phi^2 G^2 p / (18 pi^2 (1 - nu)^2)]^(1/3)`.

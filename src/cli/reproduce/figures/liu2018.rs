@@ -37,3 +37,54 @@ pub(super) fn biaxial(run: &Finished) -> Result<Biaxial, ReproduceError> {
         anisotropy: over(table.column("fabric_anisotropy")?),
     })
 }
+
+/// `|(s11 - s22) / (s11 + s22)|` of each of the first `count` Gauss points, which `output.points` has to name, over the same compression.
+///
+/// # Errors
+/// The history or the table of a point cannot be read.
+pub(super) fn ratios_of_points(run: &Finished, count: usize) -> Result<Vec<Curve>, ReproduceError> {
+    let compression = run.table()?.stage("biaxial")?.curve("step", "axial_compression")?;
+    let of_point = |point: usize| -> Result<Curve, ReproduceError> {
+        let table = run.table_of(&format!("points/point-{point:04}.csv"))?;
+        let stress = table.column("sigma_xx")?.into_iter().zip(table.column("sigma_yy")?);
+        let ratio = stress.map(|(xx, yy)| liu_ratio(yy / xx));
+        Ok(over_the_stage(&compression, table.column("step")?.into_iter().zip(ratio)))
+    };
+    (0..count).map(of_point).collect()
+}
+
+/// Values by step as a curve over the compression since the begin of the stage; steps outside it are left out.
+fn over_the_stage(compression: &[[f64; 2]], values: impl Iterator<Item = (f64, f64)>) -> Curve {
+    let first = compression.first().map_or(f64::NAN, |row| row[1]);
+    let points = values.map(|(step, value)| [value_at(compression, step) - first, value]);
+    points.filter(|point| point[0].is_finite()).collect()
+}
+
+/// Whether values grow from each to the next.
+pub(super) fn rises(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[1] > pair[0])
+}
+
+/// Whether values fall from each to the next.
+pub(super) fn falls(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[1] < pair[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_points_are_counted_from_the_begin_of_the_stage() {
+        let compression = [[1.0, 0.25], [2.0, 0.5], [3.0, 1.0]];
+        let values = [(0.0, 9.0), (1.0, 0.0), (2.0, 3.0), (3.0, 4.0), (4.0, 9.0)];
+        let expected = vec![[0.0, 0.0], [0.25, 3.0], [0.75, 4.0]];
+        assert_eq!(over_the_stage(&compression, values.into_iter()), expected);
+    }
+
+    #[test]
+    fn trends_are_strict() {
+        assert!(rises(&[1.0, 2.0, 3.0]) && falls(&[3.0, 2.0]));
+        assert!(!rises(&[1.0, 1.0]) && !falls(&[1.0, 1.0]) && !rises(&[1.0, f64::NAN]));
+    }
+}

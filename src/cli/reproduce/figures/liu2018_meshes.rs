@@ -1,6 +1,6 @@
 //! [Liu2018] Figs. 4 to 7: meshes against a simulation of all grains. Part of J-1.
 
-use super::liu2018::biaxial;
+use super::liu2018::{biaxial, ratios_of_points};
 use crate::cli::reproduce::field::Fields;
 use crate::cli::reproduce::prelude::*;
 use crate::cli::reproduce::results::Finished;
@@ -8,7 +8,7 @@ use crate::cli::reproduce::results::Finished;
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-meshes",
     source: "[Liu2018] Figs. 4 to 7",
-    shows: "stress ratio, its spread over the points, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
+    shows: "stress ratio, that of every point, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
     run_time: ("15 s", "4 min"),
     entries: &[("J-1", "")],
     runs,
@@ -18,6 +18,32 @@ pub(super) const FIGURE: Figure = Figure {
 /// The quantity of Fig. 7, and that of the whole test.
 const INCREMENT: &str = "equivalent_strain_increment";
 const STRAIN: &str = "shear_strain";
+
+/// The mesh of the paper's studies.
+const OF_STUDIES: (usize, usize) = (2, 4);
+
+/// Meshes whose points are drawn one by one, with the figure of the paper and the part of the name of the picture.
+const DRAWN: [((usize, usize), &str, &str); 2] = [(OF_STUDIES, "6a", "points-2x4"), ((4, 8), "6b", "points-4x8")];
+
+/// Strain at which the paper looks for the points with the highest and the lowest stress ratio.
+const APART: f64 = 0.09;
+
+/// Assemblies of all grains by their letters in the paper, frames across and up, and whether the paper size alone has them.
+const ASSEMBLIES: [(&str, [u32; 2], bool); 2] = [("A", [1, 2], false), ("B", [2, 4], true)];
+
+fn assemblies(size: Size) -> impl Iterator<Item = (&'static str, [u32; 2])> {
+    let of_size = ASSEMBLIES.into_iter().filter(move |(_, _, is_large)| !is_large || size == Size::Paper);
+    of_size.map(|(letter, frames, _)| (letter, frames))
+}
+
+fn assembly_name(letter: &str) -> String {
+    format!("grains-{}", letter.to_lowercase())
+}
+
+/// Gauss points of a mesh, four in each element.
+fn point_count((across, up): (usize, usize)) -> usize {
+    4 * across * up
+}
 
 fn meshes(size: Size) -> &'static [(usize, usize)] {
     match size {
@@ -34,12 +60,20 @@ fn runs(size: Size) -> Vec<Run> {
     let scene = "scenes/liu2018/biaxial.toml";
     let mesh = |&(across, up): &(usize, usize)| {
         // Past the peak finer meshes have snaps that no step passes; the curve ends where the run does.
-        Run::new(name((across, up)), scene, Command::Stopping, size)
+        let run = Run::new(name((across, up)), scene, Command::Stopping, size)
             .set(format!("mesh.elements=[{across}, {up}]"))
-            .set(format!("output.fields=['{INCREMENT}']"))
+            .set(format!("output.fields=['{INCREMENT}']"));
+        if DRAWN.iter().any(|(drawn, ..)| *drawn == (across, up)) {
+            let points: Vec<String> = (0..point_count((across, up))).map(|point| point.to_string()).collect();
+            return run.set(format!("output.points=[{}]", points.join(", ")));
+        }
+        run
     };
-    let grains = Run::new("grains", "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size);
-    meshes(size).iter().map(mesh).chain([grains]).collect()
+    let grains = |(letter, [across, up]): (&str, [u32; 2])| {
+        Run::new(assembly_name(letter), "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size)
+            .set(format!("tiles=[{across}, {up}]"))
+    };
+    meshes(size).iter().map(mesh).chain(assemblies(size).map(grains)).collect()
 }
 
 fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
@@ -63,11 +97,19 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             format!("peak stress ratio, {label}"),
             "-",
             Theirs::Value(0.39),
-            "[Liu2018] section 4.4 (2 x 4)",
+            "[Liu2018] section 4.3.2 (2 x 4)",
             top[1],
             Tolerance::Absolute(0.03),
         ));
         comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
+        comparisons.push(Comparison::new(
+            format!("strain at the largest anisotropy less that at the peak, {label}"),
+            "-",
+            Theirs::Value(0.0),
+            "[Liu2018] section 4.2, band of J-1",
+            peak(&biaxial.anisotropy)?[0] - top[0],
+            Tolerance::Absolute(0.01),
+        ));
         contacts.curve(&label, biaxial.contacts);
         anisotropy.curve(&label, biaxial.anisotropy);
         deviation.curve(&label, biaxial.deviation.clone());
@@ -115,17 +157,20 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             concentration(fine) > concentration(coarse),
         ));
     }
-    let grains = grains(results.run("grains")?)?;
-    let top = peak(&grains)?;
-    comparisons.push(Comparison::new(
-        "peak stress ratio of all grains, between smooth walls",
-        "-",
-        Theirs::Value(0.39),
-        "[Liu2018] Fig. 4 (boundary grains under servo control)",
-        top[1],
-        Tolerance::Absolute(0.03),
-    ));
-    chart.curve("all grains, smooth walls", grains);
+    let mut points = Vec::new();
+    for (mesh, figure, part) in DRAWN {
+        if let Some(place) = meshes(size).iter().position(|own| *own == mesh) {
+            let ratios = ratios_of_points(results.run(&name(mesh))?, point_count(mesh))?;
+            comparisons.extend(of_points(mesh, &ratios));
+            points.push((part, points_chart(figure, mesh, &ratios, &curves[place])));
+        }
+    }
+    let of_studies = meshes(size).iter().position(|mesh| *mesh == OF_STUDIES).map(|place| &curves[place]);
+    for (letter, _) in assemblies(size) {
+        let grains = grains(results.run(&assembly_name(letter))?)?;
+        comparisons.extend(of_grains(letter, &grains, of_studies, highest)?);
+        chart.curve(&format!("all grains, assembly {letter}, smooth walls"), grains);
+    }
     chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
     anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
     let map = |title: &str, quantity: &str, panels| Map { title: title.into(), quantity: quantity.into(), panels };
@@ -135,13 +180,92 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
         increments,
     );
     let strain = map("Meshes, elements and compression", "shear strain since the start", strains);
+    let charts = [("", chart), ("contacts", contacts), ("anisotropy", anisotropy), ("spread", deviation)];
     Ok(Outcome {
-        charts: vec![("", chart), ("contacts", contacts), ("anisotropy", anisotropy), ("spread", deviation)],
+        charts: charts.into_iter().chain(points).collect(),
         maps: vec![("map", strain), ("increment", increment)],
         comparisons,
         notes: results.notes(),
         ..Outcome::default()
     })
+}
+
+/// Highest and lowest stress ratio of the points at the strain at which the paper looks for them.
+fn of_points(mesh: (usize, usize), ratios: &[Curve]) -> Vec<Comparison> {
+    let row = |(which, curve): (&str, &Curve)| {
+        let quantity = format!("{which} stress ratio of a point at 9 % strain, {} x {} elements", mesh.0, mesh.1);
+        Comparison::reported(quantity, "-", value_at(curve, APART))
+    };
+    outermost(ratios, APART)
+        .into_iter()
+        .flat_map(|pair| ["lowest", "highest"].into_iter().zip(pair))
+        .map(row)
+        .collect()
+}
+
+/// The stress ratios of all points, those that are the lowest and the highest at one strain, and that of the body.
+fn points_chart(figure: &str, mesh: (usize, usize), ratios: &[Curve], body: &Curve) -> Chart {
+    let x = ("axial compression", Scale::Linear);
+    let y = ("|(s11 - s22) / (s11 + s22)|", Scale::Linear);
+    let title = format!("[Liu2018] Fig. {figure}: points of {} x {} elements", mesh.0, mesh.1);
+    let mut chart = Chart::new(&title, x, y);
+    chart.curve(&format!("all {} points", ratios.len()), there_and_back(ratios));
+    if let Some([low, high]) = outermost(ratios, APART) {
+        chart.curve("highest at 9 % strain", high.clone());
+        chart.curve("lowest at 9 % strain", low.clone());
+    }
+    chart.curve("the body", body.clone());
+    chart
+}
+
+/// Curves that begin in the same state as one line, along each and back: a chart names every line that it draws.
+fn there_and_back(curves: &[Curve]) -> Curve {
+    curves.iter().flat_map(|curve| curve.iter().chain(curve.iter().rev())).copied().collect()
+}
+
+/// The curves with the lowest and the highest value at a strain, of those that reach it; `None` if fewer than two do.
+fn outermost(curves: &[Curve], strain: f64) -> Option<[&Curve; 2]> {
+    let mut reaching: Vec<(f64, &Curve)> =
+        curves.iter().map(|curve| (value_at(curve, strain), curve)).filter(|(value, _)| value.is_finite()).collect();
+    reaching.sort_by(|one, other| one.0.total_cmp(&other.0));
+    match reaching[..] {
+        [(_, low), .., (_, high)] => Some([low, high]),
+        _ => None,
+    }
+}
+
+/// Peak of an assembly of all grains, and its difference from the mesh of the studies over the peak of the meshes.
+fn of_grains(
+    letter: &str,
+    grains: &Curve,
+    of_studies: Option<&Curve>,
+    highest: f64,
+) -> Result<Vec<Comparison>, ReproduceError> {
+    let top = peak(grains)?;
+    let mut rows = vec![
+        Comparison::new(
+            format!("peak stress ratio of all grains, assembly {letter}, between smooth walls"),
+            "-",
+            Theirs::Value(0.39),
+            "[Liu2018] Fig. 4 (boundary grains under servo control)",
+            top[1],
+            Tolerance::Absolute(0.03),
+        ),
+        Comparison::reported(format!("strain at the peak of all grains, assembly {letter}"), "-", top[0]),
+    ];
+    rows.extend(of_studies.map(|mesh| {
+        Comparison::new(
+            format!(
+                "largest difference of all grains, assembly {letter}, and 2 x 4 elements up to 5 % strain, over the peak"
+            ),
+            "-",
+            Theirs::Value(0.0),
+            "[Liu2018] section 4.2, band of J-1",
+            spread(&[mesh.clone(), grains.clone()]) / highest,
+            Tolerance::Absolute(0.03),
+        )
+    }));
+    Ok(rows)
 }
 
 /// Largest value of the elements over their mean; the elements of a panel are equally large at the start.
@@ -192,5 +316,32 @@ mod tests {
         assert!((spread(&[up_to(0.1, 0.4), up_to(0.1, 0.3)]) - 0.1).abs() < 1e-12);
         assert!(spread(&[up_to(0.1, 0.4), up_to(0.01, 0.3)]).is_nan());
         assert!((spread(&[up_to(0.1, 0.4), up_to(0.02, 0.1), up_to(0.1, 0.4)])).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_outermost_points_are_those_that_reach_the_strain() {
+        let up_to = |end: f64, level: f64| -> Curve { vec![[0.0, 0.0], [0.5 * end, level], [end, level]] };
+        let curves = [up_to(0.1, 0.3), up_to(0.02, 0.9), up_to(0.1, 0.2), up_to(0.1, 0.4)];
+        assert_eq!(outermost(&curves, APART), Some([&curves[2], &curves[3]]));
+        assert_eq!(outermost(&curves[..2], APART), None);
+    }
+
+    #[test]
+    fn points_are_one_line_that_returns_to_the_state_of_all() {
+        let line = there_and_back(&[vec![[0.0, 0.0], [1.0, 2.0]], vec![[0.0, 0.0], [1.0, 3.0]]]);
+        let ends: Vec<f64> = line.iter().map(|point| point[1]).collect();
+        assert_eq!(ends, [0.0, 2.0, 2.0, 0.0, 0.0, 3.0, 3.0, 0.0]);
+    }
+
+    #[test]
+    fn points_are_written_of_the_meshes_whose_points_are_drawn() {
+        let settings = |run: &str| -> Vec<String> {
+            let runs = runs(Size::Paper).into_iter().filter(|own| own.name == run);
+            runs.flat_map(|own| own.settings).filter(|setting| setting.starts_with("output.points")).collect()
+        };
+        assert!(settings("mesh-1x2").is_empty());
+        assert!(settings("mesh-2x4")[0].ends_with(", 31]") && settings("mesh-4x8")[0].ends_with(", 127]"));
+        let assemblies: Vec<String> = assemblies(Size::Small).map(|(letter, _)| assembly_name(letter)).collect();
+        assert_eq!(assemblies, ["grains-a"]);
     }
 }

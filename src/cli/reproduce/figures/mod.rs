@@ -10,6 +10,7 @@ mod geotechnics;
 mod geotechnics_cavity;
 mod geotechnics_cells;
 mod geotechnics_footing;
+mod geotechnics_slope;
 mod geotechnics_wall;
 mod liu2015_biaxial;
 mod liu2015_column;
@@ -51,4 +52,5 @@ pub(super) const ALL: &[&Figure] = &[
     &geotechnics_wall::FIGURE,
     &geotechnics_footing::FIGURE,
     &geotechnics_cavity::FIGURE,
+    &geotechnics_slope::FIGURE,
 ];
