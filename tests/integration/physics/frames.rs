@@ -52,16 +52,34 @@ fn a_scene_chooses_its_frame_and_the_engine_follows() {
     let blocked = ["--set", &servo, "--set", "contact.rotations=inner_blocked"];
     let servo = last_ratio(&history(folder.path(), "servo", &["--set", &servo]));
     let blocked = last_ratio(&history(folder.path(), "blocked", &blocked));
-    // Uniform traction lets the boundary move as it likes: the softest of the three constraints [Liu2018].
-    let traction = last_ratio(&history(folder.path(), "traction", &["--set", &frame("{ constraint = 'traction' }")]));
     let periodic = last_ratio(&by_scene);
-    assert!(traction < periodic, "{traction} < {periodic}");
     // No operator of contacts knows of a boundary: tangents of frames are those of perturbations, and are counted.
     let summary = fs::read(folder.path().join("scene/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
     assert!(summary["fallbacks"]["tangents_by_difference"].as_u64().unwrap() > 0, "{summary}");
     assert!((servo / periodic - 1.0).abs() < 5e-2, "by servo {servo}, directly {periodic}");
     assert!(linear > periodic && blocked > servo, "{linear} > {periodic}, {blocked} > {servo}");
+}
+
+/// A boundary that follows the strain resists most, one under uniform traction least, and a periodic one lies between [Liu2018].
+#[test]
+fn the_constraints_of_frames_are_in_the_order_of_their_stiffness() {
+    let folder = tempfile::tempdir().unwrap();
+    let ratio = |constraint: &str| {
+        let constraint_key = format!("rve.frame.constraint='{constraint}'");
+        let settings = [
+            "mesh.elements=[1, 1]",
+            "stage.1.loading.increments=1",
+            "stage.1.boundary.0.displacement.y=-2e-4",
+            &constraint_key,
+        ];
+        let settings = settings.map(|setting| ["--set", setting]).concat();
+        let (ran, out) = run_scene("scenes/liu2018/frame-biaxial.toml", folder.path(), constraint, &settings);
+        assert_eq!(ran.status.code(), Some(0), "{constraint}: {}", String::from_utf8_lossy(&ran.stderr));
+        last_ratio(&fs::read_to_string(out.join("history.csv")).unwrap())
+    };
+    let [traction, periodic, linear] = ["traction", "periodic", "linear"].map(ratio);
+    assert!(1.0 < traction && traction < periodic && periodic < linear, "{traction} < {periodic} < {linear}");
 }
 
 /// Where contacts along the sides of a frame count whole on both of them, it is not at rest as it is cut. Its first tangents must not
