@@ -74,6 +74,12 @@ pub(super) fn mean_between(curve: &[[f64; 2]], low: f64, high: f64) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// Area under a curve of straight lines between the points; of a closed loop that is run clockwise, its area: the work of a stress over a
+/// strain.
+pub(super) fn work(curve: &[[f64; 2]]) -> f64 {
+    curve.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
+}
+
 /// Stress ratio of [Liu2018], `|(s11 - s22) / (s11 + s22)|`, from `s22 / s11`.
 pub(super) fn liu_ratio(stress_ratio: f64) -> f64 {
     ((stress_ratio - 1.0) / (stress_ratio + 1.0)).abs()
@@ -94,5 +100,12 @@ mod tests {
         assert_eq!(mean_between(&curve, 1.5, 3.0), 1.5);
         assert!((liu_ratio(3.0) - 0.5).abs() < 1e-15);
         assert!(peak(&[]).is_err());
+    }
+
+    #[test]
+    fn a_loop_takes_its_area_as_work() {
+        let square = [[0.0, 0.0], [0.0, 2.0], [3.0, 2.0], [3.0, 0.0], [0.0, 0.0]];
+        assert_eq!(work(&square), 6.0);
+        assert_eq!(work(&[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), 0.0);
     }
 }

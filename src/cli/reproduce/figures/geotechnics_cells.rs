@@ -62,9 +62,6 @@ fn work_of_cycles(curve: &[[f64; 2]]) -> Result<LostWork, ReproduceError> {
     let (Some(&[start, _, back]), Some(&[before, _, end])) = (turns.first_chunk(), turns.last_chunk()) else {
         return Err(ReproduceError::NotFound("cycles of shear have fewer than three turning points".to_owned()));
     };
-    let work = |rows: &[[f64; 2]]| -> f64 {
-        rows.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
-    };
     let loading = &curve[..=start];
     let [angle, stress] = [curve[start][0] - curve[0][0], curve[start][1] - curve[0][1]];
     let above_start = work(loading) - curve[0][1] * angle;

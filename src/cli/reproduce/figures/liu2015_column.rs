@@ -31,11 +31,6 @@ fn compression(strain: &[f64]) -> f64 {
     1.0 - (1.0 + 2.0 * along - (2.0 * sheared_y).powi(2) - (2.0 * sheared_z).powi(2)).max(0.0).sqrt()
 }
 
-/// Work that a stress takes over a curve of it, of straight lines between the points: the area of the loop.
-fn work(curve: &[[f64; 2]]) -> f64 {
-    curve.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
-}
-
 /// A picture of loops, the halves of the run apart.
 fn halves(title: &str, x: &str, y: &str, loops: &[[f64; 2]]) -> Chart {
     let begun = loops.len() / 2;
@@ -153,12 +148,5 @@ mod tests {
         let along = 0.5 * (stretch * stretch + angle * angle - 1.0);
         let strain = [along, 0.5 * angle, 0.0, 0.5 * angle, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert!((compression(&strain) - 0.01).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_loop_takes_its_area_as_work() {
-        let square = [[0.0, 0.0], [0.0, 2.0], [3.0, 2.0], [3.0, 0.0], [0.0, 0.0]];
-        assert_eq!(work(&square), 6.0);
-        assert_eq!(work(&[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), 0.0);
     }
 }

@@ -81,8 +81,8 @@ fn mean_stress(table: &Table) -> Result<Vec<f64>, ReproduceError> {
 fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let cell = results.run("cell")?;
     // Of 4096 spheres the picture of the contact forces is a tangle of 4800 lines: the directions of the contacts are drawn alone.
-    let net = cell.picture("contacts/increment-0000-normals.svg")?;
-    let drawn = vec![("normals".to_owned(), net.replace(GIVEN, "[Liu2015] section 3.1"))];
+    let net = cell.picture(&format!("contacts/{GIVEN}-normals.svg"))?;
+    let drawn = vec![("normals".to_owned(), net.replace(GIVEN, SOURCE_OF_CELL))];
     let sheared = results.run("shear")?.table()?;
     let compressed = results.run("triaxial")?.table()?;
     let mean = mean_stress(&sheared)?;

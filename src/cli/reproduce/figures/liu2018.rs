@@ -60,6 +60,9 @@ fn over_the_stage(compression: &[[f64; 2]], values: impl Iterator<Item = (f64, f
     points.filter(|point| point[0].is_finite()).collect()
 }
 
+/// Strains of the progressive failure, as the paper names them ([Liu2018] sections 4.2 and 4.3.3).
+pub(super) const FAILURE: [f64; 2] = [0.06, 0.08];
+
 /// Whether values grow from each to the next.
 pub(super) fn rises(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[1] > pair[0])

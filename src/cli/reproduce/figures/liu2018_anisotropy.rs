@@ -1,6 +1,6 @@
 //! [Liu2018] Figs. 12 to 14: influence of the initial anisotropy of the contacts.
 
-use super::liu2018::{Biaxial, biaxial, falls};
+use super::liu2018::{Biaxial, FAILURE, biaxial, falls};
 use crate::cli::reproduce::prelude::*;
 
 pub(super) const FIGURE: Figure = Figure {
@@ -61,8 +61,8 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         comparisons.push(Comparison::reported(format!("largest anisotropy, {label}"), "-", peak(&fabric)?[1]));
         tops.push(top);
         numbers.push(value_at(&number, 0.07));
-        strengths_at_failure.push(mean_between(&ratio, 0.06, 0.08));
-        fabrics_at_failure.push(mean_between(&fabric, 0.06, 0.08));
+        strengths_at_failure.push(mean_between(&ratio, FAILURE[0], FAILURE[1]));
+        fabrics_at_failure.push(mean_between(&fabric, FAILURE[0], FAILURE[1]));
         contractions.push(-trough(&change)?[1]);
         stress.curve(&label, ratio);
         volume.curve(&label, change);

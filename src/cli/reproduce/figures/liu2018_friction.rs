@@ -1,6 +1,6 @@
 //! [Liu2018] Figs. 8 and 9: influence of friction on strength, volume and contacts. Part of J-1.
 
-use super::liu2018::{Biaxial, biaxial, falls, rises};
+use super::liu2018::{Biaxial, FAILURE, biaxial, falls, rises};
 use crate::cli::reproduce::prelude::*;
 
 const FRICTIONS: [f64; 3] = [0.2, 0.4, 0.6];
@@ -11,9 +11,8 @@ const CELLS: [(f64, f64); 3] = [(0.298, 0.026), (0.406, 0.010), (0.455, 0.002)];
 /// Anisotropies of the contacts of the same samples at 7.3 % strain, which have no standard deviation (G-10).
 const ANISOTROPIES: [f64; 3] = [0.14, 0.17, 0.17];
 
-/// Strains before the peak and those of the progressive failure, as the paper names them ([Liu2018] sections 4.2 and 4.3.3).
+/// Strains before the peak ([Liu2018] section 4.2).
 const EARLY: [f64; 2] = [0.0, 0.05];
-const FAILURE: [f64; 2] = [0.06, 0.08];
 
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-friction",
